@@ -1,0 +1,30 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = "sain_bringup"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    description="Launch files, configuration and the closed loop on the whole graph",
+    license="Apache-2.0",
+    maintainer="SAIN maintainers",
+    maintainer_email="sain@example.org",
+    packages=find_packages(),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+        (f"share/{package_name}/launch", sorted(glob("launch/*.launch.py"))),
+        (f"share/{package_name}/config", sorted(glob("config/*.yaml"))),
+    ],
+    install_requires=["numpy"],
+    zip_safe=False,
+    entry_points={
+        "console_scripts": [
+            "closed_loop = sain_bringup.ros.closed_loop:main",
+            "push = sain_bringup.ros.push:main",
+            "watch = sain_bringup.ros.watch:main",
+        ],
+    },
+)

@@ -1,0 +1,19 @@
+from setuptools import find_packages, setup
+
+package_name = "sain_core"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    description="Scenes, pushes, the dynamics protocol and what every other package shares",
+    license="Apache-2.0",
+    maintainer="SAIN maintainers",
+    maintainer_email="sain@example.org",
+    packages=find_packages(),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["numpy"],
+    zip_safe=False,
+)

@@ -1,0 +1,27 @@
+from setuptools import find_packages, setup
+
+package_name = "sain_model"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    description="Physics priors, the interaction network that learns their residual, and its training",
+    license="Apache-2.0",
+    maintainer="SAIN maintainers",
+    maintainer_email="sain@example.org",
+    packages=find_packages(),
+    package_data={package_name: ["checkpoints/*"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["numpy"],
+    zip_safe=False,
+    entry_points={
+        "console_scripts": [
+            "model_node = sain_model.ros.model_node:main",
+            "train = sain_model.train_cli:main",
+            "evaluate = sain_model.evaluate_cli:main",
+        ],
+    },
+)

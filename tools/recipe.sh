@@ -1,0 +1,40 @@
+# Sourced by ./env: what the environment and the workspace are made from, and whether both are current.
+# Everything here runs on every call, so it is bash and two cheap processes, and never starts Python.
+# shellcheck shell=bash disable=SC2154  # root is set by ./env
+
+venv=$root/.venv
+workspace=$root/ros2_ws
+activation=$workspace/install/activate.sh
+
+# "system" where a full Jazzy install is sourced, else "wheels". Our own activation names no /opt/ros.
+ros_kind() {
+  if [[ ${ROS_DISTRO:-} == jazzy && ${AMENT_PREFIX_PATH:-} == */opt/ros/jazzy* ]]; then
+    echo system
+  else
+    echo wheels
+  fi
+}
+
+# A virtual environment works only where it was made, so the checkout's path is part of the recipe.
+environment_recipe() {
+  echo "$root $(ros_kind)"
+  cat "$root"/requirements/*.txt
+}
+
+# With --symlink-install Python files are used where they stand; these are the files that are not.
+workspace_recipe() {
+  echo "$root $(ros_kind)"
+  cd "$root/src"
+  find . -type f \( -name package.xml -o -name setup.py -o -name setup.cfg -o -name CMakeLists.txt \
+    -o -path './*/resource/*' -o -name '*.msg' -o -name '*.srv' \) -exec sha256sum {} + | sort -k 2
+  # Of a launch or configuration file only its being there matters: the installed one is a link to it.
+  find . -type f \( -path './*/launch/*.py' -o -path './*/config/*.yaml' \) -printf 'linked  %p\n' | sort
+}
+
+environment_is_ready() {
+  [[ -f $venv/recipe && $(<"$venv/recipe") == "$(environment_recipe)" ]]
+}
+
+workspace_is_ready() {
+  [[ -f $activation && -f $workspace/install/recipe && $(<"$workspace/install/recipe") == "$(workspace_recipe)" ]]
+}
