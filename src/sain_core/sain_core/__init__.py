@@ -1,0 +1,1 @@
+"""The shared words of SAIN: scenes, pushes, dynamics, settings and errors. No ROS here."""

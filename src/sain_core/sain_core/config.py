@@ -1,0 +1,72 @@
+"""Settings: frozen dataclasses whose fields know their unit, meaning and allowed range.
+
+The same dataclass is the constructor argument of the class it configures, the source of the
+ROS parameters (`sain_core.ros.parameters`) and the source of the command line (``tyro``), so a
+default stands in one place only.
+
+    @dataclass(frozen=True)
+    class ToolConfig(Config):
+        radius: float = option(0.012, "radius of the stick", unit="m", minimum=0.001, maximum=0.05)
+"""
+
+import dataclasses
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Any, TypeVar
+
+from sain_core.errors import ConfigError
+
+T = TypeVar("T")
+
+
+def option(
+    default: T,
+    description: str,
+    *,
+    unit: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[Any, ...] | None = None,
+) -> T:
+    """Declare a field of a `Config` with its unit, meaning and allowed values."""
+    about = {
+        "description": description,
+        "unit": unit,
+        "minimum": minimum,
+        "maximum": maximum,
+        "choices": choices,
+    }
+    return field(default=default, metadata=about)  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class Config:
+    """Base of every settings class: checks each field against its declaration.
+
+    Raises:
+        ConfigError: naming the field, the value and what is allowed.
+    """
+
+    def __post_init__(self) -> None:
+        """Check every field, and those of nested settings are checked by themselves."""
+        for item in dataclasses.fields(self):
+            _check(type(self).__name__, item, getattr(self, item.name))
+
+
+def _check(owner: str, item: "dataclasses.Field[Any]", value: Any) -> None:
+    name = f"{owner}.{item.name}"
+    unit = f" {item.metadata['unit']}" if item.metadata.get("unit") else ""
+    choices = item.metadata.get("choices")
+    if choices is not None and value not in choices:
+        allowed = ", ".join(repr(choice) for choice in choices)
+        raise ConfigError(f"{name} is {value!r}; allowed: {allowed}")
+    values = value if isinstance(value, tuple) else (value,)
+    numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
+    low, high = item.metadata.get("minimum"), item.metadata.get("maximum")
+    for number in numbers:
+        if not isfinite(number):
+            raise ConfigError(f"{name} is {number}; it must be finite")
+        if low is not None and number < low:
+            raise ConfigError(f"{name} is {number}{unit}; it must be at least {low}{unit}")
+        if high is not None and number > high:
+            raise ConfigError(f"{name} is {number}{unit}; it must be at most {high}{unit}")

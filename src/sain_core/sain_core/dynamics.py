@@ -1,0 +1,58 @@
+"""The one contract of everything that predicts a push, and its rollouts.
+
+The four kinds of the paper's Fig. 1 all are a `Dynamics`; planner, evaluation and service take
+any of them. One step is one whole push, from settled scene to settled scene.
+"""
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+
+
+@runtime_checkable
+class Dynamics(Protocol):
+    """Predicts where whole pushes lead. Pure: the same input gives the same output."""
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8)."""
+        ...
+
+
+@runtime_checkable
+class RolloutModel(Protocol):
+    """Predicts whole sequences of pushes from one scene: what a sampling planner needs."""
+
+    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8).
+
+        Entry ``[k, h]`` is the scene *after* push h of sequence k.
+        """
+        ...
+
+
+class IdentityPrior:
+    """f_p(s, a) = s: the prior that the paper deploys (section II-D)."""
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        """Return the scenes unchanged."""
+        return scenes.copy()
+
+
+class StepwiseRollout:
+    """Makes a `RolloutModel` of any `Dynamics` by feeding it its own predictions."""
+
+    def __init__(self, dynamics: Dynamics) -> None:
+        """Roll out this dynamics."""
+        self.dynamics = dynamics
+
+    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+        """Predict scenes (K, H, N, 8) with H batched steps of K pushes."""
+        samples, horizon, _ = pushes.shape
+        predicted = np.empty((samples, horizon, *scene.shape))
+        current = np.broadcast_to(scene, (samples, *scene.shape)).copy()  # (K, N, 8)
+        for step in range(horizon):
+            current = self.dynamics.step(current, pushes[:, step])
+            predicted[:, step] = current
+        return predicted

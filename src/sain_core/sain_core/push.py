@@ -1,0 +1,130 @@
+"""A push: one straight stroke of the tool against the mid disk, a in R^3.
+
+``location`` lambda in (-pi, pi]: world heading from the contact point on the mid disk's rim to
+its centre (0: the tool touches the -x side). ``angle`` psi in [-pi/4, pi/4]: direction of
+travel relative to lambda. ``length`` L in [0, 0.15] m: the tool's travel from its start pose,
+where its surface stands `PushLimits.clearance` off the contact point. L = 0 moves nothing.
+"""
+
+from dataclasses import dataclass
+from math import pi
+from typing import Final
+
+import numpy as np
+
+from sain_core.config import Config, option
+from sain_core.errors import InvalidInputError, OutOfRangeError
+from sain_core.scene import MID, POSITION, RADIUS, unit, wrap_angle
+from sain_core.types import Angles, Points, PushArray, Pushes, Scenes
+
+LOCATION, ANGLE, LENGTH = range(3)
+PUSH_SIZE: Final = 3
+PUSH_NAMES: Final = ("location", "angle", "length")
+
+TOOL_RADIUS: Final = 0.012  # [m], the cylindrical stick
+
+
+@dataclass(frozen=True)
+class PushLimits(Config):
+    """What a push may be. The simulator refuses all else."""
+
+    max_angle: float = option(pi / 4, "largest |angle|", unit="rad", minimum=0.0, maximum=pi / 2)
+    max_length: float = option(0.15, "longest travel", unit="m", minimum=0.0, maximum=0.5)
+    clearance: float = option(
+        0.005, "gap between tool and rim at the start", unit="m", minimum=0.0, maximum=0.05
+    )
+    tool_radius: float = option(
+        TOOL_RADIUS, "radius of the stick", unit="m", minimum=0.001, maximum=0.05
+    )
+
+    def check(self, push: PushArray) -> PushArray:
+        """Return the push when it is inside the limits.
+
+        Raises:
+            InvalidInputError: wrong shape, NaN or Inf.
+            OutOfRangeError: a value outside its range; the message names both.
+        """
+        if push.shape != (PUSH_SIZE,):
+            raise InvalidInputError(f"a push has shape (3,), not {push.shape}")
+        if not np.isfinite(push).all():
+            column = int(np.argmin(np.isfinite(push)))
+            raise InvalidInputError(
+                f"{PUSH_NAMES[column]} of the push is {push[column]}; must be finite"
+            )
+        if not -pi < push[LOCATION] <= pi:
+            raise OutOfRangeError(
+                f"push location is {push[LOCATION]:.4f} rad; allowed: (-pi, pi] (wrap it)"
+            )
+        if abs(push[ANGLE]) > self.max_angle:
+            raise OutOfRangeError(
+                f"push angle is {push[ANGLE]:.4f} rad; allowed: +-{self.max_angle:.4f} rad"
+            )
+        if not 0.0 <= push[LENGTH] <= self.max_length:
+            raise OutOfRangeError(
+                f"push length is {push[LENGTH]:.4f} m; allowed: [0, {self.max_length}] m"
+            )
+        return push
+
+    def sample(self, generator: np.random.Generator, count: int) -> Pushes:
+        """Draw pushes (count, 3) uniformly: any side, any allowed angle and length."""
+        location = generator.uniform(-pi, pi, count)
+        angle = generator.uniform(-self.max_angle, self.max_angle, count)
+        length = generator.uniform(0.0, self.max_length, count)
+        return np.stack([-location, angle, length], axis=-1)  # -[-pi, pi) is (-pi, pi]
+
+
+def push_direction(pushes: Pushes) -> Angles:
+    """Return the world heading [rad] in which the tool travels, lambda + psi."""
+    return wrap_angle(pushes[..., LOCATION] + pushes[..., ANGLE])
+
+
+def tool_start(scenes: Scenes, pushes: Pushes, limits: PushLimits) -> Points:
+    """Return where the tool's axis stands before it travels, (..., 2) [m].
+
+    The contact point on the rim, moved out by the tool's radius and the clearance.
+    """
+    centre = scenes[..., MID, POSITION]
+    offset = scenes[..., MID, RADIUS] + limits.tool_radius + limits.clearance
+    return np.asarray(centre - offset[..., None] * unit(pushes[..., LOCATION]))
+
+
+def tool_end(scenes: Scenes, pushes: Pushes, limits: PushLimits) -> Points:
+    """Return where the tool's axis stands after its travel, (..., 2) [m]."""
+    travel = pushes[..., LENGTH, None] * unit(push_direction(pushes))
+    return np.asarray(tool_start(scenes, pushes, limits) + travel)
+
+
+def rotate_pushes(pushes: Pushes, angle: float) -> Pushes:
+    """Turn pushes by an angle [rad], as `rotate_scenes` turns the scene."""
+    turned = pushes.copy()
+    turned[..., LOCATION] = wrap_angle(pushes[..., LOCATION] + angle)
+    return turned
+
+
+def mirror_pushes(pushes: Pushes) -> Pushes:
+    """Reflect pushes in the x axis, as `mirror_scenes` reflects the scene."""
+    mirrored = pushes.copy()
+    mirrored[..., LOCATION] = wrap_angle(-pushes[..., LOCATION])
+    mirrored[..., ANGLE] = -pushes[..., ANGLE]
+    return mirrored
+
+
+@dataclass(frozen=True)
+class PaperGrid(Config):
+    """The paper's discrete pushes (section III-B a): 5 locations x 7 angles x 3 lengths.
+
+    The paper gives the counts and not the ranges; these are ours.
+    """
+
+    locations: int = option(5, "number of contact locations", minimum=1)
+    angles: int = option(7, "number of push angles", minimum=1)
+    lengths: tuple[float, ...] = option((0.05, 0.10, 0.15), "travels", unit="m", minimum=0.0)
+    max_location: float = option(0.6, "largest |location|", unit="rad", minimum=0.0, maximum=pi)
+    max_angle: float = option(pi / 4, "largest |angle|", unit="rad", minimum=0.0, maximum=pi / 2)
+
+    def pushes(self) -> Pushes:
+        """Return the whole grid, (105, 3) by default."""
+        location = np.linspace(-self.max_location, self.max_location, self.locations)
+        angle = np.linspace(-self.max_angle, self.max_angle, self.angles)
+        grid = np.meshgrid(location, angle, np.asarray(self.lengths), indexing="ij")
+        return np.stack([axis.ravel() for axis in grid], axis=-1)

@@ -1,0 +1,172 @@
+"""A scene is N disks on the table, N >= 2, each with a state of 8 numbers.
+
+``x y theta vx vy omega mass radius`` [m, m, rad, m/s, m/s, rad/s, kg, m], in the frame
+``world``: origin below the arm's base, x forward, y left, z up, table at z = 0. Disk 0 is the
+mid disk, the only one that the tool may touch; disk 1 is the target; the others are in the way.
+The paper's s in R^16 (section II-B c) is N = 2, flattened.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from sain_core.config import Config, option
+from sain_core.errors import InvalidInputError, OffTableError
+from sain_core.types import Angles, Mask, Points, Scalars, Scene, Scenes
+
+X, Y, THETA, VX, VY, OMEGA, MASS, RADIUS = range(8)
+POSITION: Final = slice(X, Y + 1)
+POSE: Final = slice(X, THETA + 1)
+VELOCITY: Final = slice(VX, OMEGA + 1)
+STATE_SIZE: Final = 8
+STATE_NAMES: Final = ("x", "y", "theta", "vx", "vy", "omega", "mass", "radius")
+
+MID: Final = 0
+TARGET: Final = 1
+
+DISK_HEIGHT: Final = 0.04  # [m], every disk and the cube
+SETTLED_SPEED: Final = 1e-3  # [m/s]
+SETTLED_SPIN: Final = 1e-2  # [rad/s]
+OVERLAP_TOLERANCE: Final = 1e-3  # [m], touching disks may be measured as slightly overlapping
+
+
+@dataclass(frozen=True)
+class Table(Config):
+    """The table top: an upright rectangle at z = 0. A disk is on it when its centre is."""
+
+    x_min: float = option(0.16, "near edge", unit="m")
+    x_max: float = option(1.16, "far edge", unit="m")
+    y_min: float = option(-0.60, "right edge", unit="m")
+    y_max: float = option(0.60, "left edge", unit="m")
+    height: float = option(0.20, "height above the arm's base", unit="m", minimum=0.0, maximum=0.4)
+
+    def contains(self, points: Points) -> Mask:
+        """Tell which points (..., 2) lie on the table."""
+        x, y = points[..., 0], points[..., 1]
+        return np.asarray(
+            (x >= self.x_min) & (x <= self.x_max) & (y >= self.y_min) & (y <= self.y_max)
+        )
+
+    def describe(self) -> str:
+        """Return the table's extent in words, for error messages."""
+        return f"x in [{self.x_min}, {self.x_max}] m, y in [{self.y_min}, {self.y_max}] m"
+
+
+def wrap_angle(angle: Angles) -> Angles:
+    """Wrap angles [rad] to (-pi, pi]."""
+    return np.pi - np.mod(np.pi - np.asarray(angle, dtype=np.float64), 2 * np.pi)
+
+
+def make_scene(
+    positions: Points,
+    masses: Scalars,
+    radii: Scalars,
+    headings: Angles | None = None,
+) -> Scene:
+    """Build a scene (N, 8) at rest from positions (N, 2), masses (N,) and radii (N,)."""
+    scene = np.zeros((len(positions), STATE_SIZE))
+    scene[:, POSITION] = positions
+    scene[:, MASS] = masses
+    scene[:, RADIUS] = radii
+    if headings is not None:
+        scene[:, THETA] = wrap_angle(headings)
+    return scene
+
+
+def check_scene(scene: Scene, table: Table | None = None) -> Scene:
+    """Return the scene when it is one that can exist.
+
+    Args:
+        scene: array that should be (N, 8), N >= 2.
+        table: when given, every disk's centre must lie on it.
+
+    Raises:
+        InvalidInputError: wrong shape, NaN or Inf, mass or radius not positive, disks overlapping.
+        OffTableError: a disk off the table.
+    """
+    if scene.ndim != 2 or scene.shape[1] != STATE_SIZE or scene.shape[0] < 2:
+        raise InvalidInputError(f"a scene has shape (N, 8) with N >= 2, not {scene.shape}")
+    if not np.isfinite(scene).all():
+        disk, column = (int(i) for i in np.argwhere(~np.isfinite(scene))[0])
+        value = scene[disk, column]
+        raise InvalidInputError(f"{STATE_NAMES[column]} of disk {disk} is {value}; must be finite")
+    for column in (MASS, RADIUS):
+        if (scene[:, column] <= 0).any():
+            disk = int(np.argmin(scene[:, column]))
+            value = scene[disk, column]
+            raise InvalidInputError(
+                f"{STATE_NAMES[column]} of disk {disk} is {value}; it must be positive"
+            )
+    _check_overlap(scene)
+    if table is not None:
+        check_on_table(scene, table)
+    return scene
+
+
+def _check_overlap(scene: Scene) -> None:
+    gaps = surface_gaps(scene)
+    if (gaps < -OVERLAP_TOLERANCE).any():
+        first, second = sorted(int(i) for i in np.unravel_index(np.argmin(gaps), gaps.shape))
+        raise InvalidInputError(
+            f"disks {first} and {second} overlap by {-1e3 * gaps.min():.1f} mm;"
+            f" at most {1e3 * OVERLAP_TOLERANCE:g} mm is allowed"
+        )
+
+
+def check_on_table(scene: Scene, table: Table) -> None:
+    """Raise `OffTableError` when a disk's centre is not on the table."""
+    off = ~table.contains(scene[:, POSITION])
+    if off.any():
+        disk = int(np.argmax(off))
+        x, y = scene[disk, POSITION]
+        raise OffTableError(
+            f"disk {disk} at ({x:.3f}, {y:.3f}) m is off the table; it covers {table.describe()}"
+        )
+
+
+def surface_gaps(scenes: Scenes) -> np.ndarray:
+    """Return the gaps between disk surfaces [m], (..., N, N), infinite on the diagonal."""
+    positions = scenes[..., POSITION]
+    apart = np.linalg.norm(positions[..., :, None, :] - positions[..., None, :, :], axis=-1)
+    radii = scenes[..., RADIUS]
+    gaps = apart - radii[..., :, None] - radii[..., None, :]
+    gaps[..., range(scenes.shape[-2]), range(scenes.shape[-2])] = np.inf
+    return gaps
+
+
+def is_settled(scenes: Scenes) -> Mask:
+    """Tell which scenes (..., N, 8) have every disk slower than 1 mm/s and 10 mrad/s."""
+    slow = np.hypot(scenes[..., VX], scenes[..., VY]) < SETTLED_SPEED
+    still = np.abs(scenes[..., OMEGA]) < SETTLED_SPIN
+    return np.asarray((slow & still).all(axis=-1))
+
+
+def target_distance(scenes: Scenes, goal: Points) -> Scalars:
+    """Return the distance [m] from the target's centre to the goal (..., 2)."""
+    return np.asarray(np.linalg.norm(scenes[..., TARGET, POSITION] - goal, axis=-1))
+
+
+def unit(angle: Angles) -> Points:
+    """Return unit vectors (..., 2) that point along angles [rad]."""
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def rotate_scenes(scenes: Scenes, angle: float) -> Scenes:
+    """Turn scenes about the world's origin by an angle [rad]."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    turn = np.array([[cos, sin], [-sin, cos]])  # row vectors times the transpose
+    turned = scenes.copy()
+    turned[..., POSITION] = scenes[..., POSITION] @ turn
+    turned[..., VX : VY + 1] = scenes[..., VX : VY + 1] @ turn
+    turned[..., THETA] = wrap_angle(scenes[..., THETA] + angle)
+    return turned
+
+
+def mirror_scenes(scenes: Scenes) -> Scenes:
+    """Reflect scenes in the x axis."""
+    mirrored = scenes.copy()
+    for column in (Y, VY, OMEGA):
+        mirrored[..., column] = -scenes[..., column]
+    mirrored[..., THETA] = wrap_angle(-scenes[..., THETA])
+    return mirrored

@@ -1,0 +1,19 @@
+"""Array shapes used everywhere, named once.
+
+B batch, N disks, K sampled push sequences, H horizon (pushes in a sequence).
+All arrays at public edges are ``float64``; the network converts inside.
+"""
+
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+Scene = Float[ndarray, "N 8"]
+Scenes = Float[ndarray, "*B N 8"]
+PushArray = Float[ndarray, "3"]
+Pushes = Float[ndarray, "*B 3"]
+PushSequences = Float[ndarray, "K H 3"]
+PredictedScenes = Float[ndarray, "K H N 8"]
+Points = Float[ndarray, "*B 2"]
+Angles = Float[ndarray, "*B"]
+Scalars = Float[ndarray, "*B"]
+Mask = Bool[ndarray, "*B"]
