@@ -1,0 +1,119 @@
+"""The planar prior: a batched contact simulator of disks on a table, without an arm.
+
+It is the fast f_p of the paper's equation 2 that can sit inside every rollout. It believes the
+mass and radius that the scene states and, unless told better, the nominal friction.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from sain_core.config import Config, option
+from sain_core.errors import InvalidInputError
+from sain_core.push import PUSH_SIZE, TOOL_RADIUS
+from sain_core.scene import POSITION, STATE_SIZE, TARGET
+from sain_core.types import Mask, Pushes, Scalars, Scenes
+
+from sain_model.planar_kernels import Physics, push_scenes
+
+
+@dataclass(frozen=True)
+class PlanarConfig(Config):
+    """The planar world's physics."""
+
+    friction: float = option(
+        0.12, "between disks and table, where none is given", minimum=0.001, maximum=2.0
+    )
+    gravity: float = option(9.81, "acceleration", unit="m/s^2", minimum=0.1, maximum=30.0)
+    foot_radius: float = option(
+        0.7, "where a disk's three feet stand, share of its radius", minimum=0.01, maximum=1.0
+    )
+    inertia: float = option(
+        0.5, "moment of inertia, share of mass x radius^2", minimum=0.05, maximum=2.0
+    )
+    tool_friction: float = option(0.12, "between tool and disk", minimum=0.0, maximum=2.0)
+    disk_friction: float = option(0.12, "between two disks", minimum=0.0, maximum=2.0)
+    tool_radius: float = option(TOOL_RADIUS, "radius of the stick", unit="m", minimum=0.001)
+    clearance: float = option(
+        0.005, "gap between tool and rim at the start", unit="m", minimum=0.0, maximum=0.05
+    )
+    speed: float = option(0.2, "of the tool", unit="m/s", minimum=0.01, maximum=2.0)
+    acceleration: float = option(4.0, "of the tool", unit="m/s^2", minimum=0.1, maximum=50.0)
+    contact_step: float = option(
+        1 / 120, "time step while the tool travels", unit="s", minimum=1e-5, maximum=0.02
+    )
+    slide_step: float = option(
+        0.02, "longest time step while disks slide freely", unit="s", minimum=1e-5, maximum=0.1
+    )
+
+    def physics(self) -> Physics:
+        """Return the numbers that the compiled kernels take."""
+        return Physics(*(float(getattr(self, name)) for name in Physics._fields))
+
+
+class PlanarPrior:
+    """Predicts pushes by simulating them in the plane. A `Dynamics`."""
+
+    def __init__(self, config: PlanarConfig = PlanarConfig()) -> None:
+        """Simulate with these physics."""
+        self.config = config
+        self._physics = config.physics()
+
+    def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
+
+        Args:
+            scenes: settled scenes; velocities are taken as zero.
+            pushes: one push a scene. Length 0 leaves the scene unchanged, bit for bit.
+            friction: with the table (B,), where it is known; the configured one if not.
+
+        Raises:
+            InvalidInputError: wrong shapes, NaN or Inf.
+        """
+        return self.step_with_contacts(scenes, pushes, friction)[0]
+
+    def step_with_contacts(
+        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None
+    ) -> tuple[Scenes, Mask]:
+        """As `step`, and tell for each push whether the tool touched more than the mid disk."""
+        _check(scenes, pushes, friction)
+        batch = len(scenes)
+        if friction is None:
+            friction = np.full(batch, self.config.friction)
+        order = _canonical_order(scenes)
+        after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
+        touched = np.zeros(batch, dtype=bool)
+        push_scenes(
+            after, np.ascontiguousarray(pushes), np.ascontiguousarray(friction),
+            self._physics, touched,
+        )
+        predicted = np.empty_like(after)
+        np.put_along_axis(predicted, order, after, axis=1)
+        return predicted, touched
+
+
+def _canonical_order(scenes: Scenes) -> np.ndarray:
+    """Return an order of the disks (B, N, 1) in which extra disks come by their place.
+
+    The solver visits contacts one after another, which would let the numbering leak into the
+    last digits. Sorting the disks from 2 on by their distance to the target keeps it out.
+    """
+    order = np.broadcast_to(np.arange(scenes.shape[1]), scenes.shape[:2]).copy()
+    if scenes.shape[1] > 3:
+        offset = scenes[:, 2:, POSITION] - scenes[:, TARGET : TARGET + 1, POSITION]
+        order[:, 2:] = 2 + np.argsort((offset**2).sum(-1), axis=1, kind="stable")
+    return order[..., None]
+
+
+def _check(scenes: Scenes, pushes: Pushes, friction: Scalars | None) -> None:
+    if scenes.ndim != 3 or scenes.shape[1] < 2 or scenes.shape[2] != STATE_SIZE:
+        raise InvalidInputError(f"scenes have shape (B, N, 8) with N >= 2, not {scenes.shape}")
+    if pushes.shape != (len(scenes), PUSH_SIZE):
+        raise InvalidInputError(
+            f"pushes have shape ({len(scenes)}, 3), one for each scene, not {pushes.shape}"
+        )
+    if friction is not None and friction.shape != (len(scenes),):
+        raise InvalidInputError(f"friction has shape ({len(scenes)},), not {friction.shape}")
+    for name, values in (("scenes", scenes), ("pushes", pushes), ("friction", friction)):
+        if values is not None and not np.isfinite(values).all():
+            where = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
+            raise InvalidInputError(f"{name}{list(where)} is {values[where]}; it must be finite")
