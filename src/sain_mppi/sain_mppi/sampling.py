@@ -1,0 +1,107 @@
+"""Random push sequences inside the limits, with nothing piled up on their bounds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.config import Config, option
+from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, PushLimits
+from sain_core.scene import wrap_angle
+from sain_core.types import PushSequences, Scalars
+
+Sequence = Float[ndarray, "H 3"]
+
+
+@dataclass(frozen=True)
+class NoiseConfig(Config):
+    """How far samples scatter about the mean sequence in the first round, and after it."""
+
+    location: float = option(0.5, "standard deviation of the location", unit="rad", minimum=0.0)
+    angle: float = option(0.3, "standard deviation of the angle", unit="rad", minimum=0.0)
+    length: float = option(0.04, "standard deviation of the length", unit="m", minimum=0.0)
+    shrink: float = option(
+        0.4, "factor on the deviations from one round to the next", minimum=0.01, maximum=1.0
+    )
+    spread: float = option(
+        0.2,
+        "samples scatter by factors between this and 1, so that each round looks near and far",
+        minimum=0.01,
+        maximum=1.0,
+    )
+
+    def deviations(self, round_number: int) -> Float[ndarray, "3"]:
+        """Return the standard deviations (location, angle, length) of a round, from 0."""
+        scale = self.shrink**round_number
+        return scale * np.array([self.location, self.angle, self.length])
+
+
+def reflect(values: Scalars, low: float, high: float) -> Scalars:
+    """Fold values back into [low, high] as between two mirrors.
+
+    Unlike clipping it leaves no samples piled up on the bounds.
+    """
+    span = high - low
+    if span == 0.0:
+        return np.full_like(values, low)
+    folded = np.abs(np.mod(values - low + span, 2 * span) - span)
+    return np.clip(low + folded, low, high)  # rounding only
+
+
+def inside_limits(pushes: PushSequences, limits: PushLimits) -> PushSequences:
+    """Bring pushes (..., 3) into the limits: locations wrap, angles and lengths reflect."""
+    inside = np.empty_like(pushes)
+    inside[..., LOCATION] = wrap_angle(pushes[..., LOCATION])
+    inside[..., ANGLE] = reflect(pushes[..., ANGLE], -limits.max_angle, limits.max_angle)
+    inside[..., LENGTH] = reflect(pushes[..., LENGTH], 0.0, limits.max_length)
+    return inside
+
+
+def gaussian_sequences(
+    mean: Sequence,
+    deviations: Float[ndarray, "3"],
+    spread: float,
+    limits: PushLimits,
+    generator: np.random.Generator,
+    count: int,
+) -> PushSequences:
+    """Draw sequences (count, H, 3) about a mean (H, 3), each with its own scale of noise."""
+    scale = np.exp(generator.uniform(np.log(spread), 0.0, (count, 1, 1)))
+    noise = generator.standard_normal((count, *mean.shape)) * deviations * scale
+    return inside_limits(mean + noise, limits)
+
+
+def uniform_sequences(
+    limits: PushLimits, generator: np.random.Generator, count: int, horizon: int
+) -> PushSequences:
+    """Draw sequences (count, H, 3) of pushes from any side, of any allowed angle and length."""
+    return limits.sample(generator, count * horizon).reshape(count, horizon, PUSH_SIZE)
+
+
+def stop_early(
+    sequences: PushSequences, share: float, generator: np.random.Generator
+) -> PushSequences:
+    """Let a share of the sequences rest after a random push, so that the plan can be short."""
+    count, horizon, _ = sequences.shape
+    stop = generator.integers(1, horizon + 1, count)
+    stop[generator.uniform(size=count) >= share] = horizon
+    stopped = sequences.copy()
+    stopped[..., LENGTH] *= np.arange(horizon) < stop[:, None]
+    return stopped
+
+
+def weighted_mean(sequences: PushSequences, weights: Scalars) -> Sequence:
+    """Return the mean (H, 3) of sequences (K, H, 3); locations are averaged on the circle."""
+    mean = np.einsum("k,khp->hp", weights, sequences)
+    sine = weights @ np.sin(sequences[..., LOCATION])
+    cosine = weights @ np.cos(sequences[..., LOCATION])
+    mean[:, LOCATION] = wrap_angle(np.arctan2(sine, cosine))
+    return mean
+
+
+def shift(sequence: Sequence) -> Sequence:
+    """Drop the first push of a sequence, which was executed, and rest at its end."""
+    shifted = np.roll(sequence, -1, axis=0)
+    shifted[-1] = 0.0
+    return shifted
