@@ -18,13 +18,13 @@ ros_kind() {
 # A virtual environment works only where it was made, so the checkout's path is part of the recipe.
 environment_recipe() {
   echo "$root $(ros_kind)"
-  cat "$root"/requirements/*.txt
+  cat "$root"/requirements/*
 }
 
 # With --symlink-install Python files are used where they stand; these are the files that are not.
 workspace_recipe() {
-  echo "$root $(ros_kind)"
-  cd "$root/src"
+  environment_recipe | cksum
+  cd "$root/src" || return
   find . -type f \( -name package.xml -o -name setup.py -o -name setup.cfg -o -name CMakeLists.txt \
     -o -path './*/resource/*' -o -name '*.msg' -o -name '*.srv' \) -exec sha256sum {} + | sort -k 2
   # Of a launch or configuration file only its being there matters: the installed one is a link to it.

@@ -1,0 +1,50 @@
+#!/usr/bin/env python3
+"""Resolves requirements/*.in into requirements/lock-<Python>-{ros,python}.txt: every package, one version.
+
+    ./env python tools/lock.py
+
+The set-up installs the two files side by side and without resolving anything, so no package stands in both.
+Locks are made for the Python that runs this; any other Python resolves the .in files when it installs them.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+REQUIREMENTS = Path(__file__).resolve().parent.parent / "requirements"
+
+
+def resolve(*sources: str) -> dict[str, str]:
+    """Name -> version of everything that the sources need."""
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run", "--ignore-installed"]
+    command += ["--disable-pip-version-check", "--report", "-"]
+    for source in sources:
+        command += ["--requirement", str(REQUIREMENTS / source)]
+    report = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+    packages = (item["metadata"] for item in json.loads(report)["install"])
+    return {package["name"].lower(): package["version"] for package in packages}
+
+
+def write(kind: str, packages: dict[str, str]) -> None:
+    path = REQUIREMENTS / f"lock-{sys.version_info.major}.{sys.version_info.minor}-{kind}.txt"
+    lines = [f"{name}=={version}" for name, version in sorted(packages.items())]
+    path.write_text(f"# Made from {kind}.in by tools/lock.py\n" + "\n".join(lines) + "\n")
+    print(f"{path.name}: {len(lines)} packages")
+
+
+def main() -> None:
+    # PyTorch's build is left to the machine; what every build of it needs is locked with the rest.
+    everything = resolve("ros.in", "python.in", "torch.txt")
+    everything = {name: version for name, version in everything.items() if not is_torch_or_cuda(name)}
+    ros = {name: everything[name] for name in resolve("ros.in")}
+    write("ros", ros)
+    write("python", {name: version for name, version in everything.items() if name not in ros})
+
+
+def is_torch_or_cuda(name: str) -> bool:
+    return name in {"torch", "triton"} or name.startswith(("nvidia-", "cuda-"))
+
+
+if __name__ == "__main__":
+    main()
