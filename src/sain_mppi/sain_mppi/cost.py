@@ -13,7 +13,7 @@ from numpy import ndarray
 from sain_core.config import Config, option
 from sain_core.feasibility import Feasibility, tool_gap
 from sain_core.push import LENGTH
-from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table
 from sain_core.types import Mask, Points, PredictedScenes, PushSequences, Scalars, Scene
 
 from sain_mppi.goal import Goal
@@ -49,7 +49,7 @@ class CostWeights(Config):
     )
     edge: float = option(5.0, "a disk nearer the table's edge than `edge_margin`", minimum=0.0)
     edge_margin: float = option(
-        0.04, "room between a disk's rim and the edge", unit="m", minimum=0.001
+        0.06, "room between a disk's centre and the edge", unit="m", minimum=0.001
     )
     blocked: float = option(3.0, "each later push that could not be carried out", minimum=0.0)
     effort: float = option(0.05, "the tool's travel", unit="1/m", minimum=0.0)
@@ -158,14 +158,22 @@ def reach_excess(rollout: Rollout, weights: CostWeights, feasibility: Feasibilit
 
 
 def edge_nearness(rollout: Rollout, weights: CostWeights, feasibility: Feasibility) -> Scalars:
-    """Return how deep any disk enters the margin along the table's edge, the worst, squared."""
+    """Return how deep any disk's centre enters the margin along the table's edge, worst, squared.
+
+    The target may go as near to the edge as its goal is.
+    """
     table = feasibility.table
-    x, y = rollout.after[..., 0], rollout.after[..., 1]  # (K, H, N)
-    room = np.minimum(
-        np.minimum(x - table.x_min, table.x_max - x), np.minimum(y - table.y_min, table.y_max - y)
-    )
-    lacking = _shortfall(room - rollout.after[..., RADIUS], weights.edge_margin)
+    margin = np.full(rollout.after.shape[2], weights.edge_margin)
+    margin[TARGET] = np.clip(_edge_room(rollout.goal, table), 1e-3, weights.edge_margin)
+    lacking = _shortfall(_edge_room(rollout.after[..., POSITION], table), margin)  # (K, H, N)
     return np.asarray(np.square(lacking).max(axis=(1, 2)))
+
+
+def _edge_room(points: Points, table: Table) -> Scalars:
+    """Return the distance [m] of points (..., 2) to the nearest edge; negative off the table."""
+    x, y = points[..., 0], points[..., 1]
+    across = np.minimum(x - table.x_min, table.x_max - x)
+    return np.asarray(np.minimum(across, np.minimum(y - table.y_min, table.y_max - y)))
 
 
 def blocked_pushes(rollout: Rollout, feasibility: Feasibility) -> Scalars:
@@ -174,6 +182,6 @@ def blocked_pushes(rollout: Rollout, feasibility: Feasibility) -> Scalars:
     return np.asarray((~allowed).sum(axis=1).astype(np.float64))
 
 
-def _shortfall(room: Scalars, wanted: float) -> Scalars:
+def _shortfall(room: Scalars, wanted: Scalars | float) -> Scalars:
     """Return 0 where there is as much room as wanted, 1 where there is none, then on."""
     return np.maximum(1.0 - room / wanted, 0.0)
