@@ -1,0 +1,110 @@
+"""``ros2 run sain_bags info``: what a bag holds, after checking that it is undamaged."""
+
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+from sain_core.errors import SainError
+
+from sain_bags.episodes import Episode, namespaces, read_episodes
+from sain_bags.reader import Bag
+
+
+@dataclass(frozen=True)
+class InfoOptions:
+    """Show what a bag holds: topics, rates, episodes and pushes. Every CRC is checked first."""
+
+    bag: tyro.conf.Positional[Path]
+    """A bag's folder, or its MCAP file."""
+
+
+def topic_table(bag: Bag) -> Table:
+    """Return the bag's topics as a table."""
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("Topic")
+    table.add_column("Type", style="dim")
+    table.add_column("Messages", justify="right")
+    table.add_column("Rate", justify="right")
+    for topic in bag.topics:
+        rate = topic.messages / bag.duration if topic.messages > 1 and bag.duration else 0.0
+        table.add_row(
+            topic.name, topic.type, f"{topic.messages:,}", f"{rate:.1f} Hz" if rate else "-"
+        )
+    return table
+
+
+def episode_table(episodes: tuple[Episode, ...]) -> Table:
+    """Return episodes as a table."""
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for name in ("Episode", "Disks", "Pushes", "Refused", "Distance", "Tolerance", "Planning"):
+        table.add_column(name, justify="right")
+    table.add_column("Goal")
+    for episode in episodes:
+        times = [plan.planning_time for plan in episode.plans]
+        reached = "[green]reached[/]" if episode.success else "[red]not reached[/]"
+        table.add_row(
+            str(episode.episode_id),
+            str(len(episode.start)),
+            str(len(episode.executed)),
+            str(len(episode.pushes) - len(episode.executed)),
+            _millimetres(episode.final_distance),
+            _millimetres(episode.tolerance),
+            f"{1e3 * float(np.median(times)):.0f} ms" if times else "-",
+            "none" if episode.goal is None else reached,
+        )
+    return table
+
+
+def show(path: Path, console: Console) -> None:
+    """Check a bag and print what it holds.
+
+    Raises:
+        DatasetError: it is not a whole, undamaged bag.
+    """
+    bag = Bag(path)
+    bag.check()
+    size = bag.file.stat().st_size / 1e6
+    began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(bag.start * 1e-9))
+    console.print(f"[bold]{path}[/]  every CRC is right", highlight=False)
+    console.print(
+        f"{bag.message_count:,} messages in {bag.duration:.1f} s from {began}, {size:.2f} MB"
+        + "".join(f"\n{key}: {value}" for key, value in bag.custom_data.items()),
+        highlight=False,
+        markup=False,
+    )
+    console.print()
+    console.print(topic_table(bag))
+    for namespace in namespaces(bag):
+        episodes = read_episodes(bag, namespace)
+        pushes = sum(len(episode.executed) for episode in episodes)
+        reached = sum(episode.success for episode in episodes)
+        console.print(
+            f"\n[bold]{namespace or '/'}[/]  {len(episodes)} episodes, {pushes} pushes,"
+            f" goal reached in {reached}",
+            highlight=False,
+        )
+        console.print(episode_table(episodes))
+
+
+def _millimetres(metres: float) -> str:
+    return "-" if np.isnan(metres) else f"{1e3 * metres:.1f} mm"
+
+
+def main() -> None:
+    """Run from the command line."""
+    options = tyro.cli(InfoOptions, prog="ros2 run sain_bags info")
+    try:
+        show(options.bag, Console())
+    except SainError as error:
+        console = Console(stderr=True, soft_wrap=True)
+        console.print(f"info: {error}", style="red", markup=False, highlight=False)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,131 @@
+"""``metadata.yaml``, the file that makes a folder a rosbag2 bag: version 9 of its layout."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+LAYOUT_VERSION: Final = 9
+METADATA_FILE: Final = "metadata.yaml"
+INFINITE: Final = (9_223_372_036, 854_775_807)  # [s, ns], rmw's duration without end
+
+
+@dataclass(frozen=True)
+class OfferedQos:
+    """The quality of service that one publisher offers, in rosbag2's words."""
+
+    history: str = "unknown"  # not known to peers through discovery
+    depth: int = 0
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    deadline: tuple[int, int] = INFINITE
+    lifespan: tuple[int, int] = INFINITE
+    liveliness: str = "automatic"
+    liveliness_lease_duration: tuple[int, int] = INFINITE
+
+    def as_record(self) -> dict[str, Any]:
+        """Return the profile as rosbag2 writes it."""
+        return {
+            "history": self.history,
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": _duration(self.deadline),
+            "lifespan": _duration(self.lifespan),
+            "liveliness": self.liveliness,
+            "liveliness_lease_duration": _duration(self.liveliness_lease_duration),
+            "avoid_ros_namespace_conventions": False,
+        }
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One recorded topic."""
+
+    name: str
+    type: str  # for example std_msgs/msg/Header
+    definition: str  # of the type and all it refers to
+    type_hash: str = ""  # RIHS01_..., empty when not known
+    offered_qos: tuple[OfferedQos, ...] = ()
+
+    def qos_text(self) -> str:
+        """Return the offered profiles as the text that a channel's metadata holds."""
+        return yaml.safe_dump([qos.as_record() for qos in self.offered_qos], sort_keys=False)
+
+
+@dataclass(frozen=True)
+class Span:
+    """When messages were received [ns since the epoch], and how many."""
+
+    start: int = 0
+    end: int = 0
+    messages: int = 0
+
+
+def bag_metadata(
+    file_name: str,
+    span: Span,
+    topics: Sequence[tuple[Topic, int]],
+    custom_data: Mapping[str, str],
+    ros_distro: str,
+) -> dict[str, Any]:
+    """Return the content of ``metadata.yaml`` for a bag of one file.
+
+    Args:
+        file_name: the MCAP file's name in the bag's folder.
+        span: of all messages.
+        topics: each with its number of messages.
+        custom_data: whatever the recording should say about itself.
+        ros_distro: for example jazzy.
+    """
+    duration = {"nanoseconds": span.end - span.start}
+    start = {"nanoseconds_since_epoch": span.start}
+    return {
+        "rosbag2_bagfile_information": {
+            "version": LAYOUT_VERSION,
+            "storage_identifier": "mcap",
+            "duration": duration,
+            "starting_time": start,
+            "message_count": span.messages,
+            "topics_with_message_count": [_topic(topic, count) for topic, count in topics],
+            "compression_format": "",  # of the layout; MCAP compresses its chunks by itself
+            "compression_mode": "",
+            "relative_file_paths": [file_name],
+            "files": [
+                {
+                    "path": file_name,
+                    "starting_time": dict(start),
+                    "duration": dict(duration),
+                    "message_count": span.messages,
+                }
+            ],
+            "custom_data": dict(custom_data) or None,
+            "ros_distro": ros_distro,
+        }
+    }
+
+
+def write_metadata(folder: Path, metadata: Mapping[str, Any]) -> None:
+    """Write ``metadata.yaml``, whole or not at all."""
+    part = folder / f".{METADATA_FILE}.part"
+    part.write_text(yaml.safe_dump(dict(metadata), sort_keys=False), encoding="utf-8")
+    part.replace(folder / METADATA_FILE)
+
+
+def _topic(topic: Topic, count: int) -> dict[str, Any]:
+    return {
+        "topic_metadata": {
+            "name": topic.name,
+            "type": topic.type,
+            "serialization_format": "cdr",
+            "offered_qos_profiles": [qos.as_record() for qos in topic.offered_qos],
+            "type_description_hash": topic.type_hash,
+        },
+        "message_count": count,
+    }
+
+
+def _duration(value: tuple[int, int]) -> dict[str, int]:
+    return {"sec": value[0], "nsec": value[1]}

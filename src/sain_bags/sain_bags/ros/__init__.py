@@ -1,0 +1,1 @@
+"""The recorder: the one part of this package that needs ROS."""
