@@ -1,0 +1,1 @@
+"""Scenarios, controllers, the closed loop without ROS, statistics, reports and pictures."""

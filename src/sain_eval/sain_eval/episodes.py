@@ -1,0 +1,78 @@
+"""What is kept of an episode: arrays only, however it was run (closed loop, graph, bag)."""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from sain_core.scene import MID, POSITION, TARGET, is_settled, target_distance
+from sain_core.types import PushArray, Scene
+
+
+@dataclass(frozen=True)
+class PushRecord:
+    """One push: what was decided, expected and found."""
+
+    push: PushArray  # (3,)
+    before: Scene  # (N, 8), settled
+    predicted: Scene | None  # (N, 8), what the planner's model expected
+    physics: Scene | None  # (N, 8), what the nominal world expected, f_p
+    after: Scene  # (N, 8), settled
+    planning_time: float = 0.0  # [s]
+
+    def error(self, disk: int) -> float | None:
+        """Return how far [m] the prediction put a disk from where it came to rest."""
+        if self.predicted is None:
+            return None
+        apart = self.predicted[disk, POSITION] - self.after[disk, POSITION]
+        return float(np.linalg.norm(apart))
+
+    @property
+    def target_error(self) -> float | None:
+        """Prediction error [m] of the target."""
+        return self.error(TARGET)
+
+    @property
+    def mid_error(self) -> float | None:
+        """Prediction error [m] of the mid disk."""
+        return self.error(MID)
+
+
+@dataclass(frozen=True)
+class EpisodeRecord:
+    """The pushes of an episode towards a goal."""
+
+    goal: Float[ndarray, "2"]
+    tolerance: float  # [m]
+    pushes: tuple[PushRecord, ...]
+    start: Scene | None = None  # (N, 8); without it the first push's `before`
+    shapes: tuple[str, ...] = ()  # "disk" or "cube" for each; empty: all disks
+    title: str = ""
+
+    @property
+    def scenes(self) -> tuple[Scene, ...]:
+        """All settled scenes, from the first to the last."""
+        first = self.start
+        if first is None:
+            if not self.pushes:
+                raise ValueError("an episode without pushes needs its start")
+            first = self.pushes[0].before
+        return (first, *(push.after for push in self.pushes))
+
+    def pushes_to(self, tolerance: float) -> int | None:
+        """Return after how many pushes the target first lay within tolerance [m], if ever."""
+        for count, scene in enumerate(self.scenes):
+            if is_settled(scene) and target_distance(scene, self.goal) <= tolerance:
+                return count
+        return None
+
+    @property
+    def final_distance(self) -> float:
+        """Distance [m] from target to goal in the last scene."""
+        return float(target_distance(self.scenes[-1], self.goal))
+
+    @property
+    def nearest(self) -> float:
+        """The smallest such distance [m] over all scenes."""
+        return min((float(target_distance(s, self.goal)) for s in self.scenes), default=inf)

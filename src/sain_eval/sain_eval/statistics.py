@@ -1,0 +1,60 @@
+"""How sure a rate or a mean is."""
+
+from dataclasses import dataclass
+from math import isnan, sqrt
+from statistics import NormalDist
+
+import numpy as np
+from sain_core.errors import OutOfRangeError
+from sain_core.types import Scalars
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An estimate with the interval that should hold the truth."""
+
+    estimate: float
+    low: float
+    high: float
+
+
+def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> Interval:
+    """Return a success rate with its Wilson score interval (Wilson 1927, eq. 6 ff.).
+
+    Unlike the normal one it is right for rates near 0 and 1 and for few trials.
+
+    Raises:
+        OutOfRangeError: not 0 <= successes <= trials, or no trial.
+    """
+    if trials < 1 or not 0 <= successes <= trials:
+        raise OutOfRangeError(
+            f"{successes} successes of {trials} trials; needed: 0 <= successes <= trials, trials >= 1"
+        )
+    z = NormalDist().inv_cdf(0.5 + confidence / 2)
+    rate = successes / trials
+    shrink = 1.0 + z * z / trials
+    centre = (rate + z * z / (2 * trials)) / shrink
+    half = z * sqrt(rate * (1 - rate) / trials + z * z / (4 * trials * trials)) / shrink
+    low = 0.0 if successes == 0 else max(centre - half, 0.0)
+    high = 1.0 if successes == trials else min(centre + half, 1.0)
+    return Interval(rate, low, high)
+
+
+def bootstrap_mean(
+    values: Scalars,
+    random: np.random.Generator,
+    confidence: float = 0.95,
+    resamples: int = 2000,
+) -> Interval:
+    """Return a mean with its percentile bootstrap interval; NaN all through for no values."""
+    values = np.asarray(values, dtype=np.float64)
+    if not len(values):
+        return Interval(np.nan, np.nan, np.nan)
+    draws = random.choice(values, (resamples, len(values))).mean(axis=1)
+    low, high = np.quantile(draws, [0.5 - confidence / 2, 0.5 + confidence / 2])
+    return Interval(float(values.mean()), float(low), float(high))
+
+
+def number_or_none(value: float) -> float | None:
+    """Return None for NaN, which JSON does not know."""
+    return None if isnan(value) else value
