@@ -1,134 +1,160 @@
 """Contacts between round bodies in the plane, compiled: geometry, impulses, friction.
 
-Bodies are rows of one array: row 0 is the tool, which no impulse moves, the others are disks.
-The impulses that keep them apart are found by projected Gauss-Seidel sweeps, as Bullet's solver
-does, warm-started from the step before.
+The impulses that keep bodies apart are found by projected Gauss-Seidel sweeps, as Bullet's
+solver does, warm-started from the step before.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-TOOL = 0
-# Columns of a body. `SPIN` is the speed of the rim [m/s], `TURN` what 1 N s at the rim adds to it.
-X, Y, VX, VY, SPIN, RADIUS, LIGHTNESS, TURN, THETA, COS, SIN = range(11)
-BODY_SIZE = 11
-
-NORMAL_X, NORMAL_Y, GAP, BIAS, NORMAL_MASS, RIM_MASS = range(6)
-CONTACT_SIZE = 6
-ALONG, ACROSS = range(2)  # columns of an impulse
+from sain_model.body_kernels import (
+    ACROSS,
+    ALONG,
+    BIAS,
+    END_X,
+    END_Y,
+    GAP,
+    LIGHTNESS,
+    NORMAL_MASS,
+    NORMAL_X,
+    NORMAL_Y,
+    RADIUS,
+    RIM_MASS,
+    SPIN,
+    TOOL,
+    TURN,
+    VX,
+    VY,
+    X,
+    Y,
+)
+from sain_model.table_kernels import hold
 
 SWEEPS = 30  # most sweeps over the contacts in one step
 CONVERGED = 1e-5  # [m/s], change of relative velocities in the last sweep
-REACH = 0.005  # [m], a pair further apart cannot touch within one step
+NEAR = 0.005  # [m], a pair further apart is looked at again in the next step
 WARM_START = 0.9  # share of the last step's impulses to begin from
 PUSH_OUT = 0.3  # share of an overlap that one step undoes, without giving speed
-SLOP = 1e-5  # [m], overlap that is left alone
-
-
-class Workspace(NamedTuple):
-    """Scratch memory of one push. P = N (N + 1) / 2 pairs of bodies, C <= P of them near."""
-
-    bodies: np.ndarray  # (N + 1, BODY_SIZE)
-    before: np.ndarray  # (N + 1, 3) velocities at the start of the step
-    pairs: np.ndarray  # (C, 3) int64: first body, second body, pair
-    contacts: np.ndarray  # (C, CONTACT_SIZE)
-    impulses: np.ndarray  # (P, 2) [N s], kept from step to step
-    pushed: np.ndarray  # (N + 1,) bool, whom a contact pushed in this step
+TOUCHING = 1e-5  # [m], a gap as small as this is none
+TINY = 1e-12  # [m], keeps the normal of concentric disks finite
 
 
 @njit(cache=True)
-def make_workspace(disks):
-    """Return scratch memory for this many disks."""
-    pairs = disks * (disks + 1) // 2
-    return Workspace(
-        np.zeros((disks + 1, BODY_SIZE)),
-        np.zeros((disks + 1, 3)),
-        np.empty((pairs, 3), np.int64),
-        np.empty((pairs, CONTACT_SIZE)),
-        np.zeros((pairs, 2)),
-        np.zeros(disks + 1, np.bool_),
-    )
+def survey(work, horizon):
+    """Look at all pairs of bodies as they stand and move.
 
+    Args:
+        work: scratch memory; its list of near pairs is made anew.
+        horizon: no longer step than this will follow [s].
 
-@njit(cache=True)
-def find_contacts(step, work):
-    """List the pairs that may touch within this step [s]; return how many there are."""
+    Returns:
+        How many pairs are near, the time until the first of those apart touch [s] (at most the
+        horizon), the fastest approach of two that touch already [m/s], and the fastest turning
+        of a normal between two that press on each other [rad/s].
+    """
     bodies, impulses = work.bodies, work.impulses
-    count = 0
-    pair = 0
+    count, pair = 0, 0
+    impact, approach, turning = horizon, 0.0, 0.0
     for second in range(1, bodies.shape[0]):
         for first in range(second):
             dx = bodies[second, X] - bodies[first, X]
             dy = bodies[second, Y] - bodies[first, Y]
-            touching = bodies[first, RADIUS] + bodies[second, RADIUS]
+            vx = bodies[second, VX] - bodies[first, VX]
+            vy = bodies[second, VY] - bodies[first, VY]
+            rims = bodies[first, RADIUS] + bodies[second, RADIUS]
             squared = dx * dx + dy * dy
-            if squared < (touching + REACH) * (touching + REACH):
+            reach = rims + NEAR + horizon * (abs(vx) + abs(vy))
+            if squared < reach * reach:
+                distance = np.sqrt(squared) + TINY
+                gap = distance - rims
+                closing = -(vx * dx + vy * dy) / distance
+                if gap < TOUCHING:
+                    approach = max(approach, closing)
+                    if impulses[pair, ALONG] > 0.0:
+                        turning = max(turning, abs(vy * dx - vx * dy) / squared)
+                elif closing * impact > gap:
+                    impact = gap / closing
                 work.pairs[count, 0], work.pairs[count, 1] = first, second
                 work.pairs[count, 2] = pair
-                _describe_contact(work, count, dx, dy, np.sqrt(squared) - touching, step)
+                work.contacts[count, GAP] = gap
                 count += 1
             else:
                 impulses[pair, ALONG] = impulses[pair, ACROSS] = 0.0
             pair += 1
-    return count
+    return count, impact, approach, turning
 
 
 @njit(cache=True)
-def _describe_contact(work, index, dx, dy, gap, step):
+def prepare_contacts(count, step, work):
+    """Set up the near pairs for a step [s], or for a collision when the step is 0."""
     bodies, contacts = work.bodies, work.contacts
-    first, second = work.pairs[index, 0], work.pairs[index, 1]
-    # The normal half a step ahead makes the step second order, where one at its start is first.
-    dx += 0.5 * step * (bodies[second, VX] - bodies[first, VX])
-    dy += 0.5 * step * (bodies[second, VY] - bodies[first, VY])
-    scale = 1.0 / np.sqrt(dx * dx + dy * dy + 1e-24)
-    lightness = bodies[first, LIGHTNESS] + bodies[second, LIGHTNESS]
-    turn = bodies[first, TURN] + bodies[second, TURN]
-    contacts[index, NORMAL_X], contacts[index, NORMAL_Y] = scale * dx, scale * dy
-    contacts[index, GAP] = gap
-    contacts[index, BIAS] = max(gap, 0.0) / step
-    contacts[index, NORMAL_MASS] = 1.0 / lightness
-    contacts[index, RIM_MASS] = 1.0 / (lightness + turn)
+    for index in range(count):
+        first, second = work.pairs[index, 0], work.pairs[index, 1]
+        half_x = 0.5 * step * (bodies[second, VX] - bodies[first, VX])
+        half_y = 0.5 * step * (bodies[second, VY] - bodies[first, VY])
+        # The impulse of a step acts along the normal in its middle, and what it has to achieve
+        # counts along the normal at its end: that makes the step second order.
+        dx = bodies[second, X] - bodies[first, X] + half_x
+        dy = bodies[second, Y] - bodies[first, Y] + half_y
+        scale = 1.0 / (np.sqrt(dx * dx + dy * dy) + TINY)
+        contacts[index, NORMAL_X], contacts[index, NORMAL_Y] = scale * dx, scale * dy
+        dx, dy = dx + half_x, dy + half_y
+        scale = 1.0 / (np.sqrt(dx * dx + dy * dy) + TINY)
+        contacts[index, END_X], contacts[index, END_Y] = scale * dx, scale * dy
+        gap = contacts[index, GAP]
+        if step > 0.0:
+            contacts[index, BIAS] = max(gap, 0.0) / step
+        else:
+            contacts[index, BIAS] = 0.0 if gap < TOUCHING else np.inf
+        lightness = bodies[first, LIGHTNESS] + bodies[second, LIGHTNESS]
+        turn = bodies[first, TURN] + bodies[second, TURN]
+        contacts[index, NORMAL_MASS] = 1.0 / lightness
+        contacts[index, RIM_MASS] = 1.0 / (lightness + turn)
 
 
 @njit(cache=True)
-def solve_contacts(count, tool_friction, disk_friction, work):
-    """Find the impulses that keep all pairs apart, with Coulomb friction, and apply them."""
+def solve(count, physics, work):
+    """Find the impulses that keep all near pairs apart, with Coulomb friction; apply them.
+
+    Disks with a `grip` are held back by the table meanwhile.
+    """
+    impulses = work.impulses
     for index in range(count):
         pair = work.pairs[index, 2]
-        work.impulses[pair, ALONG] *= WARM_START
-        work.impulses[pair, ACROSS] *= WARM_START
-        if work.impulses[pair, ALONG] > 0.0:
-            _apply(work, index, work.impulses[pair, ALONG], work.impulses[pair, ACROSS])
+        impulses[pair, ALONG] *= WARM_START
+        impulses[pair, ACROSS] *= WARM_START
+        if impulses[pair, ALONG] > 0.0:
+            _apply(work, index, impulses[pair, ALONG], impulses[pair, ACROSS])
     for _ in range(SWEEPS):
         change = 0.0
         for index in range(count):
-            friction = tool_friction if work.pairs[index, 0] == TOOL else disk_friction
-            change = max(change, _solve_one(work, index, friction))
+            change = max(change, _solve_one(work, index, physics))
+        for disk in range(1, work.bodies.shape[0]):
+            if work.grip[disk] > 0.0:
+                change = max(change, hold(work, disk, physics.foot_radius / physics.inertia))
         if change < CONVERGED:
             break
 
 
 @njit(cache=True)
-def _solve_one(work, index, friction):
+def _solve_one(work, index, physics):
     """Correct the impulse of one contact; return the change of velocity it made [m/s]."""
     bodies, contacts, impulses = work.bodies, work.contacts, work.impulses
     first, second, pair = work.pairs[index, 0], work.pairs[index, 1], work.pairs[index, 2]
-    nx, ny = contacts[index, NORMAL_X], contacts[index, NORMAL_Y]
+    nx, ny = contacts[index, END_X], contacts[index, END_Y]
     vx = bodies[second, VX] - bodies[first, VX]
     vy = bodies[second, VY] - bodies[first, VY]
     leaving = vx * nx + vy * ny
     sliding = vy * nx - vx * ny - bodies[second, SPIN] - bodies[first, SPIN]
     mass = contacts[index, NORMAL_MASS]
     normal = max(impulses[pair, ALONG] - mass * (leaving + contacts[index, BIAS]), 0.0)
-    limit = friction * normal
+    limit = normal * (physics.tool_friction if first == TOOL else physics.disk_friction)
     rim = impulses[pair, ACROSS] - contacts[index, RIM_MASS] * sliding
     rim = min(max(rim, -limit), limit)
     along, across = normal - impulses[pair, ALONG], rim - impulses[pair, ACROSS]
-    impulses[pair, ALONG], impulses[pair, ACROSS] = normal, rim
     if along == 0.0 and across == 0.0:
         return 0.0
+    impulses[pair, ALONG], impulses[pair, ACROSS] = normal, rim
     _apply(work, index, along, across)
     return max(abs(along), abs(across)) / mass
 
@@ -150,16 +176,13 @@ def _apply(work, index, along, across):
 
 @njit(cache=True)
 def separate(count, work):
-    """Note whom a contact pushed, and move overlapping bodies apart by a share of the overlap."""
+    """Move overlapping bodies apart by a share of their overlap, without giving them speed."""
     bodies, contacts = work.bodies, work.contacts
-    for body in range(bodies.shape[0]):
-        work.pushed[body] = False
     for index in range(count):
-        first, second, pair = work.pairs[index, 0], work.pairs[index, 1], work.pairs[index, 2]
-        if work.impulses[pair, ALONG] > 0.0:
-            work.pushed[first] = work.pushed[second] = True
-        if contacts[index, GAP] < -SLOP:
-            shift = -PUSH_OUT * (contacts[index, GAP] + SLOP) * contacts[index, NORMAL_MASS]
+        if contacts[index, GAP] < -TOUCHING:
+            first, second = work.pairs[index, 0], work.pairs[index, 1]
+            overlap = -(contacts[index, GAP] + TOUCHING)
+            shift = PUSH_OUT * overlap * contacts[index, NORMAL_MASS]
             shift_x = shift * contacts[index, NORMAL_X]
             shift_y = shift * contacts[index, NORMAL_Y]
             bodies[second, X] += shift_x * bodies[second, LIGHTNESS]

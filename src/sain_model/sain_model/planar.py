@@ -13,7 +13,8 @@ from sain_core.push import PUSH_SIZE, TOOL_RADIUS
 from sain_core.scene import POSITION, STATE_SIZE, TARGET
 from sain_core.types import Mask, Pushes, Scalars, Scenes
 
-from sain_model.planar_kernels import Physics, push_scenes
+from sain_model.body_kernels import Physics
+from sain_model.planar_kernels import push_scenes
 
 
 @dataclass(frozen=True)
@@ -38,11 +39,19 @@ class PlanarConfig(Config):
     )
     speed: float = option(0.2, "of the tool", unit="m/s", minimum=0.01, maximum=2.0)
     acceleration: float = option(4.0, "of the tool", unit="m/s^2", minimum=0.1, maximum=50.0)
-    contact_step: float = option(
-        1 / 120, "time step while the tool travels", unit="s", minimum=1e-5, maximum=0.02
+    longest_step: float = option(
+        0.05, "longest time step", unit="s", minimum=1e-4, maximum=0.1
     )
-    slide_step: float = option(
-        0.02, "longest time step while disks slide freely", unit="s", minimum=1e-5, maximum=0.1
+    stop_share: float = option(
+        0.3, "longest step of a spinning disk, share of the time it takes to stop",
+        minimum=0.001, maximum=0.5,
+    )
+    stop_step: float = option(
+        1 / 120, "a disk about to stop needs no shorter steps", unit="s", minimum=1e-4, maximum=0.05
+    )
+    bend: float = option(
+        0.1, "most that the normal of a pressing contact turns in a step", unit="rad",
+        minimum=1e-3, maximum=0.3,
     )
 
     def physics(self) -> Physics:

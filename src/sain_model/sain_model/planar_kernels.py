@@ -1,92 +1,39 @@
 """Whole pushes of round disks on a table, compiled and run in parallel over the batch.
 
-Time is stepped from the tool's first touch until everything lies still again. Each disk stands
-on three feet with Coulomb friction, so that sliding and turning share the same friction.
+Time goes from the tool's first touch until everything lies still again, in steps as long as
+what happens allows: to the next collision, to a kink in the tool's speed, to where a disk stops.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
-from sain_core import scene as disk_columns
 from sain_core.push import ANGLE, LENGTH, LOCATION
 
-from sain_model.contact_kernels import (
+from sain_model.body_kernels import (
     ALONG,
     COS,
-    LIGHTNESS,
     RADIUS,
     SIN,
     SPIN,
-    THETA,
     TOOL,
-    TURN,
+    TURNED,
     VX,
     VY,
     X,
     Y,
-    find_contacts,
+    load,
     make_workspace,
-    separate,
-    solve_contacts,
+    rim_speed,
+    unload,
 )
+from sain_model.contact_kernels import prepare_contacts, separate, solve, survey
+from sain_model.table_kernels import rub
+from sain_model.tool_kernels import make_profile, time_of, tool_speed, travelled, until_kink
 
 CHUNK = 32  # pushes that share one scratch memory
 STILL = 1e-7  # [m/s], slower than this is at rest
+COLLISION = 0.01  # [m/s], touching bodies that approach faster than this collide
+SHORTEST_STEP = 2e-4  # [s]
 MOST_STEPS = 5000  # far beyond any push; keeps a wrong parameter from running for ever
-THIRD_TURN_SIN = 0.8660254037844386  # sin(120 degrees); its cosine is -1/2
-
-STATE_X, STATE_Y, STATE_THETA = disk_columns.X, disk_columns.Y, disk_columns.THETA
-STATE_MASS, STATE_RADIUS = disk_columns.MASS, disk_columns.RADIUS
-STATE_VELOCITY, STATE_OMEGA = disk_columns.VX, disk_columns.OMEGA
-
-
-class Physics(NamedTuple):
-    """What the kernels need to know of `PlanarConfig`, as plain numbers in SI units."""
-
-    gravity: float
-    foot_radius: float  # share of the disk's radius
-    inertia: float  # share of mass x radius^2
-    tool_friction: float
-    disk_friction: float
-    tool_radius: float
-    clearance: float
-    speed: float
-    acceleration: float
-    contact_step: float
-    slide_step: float
-
-
-@njit(cache=True)
-def travelled(time, length, speed, acceleration):
-    """Return how far [m] the tool has come along its trapezoid profile."""
-    ramp = min(speed / acceleration, np.sqrt(length / acceleration))
-    peak = acceleration * ramp
-    ramp_length = 0.5 * peak * ramp
-    end = 2 * ramp + (length - 2 * ramp_length) / peak
-    if time >= end:
-        return length
-    if time < ramp:
-        return 0.5 * acceleration * time * time
-    if time < end - ramp:
-        return ramp_length + peak * (time - ramp)
-    return length - 0.5 * acceleration * (end - time) ** 2
-
-
-@njit(cache=True)
-def time_of(distance, length, speed, acceleration):
-    """Return when [s] the tool has come this far: the inverse of `travelled`."""
-    ramp = min(speed / acceleration, np.sqrt(length / acceleration))
-    peak = acceleration * ramp
-    ramp_length = 0.5 * peak * ramp
-    end = 2 * ramp + (length - 2 * ramp_length) / peak
-    if distance >= length:
-        return end
-    if distance < ramp_length:
-        return np.sqrt(2 * distance / acceleration)
-    if distance < length - ramp_length:
-        return ramp + (distance - ramp_length) / peak
-    return end - np.sqrt(2 * (length - distance) / acceleration)
 
 
 @njit(cache=True)
@@ -95,115 +42,113 @@ def first_touch(bodies, way_x, way_y):
     nearest = np.inf
     for disk in range(1, bodies.shape[0]):
         dx, dy = bodies[disk, X] - bodies[TOOL, X], bodies[disk, Y] - bodies[TOOL, Y]
-        touching = bodies[disk, RADIUS] + bodies[TOOL, RADIUS]
+        rims = bodies[disk, RADIUS] + bodies[TOOL, RADIUS]
         along = dx * way_x + dy * way_y
-        squared = touching * touching - (dx * dx + dy * dy - along * along)
+        squared = rims * rims - (dx * dx + dy * dy - along * along)
         if squared > 0.0 and along > 0.0:
             nearest = min(nearest, max(along - np.sqrt(squared), 0.0))
     return nearest
 
 
 @njit(cache=True)
-def rub(bodies, disk, slowing, foot_radius):
-    """Slow a disk down by the friction under its feet, each of which could lose `slowing` [m/s]."""
-    vx, vy, turn = bodies[disk, VX], bodies[disk, VY], foot_radius * bodies[disk, SPIN]
-    if turn == 0.0:
-        share = slowing / max(np.sqrt(vx * vx + vy * vy), slowing)
-        bodies[disk, VX] -= share * vx
-        bodies[disk, VY] -= share * vy
-        return
-    cos, sin = bodies[disk, COS], bodies[disk, SIN]
-    mean_x, mean_y, mean_turn = 0.0, 0.0, 0.0
-    for foot in range(3):
-        # A foot moves with the centre and, as the disk turns, across its own arm. None is slowed
-        # beyond standing still: below `slowing` friction falls linearly.
-        foot_vx, foot_vy = vx - turn * sin, vy + turn * cos
-        share = slowing / (3.0 * max(np.sqrt(foot_vx * foot_vx + foot_vy * foot_vy), slowing))
-        mean_x += share * foot_vx
-        mean_y += share * foot_vy
-        mean_turn += share * (cos * foot_vy - sin * foot_vx)
-        cos, sin = -0.5 * cos - THIRD_TURN_SIN * sin, THIRD_TURN_SIN * cos - 0.5 * sin
-    bodies[disk, VX] -= mean_x
-    bodies[disk, VY] -= mean_y
-    inertia = bodies[disk, LIGHTNESS] / bodies[disk, TURN]
-    bodies[disk, SPIN] -= mean_turn * foot_radius / inertia
+def calm_step(bodies, slowing, physics):
+    """Return the longest step [s] in which friction changes no disk's motion too much.
 
+    A disk that does not spin slides straight and slows evenly: it may stop in one step.
 
-@njit(cache=True)
-def move(bodies, disk, step, pushed, before):
-    """Move a disk on by one step [s]; return a bound on the speed of its rim [m/s]."""
-    vx, vy, spin = bodies[disk, VX], bodies[disk, VY], bodies[disk, SPIN]
-    fastest = np.sqrt(vx * vx + vy * vy) + abs(spin)
-    if fastest < STILL:
-        fastest = vx = vy = spin = 0.0
-        bodies[disk, VX] = bodies[disk, VY] = bodies[disk, SPIN] = 0.0
-    # Friction alone slows evenly: then the mean velocity is exact. A contact acts at once.
-    if not pushed:
-        vx, vy = 0.5 * (vx + before[disk, 0]), 0.5 * (vy + before[disk, 1])
-        spin = 0.5 * (spin + before[disk, 2])
-    bodies[disk, X] += step * vx
-    bodies[disk, Y] += step * vy
-    if spin != 0.0:
-        angle = step * spin / bodies[disk, RADIUS]
-        cos, sin = bodies[disk, COS], bodies[disk, SIN]
-        shrink = 1.0 - 0.5 * angle * angle
-        bodies[disk, THETA] += angle
-        bodies[disk, COS], bodies[disk, SIN] = (
-            shrink * cos - angle * sin,
-            shrink * sin + angle * cos,
-        )
-    return fastest
-
-
-@njit(cache=True)
-def advance(work, friction, physics, step):
-    """Move everything on by one step [s]; return the largest speed after it [m/s]."""
-    bodies, before = work.bodies, work.before
+    Args:
+        bodies: rows of bodies.
+        slowing: deceleration of a sliding disk [m/s^2].
+        physics: for the limits.
+    """
+    step = physics.longest_step
     for disk in range(1, bodies.shape[0]):
-        vx, vy, spin = bodies[disk, VX], bodies[disk, VY], bodies[disk, SPIN]
-        before[disk, 0], before[disk, 1], before[disk, 2] = vx, vy, spin
-        if vx != 0.0 or vy != 0.0 or spin != 0.0:
-            rub(bodies, disk, friction * physics.gravity * step, physics.foot_radius)
-    count = find_contacts(step, work)
-    solve_contacts(count, physics.tool_friction, physics.disk_friction, work)
+        stop = rim_speed(bodies, disk) / slowing
+        if stop > 0.0:
+            if bodies[disk, SPIN] != 0.0:
+                stop = max(physics.stop_share * stop, physics.stop_step)
+            step = min(step, stop)
+    return step
+
+
+@njit(cache=True)
+def move(bodies, disk, step, before):
+    """Move a disk on by one step [s] with the mean of its velocities before and after."""
+    if rim_speed(bodies, disk) < STILL:
+        bodies[disk, VX] = bodies[disk, VY] = bodies[disk, SPIN] = 0.0
+    bodies[disk, X] += step * 0.5 * (bodies[disk, VX] + before[disk, 0])
+    bodies[disk, Y] += step * 0.5 * (bodies[disk, VY] + before[disk, 1])
+    angle = step * 0.5 * (bodies[disk, SPIN] + before[disk, 2]) / bodies[disk, RADIUS]
+    if angle != 0.0:
+        cos, sin = bodies[disk, COS], bodies[disk, SIN]
+        keep = 1.0 - 0.5 * angle * angle
+        bodies[disk, TURNED] += angle
+        bodies[disk, COS], bodies[disk, SIN] = keep * cos - angle * sin, keep * sin + angle * cos
+
+
+@njit(cache=True)
+def flow(work, count, slowing, physics, step):
+    """Move everything on by one step [s]; return a bound on the speeds after it [m/s].
+
+    Args:
+        work: scratch memory with `count` contacts prepared for this step.
+        count: number of near pairs.
+        slowing: deceleration of a sliding disk [m/s^2].
+        physics: for the frictions.
+        step: duration [s].
+    """
+    bodies, before, change = work.bodies, work.before, work.change
+    for disk in range(1, bodies.shape[0]):
+        before[disk, 0], before[disk, 1] = bodies[disk, VX], bodies[disk, VY]
+        before[disk, 2] = bodies[disk, SPIN]
+        work.grip[disk] = 0.0
+        if rim_speed(bodies, disk) > 2.0 * slowing * step:
+            rub(work, disk, slowing * step, physics.foot_radius, step)
+        else:
+            work.grip[disk] = slowing * step
+            work.held[disk, 0] = work.held[disk, 1] = work.held[disk, 2] = 0.0
+    solve(count, physics, work)
     separate(count, work)
     fastest = 0.0
     for disk in range(1, bodies.shape[0]):
-        fastest = max(fastest, move(bodies, disk, step, work.pushed[disk], before))
+        move(bodies, disk, step, before)
+        change[disk, 0] = (bodies[disk, VX] - before[disk, 0]) / step
+        change[disk, 1] = (bodies[disk, VY] - before[disk, 1]) / step
+        change[disk, 2] = (bodies[disk, SPIN] - before[disk, 2]) / step
+        fastest = max(fastest, rim_speed(bodies, disk))
     return fastest
 
 
 @njit(cache=True)
-def load(disks, push, physics, work):
-    """Fill the bodies from a scene (N, 8) at rest and a push (3,)."""
-    bodies = work.bodies
-    for disk in range(disks.shape[0]):
-        body = disk + 1
-        bodies[body, X], bodies[body, Y] = disks[disk, STATE_X], disks[disk, STATE_Y]
-        bodies[body, VX] = bodies[body, VY] = bodies[body, SPIN] = 0.0
-        bodies[body, RADIUS] = disks[disk, STATE_RADIUS]
-        bodies[body, LIGHTNESS] = 1.0 / disks[disk, STATE_MASS]
-        bodies[body, TURN] = bodies[body, LIGHTNESS] / physics.inertia
-        theta = disks[disk, STATE_THETA]
-        bodies[body, THETA], bodies[body, COS], bodies[body, SIN] = 0.0, np.cos(theta), np.sin(theta)
-    offset = bodies[1, RADIUS] + physics.tool_radius + physics.clearance
-    bodies[TOOL, X] = bodies[1, X] - offset * np.cos(push[LOCATION])
-    bodies[TOOL, Y] = bodies[1, Y] - offset * np.sin(push[LOCATION])
-    bodies[TOOL, RADIUS] = physics.tool_radius
+def collide(work, count, physics):
+    """Let touching bodies that approach each other collide, without restitution, in no time."""
     work.impulses[:] = 0.0
+    work.change[:] = 0.0
+    work.grip[:] = 0.0
+    prepare_contacts(count, 0.0, work)
+    solve(count, physics, work)
 
 
 @njit(cache=True)
-def unload(disks, work):
-    """Write the bodies, at rest, back to the scene."""
-    bodies = work.bodies
-    for disk in range(disks.shape[0]):
-        body = disk + 1
-        disks[disk, STATE_X], disks[disk, STATE_Y] = bodies[body, X], bodies[body, Y]
-        if bodies[body, THETA] != 0.0:
-            theta = disks[disk, STATE_THETA] + bodies[body, THETA]
-            disks[disk, STATE_THETA] = np.pi - (np.pi - theta) % (2 * np.pi)
-        disks[disk, STATE_VELOCITY : STATE_OMEGA + 1] = 0.0
+def look_ahead(work, slowing, physics, rest):
+    """Let collide what collides now; return the number of near pairs and a good step [s].
+
+    Args:
+        work: scratch memory.
+        slowing: deceleration of a sliding disk [m/s^2].
+        physics: for the limits.
+        rest: the step ends no later than this [s].
+    """
+    step = min(rest, calm_step(work.bodies, slowing, physics))
+    count, impact, approach, turning = survey(work, step)
+    if approach > COLLISION:
+        collide(work, count, physics)
+        step = min(rest, calm_step(work.bodies, slowing, physics))
+        count, impact, approach, turning = survey(work, step)
+    step = min(step, max(impact, SHORTEST_STEP))
+    if turning * step > physics.bend:
+        step = max(physics.bend / turning, SHORTEST_STEP)
+    return count, step
 
 
 @njit(cache=True)
@@ -219,26 +164,31 @@ def touches_another(work):
 def push_scene(disks, push, friction, physics, work):
     """Carry out one push in place; say whether the tool touched a disk other than the mid."""
     load(disks, push, physics, work)
-    bodies, length = work.bodies, push[LENGTH]
+    bodies = work.bodies
     heading = push[LOCATION] + push[ANGLE]
     way_x, way_y = np.cos(heading), np.sin(heading)
     start_x, start_y = bodies[TOOL, X], bodies[TOOL, Y]
-    here = first_touch(bodies, way_x, way_y)
-    if here >= length:
+    distance = first_touch(bodies, way_x, way_y)
+    if distance >= push[LENGTH]:
         return False
-    time = time_of(here, length, physics.speed, physics.acceleration)
+    profile = make_profile(push[LENGTH], physics.speed, physics.acceleration)
+    time = time_of(profile, distance)
+    slowing = friction * physics.gravity
     touched = False
     for _ in range(MOST_STEPS):
-        step = physics.contact_step
-        there = travelled(time + step, length, physics.speed, physics.acceleration)
-        speed = (there - here) / step
-        bodies[TOOL, X], bodies[TOOL, Y] = start_x + here * way_x, start_y + here * way_y
+        speed = tool_speed(profile, time)
+        bodies[TOOL, X], bodies[TOOL, Y] = start_x + distance * way_x, start_y + distance * way_y
         bodies[TOOL, VX], bodies[TOOL, VY] = speed * way_x, speed * way_y
-        fastest = advance(work, friction, physics, step)
+        rest = until_kink(profile, time)
+        count, step = look_ahead(work, slowing, physics, rest)
         touched |= touches_another(work)
+        prepare_contacts(count, step, work)
         time += step
-        here = there
-        if fastest == 0.0 and here >= length:
+        distance, speed = travelled(profile, time), tool_speed(profile, time)
+        bodies[TOOL, VX], bodies[TOOL, VY] = speed * way_x, speed * way_y
+        fastest = flow(work, count, slowing, physics, step)
+        touched |= touches_another(work)
+        if fastest == 0.0 and time >= profile.end - 1e-9:
             break
     unload(disks, work)
     return touched
@@ -246,7 +196,10 @@ def push_scene(disks, push, friction, physics, work):
 
 @njit(cache=True, parallel=True)
 def push_scenes(scenes, pushes, friction, physics, touched):
-    """Carry out pushes (B, 3) in place on scenes (B, N, 8) with table friction (B,)."""
+    """Carry out pushes (B, 3) in place on scenes (B, N, 8) with table friction (B,).
+
+    `touched` (B,) receives whether the tool touched a disk other than the mid disk.
+    """
     batch, disks, _ = scenes.shape
     for chunk in prange((batch + CHUNK - 1) // CHUNK):
         work = make_workspace(disks)

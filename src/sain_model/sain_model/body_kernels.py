@@ -1,0 +1,115 @@
+"""The bodies of one push in the compiled planar world, and its scratch memory.
+
+Bodies are rows of one array: row 0 is the tool, which no impulse moves, row i + 1 is disk i.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from sain_core.push import LOCATION
+from sain_core.scene import MASS as STATE_MASS
+from sain_core.scene import OMEGA as STATE_OMEGA
+from sain_core.scene import RADIUS as STATE_RADIUS
+from sain_core.scene import THETA as STATE_THETA
+from sain_core.scene import VX as STATE_VX
+from sain_core.scene import X as STATE_X
+from sain_core.scene import Y as STATE_Y
+
+TOOL = 0
+# Columns of a body. `SPIN` is the speed of the rim [m/s]; 1 N s at the rim adds `TURN` to it.
+# `TURNED` is the angle turned in this push, `COS` and `SIN` are those of the heading.
+X, Y, VX, VY, SPIN, RADIUS, LIGHTNESS, TURN, TURNED, COS, SIN = range(11)
+BODY_SIZE = 11
+
+NORMAL_X, NORMAL_Y, END_X, END_Y, GAP, BIAS, NORMAL_MASS, RIM_MASS = range(8)
+CONTACT_SIZE = 8
+ALONG, ACROSS = range(2)  # columns of an impulse
+
+
+class Physics(NamedTuple):
+    """What the kernels need to know of `PlanarConfig`, as plain numbers in SI units."""
+
+    gravity: float
+    foot_radius: float
+    inertia: float
+    tool_friction: float
+    disk_friction: float
+    tool_radius: float
+    clearance: float
+    speed: float
+    acceleration: float
+    longest_step: float
+    stop_share: float
+    stop_step: float
+    bend: float
+
+
+class Workspace(NamedTuple):
+    """Scratch memory of one push. P = N (N + 1) / 2 pairs of bodies, C <= P of them near."""
+
+    bodies: np.ndarray  # (N + 1, BODY_SIZE)
+    before: np.ndarray  # (N + 1, 3) vx, vy, spin at the start of the step
+    change: np.ndarray  # (N + 1, 3) their rates of change in the last step
+    grip: np.ndarray  # (N + 1,) speed that the table can take from a slow disk [m/s]
+    held: np.ndarray  # (N + 1, 3) and what it has taken
+    pairs: np.ndarray  # (C, 3) int64: first body, second body, number of the pair
+    contacts: np.ndarray  # (C, CONTACT_SIZE)
+    impulses: np.ndarray  # (P, 2) [N s], kept from step to step
+
+
+@njit(cache=True)
+def make_workspace(disks):
+    """Return scratch memory for this many disks."""
+    pairs = disks * (disks + 1) // 2
+    return Workspace(
+        np.zeros((disks + 1, BODY_SIZE)),
+        np.zeros((disks + 1, 3)),
+        np.zeros((disks + 1, 3)),
+        np.zeros(disks + 1),
+        np.zeros((disks + 1, 3)),
+        np.empty((pairs, 3), np.int64),
+        np.empty((pairs, CONTACT_SIZE)),
+        np.zeros((pairs, 2)),
+    )
+
+
+@njit(cache=True)
+def load(disks, push, physics, work):
+    """Fill the bodies from a scene (N, 8), taken as at rest, and a push (3,)."""
+    bodies = work.bodies
+    for disk in range(disks.shape[0]):
+        body = disk + 1
+        bodies[body, X], bodies[body, Y] = disks[disk, STATE_X], disks[disk, STATE_Y]
+        bodies[body, VX] = bodies[body, VY] = bodies[body, SPIN] = 0.0
+        bodies[body, RADIUS] = disks[disk, STATE_RADIUS]
+        bodies[body, LIGHTNESS] = 1.0 / disks[disk, STATE_MASS]
+        bodies[body, TURN] = bodies[body, LIGHTNESS] / physics.inertia
+        bodies[body, TURNED] = 0.0
+        bodies[body, COS] = np.cos(disks[disk, STATE_THETA])
+        bodies[body, SIN] = np.sin(disks[disk, STATE_THETA])
+    offset = bodies[1, RADIUS] + physics.tool_radius + physics.clearance
+    bodies[TOOL, X] = bodies[1, X] - offset * np.cos(push[LOCATION])
+    bodies[TOOL, Y] = bodies[1, Y] - offset * np.sin(push[LOCATION])
+    bodies[TOOL, RADIUS] = physics.tool_radius
+    work.impulses[:] = 0.0
+    work.change[:] = 0.0
+
+
+@njit(cache=True)
+def unload(disks, work):
+    """Write the bodies, at rest, back to the scene."""
+    bodies = work.bodies
+    for disk in range(disks.shape[0]):
+        body = disk + 1
+        disks[disk, STATE_X], disks[disk, STATE_Y] = bodies[body, X], bodies[body, Y]
+        if bodies[body, TURNED] != 0.0:
+            heading = disks[disk, STATE_THETA] + bodies[body, TURNED]
+            disks[disk, STATE_THETA] = np.pi - (np.pi - heading) % (2.0 * np.pi)
+        disks[disk, STATE_VX : STATE_OMEGA + 1] = 0.0
+
+
+@njit(cache=True)
+def rim_speed(bodies, body):
+    """Return a bound on the speed of any point of a disk [m/s]."""
+    return np.sqrt(bodies[body, VX] ** 2 + bodies[body, VY] ** 2) + abs(bodies[body, SPIN])
