@@ -1,0 +1,124 @@
+"""The Panda with its stick: set to a pose, or moved along tool tips at the control rate."""
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from sain_core.config import Config, option
+from sain_sim.client import Client
+from sain_sim.kinematics import Joints, Kinematics, Tips
+from sain_sim.urdf import panda_with_stick
+
+JOINT_COUNT: Final = 7
+STICK_LINK: Final = 6  # the stick is part of the last link
+JOINT_NAMES: Final = tuple(f"panda_joint{index}" for index in range(1, JOINT_COUNT + 1))
+STOCK_TORQUE: Final = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # [N m], Franka
+REST: Final = np.zeros(JOINT_COUNT)
+
+
+@dataclass(frozen=True)
+class ArmConfig(Config):
+    """How the arm is built and controlled."""
+
+    tool_length: float = option(
+        0.22, "from the flange down to the tip", unit="m", minimum=0.15, maximum=0.4
+    )
+    gain: float = option(
+        0.6, "share of a position error undone each step", minimum=0.05, maximum=1.0
+    )
+    torque_scale: float = option(
+        20.0, "joint torque limits, as a multiple of Franka's", minimum=0.1, maximum=100.0
+    )
+
+
+class PandaModel:
+    """The robot description on disk, for as long as this object lives, and how to load it."""
+
+    def __init__(self, tool_radius: float, tool_length: float, visuals: bool = False) -> None:
+        """Write the URDF of a Panda with this stick [m]; visuals are meshes for pictures."""
+        self._folder = tempfile.TemporaryDirectory(prefix="sain-panda-")
+        self._path = Path(self._folder.name) / "panda.urdf"
+        self._path.write_text(panda_with_stick(tool_radius, tool_length, visuals))
+
+    def load(self, client: Client, base_height: float) -> int:
+        """Load the arm with its base at z = base_height [m] and return its body."""
+        flags = client.URDF_USE_IMPLICIT_CYLINDER
+        body: int = client.loadURDF(
+            str(self._path), [0.0, 0.0, base_height], useFixedBase=True, flags=flags
+        )
+        return body
+
+
+class Arm:
+    """A position-controlled Panda whose base is in the world's axis, below the table top."""
+
+    def __init__(
+        self, client: Client, body: int, kinematics: Kinematics, config: ArmConfig, time_step: float
+    ) -> None:
+        """Control a loaded arm, by commands that hold for one time_step [s] each."""
+        self._client = client
+        self._time_step = time_step
+        self._torques = (config.torque_scale * STOCK_TORQUE).tolist()
+        self._gains = [config.gain] * JOINT_COUNT
+        self.body = body
+        self.kinematics = kinematics
+        self.target = REST
+
+    def set_friction(self, value: float) -> None:
+        """Set the stick's friction coefficient as Bullet multiplies it."""
+        self._client.changeDynamics(
+            self.body, STICK_LINK, lateralFriction=value, restitution=0.0, rollingFriction=0.0
+        )
+
+    def place(self, joints: Joints) -> None:
+        """Set the arm to joints (7,) at once, at rest, and hold it there."""
+        for joint, value in enumerate(joints.tolist()):
+            self._client.resetJointState(self.body, joint, value, 0.0)
+        self.hold(joints)
+
+    def hold(self, joints: Joints) -> None:
+        """Command the arm to rest at joints (7,)."""
+        self._control(joints, REST)
+        self.target = joints
+
+    def follow(self, joints: Joints) -> Iterator[int]:
+        """Command one step towards each of joints (T, 7) after the first; the caller steps.
+
+        The motors get the angle of now and the speed that leads to the next: a feed-forward
+        that leaves the gain only disturbances to undo.
+        """
+        speeds = np.diff(joints, axis=0) / self._time_step  # (T - 1, 7)
+        for step, speed in enumerate(speeds):
+            self._control(joints[step], speed)
+            self.target = joints[step + 1]
+            yield step
+        self.hold(joints[-1])
+
+    def _control(self, joints: Joints, speeds: Joints) -> None:
+        self._client.setJointMotorControlArray(
+            self.body,
+            range(JOINT_COUNT),
+            self._client.POSITION_CONTROL,
+            targetPositions=joints.tolist(),
+            targetVelocities=speeds.tolist(),
+            forces=self._torques,
+            positionGains=self._gains,
+            velocityGains=[1.0] * JOINT_COUNT,
+        )
+
+    def joint_states(self) -> tuple[Joints, Joints]:
+        """Return the joint angles (7,) [rad] and speeds (7,) [rad/s]."""
+        states = self._client.getJointStates(self.body, range(JOINT_COUNT))
+        return np.array([s[0] for s in states]), np.array([s[1] for s in states])
+
+    def tip(self) -> Tips:
+        """Return where the tool's tip is, (3,) [m]."""
+        return self.kinematics.tips(self.joint_states()[0])
+
+    def commanded_tip(self) -> Tips:
+        """Return where the tool's tip was last told to be, (3,) [m]."""
+        return self.kinematics.tips(self.target)

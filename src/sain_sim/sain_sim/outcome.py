@@ -1,0 +1,86 @@
+"""What a push is to the world, what it shows while it runs and what it ends in."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.push import LENGTH, PushLimits, push_direction, tool_end, tool_start
+from sain_core.types import Mask, PushArray, Scene
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """The tool's way in the world: a straight line from start (2,) to end (2,) [m]."""
+
+    start: Float[ndarray, "2"]
+    end: Float[ndarray, "2"]
+    heading: float
+
+    @classmethod
+    def of_push(cls, scene: Scene, push: PushArray, limits: PushLimits) -> "Stroke":
+        """Return the way that a push (3,) means in a scene (N, 8)."""
+        heading = float(push_direction(push))
+        return cls(tool_start(scene, push, limits), tool_end(scene, push, limits), heading)
+
+    @property
+    def length(self) -> float:
+        """The tool's travel [m]."""
+        return float(np.linalg.norm(self.end - self.start))
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The world at one control step, for those who watch.
+
+    Attributes:
+        time: simulated time [s]; never goes back, also over a reset.
+        joint_positions: (7,) [rad].
+        joint_velocities: (7,) [rad/s].
+        tool: where the tip is, (3,) [m].
+        commanded_tool: where the tip was told to be, (3,) [m].
+        scene: the disks, (N, 8).
+        phase: "approach", "push", "settle", "lift" or "rest".
+    """
+
+    time: float
+    joint_positions: Float[ndarray, "7"]
+    joint_velocities: Float[ndarray, "7"]
+    tool: Float[ndarray, "3"]
+    commanded_tool: Float[ndarray, "3"]
+    scene: Scene
+    phase: str
+
+
+Observer = Callable[[Sample], None]
+
+
+@dataclass(frozen=True)
+class PushOutcome:
+    """A push that was carried out.
+
+    Attributes:
+        before: the scene (N, 8) that it started from.
+        after: the scene (N, 8) that it ended in, with the velocities as observed.
+        duration: simulated time it took [s].
+        settled: False when the disks still moved after the longest allowed wait.
+        fallen: (N,) which disks are no longer on the table.
+    """
+
+    before: Scene
+    after: Scene
+    duration: float
+    settled: bool
+    fallen: Mask
+
+    @property
+    def off_table(self) -> bool:
+        """Whether any disk fell off the table."""
+        return bool(self.fallen.any())
+
+
+def is_idle(push: PushArray) -> bool:
+    """Tell whether a push has no length: it moves nothing."""
+    return bool(push[LENGTH] == 0.0)

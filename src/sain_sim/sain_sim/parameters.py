@@ -1,0 +1,107 @@
+"""What differs from world to world: masses, radii, shapes and friction.
+
+Numbers from the paper, section III-A; it gives one friction coefficient and we read it as the
+one between disks and table. Rims and tool keep its nominal value.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+
+from sain_core.config import Config, option
+from sain_core.errors import ConfigError
+from sain_core.scene import MASS, RADIUS, make_scene
+from sain_core.types import Points, Scene
+
+NOMINAL_MASS: Final = 8.0  # [kg]
+NOMINAL_RADII: Final = (0.08, 0.06)  # [m], mid disk and target
+NOMINAL_FRICTION: Final = 0.12
+MASS_RANGE: Final = (7.0, 9.0)  # [kg]
+RADIUS_RANGES: Final = ((0.075, 0.085), (0.055, 0.065))  # [m]
+FRICTION_RANGE: Final = (0.08, 0.20)
+
+THREE_FEET: Final = "three_feet"  # a disk on three small spheres: sound contact with the table
+FLAT: Final = "flat"  # a plain cylinder, as in the paper
+CUBE: Final = "cube"  # as wide as the disk it replaces
+SHAPES: Final = (THREE_FEET, FLAT, CUBE)
+
+
+@dataclass(frozen=True)
+class WorldParameters(Config):
+    """The physical parameters of a world with N disks, the mid disk first."""
+
+    masses: tuple[float, ...] = option(
+        (NOMINAL_MASS, NOMINAL_MASS), "masses", unit="kg", minimum=0.1, maximum=100.0
+    )
+    radii: tuple[float, ...] = option(
+        NOMINAL_RADII, "radii (half the width of a cube)", unit="m", minimum=0.02, maximum=0.2
+    )
+    shapes: tuple[str, ...] = option((THREE_FEET, THREE_FEET), f"each one of {SHAPES}")
+    friction: float = option(
+        NOMINAL_FRICTION, "friction with the table", minimum=0.005, maximum=1.5
+    )
+    rim_friction: float = option(
+        NOMINAL_FRICTION, "friction between disks", minimum=0.005, maximum=1.5
+    )
+    tool_friction: float = option(
+        NOMINAL_FRICTION, "friction of the tool on a disk", minimum=0.0, maximum=1.5
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that they are about the same disks."""
+        super().__post_init__()
+        counts = {len(self.masses), len(self.radii), len(self.shapes)}
+        if len(counts) > 1 or min(counts) < 2:
+            raise ConfigError(
+                f"WorldParameters has {len(self.masses)} masses, {len(self.radii)} radii and"
+                f" {len(self.shapes)} shapes; it needs one of each for every disk, 2 or more"
+            )
+        for shape in self.shapes:
+            if shape not in SHAPES:
+                raise ConfigError(f"shape is {shape!r}; allowed: {', '.join(SHAPES)}")
+
+    @property
+    def count(self) -> int:
+        """The number of disks N."""
+        return len(self.masses)
+
+    def scene(self, positions: Points, headings: Points | None = None) -> Scene:
+        """Return the scene (N, 8) at rest with these disks at positions (N, 2) [m]."""
+        return make_scene(positions, np.array(self.masses), np.array(self.radii), headings)
+
+    @classmethod
+    def of_scene(
+        cls,
+        scene: Scene,
+        friction: float = NOMINAL_FRICTION,
+        shapes: tuple[str, ...] | None = None,
+    ) -> Self:
+        """Return parameters with the masses and radii of a scene (N, 8)."""
+        return cls(
+            masses=tuple(scene[:, MASS].tolist()),
+            radii=tuple(scene[:, RADIUS].tolist()),
+            shapes=shapes or (THREE_FEET,) * len(scene),
+            friction=friction,
+        )
+
+
+def nominal_parameters(count: int = 2, shape: str = THREE_FEET) -> WorldParameters:
+    """Return the paper's nominal world with N = count disks; further disks are like the target."""
+    return WorldParameters(
+        masses=(NOMINAL_MASS,) * count,
+        radii=tuple(NOMINAL_RADII[min(disk, 1)] for disk in range(count)),
+        shapes=(shape,) * count,
+    )
+
+
+def sample_parameters(
+    generator: np.random.Generator, count: int = 2, shape: str = THREE_FEET
+) -> WorldParameters:
+    """Draw the paper's randomised world with N = count disks; further ones like the target."""
+    return WorldParameters(
+        masses=tuple(generator.uniform(*MASS_RANGE, count).tolist()),
+        radii=tuple(float(generator.uniform(*RADIUS_RANGES[min(i, 1)])) for i in range(count)),
+        shapes=(shape,) * count,
+        friction=float(generator.uniform(*FRICTION_RANGE)),
+    )

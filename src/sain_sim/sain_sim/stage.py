@@ -1,0 +1,119 @@
+"""The disks and what they stand on, as Bullet bodies."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from sain_core.scene import (
+    OMEGA,
+    SETTLED_SPEED,
+    SETTLED_SPIN,
+    STATE_SIZE,
+    VX,
+    VY,
+    Table,
+)
+from sain_core.types import Mask, Scene
+from sain_sim.client import Client
+from sain_sim.disks import COLORS, BodyState, Disk
+from sain_sim.parameters import WorldParameters
+
+TABLE_COLOR: Final = (0.87, 0.84, 0.79, 1.0)
+FLOOR_COLOR: Final = (0.93, 0.94, 0.95, 1.0)
+FLOOR_SIZE: Final = 3.0  # [m], half its side
+FLOOR_THICKNESS: Final = 0.05  # [m]
+FALLEN_HEIGHT: Final = -0.01  # [m], a disk whose middle is lower has left the table
+
+
+class Stage:
+    """Table, floor and disks of one world.
+
+    Bullet multiplies the friction coefficients of two bodies. Those of the single bodies are
+    chosen so that the products are what the parameters say of table, rims and tool.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        parameters: WorldParameters,
+        table: Table,
+        states: Sequence[BodyState],
+    ) -> None:
+        """Build everything in an empty client, the disks in the states (N of them) given."""
+        self._client = client
+        self._columns = np.array([parameters.masses, parameters.radii]).T  # (N, 2)
+        friction = parameters.rim_friction**0.5  # of a disk alone
+        self.tool_friction = parameters.tool_friction / friction
+        self.table = self._build_table(table, parameters.friction / friction)
+        self.floor = self._build_floor(table)
+        kinds = zip(parameters.shapes, parameters.masses, parameters.radii, strict=True)
+        self.disks = [
+            Disk(client, kind, state, friction, COLORS[index % len(COLORS)])
+            for index, (kind, state) in enumerate(zip(kinds, states, strict=True))
+        ]
+
+    def states(self) -> list[BodyState]:
+        """Return everything there is to know of the disks."""
+        return [disk.state() for disk in self.disks]
+
+    def _build_table(self, table: Table, friction: float) -> int:
+        """Build the table top as a box that reaches down to the floor."""
+        half = [
+            (table.x_max - table.x_min) / 2,
+            (table.y_max - table.y_min) / 2,
+            max(table.height, FLOOR_THICKNESS) / 2,
+        ]
+        middle = [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2, -half[2]]
+        body = _box(self._client, half, middle, TABLE_COLOR)
+        self._client.changeDynamics(body, -1, lateralFriction=friction, restitution=0.0)
+        return body
+
+    def _build_floor(self, table: Table) -> int:
+        """Build the floor at the height of the arm's base; it catches what falls."""
+        drop = max(table.height, FLOOR_THICKNESS)
+        half = [FLOOR_SIZE, FLOOR_SIZE, FLOOR_THICKNESS / 2]
+        body = _box(self._client, half, [0.0, 0.0, -drop - FLOOR_THICKNESS / 2], FLOOR_COLOR)
+        self._client.changeDynamics(body, -1, lateralFriction=1.0, restitution=0.0)
+        return body
+
+    def observe(self) -> Scene:
+        """Return the disks' states (N, 8) as Bullet has them."""
+        scene = np.empty((len(self.disks), STATE_SIZE))
+        for row, disk, columns in zip(scene, self.disks, self._columns, strict=True):
+            state = disk.state()
+            heading = self._client.getEulerFromQuaternion(state.orientation)[2]
+            row[:] = *state.position[:2], heading, *state.velocity[:2], state.spin[2], *columns
+        return scene
+
+    def fallen(self) -> Mask:
+        """Tell which disks (N,) have left the table."""
+        return np.array([disk.state().position[2] < FALLEN_HEIGHT for disk in self.disks])
+
+    def still(self) -> bool:
+        """Tell whether every disk on the table is settled; what fell off does not count."""
+        scene = self.observe()
+        slow = np.hypot(scene[:, VX], scene[:, VY]) < SETTLED_SPEED
+        slow &= np.abs(scene[:, OMEGA]) < SETTLED_SPIN
+        return bool((slow | self.fallen()).all())
+
+    def touches_other(self, body: int, link: int) -> int | None:
+        """Return the first disk but the mid disk that a body's link touches, if any."""
+        for index, disk in enumerate(self.disks[1:], start=1):
+            for contact in self._client.getContactPoints(body, disk.body, link):
+                distance, force = contact[8], contact[9]
+                if distance <= 0.0 or force > 0.0:
+                    return index
+        return None
+
+
+def _box(client: Client, half: list[float], middle: list[float], color: tuple[float, ...]) -> int:
+    body: int = client.createMultiBody(
+        baseMass=0.0,
+        baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_BOX, halfExtents=half),
+        baseVisualShapeIndex=client.createVisualShape(
+            client.GEOM_BOX, halfExtents=half, rgbaColor=color, specularColor=[0.05, 0.05, 0.05]
+        ),
+        basePosition=middle,
+    )
+    return body

@@ -1,0 +1,89 @@
+"""Turns the stock Panda of ``pybullet_data`` into a Panda that holds a stick.
+
+Hand, closed fingers and stick become part of the last link, so the arm has seven links and
+seven joints and nothing else. Only the stick collides: nothing else of the arm comes lower
+than 0.1 m over the table, and disks are 0.04 m high.
+"""
+
+import xml.etree.ElementTree as ElementTree
+from math import pi
+from pathlib import Path
+from typing import Final
+
+import pybullet_data
+
+from sain_sim.kinematics import FLANGE_DROP
+
+PANDA_FOLDER: Final = Path(pybullet_data.getDataPath()) / "franka_panda"
+LAST_LINK: Final = "panda_link7"
+KEPT_LINKS: Final = tuple(f"panda_link{index}" for index in range(8))
+KEPT_JOINTS: Final = tuple(f"panda_joint{index}" for index in range(1, 8))
+STICK_COLOR: Final = "0.13 0.14 0.17 1"
+HAND_COLOR: Final = "0.93 0.93 0.93 1"
+
+# link 7 (0.2 kg), hand (0.81 kg), two fingers (0.1 kg each) and stick (0.1 kg), stock URDF
+END_MASS: Final = 1.31  # [kg]
+END_CENTRE: Final = 0.15  # [m], their centre of mass along the flange's axis
+END_INERTIA: Final = 0.1  # [kg m^2], what the stock URDF says of each link
+FINGER_DROP: Final = 0.0584  # [m], from hand to finger, stock URDF
+
+
+def panda_with_stick(radius: float, length: float, visuals: bool) -> str:
+    """Return the URDF of a Panda with a stick of this radius and length [m] below its flange.
+
+    Args:
+        radius: radius of the stick [m].
+        length: from the flange to the tip [m].
+        visuals: keep the meshes that only pictures need; without them a world builds faster.
+    """
+    robot = ElementTree.parse(PANDA_FOLDER / "panda.urdf").getroot()
+    for tag, kept in (("link", KEPT_LINKS), ("joint", KEPT_JOINTS)):
+        for part in robot.findall(tag):
+            if part.get("name") not in kept:
+                robot.remove(part)
+    for link in robot.findall("link"):
+        _remove(link, "collision")
+        if link.get("name") == LAST_LINK:
+            _extend_last_link(link, radius, length)
+        if not visuals:
+            _remove(link, "visual")
+    for mesh in robot.iter("mesh"):
+        mesh.set("filename", mesh.get("filename", "").replace("package://", f"{PANDA_FOLDER}/"))
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _remove(parent: ElementTree.Element, tag: str) -> None:
+    for child in parent.findall(tag):
+        parent.remove(child)
+
+
+def _extend_last_link(link: ElementTree.Element, radius: float, length: float) -> None:
+    """Replace the last link's inertia and add hand, fingers and stick to it."""
+    _remove(link, "inertial")
+    finger = FLANGE_DROP + FINGER_DROP
+    stick = f'<geometry><cylinder radius="{radius}" length="{length}"/></geometry>'
+    middle = f'<origin xyz="0 0 {FLANGE_DROP + length / 2}"/>'
+    side = radius / 2**0.5  # the hand is turned by 45 degrees about the flange's axis
+    parts = ElementTree.fromstring(f"""<parts>
+      <inertial>
+        <origin xyz="0 0 {END_CENTRE}"/><mass value="{END_MASS}"/>
+        <inertia ixx="{END_INERTIA}" ixy="0" ixz="0" iyy="{END_INERTIA}" iyz="0"
+                 izz="{END_INERTIA}"/>
+      </inertial>
+      {_mesh("hand", (0.0, 0.0, FLANGE_DROP), -pi / 4)}
+      {_mesh("finger", (side, side, finger), -pi / 4)}
+      {_mesh("finger", (-side, -side, finger), 3 * pi / 4)}
+      <visual>{middle}{stick}
+        <material name="stick"><color rgba="{STICK_COLOR}"/></material></visual>
+      <collision>{middle}{stick}</collision>
+    </parts>""")
+    link.extend(parts)
+
+
+def _mesh(name: str, position: tuple[float, float, float], yaw: float) -> str:
+    x, y, z = position
+    return f"""<visual>
+        <origin xyz="{x} {y} {z}" rpy="0 0 {yaw}"/>
+        <geometry><mesh filename="package://meshes/visual/{name}.obj"/></geometry>
+        <material name="hand"><color rgba="{HAND_COLOR}"/></material>
+      </visual>"""
