@@ -1,6 +1,7 @@
 # Sourced by tools/setup.sh: background jobs that are watched, shown, ended together and explained when
 # they fail. One moving line in a terminal, plain lines elsewhere; everything on stderr.
-# shellcheck shell=bash disable=SC2154  # logs is set by setup.sh, which also has percent_done and abandon
+# setup.sh sets logs and usual_seconds, and has percent_done and abandon.
+# shellcheck shell=bash disable=SC2154
 
 if [[ -t 2 && ${TERM:-dumb} != dumb ]]; then moving=yes; else moving=""; fi
 if [[ ${LC_ALL:-${LC_CTYPE:-${LANG:-}}} == *[Uu][Tt][Ff]* ]]; then tick="✓"; else tick="ok"; fi
@@ -23,19 +24,25 @@ clear_line() { [[ ! $moving ]] || printf '\r\033[K' >&2; }
 
 # What is going on, how long it took so far and about how long it still takes.
 show_progress() {
-  local percent name what="" left="" columns
+  local percent name what="" told
   percent=$(percent_done)
   for name in "${!job_pid[@]}"; do what+="${what:+, }${job_label[$name]}"; done
-  ((percent < 8)) || left=", about $((SECONDS * (100 - percent) / percent + 1)) s left"
+  told="$percent %  $SECONDS s, about $(seconds_left "$percent") s left"
   if [[ $moving ]]; then
-    columns=$(tput cols 2>/dev/null || echo 80)
-    what="    $percent %  $SECONDS s$left  $what"
+    what="    $told  $what"
     clear_line
-    paint 2 "${what:0:columns-1}" >&2
+    paint 2 "${what:0:$(tput cols 2>/dev/null || echo 80)-1}" >&2
   elif ((SECONDS >= last_told + 20)); then
     last_told=$SECONDS
-    say "    $percent %  $SECONDS s$left"
+    say "    $told"
   fi
+}
+
+# What is usual counts at first, and from half-way on only how fast it really goes. In steps of five seconds.
+seconds_left() { # PERCENT
+  local trust=$(($1 < 50 ? 2 * $1 : 100)) total
+  total=$((($1 ? trust * SECONDS / $1 : 0) + (100 - trust) * usual_seconds / 100))
+  echo $((total > SECONDS + 5 ? (total - SECONDS + 4) / 5 * 5 : 5))
 }
 
 # --- jobs ---------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ source "$root/tools/jobs.sh"
 source "$root/tools/activation.sh"
 
 set_up() {
-  local makes_environment="" package_count
+  local makes_environment="" usual_seconds=25 package_count
   require_usable_path
   require_compilers
   find_python
@@ -24,6 +24,7 @@ set_up() {
   package_count=$(find "$root/src" -mindepth 2 -maxdepth 2 -name package.xml | wc -l)
   if ! environment_is_ready; then
     makes_environment=yes
+    usual_seconds=75
     say "$(paint 1 "Setting up SAIN") in $venv, once: about a minute, most of it downloads."
     install_packages
   fi

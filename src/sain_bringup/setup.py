@@ -1,4 +1,5 @@
-from glob import glob
+
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
@@ -15,8 +16,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
-        (f"share/{package_name}/launch", sorted(glob("launch/*.launch.py"))),
-        (f"share/{package_name}/config", sorted(glob("config/*.yaml"))),
+        (f"share/{package_name}/launch", sorted(map(str, Path("launch").glob("*.launch.py")))),
+        (f"share/{package_name}/config", sorted(map(str, Path("config").glob("*.yaml")))),
     ],
     install_requires=["numpy"],
     zip_safe=False,

@@ -1,0 +1,39 @@
+# Everything runs inside the workspace's environment, which ./env sets up on first use.
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint format bench table clean
+
+SHELL_SCRIPTS := env .ci/run tools/recipe.sh tools/setup.sh tools/jobs.sh tools/activation.sh docker/entrypoint.sh
+
+help: ## this list
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-8s %s\n", $$1, $$2 }'
+	@echo "  ./env CMD     any command inside the environment, for example ./env ros2 pkg executables"
+
+demo: ## the closed loop on the whole graph, headless: a few episodes, a bag and a picture
+	@./env ros2 run sain_bringup closed_loop $(ARGS)
+
+test: ## every test; a part of them with ARGS="tests/sain_core -k wrap"
+	@./env pytest $(ARGS)
+
+lint: ## style, types, import boundaries, shell scripts, Docker files
+	@./env ruff check
+	@./env ruff format --check
+	@./env mypy
+	@./env lint-imports --no-logo
+	@./env shellcheck --external-sources $(SHELL_SCRIPTS)
+	@./env hadolint docker/Dockerfile
+	@./env check-jsonschema --builtin-schema vendor.compose-spec docker/compose.yaml
+
+format: ## rewrites the Python code in the project's format
+	@./env ruff check --fix
+	@./env ruff format
+
+bench: ## timings beside those of peers
+	@./env python -m benchmarks $(ARGS)
+
+table: ## the paper's table
+	@./env ros2 run sain_eval evaluate --table $(ARGS)
+
+clean: ## removes the environment and all that was built; bags stay
+	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log
+	rm -rf .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
