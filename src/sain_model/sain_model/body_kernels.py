@@ -6,7 +6,7 @@ Bodies are rows of one array: row 0 is the tool, which no impulse moves, row i +
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
 from sain_core.push import LOCATION
 from sain_core.scene import MASS as STATE_MASS
 from sain_core.scene import OMEGA as STATE_OMEGA
@@ -15,6 +15,7 @@ from sain_core.scene import THETA as STATE_THETA
 from sain_core.scene import VX as STATE_VX
 from sain_core.scene import X as STATE_X
 from sain_core.scene import Y as STATE_Y
+from sain_model.compiling import compiled
 
 TOOL = 0
 # Columns of a body. `SPIN` is the speed of the rim [m/s]; 1 N s at the rim adds `TURN` to it.
@@ -58,7 +59,7 @@ class Workspace(NamedTuple):
     impulses: np.ndarray  # (P, 2) [N s], kept from step to step
 
 
-@njit(cache=True)
+@compiled
 def make_workspace(disks):
     """Return scratch memory for this many disks."""
     pairs = disks * (disks + 1) // 2
@@ -74,7 +75,7 @@ def make_workspace(disks):
     )
 
 
-@njit(cache=True)
+@compiled
 def load(disks, push, physics, work):
     """Fill the bodies from a scene (N, 8), taken as at rest, and a push (3,)."""
     bodies = work.bodies
@@ -96,7 +97,7 @@ def load(disks, push, physics, work):
     work.change[:] = 0.0
 
 
-@njit(cache=True)
+@compiled
 def unload(disks, work):
     """Write the bodies, at rest, back to the scene."""
     bodies = work.bodies
@@ -109,7 +110,7 @@ def unload(disks, work):
         disks[disk, STATE_VX : STATE_OMEGA + 1] = 0.0
 
 
-@njit(cache=True)
+@compiled
 def rim_speed(bodies, body):
     """Return a bound on the speed of any point of a disk [m/s]."""
     return np.sqrt(bodies[body, VX] ** 2 + bodies[body, VY] ** 2) + abs(bodies[body, SPIN])

@@ -5,7 +5,6 @@ solver does, warm-started from the step before.
 """
 
 import numpy as np
-from numba import njit
 
 from sain_model.body_kernels import (
     ACROSS,
@@ -28,18 +27,19 @@ from sain_model.body_kernels import (
     X,
     Y,
 )
+from sain_model.compiling import compiled
 from sain_model.table_kernels import hold
 
 SWEEPS = 30  # most sweeps over the contacts in one step
-CONVERGED = 1e-5  # [m/s], change of relative velocities in the last sweep
+CONVERGED = 1e-4  # [m/s], change of relative velocities in the last sweep
 NEAR = 0.005  # [m], a pair further apart is looked at again in the next step
-WARM_START = 0.9  # share of the last step's impulses to begin from
+WARM_START = 1.0  # share of the last step's impulses to begin from
 PUSH_OUT = 0.3  # share of an overlap that one step undoes, without giving speed
 TOUCHING = 1e-5  # [m], a gap as small as this is none
 TINY = 1e-12  # [m], keeps the normal of concentric disks finite
 
 
-@njit(cache=True)
+@compiled
 def survey(work, horizon):
     """Look at all pairs of bodies as they stand and move.
 
@@ -84,7 +84,7 @@ def survey(work, horizon):
     return count, impact, approach, turning
 
 
-@njit(cache=True)
+@compiled
 def prepare_contacts(count, step, work):
     """Set up the near pairs for a step [s], or for a collision when the step is 0."""
     bodies, contacts = work.bodies, work.contacts
@@ -112,7 +112,7 @@ def prepare_contacts(count, step, work):
         contacts[index, RIM_MASS] = 1.0 / (lightness + turn)
 
 
-@njit(cache=True)
+@compiled
 def solve(count, physics, work):
     """Find the impulses that keep all near pairs apart, with Coulomb friction; apply them.
 
@@ -136,7 +136,7 @@ def solve(count, physics, work):
             break
 
 
-@njit(cache=True)
+@compiled
 def _solve_one(work, index, physics):
     """Correct the impulse of one contact; return the change of velocity it made [m/s]."""
     bodies, contacts, impulses = work.bodies, work.contacts, work.impulses
@@ -159,7 +159,7 @@ def _solve_one(work, index, physics):
     return max(abs(along), abs(across)) / mass
 
 
-@njit(cache=True)
+@compiled
 def _apply(work, index, along, across):
     """Give both bodies of a contact an impulse along its normal and across it [N s]."""
     bodies, contacts = work.bodies, work.contacts
@@ -174,7 +174,7 @@ def _apply(work, index, along, across):
     bodies[first, SPIN] -= across * bodies[first, TURN]
 
 
-@njit(cache=True)
+@compiled
 def separate(count, work):
     """Move overlapping bodies apart by a share of their overlap, without giving them speed."""
     bodies, contacts = work.bodies, work.contacts

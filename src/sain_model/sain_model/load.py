@@ -1,7 +1,6 @@
 """Dynamics by name: what command lines, parameters and nodes say when they mean a model."""
 
 from sain_core.dynamics import Dynamics, IdentityPrior
-
 from sain_model.planar import PlanarPrior
 
 

@@ -7,12 +7,12 @@ mass and radius that the scene states and, unless told better, the nominal frict
 from dataclasses import dataclass
 
 import numpy as np
+
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError
 from sain_core.push import PUSH_SIZE, TOOL_RADIUS
 from sain_core.scene import POSITION, STATE_SIZE, TARGET
 from sain_core.types import Mask, Pushes, Scalars, Scenes
-
 from sain_model.body_kernels import Physics
 from sain_model.planar_kernels import push_scenes
 
@@ -39,19 +39,22 @@ class PlanarConfig(Config):
     )
     speed: float = option(0.2, "of the tool", unit="m/s", minimum=0.01, maximum=2.0)
     acceleration: float = option(4.0, "of the tool", unit="m/s^2", minimum=0.1, maximum=50.0)
-    longest_step: float = option(
-        0.05, "longest time step", unit="s", minimum=1e-4, maximum=0.1
-    )
+    longest_step: float = option(0.05, "longest time step", unit="s", minimum=1e-4, maximum=0.1)
     stop_share: float = option(
-        0.3, "longest step of a spinning disk, share of the time it takes to stop",
-        minimum=0.001, maximum=0.5,
+        0.35,
+        "longest step of a spinning disk, share of the time it takes to stop",
+        minimum=0.001,
+        maximum=0.5,
     )
     stop_step: float = option(
         1 / 120, "a disk about to stop needs no shorter steps", unit="s", minimum=1e-4, maximum=0.05
     )
     bend: float = option(
-        0.1, "most that the normal of a pressing contact turns in a step", unit="rad",
-        minimum=1e-3, maximum=0.3,
+        0.1,
+        "most that the normal of a pressing contact turns in a step",
+        unit="rad",
+        minimum=1e-3,
+        maximum=0.3,
     )
 
     def physics(self) -> Physics:
@@ -92,8 +95,11 @@ class PlanarPrior:
         after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
         touched = np.zeros(batch, dtype=bool)
         push_scenes(
-            after, np.ascontiguousarray(pushes), np.ascontiguousarray(friction),
-            self._physics, touched,
+            after,
+            np.ascontiguousarray(pushes),
+            np.ascontiguousarray(friction),
+            self._physics,
+            touched,
         )
         predicted = np.empty_like(after)
         np.put_along_axis(predicted, order, after, axis=1)

@@ -5,9 +5,9 @@ what happens allows: to the next collision, to a kink in the tool's speed, to wh
 """
 
 import numpy as np
-from numba import njit, prange
-from sain_core.push import ANGLE, LENGTH, LOCATION
+from numba import prange
 
+from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_model.body_kernels import (
     ALONG,
     COS,
@@ -25,6 +25,7 @@ from sain_model.body_kernels import (
     rim_speed,
     unload,
 )
+from sain_model.compiling import compiled, compiled_parallel
 from sain_model.contact_kernels import prepare_contacts, separate, solve, survey
 from sain_model.table_kernels import rub
 from sain_model.tool_kernels import make_profile, time_of, tool_speed, travelled, until_kink
@@ -36,7 +37,7 @@ SHORTEST_STEP = 2e-4  # [s]
 MOST_STEPS = 5000  # far beyond any push; keeps a wrong parameter from running for ever
 
 
-@njit(cache=True)
+@compiled
 def first_touch(bodies, way_x, way_y):
     """Return how far [m] the tool travels until it touches any disk; infinite if never."""
     nearest = np.inf
@@ -50,7 +51,7 @@ def first_touch(bodies, way_x, way_y):
     return nearest
 
 
-@njit(cache=True)
+@compiled
 def calm_step(bodies, slowing, physics):
     """Return the longest step [s] in which friction changes no disk's motion too much.
 
@@ -71,7 +72,7 @@ def calm_step(bodies, slowing, physics):
     return step
 
 
-@njit(cache=True)
+@compiled
 def move(bodies, disk, step, before):
     """Move a disk on by one step [s] with the mean of its velocities before and after."""
     if rim_speed(bodies, disk) < STILL:
@@ -86,7 +87,7 @@ def move(bodies, disk, step, before):
         bodies[disk, COS], bodies[disk, SIN] = keep * cos - angle * sin, keep * sin + angle * cos
 
 
-@njit(cache=True)
+@compiled
 def flow(work, count, slowing, physics, step):
     """Move everything on by one step [s]; return a bound on the speeds after it [m/s].
 
@@ -119,7 +120,7 @@ def flow(work, count, slowing, physics, step):
     return fastest
 
 
-@njit(cache=True)
+@compiled
 def collide(work, count, physics):
     """Let touching bodies that approach each other collide, without restitution, in no time."""
     work.impulses[:] = 0.0
@@ -129,7 +130,7 @@ def collide(work, count, physics):
     solve(count, physics, work)
 
 
-@njit(cache=True)
+@compiled
 def look_ahead(work, slowing, physics, rest):
     """Let collide what collides now; return the number of near pairs and a good step [s].
 
@@ -151,7 +152,7 @@ def look_ahead(work, slowing, physics, rest):
     return count, step
 
 
-@njit(cache=True)
+@compiled
 def touches_another(work):
     """Say whether the tool presses on a disk other than the mid disk."""
     for disk in range(2, work.bodies.shape[0]):
@@ -160,7 +161,7 @@ def touches_another(work):
     return False
 
 
-@njit(cache=True)
+@compiled
 def push_scene(disks, push, friction, physics, work):
     """Carry out one push in place; say whether the tool touched a disk other than the mid."""
     load(disks, push, physics, work)
@@ -194,7 +195,7 @@ def push_scene(disks, push, friction, physics, work):
     return touched
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def push_scenes(scenes, pushes, friction, physics, touched):
     """Carry out pushes (B, 3) in place on scenes (B, N, 8) with table friction (B,).
 

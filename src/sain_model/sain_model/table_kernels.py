@@ -1,15 +1,15 @@
 """Friction between disks and table, compiled: Coulomb's law under three feet."""
 
 import numpy as np
-from numba import njit
 
 from sain_model.body_kernels import COS, LIGHTNESS, SIN, SPIN, TURN, VX, VY
+from sain_model.compiling import compiled
 
 FEET = 3
 THIRD_TURN_COS, THIRD_TURN_SIN = -0.5, 0.8660254037844386  # of 120 degrees
 
 
-@njit(cache=True)
+@compiled
 def rub(work, disk, slowing, foot_radius, step):
     """Slow a sliding disk down by the friction of one step.
 
@@ -53,7 +53,7 @@ def rub(work, disk, slowing, foot_radius, step):
     bodies[disk, SPIN] -= turn_of_force * mean_turn / FEET
 
 
-@njit(cache=True)
+@compiled
 def hold(work, disk, turn_grip):
     """Let the table hold a slow disk back as far as friction can, against what pushes it.
 

@@ -3,7 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from sain_model.compiling import compiled
 
 
 class Profile(NamedTuple):
@@ -15,14 +16,14 @@ class Profile(NamedTuple):
     end: float  # [s]
 
 
-@njit(cache=True)
+@compiled
 def make_profile(length, speed, acceleration):
     """Return the fastest profile over a length > 0 [m] within a speed and an acceleration."""
     ramp = min(speed / acceleration, np.sqrt(length / acceleration))
     return Profile(length, acceleration, ramp, ramp + length / (acceleration * ramp))
 
 
-@njit(cache=True)
+@compiled
 def travelled(profile, time):
     """Return how far [m] the tool has come."""
     if time >= profile.end:
@@ -34,13 +35,13 @@ def travelled(profile, time):
     return profile.length - 0.5 * profile.acceleration * (profile.end - time) ** 2
 
 
-@njit(cache=True)
+@compiled
 def tool_speed(profile, time):
     """Return how fast [m/s] the tool moves."""
     return profile.acceleration * max(min(time, profile.ramp, profile.end - time), 0.0)
 
 
-@njit(cache=True)
+@compiled
 def time_of(profile, distance):
     """Return when [s] the tool has come this far [m]: the inverse of `travelled`."""
     ramp_length = 0.5 * profile.acceleration * profile.ramp**2
@@ -52,7 +53,7 @@ def time_of(profile, distance):
     return profile.end - np.sqrt(2.0 * left / profile.acceleration)
 
 
-@njit(cache=True)
+@compiled
 def until_kink(profile, time):
     """Return how long [s] the tool's acceleration stays as it is; infinite when it is over."""
     if time < profile.ramp - 1e-9:

@@ -1,0 +1,62 @@
+"""How kernels are compiled, and where they are kept: one folder for each version of the sources.
+
+Numba checks only the file of a cached function, not the files of the functions it calls. After
+an edit in one kernel module the others would go on with the old code, so the folder's name
+carries a hash of all of them.
+"""
+
+import functools
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+
+import sain_core
+
+
+def keep_kernels_apart() -> None:
+    """Send Numba's cache to the folder of these sources, unless NUMBA_CACHE_DIR says where."""
+    if not os.environ.get("NUMBA_CACHE_DIR"):
+        numba.config.CACHE_DIR = str(_writable_root() / f"kernels-{_sources_hash()}")
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a kernel: cached, division by zero gives infinity, a * b + c may be fused."""
+    return _compile(function)
+
+
+def compiled_parallel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a kernel whose `prange` loops run on all of Numba's threads."""
+    return _compile(function, parallel=True)
+
+
+def _compile(function: Callable[..., Any], parallel: bool = False) -> Callable[..., Any]:
+    keep_kernels_apart()
+    options = {"cache": True, "error_model": "numpy", "fastmath": {"contract", "arcp"}}
+    return numba.njit(parallel=parallel, **options)(function)
+
+
+@functools.cache
+def _sources_hash() -> str:
+    sources = sorted(Path(__file__).parent.glob("*_kernels.py"))
+    core = Path(sain_core.__path__[0])
+    digest = hashlib.sha256()
+    for path in [*sources, core / "scene.py", core / "push.py"]:  # columns and constants
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@functools.cache
+def _writable_root() -> Path:
+    """Return the user's cache folder, or a temporary one where that cannot be written."""
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sain"
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=home):
+            return home
+    except OSError:
+        return Path(tempfile.gettempdir()) / f"sain-{os.getuid()}"
