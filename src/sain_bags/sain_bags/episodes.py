@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from sain_core.errors import DatasetError, ErrorCode
-from sain_core.scene import STATE_NAMES, STATE_SIZE, Table, target_distance
-from sain_core.types import Points, PredictedScenes, PushArray, PushSequences, Scene
+from sain_core.errors import DatasetError, ErrorCode, InvalidInputError
+from sain_core.push import PUSH_NAMES
+from sain_core.scene import POSITION, Table, target_distance
+from sain_core.types import Points, PushArray, Pushes, Scene, Scenes
+from sain_core.wire import decode_disks, decode_goal, decode_plan, decode_push
 
 from sain_bags.reader import Bag, Received
 
@@ -33,8 +35,8 @@ class PlanRecord:
     error_message: str
     dynamics: str
     fallback: bool
-    pushes: PushSequences  # (H, 3)
-    predicted: PredictedScenes  # (H, N, 8), the scene after each
+    pushes: Pushes  # (H, 3)
+    predicted: Scenes  # (H, N, 8), the scene after each
     goal_distance: float  # [m]
     planning_time: float  # [s]
 
@@ -45,8 +47,8 @@ class PushRecord:
 
     push_id: int
     push: PushArray  # (3,)
-    before: Scene  # (N, 8)
-    after: Scene  # (N, 8)
+    before: Scene | None  # (N, 8); None: it came before there was a scene
+    after: Scene | None  # (N, 8)
     error_code: int
     error_message: str
     source: str
@@ -96,7 +98,7 @@ class Episode:
     @property
     def success(self) -> bool:
         """Whether the target came to rest within the tolerance with every disk on the table."""
-        on_table = bool(Table().contains(self.final[:, :2]).all())
+        on_table = bool(Table().contains(self.final[:, POSITION]).all())
         return on_table and self.final_distance <= self.tolerance
 
 
@@ -124,11 +126,15 @@ def read_episodes(bag: Bag, namespace: str | None = None) -> tuple[Episode, ...]
         namespace: of the graph, for example ``/sain``; needed only where a bag holds several.
 
     Raises:
-        DatasetError: the bag holds no scenes, or those of several namespaces and none was chosen.
+        DatasetError: the bag holds no scenes, or those of several namespaces and none was chosen,
+            or a message that makes no sense.
     """
     chosen = _choose(namespaces(bag), namespace, bag)
     topics = {t.name for t in bag.topics if t.type in EPISODE_TYPES and _parent(t.name) == chosen}
-    return collect_episodes(bag.messages(topics))
+    try:
+        return collect_episodes(bag.messages(topics))
+    except InvalidInputError as error:
+        raise DatasetError(f"{bag.path} holds a message that makes no sense: {error}") from error
 
 
 def namespaces(bag: Bag) -> tuple[str, ...]:
@@ -152,7 +158,7 @@ def collect_episodes(messages: Iterable[Received]) -> tuple[Episode, ...]:
         draft = drafts.setdefault(message.episode_id, _Draft())
         draft.saw(received.log_time)
         if received.type == SCENE and message.settled:
-            draft.scenes.append(scene_array(message.disks))
+            draft.scenes.append(decode_disks(message.disks))
         elif received.type == GOAL:
             draft.goal = message
         elif received.type == PLAN:
@@ -162,25 +168,21 @@ def collect_episodes(messages: Iterable[Received]) -> tuple[Episode, ...]:
     return tuple(
         _episode(number, draft, draft.goal or open_goal, physics)
         for number, draft in sorted(drafts.items())
-        if draft.scenes or draft.results
+        if draft.scenes or any(result.before.disks for result in draft.results)
     )
-
-
-def scene_array(disks: Iterable[Any]) -> Scene:
-    """Return disk messages as a scene (N, 8)."""
-    rows = [[getattr(disk, name) for name in STATE_NAMES] for disk in disks]
-    return np.array(rows, dtype=np.float64).reshape(-1, STATE_SIZE)
 
 
 def _episode(number: int, draft: _Draft, goal: Any, physics: dict[int, Any]) -> Episode:
     plans = {plan.push_id: plan for plan in draft.plans if plan.push_id}
     pushes = tuple(_push(result, plans, physics) for result in draft.results)
-    scenes = [*draft.scenes, *(push.after for push in pushes if push.executed)]
+    before = [push.before for push in pushes if push.before is not None]
+    after = [push.after for push in pushes if push.after is not None]
+    scenes = draft.scenes or before
     return Episode(
         episode_id=number,
-        start=pushes[0].before if pushes and not draft.scenes else scenes[0],
-        final=pushes[-1].after if pushes else scenes[-1],
-        goal=np.array([goal.x, goal.y]) if goal else None,
+        start=scenes[0],
+        final=(after or scenes)[-1],
+        goal=decode_goal(goal) if goal else None,
         tolerance=float(goal.tolerance) if goal else float("nan"),
         max_pushes=int(goal.max_pushes) if goal else 0,
         pushes=pushes,
@@ -190,36 +192,29 @@ def _episode(number: int, draft: _Draft, goal: Any, physics: dict[int, Any]) -> 
 
 
 def _push(result: Any, plans: dict[int, PlanRecord], physics: dict[int, Any]) -> PushRecord:
+    executed = result.error_code == ErrorCode.OK
     predicted = physics.get(result.push_id)
     usable = predicted is not None and predicted.error_code == ErrorCode.OK
+    push = result.push
     return PushRecord(
         push_id=result.push_id,
-        push=np.array([result.push.location, result.push.angle, result.push.length]),
-        before=scene_array(result.before.disks),
-        after=scene_array(result.after.disks),
+        # One that was refused may hold anything, also NaN.
+        push=decode_push(push) if executed else np.array([getattr(push, n) for n in PUSH_NAMES]),
+        before=decode_disks(result.before.disks) if result.before.disks else None,
+        after=decode_disks(result.after.disks) if result.after.disks else None,
         error_code=result.error_code,
         error_message=result.error_message,
-        source=result.push.source,
+        source=push.source,
         duration=result.duration,
         wall_time=result.wall_time,
         plan=plans.get(result.push_id),
-        physics=scene_array(predicted.disks) if usable else None,
+        physics=decode_disks(predicted.disks) if usable else None,
         physics_model=predicted.model if usable else "",
     )
 
 
 def _plan(message: Any) -> PlanRecord:
-    horizon, disks = message.horizon, message.disks
-    try:
-        pushes = np.array(message.pushes, dtype=np.float64).reshape(-1, 3)
-        predicted = np.array(message.predicted, dtype=np.float64).reshape(-1, disks, STATE_SIZE)
-    except ValueError as error:
-        raise DatasetError(f"plan {message.plan_id} has arrays that do not fit: {error}") from error
-    if len(pushes) not in (0, horizon) or len(predicted) not in (0, horizon):
-        raise DatasetError(
-            f"plan {message.plan_id} has {len(pushes)} pushes and {len(predicted)} scenes;"
-            f" its horizon is {horizon}"
-        )
+    pushes, predicted = decode_plan(message)
     return PlanRecord(
         plan_id=message.plan_id,
         push_id=message.push_id,

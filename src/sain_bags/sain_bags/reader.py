@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final
 
-import lz4.frame
 import yaml
 import zstandard
 from mcap.exceptions import McapError

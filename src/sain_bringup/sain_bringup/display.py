@@ -1,0 +1,129 @@
+"""What a person sees while the closed loop runs: one moving line, and one that stays an episode."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.live import Live
+from rich.spinner import Spinner
+from rich.text import Text
+
+from sain_bringup.options import EpisodePlan
+
+REFRESH = 12  # frames a second
+
+
+class Display:
+    """Shows progress: in a terminal a moving line, elsewhere plain lines."""
+
+    def __init__(self, console: Console) -> None:
+        """Show on this console."""
+        self.console = console
+        self._live: Live | None = None
+
+    @contextmanager
+    def stage(self, doing: str, done: str) -> Iterator[None]:
+        """Show that something is under way, then that it is done and how long it took."""
+        started = time.monotonic()
+        with self._moving():
+            self.status(doing)
+            yield
+        seconds = time.monotonic() - started
+        self._line("green", "✓", f"{done:<58}", f"{seconds:5.1f} s")
+
+    @contextmanager
+    def episode(self, number: int, total: int, plan: EpisodePlan) -> Iterator["EpisodeView"]:
+        """Show an episode while it is played; a line with its outcome stays."""
+        with self._moving():
+            view = EpisodeView(self, f"{number}/{total}  {plan.scenario} {plan.seed}")
+            view.show()
+            yield view
+        style, mark = ("green", "✓") if view.reached else ("red", "✗")
+        self._line(style, mark, f"{view.name:<18}", view.summary())
+
+    def status(self, text: str) -> None:
+        """Change the moving line."""
+        if self._live is not None:
+            self._live.update(Spinner("dots", Text(f" {text}", style="dim"), style="cyan"))
+
+    def note(self, text: str) -> None:
+        """Print a line that stays, for what deserves attention."""
+        self._line("yellow", "!", text, "")
+
+    def _line(self, style: str, mark: str, text: str, more: str) -> None:
+        if not self.console.is_terminal and self.console.encoding.lower() != "utf-8":
+            mark = {"✓": "ok", "✗": "no"}.get(mark, mark)
+        self.console.print(
+            Text.assemble("  ", (mark, style), " ", text, (f"  {more}" if more else "", "dim")),
+            highlight=False,
+            soft_wrap=True,
+        )
+
+    @contextmanager
+    def _moving(self) -> Iterator[None]:
+        if not self.console.is_terminal:
+            yield
+            return
+        live = Live(console=self.console, refresh_per_second=REFRESH, transient=True)
+        with live:
+            self._live = live
+            try:
+                yield
+            finally:
+                self._live = None
+
+
+class EpisodeView:
+    """One episode as it is shown: the distance from target to goal after each push."""
+
+    def __init__(self, display: Display, name: str) -> None:
+        """Begin with nothing known."""
+        self._display = display
+        self.name = name
+        self.distances: list[float] = []  # [m]
+        self.reached = False
+        self.ending = ""
+        self.why = ""
+
+    @property
+    def pushes(self) -> int:
+        """Pushes carried out."""
+        return max(0, len(self.distances) - 1)
+
+    def at(self, distance: float) -> None:
+        """Say how far [m] the target is from the goal, at the start and after each push."""
+        self.distances.append(distance)
+        self.show()
+
+    def planned(self, seconds: float, fallback: bool) -> None:
+        """Say how long planning a push took [s], and whether the model failed on the way."""
+        self.show(f"planned in {1e3 * seconds:.0f} ms, pushing")
+        if fallback:
+            self._display.note(f"{self.name}  the model did not answer; planned with physics alone")
+
+    def refuse(self, reason: str) -> None:
+        """Say that a push was refused, and why."""
+        self._display.note(f"{self.name}  a push was refused: {reason}")
+
+    def end(self, reached: bool, why: str = "") -> None:
+        """Say that the episode is over."""
+        self.reached = reached
+        self.ending = "reached" if reached else "not reached"
+        self.why = why
+
+    def show(self, doing: str = "planning") -> None:
+        """Bring the moving line up to date."""
+        way = self._way() or "resetting"
+        self._display.status(f"{self.name}  {way}  push {self.pushes + 1}: {doing}")
+
+    def summary(self) -> str:
+        """Return the line that stays."""
+        noun = "push  " if self.pushes == 1 else "pushes"
+        why = f"  {self.why}" if self.why else ""
+        return f"{self.pushes:2d} {noun}  {self._way()}{why}"
+
+    def _way(self) -> str:
+        if not self.distances:
+            return ""
+        return " → ".join(f"{1e3 * distance:.0f}" for distance in self.distances) + " mm"

@@ -1,0 +1,177 @@
+"""Starts the processes of a graph, notices when one dies, and leaves none behind.
+
+Every process leads a session of its own: a Ctrl-C in the terminal reaches only the supervisor,
+which then ends all of them in order; and whatever a process started itself ends with it.
+"""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from sain_core.config import Config, option
+from sain_core.errors import OutputError, SainError
+
+CHILD: Final = Path(__file__).with_name("child.py")
+POLL: Final = 0.02  # [s]
+LAST_LINES: Final = 12
+
+
+class ProcessDiedError(SainError):
+    """A process of the graph ended though nobody asked it to."""
+
+
+@dataclass(frozen=True)
+class StopConfig(Config):
+    """How patient the end is: after these times a harder signal is sent. In all below 3 s."""
+
+    interrupt: float = option(1.2, "time to end after SIGINT", unit="s", minimum=0.0)
+    terminate: float = option(0.8, "time to end after SIGTERM", unit="s", minimum=0.0)
+    kill: float = option(0.4, "time to be gone after SIGKILL", unit="s", minimum=0.0)
+
+
+@dataclass(frozen=True)
+class Child:
+    """One process, its name and where it logs to."""
+
+    name: str
+    process: "subprocess.Popen[bytes]"
+    log: Path
+
+    def last_lines(self, count: int = LAST_LINES) -> str:
+        """Return the end of its log."""
+        text = self.log.read_text(encoding="utf-8", errors="replace")
+        lines = [line for line in text.splitlines() if line.strip()]
+        return "\n".join(lines[-count:])
+
+    def describe_end(self) -> str:
+        """Return in words how it ended."""
+        code = self.process.returncode
+        if code is not None and code < 0:
+            return f"was killed by {signal.Signals(-code).name}"
+        return f"ended with exit code {code}"
+
+
+class Supervisor:
+    """Owns a set of processes. Use it as a context manager: leaving it ends all of them."""
+
+    def __init__(self, log_folder: Path, config: StopConfig = StopConfig()) -> None:  # noqa: B008
+        """Log to ``<log_folder>/<name>.log``, one file a process."""
+        self._log_folder = log_folder
+        self._config = config
+        self._children: list[Child] = []
+
+    @property
+    def children(self) -> tuple[Child, ...]:
+        """All processes that were started and not stopped, dead ones too."""
+        return tuple(self._children)
+
+    def start(
+        self, name: str, command: Sequence[str], environment: dict[str, str] | None = None
+    ) -> None:
+        """Start a process.
+
+        Args:
+            name: what it is called in logs and errors.
+            command: the program and its arguments.
+            environment: variables to set on top of this process's own.
+
+        Raises:
+            OutputError: its log cannot be written.
+        """
+        log = self._log_folder / f"{name}.log"
+        wrapped = [sys.executable, "-IS", str(CHILD), str(os.getpid()), *command]
+        try:
+            self._log_folder.mkdir(parents=True, exist_ok=True)
+            with log.open("wb") as stream:
+                process = subprocess.Popen(
+                    wrapped,
+                    stdin=subprocess.DEVNULL,
+                    stdout=stream,
+                    stderr=subprocess.STDOUT,
+                    env={**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})},
+                    start_new_session=True,
+                )
+        except OSError as error:
+            raise OutputError(f"cannot start {name} with its log {log}: {error}") from error
+        self._children.append(Child(name, process, log))
+
+    def check(self) -> None:
+        """Raise when a process has died.
+
+        Raises:
+            ProcessDiedError: naming it, how it ended, its log and that log's last lines.
+        """
+        for child in self._children:
+            if child.process.poll() is not None:
+                lines = child.last_lines()
+                raise ProcessDiedError(
+                    f"{child.name} {child.describe_end()}; the end of {child.log}:\n{lines}"
+                    if lines
+                    else f"{child.name} {child.describe_end()} and said nothing"
+                )
+
+    def stop(self) -> list[str]:
+        """End all processes: SIGINT, then SIGTERM, then SIGKILL, each to whole process groups.
+
+        Returns:
+            The names of those that had to be killed.
+        """
+        for number, patience in (
+            (signal.SIGINT, self._config.interrupt),
+            (signal.SIGTERM, self._config.terminate),
+        ):
+            for child in self._running():
+                _signal_group(child, number)
+            self._wait(patience)
+        killed = [child.name for child in self._running()]
+        for child in self._children:
+            _signal_group(child, signal.SIGKILL)  # also what a process left behind
+        self._wait(self._config.kill)
+        self._children.clear()
+        return killed
+
+    def __enter__(self) -> "Supervisor":
+        """Return the supervisor."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End all processes; a second Ctrl-C does not disturb that."""
+        with _signals_ignored():
+            self.stop()
+
+    def _running(self) -> list[Child]:
+        return [child for child in self._children if child.process.poll() is None]
+
+    def _wait(self, patience: float) -> None:
+        deadline = time.monotonic() + patience
+        while self._running() and time.monotonic() < deadline:
+            time.sleep(POLL)
+
+
+def _signal_group(child: Child, number: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(child.process.pid, number)
+
+
+@contextlib.contextmanager
+def _signals_ignored() -> Iterator[None]:
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,144 @@
+"""The summary of a recording: everything in it is read back from the bag."""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+from sain_bags.episodes import Episode, read_episodes
+from sain_bags.reader import Bag
+from sain_core.scene import POSITION, TARGET
+from sain_core.types import Scene
+from sain_eval.episodes import EpisodeRecord, PushRecord
+
+EPISODES_KEY = "episodes"  # of the bag's custom data: "scenario:seed scenario:seed ..."
+
+
+@dataclass(frozen=True)
+class EpisodeSummary:
+    """One episode in figures; None where there is nothing to take a mean of."""
+
+    scenario: str
+    seed: int
+    success: bool
+    pushes: int
+    refused: int
+    tolerance: float  # [m]
+    final_distance: float  # [m]
+    planning_time: float | None  # [s], mean over the pushes
+    longest_planning_time: float | None  # [s]
+    model_error: float | None  # [m], mean over the pushes, where the target came to rest
+    physics_error: float | None  # [m], the same for the nominal world
+
+
+@dataclass(frozen=True)
+class PlayedEpisode:
+    """One episode of a recording, with the scenario that it was drawn from."""
+
+    scenario: str
+    seed: int
+    episode: Episode
+
+    def summary(self) -> EpisodeSummary:
+        """Return the episode in figures."""
+        executed = self.episode.executed
+        times = [push.plan.planning_time for push in executed if push.plan is not None]
+        return EpisodeSummary(
+            scenario=self.scenario,
+            seed=self.seed,
+            success=self.episode.success,
+            pushes=len(executed),
+            refused=len(self.episode.pushes) - len(executed),
+            tolerance=self.episode.tolerance,
+            final_distance=self.episode.final_distance,
+            planning_time=_mean(times),
+            longest_planning_time=max(times, default=None),
+            model_error=_mean([_error(push.predicted, push.after) for push in executed]),
+            physics_error=_mean([_error(push.physics, push.after) for push in executed]),
+        )
+
+    def record(self) -> EpisodeRecord:
+        """Return the episode as `sain_eval` draws it."""
+        goal = self.episode.goal
+        assert goal is not None
+        pushes = tuple(
+            PushRecord(
+                push.push,
+                push.before,
+                push.predicted,
+                push.physics,
+                push.after,
+                push.plan.planning_time if push.plan else 0.0,
+            )
+            for push in self.episode.executed
+            if push.before is not None and push.after is not None
+        )
+        return EpisodeRecord(
+            goal=goal,
+            tolerance=self.episode.tolerance,
+            pushes=pushes,
+            start=self.episode.start,
+            title=f"{self.scenario} {self.seed}",
+        )
+
+
+def played_episodes(bag: Bag) -> tuple[PlayedEpisode, ...]:
+    """Return the episodes of a bag that had a goal, named as the bag says."""
+    with_goal = [episode for episode in read_episodes(bag) if episode.goal is not None]
+    names = bag.custom_data.get(EPISODES_KEY, "").split()
+    played = []
+    for number, episode in enumerate(with_goal):
+        scenario, _, seed = names[number].partition(":") if number < len(names) else ("", "", "0")
+        played.append(PlayedEpisode(scenario, int(seed), episode))
+    return tuple(played)
+
+
+def write_summary(path: Path, bag: Bag, summaries: tuple[EpisodeSummary, ...]) -> None:
+    """Write the summary as JSON, whole or not at all."""
+    content: dict[str, Any] = {
+        "recording": dict(bag.custom_data),
+        "messages": bag.message_count,
+        "duration": bag.duration,
+        "successes": sum(summary.success for summary in summaries),
+        "episodes": [asdict(summary) for summary in summaries],
+    }
+    part = path.with_name(f".{path.name}.part")
+    part.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    part.replace(path)
+
+
+def summary_table(summaries: tuple[EpisodeSummary, ...]) -> Table:
+    """Return the summary as a table for people."""
+    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="dim")
+    table.add_column("Episode")
+    for name in ("Pushes", "Target to goal", "Planning", "Model off by", "Physics off by"):
+        table.add_column(name, justify="right")
+    table.add_column("")
+    for summary in summaries:
+        table.add_row(
+            f"{summary.scenario} {summary.seed}",
+            str(summary.pushes),
+            f"{1e3 * summary.final_distance:.1f} mm",
+            _scaled(summary.planning_time, "ms", 0),
+            _scaled(summary.model_error, "mm", 1),
+            _scaled(summary.physics_error, "mm", 1),
+            "[green]reached[/]" if summary.success else "[red]not reached[/]",
+        )
+    return table
+
+
+def _error(predicted: Scene | None, after: Scene | None) -> float | None:
+    if predicted is None or after is None:
+        return None
+    return float(np.linalg.norm(predicted[TARGET, POSITION] - after[TARGET, POSITION]))
+
+
+def _mean(values: list[float] | list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def _scaled(value: float | None, unit: str, digits: int) -> str:
+    return "-" if value is None else f"{1e3 * value:.{digits}f} {unit}"

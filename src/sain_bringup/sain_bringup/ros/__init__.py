@@ -1,0 +1,1 @@
+"""Command line tools that take part in the graph."""

@@ -1,0 +1,122 @@
+"""``ros2 run sain_bringup closed_loop``: the whole graph, from a clean start to a report."""
+
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+
+import rclpy
+import tyro
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+from rich.console import Console
+from sain_core.errors import SainError
+from sain_eval.scenarios import SCENARIOS
+
+from sain_bringup.display import Display
+from sain_bringup.graph import GraphConfig, graph_commands
+from sain_bringup.options import (
+    ClosedLoopOptions,
+    check_options,
+    episode_plans,
+    make_output_folder,
+)
+from sain_bringup.processes import Supervisor
+from sain_bringup.provenance import provenance
+from sain_bringup.report import EPISODES_KEY
+from sain_bringup.results import write_results
+from sain_bringup.ros.director import Director
+
+
+class Stopped(BaseException):
+    """A signal asked the closed loop to end."""
+
+    def __init__(self, number: int) -> None:
+        """Remember which signal."""
+        super().__init__(number)
+        self.number = number
+
+
+def run(options: ClosedLoopOptions, display: Display) -> bool:
+    """Play the episodes and write the results; return whether all reached the goal.
+
+    Raises:
+        SainError: an option that makes no sense, an output that cannot be written, or a graph
+            that broke. No process is left behind, and what was recorded is whole.
+    """
+    check_options(options)
+    folder = make_output_folder(options)
+    with Supervisor(folder / "logs") as supervisor:
+        play(options, folder, supervisor, display)
+        with display.stage("closing the recording", "graph stopped, recording closed"):
+            supervisor.stop()
+    return write_results(folder, options.video, display)
+
+
+def play(
+    options: ClosedLoopOptions, folder: Path, supervisor: Supervisor, display: Display
+) -> None:
+    """Start the graph and play all episodes on it."""
+    plans = episode_plans(options)
+    with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
+        director = Director(supervisor.check, options.timeout)
+        episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
+        about = {EPISODES_KEY: episodes, "model": options.model, **provenance()}
+        config = GraphConfig(
+            namespace=director.get_namespace(),
+            model=options.model,
+            seed=options.seed,
+            bag=folder / "bag",
+            real_time_factor=1.0 if options.gui else 0.0,
+            gui=options.gui,
+            params_file=options.params_file,
+            custom_data=tuple(about.items()),
+        )
+        for name, command in graph_commands(config).items():
+            supervisor.start(name, command)
+        director.wait_for_graph()
+    for number, plan in enumerate(plans, start=1):
+        case = SCENARIOS[plan.scenario].scene(plan.seed)
+        with display.episode(number, len(plans), plan) as view:
+            director.play(case, options.tolerance, view)
+
+
+def stop_on_signals() -> None:
+    """Turn the signals that ask to end into `Stopped`, raised in the main thread."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise Stopped(number)
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, stop)
+
+
+def guarded(work: Callable[[], bool], console: Console) -> int:
+    """Do the work; return the exit code and say in one line what went wrong."""
+    try:
+        return 0 if work() else 1
+    except SainError as error:
+        console.print(f"closed_loop: {error}", style="red", markup=False, highlight=False)
+        return 1
+    except Stopped as stopped:
+        console.print("Stopped. No process is left; what was recorded is whole.", style="yellow")
+        return 128 + stopped.number
+
+
+def main() -> None:
+    """Run from the command line."""
+    arguments = remove_ros_args(sys.argv)[1:]
+    options = tyro.cli(ClosedLoopOptions, prog="ros2 run sain_bringup closed_loop", args=arguments)
+    display = Display(Console())
+    stop_on_signals()
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        code = guarded(lambda: run(options, display), Console(stderr=True, soft_wrap=True))
+    finally:
+        rclpy.try_shutdown()
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

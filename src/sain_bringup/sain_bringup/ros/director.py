@@ -1,0 +1,205 @@
+"""The node that plays episodes on a running graph: resets, gives the goal, follows what happens."""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
+from sain_core.ros.codec import decode_disks, encode_disks, encode_goal
+from sain_core.ros.node_main import NAMESPACE
+from sain_core.ros.peers import refuse_peers
+from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_core.scene import target_distance
+from sain_eval.scenarios import ScenarioScene
+
+from sain_bringup.display import EpisodeView
+from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult
+from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
+
+SPIN: Final = 0.02  # [s], also how soon a signal or a dead process is noticed
+DISCOVERY_TIME: Final = 1.0  # [s] for a graph that runs already to be seen
+PREDICTION_TIME: Final = 5.0  # [s] for the nominal world to have its say after the last push
+SERVER_PARTS: Final = {
+    "reset_scene": ResetScene,
+    "rollout": Rollout,
+    "describe_model": DescribeModel,
+}
+SUBSCRIBERS: Final = {  # how many each topic has once everybody listens
+    "scene": 2,  # planner and recorder
+    "goal": 2,  # planner and recorder
+    "push": 2,  # simulator and recorder
+    "push_result": 3,  # planner, recorder and this node
+    "plan": 2,  # recorder and this node
+    "physics_prediction": 2,  # recorder and this node
+    "joint_states": 1,
+    "markers": 1,
+    "/clock": 1,
+    "/diagnostics": 1,
+}
+
+
+class GraphTimeoutError(SainError):
+    """The graph did not do in time what it should."""
+
+
+class Director(Node):
+    """Plays episodes. All waiting is done in `wait`, which looks after the graph meanwhile."""
+
+    def __init__(self, check: Callable[[], None], timeout: float) -> None:
+        """Join the graph.
+
+        Args:
+            check: called again and again while waiting; raises when the graph is broken.
+            timeout: longest wait for any one thing [s].
+
+        Raises:
+            BusyError: another simulator, planner or closed loop is there already.
+        """
+        super().__init__("closed_loop", namespace=NAMESPACE)
+        refuse_peers(self, ("scene", "push", "goal", "/clock"), DISCOVERY_TIME)
+        self._check = check
+        self._timeout = timeout
+        self._events: deque[Plan | PushResult] = deque()
+        self._predicted: set[int] = set()
+        self._goals = 0
+        self._goal = self.create_publisher(Goal, "goal", LATCHED)
+        self._servers = {
+            name: self.create_client(kind, name) for name, kind in SERVER_PARTS.items()
+        }
+        self.create_subscription(Plan, "plan", self._events.append, RELIABLE)
+        self.create_subscription(PushResult, "push_result", self._events.append, RELIABLE)
+        self.create_subscription(
+            PushPrediction, "physics_prediction", self._on_prediction, RELIABLE
+        )
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self)
+
+    def wait_for_graph(self) -> str:
+        """Wait until every part is up and connected; return the name of the model that is served.
+
+        Raises:
+            GraphTimeoutError: naming what is missing.
+        """
+        self.wait(lambda: not self._missing(), lambda: f"missing: {', '.join(self._missing())}")
+        return str(self.call("describe_model", DescribeModel.Request()).model)
+
+    def play(self, case: ScenarioScene, tolerance: float, view: EpisodeView) -> None:
+        """Play one episode to its end.
+
+        Args:
+            case: what to start from.
+            tolerance: how near is near enough [m].
+            view: is told of everything that happens.
+
+        Raises:
+            SainError: the simulator refused the scene, or nothing happened any more.
+        """
+        episode_id = self._reset(case, view)
+        self._events.clear()
+        self._give_goal(case, episode_id, tolerance)
+        executed: set[int] = set()
+        while not view.ending:
+            self.wait(lambda: bool(self._events), lambda: "no sign of planner or simulator")
+            event = self._events.popleft()
+            if event.episode_id != episode_id:
+                continue
+            if isinstance(event, Plan):
+                self._on_plan(event, view)
+            elif event.error_code == ErrorCode.OK:
+                executed.add(event.push_id)
+                view.at(float(target_distance(decode_disks(event.after.disks), case.goal)))
+            else:
+                view.refuse(event.error_message)
+        self._wait_for_predictions(executed)
+
+    def wait(self, done: Callable[[], bool], problem: Callable[[], str]) -> None:
+        """Spin until something is so.
+
+        Raises:
+            GraphTimeoutError: it was not so in time; with the problem in words.
+        """
+        deadline = time.monotonic() + self._timeout
+        while not done():
+            self._executor.spin_once(timeout_sec=SPIN)
+            self._check()
+            if time.monotonic() > deadline:
+                raise GraphTimeoutError(f"waited {self._timeout:g} s for the graph; {problem()}")
+
+    def call(self, name: str, request: Any) -> Any:
+        """Call a service and return its reply.
+
+        Raises:
+            SainError: what the server reported.
+            GraphTimeoutError: it did not answer.
+        """
+        future = self._servers[name].call_async(request)
+        self.wait(future.done, lambda: f"{name} did not answer")
+        reply = future.result()
+        if reply is None:
+            raise ModelUnavailableError(f"{name} gave no answer")
+        if reply.error_code != ErrorCode.OK:
+            raise error_from_reply(reply.error_code, f"{name}: {reply.error_message}")
+        return reply
+
+    def _missing(self) -> list[str]:
+        missing = [
+            f"service {client.srv_name}"
+            for client in self._servers.values()
+            if not client.service_is_ready()
+        ]
+        for topic, count in SUBSCRIBERS.items():
+            name = self.resolve_topic_name(topic)
+            if self.count_publishers(name) == 0:
+                missing.append(f"who publishes {name}")
+            elif self.count_subscribers(name) < count:
+                missing.append(f"who listens to {name}")
+        return missing
+
+    def _reset(self, case: ScenarioScene, view: EpisodeView) -> int:
+        request = ResetScene.Request(
+            seed=case.seed,
+            disks=encode_disks(case.disks),
+            shapes=list(case.shapes),
+            friction=case.friction,
+        )
+        scene = self.call("reset_scene", request).scene
+        view.at(float(target_distance(decode_disks(scene.disks), case.goal)))
+        return int(scene.episode_id)
+
+    def _give_goal(self, case: ScenarioScene, episode_id: int, tolerance: float) -> None:
+        self._goals += 1
+        self._goal.publish(
+            encode_goal(
+                case.goal,
+                stamp=self.get_clock().now().to_msg(),
+                goal_id=self._goals,
+                episode_id=episode_id,
+                tolerance=tolerance,
+                max_pushes=case.max_pushes,
+            )
+        )
+
+    def _on_plan(self, plan: Plan, view: EpisodeView) -> None:
+        if plan.goal_id != self._goals:
+            return
+        if plan.status == Plan.PUSH:
+            view.planned(plan.planning_time, plan.fallback)
+        elif plan.status == Plan.REACHED:
+            view.end(reached=True)
+        elif plan.status == Plan.EXHAUSTED:
+            view.end(reached=False, why=f"no pushes left of {view.pushes}")
+        else:
+            view.end(reached=False, why=plan.error_message or "the planner found no push")
+
+    def _on_prediction(self, message: PushPrediction) -> None:
+        self._predicted.add(message.push_id)
+
+    def _wait_for_predictions(self, executed: set[int]) -> None:
+        deadline = time.monotonic() + PREDICTION_TIME
+        self.wait(
+            lambda: executed <= self._predicted or time.monotonic() > deadline,
+            lambda: "no physics predictions",
+        )
