@@ -1,9 +1,62 @@
 """Dynamics by name: what command lines, parameters and nodes say when they mean a model."""
 
+from importlib import resources
+from pathlib import Path
+from typing import Final
+
 from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.errors import CheckpointError
+from sain_model.checkpoint import SUFFIX, load_checkpoint
 from sain_model.planar import PlanarPrior
+from sain_model.sain import SainDynamics
+
+PRIORS: Final = {"planar": PlanarPrior, "identity": IdentityPrior}
+SHIPPED: Final = "sain"
 
 
 def load_dynamics(name: str) -> Dynamics:
-    """Return the dynamics of this name."""
-    return IdentityPrior() if name == "identity" else PlanarPrior()
+    """Return a dynamics by its name.
+
+    Args:
+        name: ``planar`` or ``identity``: that prior; ``sain``: the checkpoint that comes with
+            this package; anything else: the path of a checkpoint.
+
+    Raises:
+        CheckpointError: no prior of that name, and no sound checkpoint at that path.
+    """
+    if name in PRIORS:
+        return load_prior(name)
+    if name == SHIPPED:
+        return load_sain(shipped_checkpoint())
+    if not name.endswith(SUFFIX):
+        known = ", ".join([*PRIORS, SHIPPED])
+        raise CheckpointError(f"no dynamics {name!r}; known: {known}, or a path *{SUFFIX}")
+    return load_sain(Path(name))
+
+
+def load_prior(name: str) -> Dynamics:
+    """Return a prior by its name.
+
+    Raises:
+        CheckpointError: there is none of that name.
+    """
+    if name not in PRIORS:
+        raise CheckpointError(f"no prior {name!r}; known: {', '.join(PRIORS)}")
+    prior: Dynamics = PRIORS[name]()
+    return prior
+
+
+def load_sain(path: Path) -> SainDynamics:
+    """Return the checkpoint at this path on the prior that it was trained on.
+
+    Raises:
+        CheckpointError: the checkpoint is not sound.
+    """
+    network, card, text = load_checkpoint(path)
+    prior = load_prior(card.prior)
+    return SainDynamics(network, prior, card.prior, card.weights_sha256, text)
+
+
+def shipped_checkpoint() -> Path:
+    """Return the path of the checkpoint that comes with this package."""
+    return Path(str(resources.files("sain_model") / "checkpoints" / f"{SHIPPED}{SUFFIX}"))

@@ -1,0 +1,178 @@
+"""Checkpoints: the weights as ``NAME.safetensors`` and beside them a card, ``NAME.json``.
+
+The card says what was learned from what, how, and how well it does on episodes held out; and it
+pins the weights by their SHA-256. Nothing is unpickled. What does not fit is refused.
+"""
+
+import dataclasses
+import hashlib
+import json
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import safetensors.torch
+from safetensors import SafetensorError
+
+from sain_core.errors import CheckpointError, ConfigError, OutputError
+from sain_model.features import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
+from sain_model.network import InteractionNetwork, NetworkConfig
+
+FORMAT_VERSION: Final = 1
+ARCHITECTURE: Final = "interaction-network"
+SUFFIX: Final = ".safetensors"
+
+
+@dataclass(frozen=True)
+class Card:
+    """What a checkpoint says of itself.
+
+    Attributes:
+        prior: name of the prior that it corrects, as in `sain_model.load.load_dynamics`.
+        network: size of the network.
+        data: what it was trained on: path, SHA-256, transitions, episodes, split.
+        training: settings, seed, epochs done, losses.
+        errors: errors on the held-out episodes [mm], for it and what it is compared with.
+        versions: of Python, torch, numpy and this project.
+        command: the command line that made it.
+        weights_sha256: of the safetensors file.
+        feature_version: of `sain_model.features`.
+    """
+
+    prior: str
+    network: dict[str, Any]
+    data: dict[str, Any] = field(default_factory=dict)
+    training: dict[str, Any] = field(default_factory=dict)
+    errors: dict[str, Any] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+    command: str = ""
+    weights_sha256: str = ""
+    architecture: str = ARCHITECTURE
+    feature_version: int = FEATURE_VERSION
+    disk_features: int = DISK_FEATURES
+    relation_features: int = RELATION_FEATURES
+    format_version: int = FORMAT_VERSION
+
+
+def card_path(weights: Path) -> Path:
+    """Return where the card of these weights lies."""
+    return weights.with_suffix(".json")
+
+
+def save_checkpoint(path: Path, network: InteractionNetwork, card: Card) -> Card:
+    """Write weights and card, each whole or not at all; return the card with the weights' hash.
+
+    Raises:
+        CheckpointError: the path does not end in .safetensors.
+        OutputError: the folder cannot be written.
+    """
+    if path.suffix != SUFFIX:
+        raise CheckpointError(f"a checkpoint's name ends in {SUFFIX}; {path} does not")
+    tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
+    weights = safetensors.torch.save(tensors)
+    card = dataclasses.replace(
+        card,
+        network=dataclasses.asdict(network.config),
+        weights_sha256=hashlib.sha256(weights).hexdigest(),
+    )
+    write_whole(path, weights)
+    write_whole(card_path(path), card_json(card).encode())
+    return card
+
+
+def card_json(card: Card) -> str:
+    """Return the card as it is written: indented, keys in the order of `Card`."""
+    return json.dumps(dataclasses.asdict(card), indent=2) + "\n"
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file under a temporary name and rename it when it is whole.
+
+    Raises:
+        OutputError: the folder cannot be made or written.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(content)
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def load_checkpoint(path: Path) -> tuple[InteractionNetwork, Card, str]:
+    """Read a checkpoint; return the network, its card and the card's JSON text.
+
+    Raises:
+        CheckpointError: missing, truncated, not safetensors, of another architecture or with a
+            card that belongs to other weights; the message names the file and what is wrong.
+    """
+    content = _read(path)
+    text = _read(card_path(path)).decode(errors="replace")
+    card = _parse_card(card_path(path), text)
+    _check_card(card_path(path), card)
+    found = hashlib.sha256(content).hexdigest()
+    if found != card.weights_sha256:
+        raise CheckpointError(
+            f"{path} has SHA-256 {found[:16]}.., its card says {card.weights_sha256[:16]}..;"
+            " the file is truncated, changed, or the card belongs to other weights"
+        )
+    return _fill(path, content, card), card, text
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise CheckpointError(
+            f"{path} does not exist; a checkpoint is NAME{SUFFIX} with NAME.json beside it"
+        ) from None
+    except OSError as error:
+        raise CheckpointError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def _parse_card(path: Path, text: str) -> Card:
+    try:
+        return Card(**json.loads(text))
+    except (json.JSONDecodeError, TypeError) as error:
+        raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
+
+
+def _check_card(path: Path, card: Card) -> None:
+    expected = {
+        "format_version": FORMAT_VERSION,
+        "architecture": ARCHITECTURE,
+        "feature_version": FEATURE_VERSION,
+        "disk_features": DISK_FEATURES,
+        "relation_features": RELATION_FEATURES,
+    }
+    for name, right in expected.items():
+        value = getattr(card, name)
+        if value != right:
+            raise CheckpointError(f"{path}: {name} is {value!r}; this version reads {right!r}")
+
+
+def _fill(path: Path, content: bytes, card: Card) -> InteractionNetwork:
+    """Return a network with these weights."""
+    try:
+        tensors = safetensors.torch.load(content)
+    except SafetensorError as error:
+        raise CheckpointError(f"{path} is not a safetensors file: {error}") from error
+    try:
+        network = InteractionNetwork(NetworkConfig(**card.network))
+    except (TypeError, ConfigError) as error:
+        raise CheckpointError(f"{card_path(path)}: network: {error}") from error
+    expected = network.state_dict()
+    for name in sorted(expected.keys() | tensors.keys()):
+        found = tuple(tensors[name].shape) if name in tensors else None
+        right = tuple(expected[name].shape) if name in expected else None
+        if found != right:
+            raise CheckpointError(
+                f"{path}: tensor {name} has shape {found}; the network on its card needs {right}"
+            )
+        if not tensors[name].isfinite().all():
+            raise CheckpointError(f"{path}: tensor {name} holds NaN or Inf; it must be finite")
+    network.load_state_dict(tensors)
+    return network
