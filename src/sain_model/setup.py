@@ -23,5 +23,11 @@ setup(
             "train = sain_model.train_cli:main",
             "evaluate = sain_model.evaluate_cli:main",
         ],
+        "sain.dynamics": [
+            "planar = sain_model.load:load_dynamics",
+            "identity = sain_model.load:load_dynamics",
+            "sain = sain_model.load:load_dynamics",
+            "checkpoint = sain_model.load:load_dynamics",
+        ],
     },
 )

@@ -50,11 +50,15 @@ class Config:
     def __post_init__(self) -> None:
         """Check every field, and those of nested settings are checked by themselves."""
         for item in dataclasses.fields(self):
-            _check(type(self).__name__, item, getattr(self, item.name))
+            check_field(f"{type(self).__name__}.{item.name}", item, getattr(self, item.name))
 
 
-def _check(owner: str, item: "dataclasses.Field[Any]", value: Any) -> None:
-    name = f"{owner}.{item.name}"
+def check_field(name: str, item: "dataclasses.Field[Any]", value: Any) -> None:
+    """Check the value of one field against its declaration.
+
+    Raises:
+        ConfigError: giving the field this name, the value and what is allowed.
+    """
     unit = f" {item.metadata['unit']}" if item.metadata.get("unit") else ""
     choices = item.metadata.get("choices")
     if choices is not None and value not in choices:

@@ -56,3 +56,8 @@ class StepwiseRollout:
             current = self.dynamics.step(current, pushes[:, step])
             predicted[:, step] = current
         return predicted
+
+
+def as_rollout(dynamics: Dynamics) -> RolloutModel:
+    """Return the dynamics' own rollout where it has one, else a stepwise one."""
+    return dynamics if isinstance(dynamics, RolloutModel) else StepwiseRollout(dynamics)

@@ -146,3 +146,11 @@ def error_reply(error: BaseException) -> tuple[int, str]:
     if isinstance(error, SainError):
         return int(error.code), str(error)
     return int(ErrorCode.INTERNAL), f"{type(error).__name__}: {error}"
+
+
+def error_from_reply(code: int, message: str) -> SainError:
+    """Return the error that a peer reported; raise it where its reply was needed."""
+    for kind in SainError.__subclasses__():
+        if kind.code == code:
+            return kind(message)
+    return SainError(f"the peer answered with code {code}: {message or 'no message'}")

@@ -30,12 +30,22 @@ def check_goal(goal: Goal, table: Table) -> Goal:
     return goal
 
 
+def check_tolerance(tolerance: float) -> float:
+    """Return the tolerance [m] when it is a positive number.
+
+    Raises:
+        OutOfRangeError: it is not.
+    """
+    if not (np.isfinite(tolerance) and tolerance > 0):
+        raise OutOfRangeError(f"the tolerance is {tolerance} m; it must be positive and finite")
+    return tolerance
+
+
 def goal_reached(scene: Scene, goal: Goal, tolerance: float) -> bool:
     """Tell whether the scene is settled with the target's centre within tolerance [m] of goal.
 
     Raises:
         OutOfRangeError: a tolerance that is not a positive number.
     """
-    if not (np.isfinite(tolerance) and tolerance > 0):
-        raise OutOfRangeError(f"the tolerance is {tolerance} m; it must be positive and finite")
+    check_tolerance(tolerance)
     return bool(is_settled(scene) and target_distance(scene, goal) <= tolerance)

@@ -1,0 +1,36 @@
+"""How a node is doing, on ``/diagnostics``: once a second, and at once when that changes."""
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from sain_core.ros.qos import RELIABLE
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+class Diagnostics:
+    """Publishes the state of one node. Make and call it from the executor's thread."""
+
+    def __init__(self, node: Node, period_s: float = 1.0) -> None:
+        """Report for this node, first as starting."""
+        self._node = node
+        self._status = DiagnosticStatus(
+            level=OK, name=node.get_fully_qualified_name(), message="starting", hardware_id="sain"
+        )
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
+        node.create_timer(period_s, self.publish)
+
+    def set(self, level: bytes, message: str, **values: object) -> None:
+        """Say how the node is doing, with figures of interest."""
+        changed = (level, message) != (self._status.level, self._status.message)
+        self._status.level = level
+        self._status.message = message
+        self._status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        if changed:
+            self.publish()
+
+    def publish(self) -> None:
+        """Publish the state as it was last set."""
+        message = DiagnosticArray(status=[self._status])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)

@@ -1,0 +1,54 @@
+"""The main of every node: start, spin, stop, and an exit code that says how it went."""
+
+import sys
+from collections.abc import Callable
+
+import rclpy
+from rclpy.exceptions import ROSInterruptException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+from sain_core.errors import SainError
+
+NAMESPACE = "sain"
+"""Where nodes live unless ``--ros-args -r __ns:=/other`` says otherwise."""
+
+INTERRUPTS = (KeyboardInterrupt, ExternalShutdownException, ROSInterruptException)
+
+
+def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = None) -> int:
+    """Run a node until it is interrupted; return the process's exit code.
+
+    What is wrong with the settings or the start is told in one line on standard error: 1. An
+    error later on is a defect and leaves its traceback.
+    """
+    try:
+        rclpy.init(args=args)
+    except Exception as error:  # rcl raises classes that it does not export
+        return refuse_start(name, error)
+    node = None
+    try:
+        node = make_node()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.spin()
+    except INTERRUPTS:
+        pass
+    except SainError as error:
+        return refuse_start(name, error)
+    except Exception:
+        if rclpy.ok():
+            raise
+        # A signal that comes during the start invalidates what is being made: rcl raises.
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def refuse_start(name: str, error: BaseException) -> int:
+    """Say in one line on standard error why a process cannot start; return its exit code."""
+    first_line = str(error).strip().splitlines()[0] if str(error).strip() else repr(error)
+    sys.stderr.write(f"{name}: {first_line}\n")
+    return 1

@@ -1,0 +1,133 @@
+"""ROS parameters made from `Config` dataclasses, so that a default stands in one place only.
+
+A nested config becomes a prefix: ``planner.samples``. Parameters are read at the start and
+read-only from then on. `rclpy` ignores an override that nobody declares, in silence; here it
+stops the node and names what was probably meant.
+"""
+
+import dataclasses
+from array import array
+from difflib import get_close_matches
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+from sain_core.config import Config, check_field
+from sain_core.errors import ConfigError
+
+C = TypeVar("C", bound=Config)
+
+LARGEST_FLOAT = 1.7976931348623157e308
+LARGEST_INT = 2**63 - 1
+TYPE_NAMES = {float: "a number", int: "an integer", bool: "true or false", str: "a string"}
+ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
+
+
+def read_parameters(node: Node, config_class: type[C], default: C | None = None) -> C:
+    """Declare the parameters of a node, all of them, and return their values.
+
+    Args:
+        node: has no other parameters than these.
+        config_class: what the parameters are made from.
+        default: values of parameters that are not given; those of the class if None.
+
+    Raises:
+        ConfigError: an unknown name, a wrong type, or a value that is not allowed.
+    """
+    default = config_class() if default is None else default
+    known = _names(config_class, "")
+    for name in node._parameter_overrides:
+        if name not in known and name.split(".")[0] not in ROS_OWN:
+            raise _unknown(name, known)
+    return _declare(node, default, "")
+
+
+def _names(config_class: type[Config], prefix: str) -> list[str]:
+    names: list[str] = []
+    for name, kind in _fields(config_class).items():
+        nested = isinstance(kind, type) and issubclass(kind, Config)
+        names += _names(kind, f"{prefix}{name}.") if nested else [prefix + name]
+    return names
+
+
+def _fields(config_class: type[Config]) -> dict[str, Any]:
+    hints = get_type_hints(config_class)
+    return {item.name: hints[item.name] for item in dataclasses.fields(config_class)}
+
+
+def _unknown(name: str, known: list[str]) -> ConfigError:
+    by_last = [other for other in known if other.split(".")[-1] == name.split(".")[-1]]
+    near = by_last or get_close_matches(name, known, n=3) or sorted(known)
+    return ConfigError(f"parameter {name!r} is unknown; near it: {', '.join(near[:5])}")
+
+
+def _declare(node: Node, default: C, prefix: str) -> C:
+    values: dict[str, Any] = {}
+    kinds = _fields(type(default))
+    for item in dataclasses.fields(default):
+        value = getattr(default, item.name)
+        if isinstance(value, Config):
+            values[item.name] = _declare(node, value, f"{prefix}{item.name}.")
+        else:
+            kind = kinds[item.name]
+            values[item.name] = _declare_one(node, prefix + item.name, item, kind, value)
+    return type(default)(**values)
+
+
+def _declare_one(
+    node: Node, name: str, item: "dataclasses.Field[Any]", kind: Any, default: Any
+) -> Any:
+    override = node._parameter_overrides.get(name)
+    value = default if override is None else _converted(name, kind, override.value)
+    check_field(f"parameter {name!r}", item, value)
+    ros_value = list(value) if isinstance(value, tuple) else value
+    node.declare_parameter(name, ros_value, _descriptor(item, kind), ignore_override=True)
+    return value
+
+
+def _converted(name: str, kind: Any, value: Any) -> Any:
+    """Return the value in the field's type; an integer will do for a number."""
+    if get_origin(kind) is tuple:
+        if not isinstance(value, list | tuple | array):
+            raise ConfigError(f"parameter {name!r} is {value!r}; it must be a list")
+        return tuple(_converted(name, get_args(kind)[0], element) for element in value)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is not kind:
+        what = TYPE_NAMES.get(kind, kind)
+        raise ConfigError(f"parameter {name!r} is {value!r}; it must be {what}")
+    return value
+
+
+def _descriptor(item: "dataclasses.Field[Any]", kind: Any) -> ParameterDescriptor:
+    about = item.metadata
+    unit = f" [{about['unit']}]" if about.get("unit") else ""
+    choices = about.get("choices")
+    descriptor = ParameterDescriptor(
+        description=f"{about.get('description', '')}{unit}",
+        additional_constraints=f"one of {', '.join(map(str, choices))}" if choices else "",
+        read_only=True,
+        dynamic_typing=get_origin(kind) is tuple,  # an empty list has no type of its own
+    )
+    low, high = about.get("minimum"), about.get("maximum")
+    if low is not None or high is not None:
+        _set_range(descriptor, kind, low, high)
+    return descriptor
+
+
+def _set_range(
+    descriptor: ParameterDescriptor, kind: Any, low: float | None, high: float | None
+) -> None:
+    if kind is float:
+        bounds = FloatingPointRange(
+            from_value=-LARGEST_FLOAT if low is None else float(low),
+            to_value=LARGEST_FLOAT if high is None else float(high),
+        )
+        descriptor.floating_point_range = [bounds]
+    elif kind is int:
+        limits = IntegerRange(
+            from_value=-LARGEST_INT if low is None else int(low),
+            to_value=LARGEST_INT if high is None else int(high),
+        )
+        descriptor.integer_range = [limits]

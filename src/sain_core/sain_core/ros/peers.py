@@ -1,0 +1,41 @@
+"""Is there another one already? Two owners of one topic would contradict each other."""
+
+import time
+from collections.abc import Iterable
+from typing import Final
+
+from rclpy.node import Node
+
+from sain_core.errors import BusyError
+
+POLL_S: Final = 0.05
+
+
+def refuse_peers(node: Node, topics: Iterable[str], wait_s: float) -> None:
+    """Look for other publishers of a node's own topics, before it publishes them itself.
+
+    Args:
+        node: resolves the names.
+        topics: which nobody else may publish.
+        wait_s: how long peers may take to be discovered [s].
+
+    Raises:
+        BusyError: naming topic and peer.
+    """
+    names = [node.resolve_topic_name(topic) for topic in topics]
+    end = time.monotonic() + wait_s
+    while True:
+        for name in names:
+            for peer in node.get_publishers_info_by_topic(name):
+                raise BusyError(
+                    f"{peer.node_namespace.rstrip('/')}/{peer.node_name} publishes {name} already;"
+                    " stop it, or start this one with another ROS_DOMAIN_ID"
+                )
+        if time.monotonic() >= end:
+            return
+        time.sleep(POLL_S)
+
+
+def publisher_count(node: Node, topic: str) -> int:
+    """Return how many publishers a topic has, the node itself included."""
+    return len(node.get_publishers_info_by_topic(node.resolve_topic_name(topic)))

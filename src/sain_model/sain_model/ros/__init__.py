@@ -1,0 +1,1 @@
+"""The model as a ROS 2 service."""

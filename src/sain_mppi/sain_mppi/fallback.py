@@ -1,0 +1,56 @@
+"""A model that may fail, with physics to fall back on: planning goes on and says so."""
+
+import logging
+from threading import Event
+
+import numpy as np
+from sain_core.dynamics import RolloutModel
+from sain_core.errors import CancelledError, ModelUnavailableError, SainError
+from sain_core.types import PredictedScenes, PushSequences, Scene
+
+logger = logging.getLogger(__name__)
+
+
+class FallbackRollout:
+    """Asks a model; once it fails, asks physics instead, until the next plan begins.
+
+    A model fails when it raises, is late (its own matter: it raises), or predicts NaN or Inf.
+    Within one plan there is no way back, so that a silent model is waited for only once.
+    """
+
+    def __init__(self, model: RolloutModel, physics: RolloutModel) -> None:
+        """Ask this model, or else this physics."""
+        self._model = model
+        self._physics = physics
+        self._cancelled = Event()
+        self.failure: SainError | None = None
+
+    def begin(self) -> None:
+        """Begin a new plan: the model gets another chance."""
+        self.failure = None
+        self._cancelled.clear()
+
+    def cancel(self) -> None:
+        """Let the plan that is being made end with `CancelledError`. For any thread."""
+        self._cancelled.set()
+
+    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8)."""
+        if self._cancelled.is_set():
+            raise CancelledError("the plan is no longer wanted")
+        if self.failure is None:
+            try:
+                return _finite(self._model.rollout(scene, pushes))
+            except SainError as error:
+                logger.debug("falling back to physics: %s", error)
+                self.failure = error
+        return self._physics.rollout(scene, pushes)
+
+
+def _finite(predicted: PredictedScenes) -> PredictedScenes:
+    finite = np.isfinite(predicted)
+    if not finite.all():
+        raise ModelUnavailableError(
+            f"the model predicts {int((~finite).sum())} numbers of {finite.size} that are NaN or Inf"
+        )
+    return predicted

@@ -1,0 +1,192 @@
+"""The planner: for each settled scene on the way to a goal, one push."""
+
+import sys
+from concurrent.futures import Future
+from dataclasses import dataclass
+from itertools import count
+from time import monotonic
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from sain_core.config import Config, option
+from sain_core.dynamics import as_rollout
+from sain_core.errors import CancelledError, ErrorCode, NoPushError, SainError
+from sain_core.feasibility import Feasibility
+from sain_core.plugins import load_dynamics
+from sain_core.ros import codec
+from sain_core.ros.diagnostics import OK, WARN, Diagnostics
+from sain_core.ros.node_main import NAMESPACE, run_node
+from sain_core.ros.parameters import read_parameters
+from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_core.ros.worker import Worker
+from sain_interfaces.msg import Goal, Plan, Push, PushResult
+from sain_interfaces.msg import Scene as SceneMessage
+from visualization_msgs.msg import MarkerArray
+
+from sain_mppi.config import PlannerConfig
+from sain_mppi.deciding import Decider, Decision
+from sain_mppi.ids import push_ids
+from sain_mppi.pursuit import Job, Pursuit, PursuitConfig, Task, Verdict, View
+from sain_mppi.ros.markers import plan_markers
+from sain_mppi.ros.plan_message import STATUS, plan_of_decision, plan_of_job, plan_of_task
+from sain_mppi.ros.remote import RemoteRollout
+
+
+@dataclass(frozen=True)
+class MppiConfig(Config):
+    """What the planner's node plans with."""
+
+    dynamics: str = option(
+        "service", "where the model runs", choices=("service", "in_process")
+    )
+    model: str = option("sain", "the model, when in process: its name, or a checkpoint's path")
+    prior: str = option("planar", "the physics to fall back on: its name")
+    model_timeout: float = option(
+        2.0, "longest wait for an answer of the model", unit="s", minimum=0.01, maximum=600.0
+    )
+    seed: int = option(0, "the same seed and scenes give the same plans", minimum=0)
+    planner: PlannerConfig = PlannerConfig()
+    pursuit: PursuitConfig = PursuitConfig()
+    feasibility: Feasibility = Feasibility()
+
+
+class MppiNode(Node):
+    """Plans on a worker thread. The pursuit belongs to the executor's."""
+
+    def __init__(self, **options: Any) -> None:
+        """Get model and physics ready, and wait for a scene and a goal."""
+        super().__init__("mppi_node", namespace=NAMESPACE, **options)
+        self.config = config = read_parameters(self, MppiConfig)
+        self.remote = None
+        if config.dynamics == "service":
+            model = self.remote = RemoteRollout(self, config.model_timeout)
+        else:
+            model = as_rollout(load_dynamics(config.model))
+        physics = as_rollout(load_dynamics(config.prior))
+        self.decider = Decider(model, physics, config.planner, config.feasibility, config.seed)
+        self.pursuit = Pursuit(config.pursuit, config.feasibility.table)
+        self.worker = Worker(self, "planning")
+        self.running: Job | None = None
+        self.sent: dict[int, Decision] = {}
+        self.push_ids, self.plan_ids = push_ids(), count(1)
+        self._offer()
+        where = "a service" if self.remote else config.model
+        self.get_logger().info(f"ready: plans with {where}, or else with {config.prior}")
+
+    def _offer(self) -> None:
+        self.push_publisher = self.create_publisher(Push, "push", RELIABLE)
+        self.plan_publisher = self.create_publisher(Plan, "plan", RELIABLE)
+        self.marker_publisher = self.create_publisher(MarkerArray, "plan_markers", RELIABLE)
+        self.diagnostics = Diagnostics(self)
+        self.create_subscription(SceneMessage, "scene", self._on_scene, RELIABLE)
+        self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
+        self.create_subscription(Goal, "goal", self._on_goal, LATCHED)
+
+    def _on_goal(self, message: Goal) -> None:
+        place = np.array([message.x, message.y])
+        task = Task(
+            message.goal_id, message.episode_id, place, message.tolerance, message.max_pushes
+        )
+        try:
+            self.pursuit.aim(task)
+        except SainError as error:
+            self._publish(plan_of_task(task, Plan.NO_PUSH, error))
+        self._go_on()
+
+    def _on_scene(self, message: SceneMessage) -> None:
+        try:
+            scene = codec.decode_disks(message.disks)
+        except SainError as error:
+            self.diagnostics.set(WARN, f"scene {message.scene_id} is ignored: {error}")
+            return
+        ids = (message.episode_id, message.scene_id)
+        self.pursuit.see(View(scene, *ids, message.settled, monotonic()))
+        self._go_on()
+
+    def _on_result(self, message: PushResult) -> None:
+        again = self.pursuit.answered(message.push_id, message.error_code)
+        decision = self.sent.pop(message.push_id, None)
+        if decision is None or message.error_code == ErrorCode.OK:
+            return
+        self.get_logger().warning(f"push {message.push_id} refused: {message.error_message}")
+        self.worker.submit(lambda: self.decider.refused(decision, again), Future.result)
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """Start on what is to be decided next; end what is no longer wanted."""
+        if self.running is not None:
+            if not self.pursuit.wants(self.running):
+                self.decider.cancel()
+            return
+        job = self.pursuit.next_job()
+        if job is None:
+            return
+        verdict = self.pursuit.verdict(job)
+        if verdict is Verdict.PLAN:
+            self.running = job
+            self.decider.begin()
+            self.worker.submit(lambda: self.decider.decide(job), self._on_decided)
+        elif verdict is Verdict.GIVE_UP:
+            error = NoPushError(f"{job.attempt} pushes in a row were refused from this scene")
+            self._publish(plan_of_job(job, Plan.NO_PUSH, error))
+        else:
+            self._publish(plan_of_job(job, STATUS[verdict]))
+
+    def _on_decided(self, done: "Future[Decision]") -> None:
+        job, self.running = self.running, None
+        assert job is not None
+        try:
+            decision = done.result()
+            if self.pursuit.wants(job):
+                self._send(decision)
+        except CancelledError:
+            self.get_logger().debug("a plan was cancelled: its goal or scene is past")
+        except SainError as error:
+            self._publish(plan_of_job(job, Plan.NO_PUSH, error))
+        self._go_on()
+
+    def _send(self, decision: Decision) -> None:
+        push_id, (episode_id, scene_id) = next(self.push_ids), decision.job.view.key
+        self.push_publisher.publish(
+            codec.encode_push(
+                decision.result.push,
+                stamp=self.get_clock().now().to_msg(),
+                push_id=push_id,
+                episode_id=episode_id,
+                scene_id=scene_id,
+                source=self.get_fully_qualified_name(),
+            )
+        )
+        self.pursuit.sent(push_id)
+        self.sent[push_id] = decision
+        self._publish(plan_of_decision(decision, push_id, self._model(decision), self.config.planner))
+        self.marker_publisher.publish(plan_markers(decision, self.get_clock().now().to_msg()))
+
+    def _publish(self, plan: Plan) -> None:
+        plan.plan_id = next(self.plan_ids)
+        plan.header = codec.header(self.get_clock().now().to_msg())
+        self.plan_publisher.publish(plan)
+        level = WARN if plan.fallback or plan.error_code != ErrorCode.OK else OK
+        text = {Plan.PUSH: "pushing", Plan.REACHED: "goal reached"}.get(plan.status, "no push")
+        if plan.fallback:
+            text = f"planning with {plan.dynamics}: the model failed"
+        figures = {"goal": plan.goal_id, "goal_distance_m": f"{plan.goal_distance:.4f}"}
+        times = {"planning_time_s": f"{plan.planning_time:.3f}", "pushes": self.pursuit.pushes}
+        self.diagnostics.set(level, text, **figures, **times, error=plan.error_message)
+
+    def _model(self, decision: Decision) -> str:
+        if decision.failure is not None:
+            return self.config.prior
+        return self.config.model if self.remote is None else self.remote.model
+
+    def destroy_node(self) -> None:
+        """Stop planning."""
+        self.decider.cancel()
+        self.worker.close()
+        super().destroy_node()
+
+
+def main() -> None:
+    """Run the planner until it is interrupted."""
+    sys.exit(run_node(MppiNode, "mppi_node"))

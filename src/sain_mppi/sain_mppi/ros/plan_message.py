@@ -1,0 +1,56 @@
+"""A decision as a message."""
+
+from time import monotonic
+from typing import Final
+
+from builtin_interfaces.msg import Time
+from sain_core.errors import ErrorCode, SainError, error_reply
+from sain_core.ros import codec
+from sain_core.scene import target_distance
+from sain_interfaces.msg import Plan
+
+from sain_mppi.config import PlannerConfig
+from sain_mppi.deciding import Decision
+from sain_mppi.pursuit import Job, Task, Verdict
+
+STATUS: Final = {
+    Verdict.PLAN: Plan.PUSH,
+    Verdict.REACHED: Plan.REACHED,
+    Verdict.EXHAUSTED: Plan.EXHAUSTED,
+    Verdict.GIVE_UP: Plan.NO_PUSH,
+}
+
+
+def plan_of_decision(decision: Decision, push_id: int, model: str, config: PlannerConfig) -> Plan:
+    """Return the plan whose first push is sent."""
+    result = decision.result
+    plan = plan_of_job(decision.job, Plan.PUSH)
+    plan.push_id = push_id
+    plan.dynamics = model
+    plan.fallback = decision.failure is not None
+    if decision.failure is not None:
+        plan.error_code, plan.error_message = error_reply(decision.failure)
+    plan.samples, plan.rounds = config.samples, result.rounds
+    codec.fill_plan(plan, result.pushes, result.predicted)
+    plan.cost, plan.effective_samples = result.cost, result.effective_samples
+    plan.rollout_time = result.rollout_time
+    return plan
+
+
+def plan_of_job(job: Job, status: int, error: SainError | None = None) -> Plan:
+    """Return a plan that sends no push (yet), and why."""
+    plan = plan_of_task(job.task, status, error)
+    plan.episode_id, plan.scene_id = job.view.key
+    plan.disks = len(job.view.scene)
+    plan.goal_distance = float(target_distance(job.view.scene, job.task.goal))
+    plan.planning_time = monotonic() - job.view.received
+    return plan
+
+
+def plan_of_task(task: Task, status: int, error: SainError | None = None) -> Plan:
+    """Return a plan for a goal without a scene."""
+    plan = Plan(goal_id=task.goal_id, episode_id=task.episode_id, status=status)
+    plan.error_code, plan.error_message = (
+        (int(ErrorCode.OK), "") if error is None else error_reply(error)
+    )
+    return plan

@@ -1,0 +1,51 @@
+"""A model behind the rollout service, to be called from a thread that may wait."""
+
+from threading import Event
+
+from rclpy.node import Node
+from sain_core.errors import ErrorCode, InvalidInputError, ModelUnavailableError
+from sain_core.ros import codec
+from sain_core.types import PredictedScenes, PushSequences, Scene
+from sain_interfaces.srv import Rollout
+
+
+class RemoteRollout:
+    """A `RolloutModel` that asks the model's node. Never call it on the executor's thread."""
+
+    def __init__(self, node: Node, timeout_s: float) -> None:
+        """Ask through this node, waiting no longer than `timeout_s` for each answer."""
+        self._client = node.create_client(Rollout, "rollout")
+        self._name = node.resolve_service_name("rollout")
+        self._timeout_s = timeout_s
+        self.model = ""
+
+    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8).
+
+        Raises:
+            ModelUnavailableError: nobody serves, answers in time, or answers what was asked.
+        """
+        samples, horizon, _ = pushes.shape
+        request = Rollout.Request(samples=samples, horizon=horizon, disks=len(scene))
+        request.scene = codec.encode_floats(scene)
+        request.pushes = codec.encode_floats(pushes)
+        response = self._ask(request)
+        if response.error_code != ErrorCode.OK:
+            raise ModelUnavailableError(f"the model refused: {response.error_message}")
+        self.model = response.model
+        try:
+            return codec.decode_rollout(response, (samples, horizon, len(scene)))
+        except InvalidInputError as error:
+            raise ModelUnavailableError(f"the model answered wrongly: {error}") from error
+
+    def _ask(self, request: Rollout.Request) -> Rollout.Response:
+        if not self._client.service_is_ready():
+            raise ModelUnavailableError(f"no model serves {self._name}")
+        answered = Event()
+        future = self._client.call_async(request)
+        future.add_done_callback(lambda _: answered.set())
+        if not answered.wait(self._timeout_s):
+            self._client.remove_pending_request(future)
+            raise ModelUnavailableError(f"the model did not answer within {self._timeout_s} s")
+        response: Rollout.Response = future.result()
+        return response

@@ -1,0 +1,88 @@
+"""What RViz and other viewers draw: table, disks, tool, labels."""
+
+from math import cos, sin
+from typing import Final
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from sain_core.push import TOOL_RADIUS
+from sain_core.ros.codec import header
+from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, Table, X, Y
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from sain_sim.outcome import Sample
+from sain_sim.parameters import CUBE
+
+TABLE_THICKNESS: Final = 0.02  # [m]
+TOOL_LENGTH: Final = 0.22  # [m]
+LABEL_HEIGHT: Final = 0.03  # [m]
+TABLE_COLOUR: Final = (0.86, 0.84, 0.80, 1.0)
+TOOL_COLOUR: Final = (0.25, 0.27, 0.30, 1.0)
+LABEL_COLOUR: Final = (0.10, 0.10, 0.10, 1.0)
+DISK_COLOURS: Final = ((0.20, 0.45, 0.75, 1.0), (0.85, 0.33, 0.24, 1.0), (0.60, 0.60, 0.62, 1.0))
+LABELS: Final = ("mid", "target")
+
+
+def scene_markers(
+    sample: Sample, shapes: tuple[str, ...], table: Table, stamp: Time
+) -> MarkerArray:
+    """Return markers of the world as it is, each with an id that stays its own."""
+    array = MarkerArray(markers=[_table(table, stamp), _tool(sample, stamp)])
+    for disk, (row, shape) in enumerate(zip(sample.scene.tolist(), shapes, strict=True)):
+        array.markers += [_disk(disk, row, shape, stamp), _label(disk, row, stamp)]
+    return array
+
+
+def _table(table: Table, stamp: Time) -> Marker:
+    marker = _marker("table", 0, Marker.CUBE, TABLE_COLOUR, stamp)
+    centre = ((table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2)
+    marker.pose = _pose(*centre, -TABLE_THICKNESS / 2)
+    marker.scale = Vector3(
+        x=table.x_max - table.x_min, y=table.y_max - table.y_min, z=TABLE_THICKNESS
+    )
+    return marker
+
+
+def _tool(sample: Sample, stamp: Time) -> Marker:
+    marker = _marker("tool", 0, Marker.CYLINDER, TOOL_COLOUR, stamp)
+    x, y, z = sample.tool.tolist()
+    marker.pose = _pose(x, y, z + TOOL_LENGTH / 2)
+    marker.scale = Vector3(x=2 * TOOL_RADIUS, y=2 * TOOL_RADIUS, z=TOOL_LENGTH)
+    return marker
+
+
+def _disk(disk: int, row: list[float], shape: str, stamp: Time) -> Marker:
+    kind = Marker.CUBE if shape == CUBE else Marker.CYLINDER
+    marker = _marker("disks", disk, kind, DISK_COLOURS[min(disk, 2)], stamp)
+    marker.pose = _pose(row[X], row[Y], DISK_HEIGHT / 2, row[THETA])
+    width = 2 * row[RADIUS]
+    marker.scale = Vector3(x=width, y=width, z=DISK_HEIGHT)
+    return marker
+
+
+def _label(disk: int, row: list[float], stamp: Time) -> Marker:
+    marker = _marker("labels", disk, Marker.TEXT_VIEW_FACING, LABEL_COLOUR, stamp)
+    marker.pose = _pose(row[X], row[Y], DISK_HEIGHT + LABEL_HEIGHT)
+    marker.scale = Vector3(z=LABEL_HEIGHT)
+    marker.text = LABELS[disk] if disk < len(LABELS) else f"disk {disk}"
+    return marker
+
+
+def _marker(
+    group: str, number: int, kind: int, colour: tuple[float, float, float, float], stamp: Time
+) -> Marker:
+    red, green, blue, alpha = colour
+    return Marker(
+        header=header(stamp),
+        ns=group,
+        id=number,
+        type=kind,
+        action=Marker.ADD,
+        color=ColorRGBA(r=red, g=green, b=blue, a=alpha),
+    )
+
+
+def _pose(x: float, y: float, z: float, yaw: float = 0.0) -> Pose:
+    turn = Quaternion(z=sin(yaw / 2), w=cos(yaw / 2))
+    return Pose(position=Point(x=x, y=y, z=z), orientation=turn)

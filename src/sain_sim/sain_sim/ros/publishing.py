@@ -1,0 +1,107 @@
+"""What the simulator says: one place that encodes and publishes it."""
+
+from concurrent.futures import Future
+
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from sain_core.errors import ErrorCode, SainError, error_reply
+from sain_core.ros import codec
+from sain_core.ros.qos import RELIABLE
+from sain_core.scene import is_settled
+from sain_core.types import Scene
+from sain_interfaces.msg import Push, PushPrediction, PushResult
+from sain_interfaces.msg import Scene as SceneMessage
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from sain_sim.arm import JOINT_NAMES
+from sain_sim.outcome import Sample
+from sain_sim.ros.markers import scene_markers
+from sain_sim.session import Session
+from sain_sim.simulator import SHADOW_MODEL, Pushed, Simulator
+
+
+class Publishing:
+    """The simulator's topics."""
+
+    def __init__(self, node: Node, simulator: Simulator, session: Session) -> None:
+        """Offer the topics."""
+        self._simulator = simulator
+        self._session = session
+        self._clock = node.create_publisher(Clock, "/clock", RELIABLE)
+        self._scene = node.create_publisher(SceneMessage, "scene", RELIABLE)
+        self._result = node.create_publisher(PushResult, "push_result", RELIABLE)
+        self._prediction = node.create_publisher(PushPrediction, "physics_prediction", RELIABLE)
+        self._joints = node.create_publisher(JointState, "joint_states", RELIABLE)
+        self._markers = node.create_publisher(MarkerArray, "markers", RELIABLE)
+
+    def clock(self) -> None:
+        """Publish the simulated time."""
+        self._clock.publish(Clock(clock=codec.encode_time(self._simulator.pacer.now_ns)))
+
+    def scene_message(self, sample: Sample, moving: bool) -> SceneMessage:
+        """Return the scene with the ids of this moment."""
+        return codec.encode_scene(
+            sample.scene,
+            stamp=codec.encode_time(self._simulator.pacer.now_ns),
+            episode_id=self._session.episode_id,
+            scene_id=self._session.scene_id,
+            settled=not moving and bool(is_settled(sample.scene)),
+        )
+
+    def state(self, sample: Sample, scene: SceneMessage) -> None:
+        """Publish time, scene, joints and markers."""
+        self.clock()
+        stamp = scene.header.stamp
+        joints = JointState(header=codec.header(stamp), name=list(JOINT_NAMES))
+        joints.position = codec.encode_floats(sample.joint_positions)
+        joints.velocity = codec.encode_floats(sample.joint_velocities)
+        self._joints.publish(joints)
+        table = self._simulator.config.bullet.feasibility.table
+        shapes = self._simulator.parameters.shapes
+        self._markers.publish(scene_markers(sample, shapes, table, stamp))
+        self._scene.publish(scene)
+
+    def result(self, push: Push, before: SceneMessage, after: SceneMessage, pushed: Pushed) -> None:
+        """Publish what a push led to."""
+        message = self._reply(push, ErrorCode.OK, "")
+        message.before, message.after = before, after
+        message.duration = pushed.outcome.duration
+        message.wall_time = pushed.wall_time
+        self._result.publish(message)
+
+    def refusal(self, push: Push, scene: SceneMessage, error: SainError) -> None:
+        """Publish why a push was not carried out; the scene is still what it was."""
+        message = self._reply(push, *error_reply(error))
+        message.before = message.after = scene
+        self._result.publish(message)
+
+    def _reply(self, push: Push, code: int, text: str) -> PushResult:
+        return PushResult(
+            header=self._header(),
+            push_id=push.push_id,
+            episode_id=push.episode_id,
+            error_code=int(code),
+            error_message=text,
+            push=push,
+        )
+
+    def prediction(self, push: Push, done: "Future[Scene]") -> None:
+        """Publish where physics alone expects a push to lead, or why it cannot say."""
+        message = PushPrediction(
+            header=self._header(),
+            push_id=push.push_id,
+            episode_id=push.episode_id,
+            scene_id=push.scene_id,
+            model=SHADOW_MODEL,
+        )
+        try:
+            message.disks = codec.encode_disks(done.result())
+            message.error_code = int(ErrorCode.OK)
+        except SainError as error:
+            message.error_code, message.error_message = error_reply(error)
+        self._prediction.publish(message)
+
+    def _header(self) -> Header:
+        return codec.header(codec.encode_time(self._simulator.pacer.now_ns))

@@ -1,0 +1,158 @@
+"""The simulator: carries out pushes, one at a time, and says what became of each."""
+
+import sys
+from concurrent.futures import Future
+from typing import Any
+
+from rclpy.node import Node
+from sain_core.errors import BusyError, CancelledError, ErrorCode, SainError, error_reply
+from sain_core.ros import codec
+from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
+from sain_core.ros.node_main import NAMESPACE, run_node
+from sain_core.ros.parameters import read_parameters
+from sain_core.ros.peers import publisher_count, refuse_peers
+from sain_core.ros.qos import RELIABLE
+from sain_core.ros.worker import Worker
+from sain_core.types import PushArray, Scene
+from sain_interfaces.msg import Push
+from sain_interfaces.srv import ResetScene
+
+from sain_sim.outcome import Sample
+from sain_sim.pacing import Pacer
+from sain_sim.ros.publishing import Publishing
+from sain_sim.session import Session
+from sain_sim.simulator import Pushed, Simulator, SimulatorConfig
+
+
+class SimNode(Node):
+    """Owns the truth world. Physics runs on a worker thread, all else on the executor's."""
+
+    def __init__(self, **options: Any) -> None:
+        """Build the worlds and start the first episode."""
+        super().__init__("sim_node", namespace=NAMESPACE, **options)
+        config = read_parameters(self, SimulatorConfig)
+        refuse_peers(self, ("scene", "/clock"), config.peer_wait)
+        self._closing = False
+        self.session = Session()
+        self.pacer = Pacer(config.real_time_factor)
+        self.worker = Worker(self, "physics")
+        self.simulator = self.worker.call(lambda: Simulator(config, self.pacer))
+        self.publishing = Publishing(self, self.simulator, self.session)
+        self.diagnostics = Diagnostics(self)
+        self.counts = {"executed": 0, "refused": 0}
+        self._reset(ResetScene.Request(seed=config.seed))
+        self.create_subscription(Push, "push", self._on_push, RELIABLE)
+        self.create_service(ResetScene, "reset_scene", self._on_reset)
+        self.create_timer(1 / config.idle_rate, self._on_idle)
+        self.get_logger().info(
+            f"ready: a {config.world} world with {len(self.settled.disks)} disks"
+        )
+
+    def _on_reset(
+        self, request: ResetScene.Request, response: ResetScene.Response
+    ) -> ResetScene.Response:
+        try:
+            self._reset(request)
+            response.error_code = ErrorCode.OK
+        except SainError as error:
+            self.get_logger().warning(f"reset refused: {error}")
+            response.error_code, response.error_message = error_reply(error)
+        response.scene = self.settled
+        return response
+
+    def _reset(self, request: ResetScene.Request) -> None:
+        if self.session.busy:
+            raise BusyError(f"push {self.session.busy_with} is under way; reset when it has ended")
+        scene = codec.decode_disks(request.disks) if request.disks else None
+        shapes = tuple(request.shapes)
+        self.pacer.idle()
+        sample = self.worker.call(
+            lambda: self.simulator.reset(
+                request.seed, request.world, scene, shapes, request.friction
+            )
+        )
+        self.session.begin_episode()
+        self._settle(sample)
+
+    def _settle(self, sample: Sample) -> None:
+        """Show where everything came to rest; pushes name this scene from now on."""
+        self.sample = sample
+        self.settled = self.publishing.scene_message(sample, moving=False)
+        self.publishing.state(sample, self.settled)
+
+    def _on_push(self, message: Push) -> None:
+        try:
+            push = codec.decode_push(message)
+            self.session.admit(message.push_id, message.episode_id, message.scene_id)
+        except SainError as error:
+            self._refuse(message, error)
+            return
+        self.pacer.idle()
+        self.worker.submit(
+            lambda: self.simulator.push(push, self._on_sample),
+            lambda done: self._on_pushed(message, push, done),
+        )
+
+    def _on_sample(self, sample: Sample) -> None:
+        """Show a moving world. The worker's thread: nothing else publishes states meanwhile."""
+        if self._closing:
+            raise CancelledError("the simulator is being stopped")
+        self.publishing.state(sample, self.publishing.scene_message(sample, moving=True))
+
+    def _on_pushed(self, message: Push, push: PushArray, done: "Future[Pushed]") -> None:
+        try:
+            pushed = done.result()
+        except SainError as error:
+            self.session.finish(executed=False)
+            self._refuse(message, error)
+            return
+        self.session.finish(executed=True)
+        self.counts["executed"] += 1
+        before = self.settled
+        after = self.publishing.scene_message(pushed.sample, moving=False)
+        self.publishing.result(message, before, after, pushed)
+        self._settle(pushed.sample)
+        if self.simulator.shadow is not None:
+            self._predict(message, push, pushed.outcome.before)
+
+    def _predict(self, message: Push, push: PushArray, before: Scene) -> None:
+        """Let the shadow world push too, while the planner already thinks about what is next."""
+        self.worker.submit(
+            lambda: self.simulator.predict(before, push),
+            lambda done: self.publishing.prediction(message, done),
+        )
+
+    def _refuse(self, message: Push, error: SainError) -> None:
+        self.counts["refused"] += 1
+        self.get_logger().warning(
+            f"push {message.push_id} from {message.source!r} refused: {error}"
+        )
+        self.publishing.refusal(message, self.settled, error)
+
+    def _on_idle(self) -> None:
+        self._report()
+        if not self.session.busy:
+            self.pacer.idle()
+            self.publishing.state(self.sample, self.settled)
+
+    def _report(self) -> None:
+        figures = {"episode": self.session.episode_id, "scene": self.session.scene_id}
+        if (simulators := publisher_count(self, "scene")) > 1:
+            message = f"{simulators} simulators publish the same scene; stop all but one"
+            self.diagnostics.set(ERROR, message, **figures, **self.counts)
+        elif not self.session.busy and not self.settled.settled:
+            message = "the disks do not come to rest; reset the scene"
+            self.diagnostics.set(WARN, message, **figures, **self.counts)
+        else:
+            self.diagnostics.set(OK, "simulating", **figures, **self.counts)
+
+    def destroy_node(self) -> None:
+        """Stop a push that is under way, and let go of the worlds."""
+        self._closing = True
+        self.worker.close(last=self.simulator.close)
+        super().destroy_node()
+
+
+def main() -> None:
+    """Run the simulator until it is interrupted."""
+    sys.exit(run_node(SimNode, "sim_node"))
