@@ -13,10 +13,8 @@ from typing import Final
 from sain_core.errors import InvalidInputError
 
 SEPARATOR: Final = "=" * 80
-BUILT_IN: Final = frozenset(
-    "bool byte char float32 float64 int8 uint8 int16 uint16 int32 uint32 int64 uint64"
-    " string wstring".split()
-)
+NUMBERS: Final = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
+BUILT_IN: Final = NUMBERS | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
 
 
 class Definitions:

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
+
+from sain_bags.reader import Bag, Received
 from sain_core.errors import DatasetError, ErrorCode, InvalidInputError
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import POSITION, Table, target_distance
 from sain_core.types import Points, PushArray, Pushes, Scene, Scenes
 from sain_core.wire import decode_disks, decode_goal, decode_plan, decode_push
-
-from sain_bags.reader import Bag, Received
 
 SCENE: Final = "sain_interfaces/msg/Scene"
 GOAL: Final = "sain_interfaces/msg/Goal"

@@ -9,10 +9,10 @@ import numpy as np
 import tyro
 from rich.console import Console
 from rich.table import Table
-from sain_core.errors import SainError
 
 from sain_bags.episodes import Episode, namespaces, read_episodes
 from sain_bags.reader import Bag
+from sain_core.errors import SainError
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from mcap.records import Footer
 from mcap.stream_reader import StreamReader
 from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
-from sain_core.errors import DatasetError
 
 from sain_bags.metadata import METADATA_FILE
+from sain_core.errors import DatasetError
 
 FOOTER_SIZE: Final = 1 + 8 + 8 + 8  # [bytes], opcode, length and the footer but its CRC
 TAIL_SIZE: Final = FOOTER_SIZE + 4 + 8  # with the CRC and the closing magic

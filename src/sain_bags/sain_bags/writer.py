@@ -16,11 +16,11 @@ from typing import Final
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
-from sain_core.config import Config, option
-from sain_core.errors import InvalidInputError, OutputError
 
 from sain_bags.metadata import Span, Topic, bag_metadata, write_metadata
 from sain_bags.reserve import ReservedFile
+from sain_core.config import Config, option
+from sain_core.errors import InvalidInputError, OutputError
 
 LIBRARY: Final = "sain_bags"
 
@@ -42,7 +42,7 @@ class BagWriter:
     def __init__(
         self,
         folder: Path,
-        config: BagConfig = BagConfig(),  # noqa: B008 - frozen
+        config: BagConfig = BagConfig(),
         custom_data: Mapping[str, str] | None = None,
         ros_distro: str = "jazzy",
     ) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated, Final
 
 import tyro
 import yaml
+
 from sain_core.errors import ConfigError, OutputError
 from sain_eval.scenarios import SCENARIOS
 

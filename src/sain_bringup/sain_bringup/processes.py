@@ -62,7 +62,7 @@ class Child:
 class Supervisor:
     """Owns a set of processes. Use it as a context manager: leaving it ends all of them."""
 
-    def __init__(self, log_folder: Path, config: StopConfig = StopConfig()) -> None:  # noqa: B008
+    def __init__(self, log_folder: Path, config: StopConfig = StopConfig()) -> None:
         """Log to ``<log_folder>/<name>.log``, one file a process."""
         self._log_folder = log_folder
         self._config = config

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from rich.table import Table
+
 from sain_bags.episodes import Episode, read_episodes
 from sain_bags.reader import Bag
 from sain_core.scene import POSITION, TARGET

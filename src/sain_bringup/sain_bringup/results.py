@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from sain_bags.reader import Bag
-
 from sain_bringup.display import Display
 from sain_bringup.report import played_episodes, summary_table, write_summary
 

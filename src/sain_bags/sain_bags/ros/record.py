@@ -19,12 +19,12 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.utilities import remove_ros_args
 from rich.console import Console
-from sain_core.errors import ConfigError, InvalidInputError, SainError
 
 from sain_bags.definitions import Definitions
 from sain_bags.metadata import OfferedQos, Topic
 from sain_bags.selection import RequestedQos, adapt, is_wanted
 from sain_bags.writer import BagConfig, BagWriter
+from sain_core.errors import ConfigError, InvalidInputError, SainError
 
 DISCOVERY_PERIOD: Final = 0.05  # [s], also how soon a signal is noticed
 DEPTH: Final = 2000  # messages a burst may hold before the recorder falls behind

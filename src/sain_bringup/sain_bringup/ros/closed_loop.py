@@ -11,8 +11,6 @@ import tyro
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from rich.console import Console
-from sain_core.errors import SainError
-from sain_eval.scenarios import SCENARIOS
 
 from sain_bringup.display import Display
 from sain_bringup.graph import GraphConfig, graph_commands
@@ -27,6 +25,8 @@ from sain_bringup.provenance import provenance
 from sain_bringup.report import EPISODES_KEY
 from sain_bringup.results import write_results
 from sain_bringup.ros.director import Director
+from sain_core.errors import SainError
+from sain_eval.scenarios import SCENARIOS
 
 
 class Stopped(BaseException):

@@ -7,6 +7,8 @@ from typing import Any, Final
 
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+
+from sain_bringup.display import EpisodeView
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
 from sain_core.ros.codec import decode_disks, encode_disks, encode_goal
 from sain_core.ros.node_main import NAMESPACE
@@ -14,8 +16,6 @@ from sain_core.ros.peers import refuse_peers
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import target_distance
 from sain_eval.scenarios import ScenarioScene
-
-from sain_bringup.display import EpisodeView
 from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult
 from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
 
@@ -36,6 +36,7 @@ SUBSCRIBERS: Final = {  # how many each topic has once everybody listens
     "physics_prediction": 2,  # recorder and this node
     "joint_states": 1,
     "markers": 1,
+    "plan_markers": 1,
     "/clock": 1,
     "/diagnostics": 1,
 }

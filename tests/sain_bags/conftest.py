@@ -1,0 +1,170 @@
+"""Recordings made by hand: CDR from `rosbags`' typestore, so that no test needs a running graph."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from sain_bags.definitions import Definitions
+from sain_bags.metadata import OfferedQos, Topic
+from sain_bags.writer import BagWriter
+from sain_core.scene import STATE_NAMES, make_scene
+from sain_core.types import Scene
+
+INTERFACES = ("DiskState", "Scene", "Goal", "Push", "PushResult", "PushPrediction", "Plan")
+SECOND = 1_000_000_000
+START = 1_700_000_000 * SECOND
+
+
+class Messages:
+    """Builds and serializes messages of the graph."""
+
+    def __init__(self) -> None:
+        self.definitions = Definitions()
+        self.store = get_typestore(Stores.ROS2_JAZZY)
+        for name in INTERFACES:
+            full = f"sain_interfaces/msg/{name}"
+            self.store.register(get_types_from_msg(self.definitions.text(full), full))
+
+    def make(self, type_name: str, **fields: Any) -> Any:
+        """Build a message; what is not given is zero."""
+        definition = self.store.types[type_name]
+        values = {
+            name: fields.get(name, self._zero(kind))
+            for name, kind in definition.__annotations__.items()
+            if name != "__msgtype__" and not kind.startswith("ClassVar")
+        }
+        return definition(**values)
+
+    def _zero(self, kind: str) -> Any:
+        name = kind.rpartition(".")[2].rstrip("]").strip("'\"")
+        if "ndarray" in kind:
+            return np.zeros(0)
+        if kind.startswith("list"):
+            return []
+        if "__" in name:
+            return self.make(name.replace("__", "/"))
+        return {"str": "", "bool": False, "float": 0.0}.get(kind, 0)
+
+    def disks(self, scene: Scene) -> list[Any]:
+        """Return a scene as ``DiskState[]``."""
+        return [
+            self.make("sain_interfaces/msg/DiskState", **dict(zip(STATE_NAMES, row, strict=True)))
+            for row in scene.tolist()
+        ]
+
+    def topic(self, name: str, type_name: str, **more: Any) -> Topic:
+        """Describe a topic as the recorder does."""
+        qos = more.pop("offered_qos", (OfferedQos(),))
+        return Topic(
+            name,
+            type_name,
+            self.definitions.joined(type_name),
+            self.store.hash_rihs01(type_name),
+            qos,
+        )
+
+
+class Recording:
+    """A bag under construction, one message every 100 ms."""
+
+    def __init__(self, writer: BagWriter, messages: Messages) -> None:
+        self.writer, self.messages = writer, messages
+        self.now = START
+
+    def add(self, topic: str, short: str, **fields: Any) -> None:
+        """Append a message of ``sain_interfaces``."""
+        type_name = short if "/" in short else f"sain_interfaces/msg/{short}"
+        message = self.messages.make(type_name, **fields)
+        data = bytes(self.messages.store.serialize_cdr(message, type_name))
+        self.writer.add_topic(self.messages.topic(topic, type_name))
+        self.now += SECOND // 10
+        self.writer.write(topic, data, self.now, self.now - 1000)
+
+    def scene(self, episode: int, scene_id: int, scene: Scene, settled: bool = True) -> None:
+        """Append a scene."""
+        disks = self.messages.disks(scene)
+        self.add(
+            "/sain/scene", "Scene",
+            episode_id=episode, scene_id=scene_id, settled=settled, disks=disks,
+        )  # fmt: skip
+
+    def push(self, number: int, episode: int, before: Scene, after: Scene, **more: Any) -> None:
+        """Append all that a push leaves behind: plan, result and, late, the prediction."""
+        make, disks = self.messages.make, self.messages.disks
+        code = more.get("error_code", 1)
+        predicted = np.stack([after + 0.001, after + 0.002])
+        self.add(
+            "/sain/plan", "Plan",
+            plan_id=number, push_id=number, episode_id=episode, goal_id=episode, status=1,
+            error_code=1, dynamics="planar", horizon=2, disks=len(before),
+            pushes=np.full(6, 0.1), predicted=predicted.ravel(), planning_time=0.25,
+        )  # fmt: skip
+        push = make(
+            "sain_interfaces/msg/Push",
+            push_id=number,
+            location=more.get("location", 0.3),
+            length=0.1,
+        )
+        scenes = [make("sain_interfaces/msg/Scene", disks=disks(s)) for s in (before, after)]
+        self.add(
+            "/sain/push_result", "PushResult",
+            push_id=number, episode_id=episode, error_code=code, push=push,
+            error_message="blocked" if code != 1 else "", before=scenes[0], after=scenes[1],
+        )  # fmt: skip
+        if code == 1:
+            self.add(
+                "/sain/physics_prediction", "PushPrediction",
+                push_id=number, episode_id=episode, error_code=1, model="bullet_nominal",
+                disks=disks(after + 0.003),
+            )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def messages() -> Messages:
+    return Messages()
+
+
+@pytest.fixture
+def record(messages: Messages, tmp_path: Path) -> Iterator[Callable[..., Recording]]:
+    """Start recordings; the caller closes their writers, or they are closed at the end."""
+    writers = []
+
+    def start(name: str = "bag", **options: Any) -> Recording:
+        writer = BagWriter(tmp_path / name, **options)
+        writers.append(writer)
+        return Recording(writer, messages)
+
+    yield start
+    for writer in writers:
+        writer.close()
+
+
+@pytest.fixture
+def episode_bag(record: Callable[..., Recording], tmp_path: Path) -> Path:
+    """A bag of two episodes: three pushes, one of them refused, then one without a push."""
+    recording = record(custom_data={"seed": "7"})
+    for episode in (2, 3):
+        start = resting_scene(0.45)
+        recording.scene(episode, 10 * episode, start)
+        recording.add(
+            "/sain/goal", "Goal",
+            goal_id=episode, episode_id=episode, x=0.80, y=0.0, tolerance=0.02, max_pushes=15,
+        )  # fmt: skip
+        if episode == 2:
+            nearer, there = resting_scene(0.60), resting_scene(0.79)
+            recording.push(1, 2, start, nearer)
+            recording.push(2, 2, nearer, nearer, error_code=9, location=float("nan"))
+            recording.push(3, 2, nearer, there)
+            recording.scene(2, 22, there, settled=True)
+    recording.writer.close()
+    return tmp_path / "bag"
+
+
+def resting_scene(target_x: float) -> Scene:
+    """Two disks at rest, the target at (target_x, 0)."""
+    positions = np.array([[target_x - 0.15, 0.0], [target_x, 0.0]])
+    return make_scene(positions, np.full(2, 8.0), np.array([0.08, 0.06]))
