@@ -70,8 +70,8 @@ class Director(Node):
         self._servers = {
             name: self.create_client(kind, name) for name, kind in SERVER_PARTS.items()
         }
-        self.create_subscription(Plan, "plan", self._events.append, RELIABLE)
-        self.create_subscription(PushResult, "push_result", self._events.append, RELIABLE)
+        self.create_subscription(Plan, "plan", self._on_event, RELIABLE)
+        self.create_subscription(PushResult, "push_result", self._on_event, RELIABLE)
         self.create_subscription(
             PushPrediction, "physics_prediction", self._on_prediction, RELIABLE
         )
@@ -194,6 +194,9 @@ class Director(Node):
             view.end(reached=False, why=f"no pushes left of {view.pushes}")
         else:
             view.end(reached=False, why=plan.error_message or "the planner found no push")
+
+    def _on_event(self, message: Plan | PushResult) -> None:
+        self._events.append(message)
 
     def _on_prediction(self, message: PushPrediction) -> None:
         self._predicted.add(message.push_id)
