@@ -1,0 +1,23 @@
+"""Close the loop with the real arm and without ROS: three seeded scenes, one picture.
+
+    ./env python examples/03_closed_loop_without_ros.py [picture.png]
+"""
+
+import sys
+from pathlib import Path
+
+from sain_core.scene import target_distance
+from sain_eval.closed_loop import run_episode
+from sain_eval.controllers import controller_maker
+from sain_eval.pictures import save_episode
+from sain_eval.scenarios import SCENARIOS
+
+picture = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+for seed in range(3):
+    case = SCENARIOS["anywhere"].scene(seed)
+    outcome = run_episode(case, controller_maker("planar")(case), tolerance=0.01)
+    left = 1e3 * float(target_distance(outcome.final, case.goal))
+    verdict = outcome.failure or "reached"
+    print(f"scene {seed}: {len(outcome.record.pushes)} pushes, {left:.1f} mm left: {verdict}")
+    if picture and seed == 0:
+        save_episode(outcome.record, picture)
