@@ -34,7 +34,8 @@ def graph_commands(config: GraphConfig) -> dict[str, list[str]]:
     Raises:
         ConfigError: a package of the graph is not installed.
     """
-    simulator = {"real_time_factor": config.real_time_factor}
+    # The recording is watched later, so the arm moves all the way and is not set down.
+    simulator = {"real_time_factor": config.real_time_factor, "bullet.full_motion": True}
     planner = {"dynamics": "service", "seed": config.seed}
     if config.gui:
         simulator["bullet.gui"] = True

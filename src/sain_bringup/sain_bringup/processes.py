@@ -32,9 +32,9 @@ class ProcessDiedError(SainError):
 class StopConfig(Config):
     """How patient the end is: after these times a harder signal is sent. In all below 3 s."""
 
-    interrupt: float = option(1.2, "time to end after SIGINT", unit="s", minimum=0.0)
-    terminate: float = option(0.8, "time to end after SIGTERM", unit="s", minimum=0.0)
-    kill: float = option(0.4, "time to be gone after SIGKILL", unit="s", minimum=0.0)
+    interrupt: float = option(1.6, "time to end after SIGINT", unit="s", minimum=0.0)
+    terminate: float = option(0.4, "time to end after SIGTERM", unit="s", minimum=0.0)
+    kill: float = option(0.3, "time to be gone after SIGKILL", unit="s", minimum=0.0)
 
 
 @dataclass(frozen=True)
@@ -118,15 +118,19 @@ class Supervisor:
                     else f"{child.name} {child.describe_end()} and said nothing"
                 )
 
-    def stop(self) -> list[str]:
+    def stop(self, config: StopConfig | None = None) -> list[str]:
         """End all processes: SIGINT, then SIGTERM, then SIGKILL, each to whole process groups.
+
+        Args:
+            config: how patiently; as the supervisor was told if None.
 
         Returns:
             The names of those that had to be killed.
         """
+        config = config or self._config
         for number, patience in (
-            (signal.SIGINT, self._config.interrupt),
-            (signal.SIGTERM, self._config.terminate),
+            (signal.SIGINT, config.interrupt),
+            (signal.SIGTERM, config.terminate),
         ):
             for child in self._running():
                 _signal_group(child, number)
@@ -134,7 +138,7 @@ class Supervisor:
         killed = [child.name for child in self._running()]
         for child in self._children:
             _signal_group(child, signal.SIGKILL)  # also what a process left behind
-        self._wait(self._config.kill)
+        self._wait(config.kill)
         self._children.clear()
         return killed
 

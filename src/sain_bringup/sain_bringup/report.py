@@ -13,6 +13,8 @@ from sain_bags.reader import Bag
 from sain_core.scene import POSITION, TARGET
 from sain_core.types import Scene
 from sain_eval.episodes import EpisodeRecord, PushRecord
+from sain_eval.files import write_whole
+from sain_eval.scenarios import SCENARIOS
 
 EPISODES_KEY = "episodes"  # of the bag's custom data: "scenario:seed scenario:seed ..."
 
@@ -81,7 +83,8 @@ class PlayedEpisode:
             tolerance=self.episode.tolerance,
             pushes=pushes,
             start=self.episode.start,
-            title=f"{self.scenario} {self.seed}",
+            shapes=SCENARIOS[self.scenario].scene(self.seed).shapes if self.scenario else (),
+            title=f"{self.scenario} {self.seed}".strip(),
         )
 
 
@@ -105,9 +108,7 @@ def write_summary(path: Path, bag: Bag, summaries: tuple[EpisodeSummary, ...]) -
         "successes": sum(summary.success for summary in summaries),
         "episodes": [asdict(summary) for summary in summaries],
     }
-    part = path.with_name(f".{path.name}.part")
-    part.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    part.replace(path)
+    write_whole(path, (json.dumps(content, indent=2) + "\n").encode())
 
 
 def summary_table(summaries: tuple[EpisodeSummary, ...]) -> Table:

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
+from typing import Final
 
 import rclpy
 import tyro
@@ -20,13 +21,15 @@ from sain_bringup.options import (
     episode_plans,
     make_output_folder,
 )
-from sain_bringup.processes import Supervisor
+from sain_bringup.processes import StopConfig, Supervisor
 from sain_bringup.provenance import provenance
 from sain_bringup.report import EPISODES_KEY
 from sain_bringup.results import write_results
 from sain_bringup.ros.director import Director
 from sain_core.errors import SainError
 from sain_eval.scenarios import SCENARIOS
+
+UNHURRIED: Final = StopConfig(interrupt=15.0)  # when all went well and nobody is waiting
 
 
 class Stopped(BaseException):
@@ -50,7 +53,7 @@ def run(options: ClosedLoopOptions, display: Display) -> bool:
     with Supervisor(folder / "logs") as supervisor:
         play(options, folder, supervisor, display)
         with display.stage("closing the recording", "graph stopped, recording closed"):
-            supervisor.stop()
+            supervisor.stop(UNHURRIED)
     return write_results(folder, options.video, display)
 
 
