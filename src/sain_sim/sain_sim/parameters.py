@@ -86,12 +86,14 @@ class WorldParameters(Config):
         )
 
 
-def nominal_parameters(count: int = 2, shape: str = THREE_FEET) -> WorldParameters:
+def nominal_parameters(
+    count: int = 2, shape: str = THREE_FEET, shapes: tuple[str, ...] | None = None
+) -> WorldParameters:
     """Return the paper's nominal world with N = count disks; further disks are like the target."""
     return WorldParameters(
         masses=(NOMINAL_MASS,) * count,
         radii=tuple(NOMINAL_RADII[min(disk, 1)] for disk in range(count)),
-        shapes=(shape,) * count,
+        shapes=shapes or (shape,) * count,
     )
 
 

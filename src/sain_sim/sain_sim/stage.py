@@ -97,7 +97,7 @@ class Stage:
         slow &= np.abs(scene[:, OMEGA]) < SETTLED_SPIN
         return bool((slow | self.fallen()).all())
 
-    def touches_other(self, body: int, link: int) -> int | None:
+    def touched_by(self, body: int, link: int) -> int | None:
         """Return the first disk but the mid disk that a body's link touches, if any."""
         for index, disk in enumerate(self.disks[1:], start=1):
             for contact in self._client.getContactPoints(body, disk.body, link):
