@@ -60,13 +60,13 @@ class _Episode:
                 break
             try:
                 decision = self._decide(scene)
+                if decision.push is None:
+                    failure = "the controller stopped"
+                    break
+                scene = self._push(scene, decision)
             except SainError as error:
                 failure = f"{type(error).__name__}: {error}"
                 break
-            if decision.push is None:
-                failure = "the controller stopped"
-                break
-            scene = self._push(scene, decision)
         record = EpisodeRecord(
             self.case.goal, self.tolerance, tuple(self.pushes), start, self.case.shapes
         )

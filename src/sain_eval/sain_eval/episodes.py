@@ -1,12 +1,11 @@
 """What is kept of an episode: arrays only, however it was run (closed loop, graph, bag)."""
 
 from dataclasses import dataclass
-from math import inf
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from sain_core.scene import MID, POSITION, TARGET, is_settled, target_distance
+from sain_core.scene import MID, POSITION, TARGET, Table, is_settled, target_distance
 from sain_core.types import PushArray, Scene
 
 
@@ -60,10 +59,14 @@ class EpisodeRecord:
             first = self.pushes[0].before
         return (first, *(push.after for push in self.pushes))
 
-    def pushes_to(self, tolerance: float) -> int | None:
-        """Return after how many pushes the target first lay within tolerance [m], if ever."""
+    def pushes_to(self, tolerance: float, table: Table = Table()) -> int | None:
+        """Return after how many pushes the target first lay within tolerance [m], if ever.
+
+        The scene must be settled then, with every disk on the table.
+        """
         for count, scene in enumerate(self.scenes):
-            if is_settled(scene) and target_distance(scene, self.goal) <= tolerance:
+            near = target_distance(scene, self.goal) <= tolerance
+            if near and is_settled(scene) and table.contains(scene[:, POSITION]).all():
                 return count
         return None
 
@@ -71,8 +74,3 @@ class EpisodeRecord:
     def final_distance(self) -> float:
         """Distance [m] from target to goal in the last scene."""
         return float(target_distance(self.scenes[-1], self.goal))
-
-    @property
-    def nearest(self) -> float:
-        """The smallest such distance [m] over all scenes."""
-        return min((float(target_distance(s, self.goal)) for s in self.scenes), default=inf)

@@ -27,10 +27,10 @@ class CostWeights(Config):
         (100.0, 100.0), "Q for x and y of the target, paper eq. 6", unit="1/m^2", minimum=0.0
     )
     orientation: float = option(0.0, "Q for the target's heading, towards 0", minimum=0.0)
-    running: float = option(0.15, "share of Q that every push but the last pays", minimum=0.0)
+    running: float = option(0.5, "share of Q that every push but the last pays", minimum=0.0)
     terminal: float = option(1.0, "share of Q after the last push", minimum=0.0)
     distance: float = option(
-        20.0, "target to goal after the last push, not squared: keeps the last mm worthwhile",
+        50.0, "target to goal after the last push, not squared: keeps the last mm worthwhile",
         unit="1/m", minimum=0.0,
     )
     alignment: float = option(1.0, "mid disk not behind the target, seen from the goal", minimum=0.0)
@@ -38,7 +38,7 @@ class CostWeights(Config):
         2.0, "mid disk away from the spot behind the target", unit="1/m", minimum=0.0
     )
     done_within: float = option(
-        0.03, "nearer the goal than this, alignment, approach and reach fade away", unit="m",
+        0.01, "nearer the goal than this, alignment, approach and reach fade away", unit="m",
         minimum=0.001,
     )
     clearance: float = option(2.0, "tool nearer another disk than `tool_gap`", minimum=0.0)

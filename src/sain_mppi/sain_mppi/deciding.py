@@ -2,13 +2,10 @@
 
 from dataclasses import dataclass
 
-from sain_core.config import Config, option
 from sain_core.dynamics import RolloutModel
 from sain_core.errors import SainError
 from sain_core.feasibility import Feasibility
-from sain_core.scene import target_distance
 from sain_core.seeding import generator
-
 from sain_mppi.config import PlannerConfig
 from sain_mppi.fallback import FallbackRollout
 from sain_mppi.planner import Planner, PlanResult

@@ -4,6 +4,7 @@ import logging
 from threading import Event
 
 import numpy as np
+
 from sain_core.dynamics import RolloutModel
 from sain_core.errors import CancelledError, ModelUnavailableError, SainError
 from sain_core.types import PredictedScenes, PushSequences, Scene
@@ -50,7 +51,6 @@ class FallbackRollout:
 def _finite(predicted: PredictedScenes) -> PredictedScenes:
     finite = np.isfinite(predicted)
     if not finite.all():
-        raise ModelUnavailableError(
-            f"the model predicts {int((~finite).sum())} numbers of {finite.size} that are NaN or Inf"
-        )
+        bad = int((~finite).sum())
+        raise ModelUnavailableError(f"{bad} of the model's {finite.size} numbers are NaN or Inf")
     return predicted

@@ -13,7 +13,6 @@ from sain_core.config import Config, option
 from sain_core.errors import ErrorCode
 from sain_core.scene import Table
 from sain_core.types import Scene
-
 from sain_mppi.goal import Goal, check_goal, check_tolerance, goal_reached
 
 LOOK_AGAIN: Final = (ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE)
@@ -28,8 +27,11 @@ class PursuitConfig(Config):
         10, "refused pushes in a row, from one scene, after which it gives up", minimum=1
     )
     answer_timeout: float = option(
-        5.0, "a scene is planned again when its push was not answered for so long", unit="s",
-        minimum=0.1, maximum=3600.0,
+        5.0,
+        "a scene is planned again when its push was not answered for so long",
+        unit="s",
+        minimum=0.1,
+        maximum=3600.0,
     )
 
 

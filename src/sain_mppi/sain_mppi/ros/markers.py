@@ -5,12 +5,12 @@ from typing import Final
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, Vector3
-from sain_core.ros.codec import header
-from sain_core.scene import DISK_HEIGHT, MID, POSITION, TARGET
-from sain_core.types import Points
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from sain_core.ros.codec import header
+from sain_core.scene import DISK_HEIGHT, MID, POSITION, TARGET
+from sain_core.types import Points
 from sain_mppi.deciding import Decision
 from sain_mppi.pursuit import Task
 

@@ -9,10 +9,13 @@ from typing import Any
 
 import numpy as np
 from rclpy.node import Node
+from visualization_msgs.msg import MarkerArray
+
 from sain_core.config import Config, option
 from sain_core.dynamics import as_rollout
 from sain_core.errors import CancelledError, ErrorCode, NoPushError, SainError
 from sain_core.feasibility import Feasibility
+from sain_core.ids import push_ids
 from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
@@ -22,11 +25,8 @@ from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Goal, Plan, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
-from visualization_msgs.msg import MarkerArray
-
 from sain_mppi.config import PlannerConfig
 from sain_mppi.deciding import Decider, Decision
-from sain_mppi.ids import push_ids
 from sain_mppi.pursuit import Job, Pursuit, PursuitConfig, Task, Verdict, View
 from sain_mppi.ros.markers import plan_markers
 from sain_mppi.ros.plan_message import STATUS, plan_of_decision, plan_of_job, plan_of_task
@@ -37,9 +37,7 @@ from sain_mppi.ros.remote import RemoteRollout
 class MppiConfig(Config):
     """What the planner's node plans with."""
 
-    dynamics: str = option(
-        "service", "where the model runs", choices=("service", "in_process")
-    )
+    dynamics: str = option("service", "where the model runs", choices=("service", "in_process"))
     model: str = option("sain", "the model, when in process: its name, or a checkpoint's path")
     prior: str = option("planar", "the physics to fall back on: its name")
     model_timeout: float = option(
@@ -160,7 +158,8 @@ class MppiNode(Node):
         )
         self.pursuit.sent(push_id)
         self.sent[push_id] = decision
-        self._publish(plan_of_decision(decision, push_id, self._model(decision), self.config.planner))
+        model = self._model(decision)
+        self._publish(plan_of_decision(decision, push_id, model, self.config.planner))
         self.marker_publisher.publish(plan_markers(decision, self.get_clock().now().to_msg()))
 
     def _publish(self, plan: Plan) -> None:

@@ -3,12 +3,10 @@
 from time import monotonic
 from typing import Final
 
-from builtin_interfaces.msg import Time
 from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.ros import codec
 from sain_core.scene import target_distance
 from sain_interfaces.msg import Plan
-
 from sain_mppi.config import PlannerConfig
 from sain_mppi.deciding import Decision
 from sain_mppi.pursuit import Job, Task, Verdict

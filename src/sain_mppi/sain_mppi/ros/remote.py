@@ -3,6 +3,7 @@
 from threading import Event
 
 from rclpy.node import Node
+
 from sain_core.errors import ErrorCode, InvalidInputError, ModelUnavailableError
 from sain_core.ros import codec
 from sain_core.types import PredictedScenes, PushSequences, Scene
