@@ -52,9 +52,18 @@ class RecordOptions:
 class Recorder(Node):
     """Subscribes to topics as they appear, and writes their bytes as they come."""
 
-    def __init__(self, writer: BagWriter, chosen: tuple[str, ...], flush_period: float) -> None:
-        """Record the chosen topics, or all, with a writer that the caller closes."""
-        super().__init__("recorder")
+    def __init__(
+        self, writer: BagWriter, chosen: tuple[str, ...], flush_period: float, **options: Any
+    ) -> None:
+        """Record the chosen topics, or all, with a writer that the caller closes.
+
+        Args:
+            writer: of the bag.
+            chosen: full names of topics; none: all that are not hidden.
+            flush_period: how often to hand over to the operating system what came [s].
+            **options: of the node.
+        """
+        super().__init__("recorder", **options)
         self._writer = writer
         self._chosen = frozenset(chosen)
         self._definitions = Definitions()

@@ -64,7 +64,10 @@ class Director(Node):
         self._check = check
         self._timeout = timeout
         self._events: deque[Plan | PushResult] = deque()
-        self._predicted: set[int] = set()
+        self._sent: set[int] = set()  # ids of pushes: those planned, ...
+        self._answered: set[int] = set()  # ... those with a result, ...
+        self._executed: set[int] = set()  # ... those carried out, ...
+        self._predicted: set[int] = set()  # ... and those that the nominal world predicted
         self._goals = 0
         self._goal = self.create_publisher(Goal, "goal", LATCHED)
         self._servers = {
@@ -99,22 +102,15 @@ class Director(Node):
             SainError: the simulator refused the scene, or nothing happened any more.
         """
         episode_id = self._reset(case, view)
-        self._events.clear()
+        for known in (self._events, self._sent, self._answered, self._executed, self._predicted):
+            known.clear()
         self._give_goal(case, episode_id, tolerance)
-        executed: set[int] = set()
-        while not view.ending:
+        while not self._is_over(view):
             self.wait(lambda: bool(self._events), lambda: "no sign of planner or simulator")
             event = self._events.popleft()
-            if event.episode_id != episode_id:
-                continue
-            if isinstance(event, Plan):
-                self._on_plan(event, view)
-            elif event.error_code == ErrorCode.OK:
-                executed.add(event.push_id)
-                view.at(float(target_distance(decode_disks(event.after.disks), case.goal)))
-            else:
-                view.refuse(event.error_message)
-        self._wait_for_predictions(executed)
+            if event.episode_id == episode_id:
+                self._follow(event, case, view)
+        self._wait_for_predictions()
 
     def wait(self, done: Callable[[], bool], problem: Callable[[], str]) -> None:
         """Spin until something is so.
@@ -183,15 +179,31 @@ class Director(Node):
             )
         )
 
+    def _is_over(self, view: EpisodeView) -> bool:
+        """Tell whether the planner is done, and so is every push it sent: news may overtake."""
+        return bool(view.ending) and self._sent <= self._answered
+
+    def _follow(self, event: Plan | PushResult, case: ScenarioScene, view: EpisodeView) -> None:
+        if isinstance(event, Plan):
+            self._on_plan(event, view)
+            return
+        self._answered.add(event.push_id)
+        if event.error_code == ErrorCode.OK:
+            self._executed.add(event.push_id)
+            view.at(float(target_distance(decode_disks(event.after.disks), case.goal)))
+        else:
+            view.refuse(event.error_message)
+
     def _on_plan(self, plan: Plan, view: EpisodeView) -> None:
         if plan.goal_id != self._goals:
             return
         if plan.status == Plan.PUSH:
+            self._sent.add(plan.push_id)
             view.planned(plan.planning_time, plan.fallback)
         elif plan.status == Plan.REACHED:
             view.end(reached=True)
         elif plan.status == Plan.EXHAUSTED:
-            view.end(reached=False, why=f"no pushes left of {view.pushes}")
+            view.end(reached=False, why=f"no pushes left of {len(self._sent)}")
         else:
             view.end(reached=False, why=plan.error_message or "the planner found no push")
 
@@ -201,9 +213,10 @@ class Director(Node):
     def _on_prediction(self, message: PushPrediction) -> None:
         self._predicted.add(message.push_id)
 
-    def _wait_for_predictions(self, executed: set[int]) -> None:
+    def _wait_for_predictions(self) -> None:
+        """Wait for the nominal world's word on every push; without a shadow world it has none."""
         deadline = time.monotonic() + PREDICTION_TIME
         self.wait(
-            lambda: executed <= self._predicted or time.monotonic() > deadline,
+            lambda: self._executed <= self._predicted or time.monotonic() > deadline,
             lambda: "no physics predictions",
         )

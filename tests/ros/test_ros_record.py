@@ -1,0 +1,159 @@
+"""The recorder takes every topic as it appears, whatever its publishers offer."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.highlevel import AnyReader
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from sain_bags.reader import Bag
+from sain_bags.ros.record import Recorder, message_class, parse_custom_data
+from sain_bags.writer import BagWriter
+from sain_core.errors import ConfigError, InvalidInputError
+from sain_interfaces.msg import DiskState, Scene
+
+pytestmark = pytest.mark.ros
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LOSSY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class Studio:
+    """A recorder and a node that publishes, on one executor."""
+
+    def __init__(self, context: rclpy.Context, folder: Path) -> None:
+        self.executor = SingleThreadedExecutor(context=context)
+        self.writer = BagWriter(folder)
+        self.context = context
+        self.player = Node("player", context=context)
+        self.executor.add_node(self.player)
+
+    def start(self, *chosen: str) -> None:
+        self.recorder = Recorder(self.writer, chosen, 0.2, context=self.context)
+        self.executor.add_node(self.recorder)
+
+    def spin_until(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + 30.0
+        while not condition():
+            assert time.monotonic() < deadline, f"waited in vain; so far {self.writer.counts}"
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def recorded(self, topic: str, count: int) -> None:
+        """Spin until so many messages of a topic are in the bag."""
+        self.spin_until(lambda: self.writer.counts.get(topic, 0) >= count)
+
+    def listened(self, topic: str) -> None:
+        """Spin until the recorder listens to a topic."""
+        self.spin_until(lambda: self.player.count_subscribers(topic) > 0)
+
+    def end(self) -> Bag:
+        for node in (self.recorder, self.player):
+            self.executor.remove_node(node)
+            node.destroy_node()
+        self.writer.close()
+        return Bag(self.writer.folder)
+
+
+@pytest.fixture
+def studio(ros_domain: int, tmp_path: Path) -> Iterator[Studio]:
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=ros_domain)
+    yield Studio(context, tmp_path / "bag")
+    rclpy.try_shutdown(context=context)
+
+
+def test_topics_that_appear_late_are_recorded(studio: Studio) -> None:
+    studio.start()
+    early = studio.player.create_publisher(String, "early", 10)
+    studio.listened("/early")
+    early.publish(String(data="first"))
+    studio.recorded("/early", 1)
+    late = studio.player.create_publisher(Scene, "late", 10)
+    studio.listened("/late")
+    late.publish(Scene(scene_id=7, disks=[DiskState(x=0.5), DiskState()]))
+    studio.recorded("/late", 1)
+    bag = studio.end()
+    (scene,) = (received.message for received in bag.messages(["/late"]))
+    assert (scene.scene_id, scene.disks[0].x) == (7, 0.5)
+    assert {"/early", "/late", "/rosout"} <= {topic.name for topic in bag.topics}
+
+
+def test_what_was_latched_before_is_recorded(studio: Studio) -> None:
+    studio.player.create_publisher(String, "goal", LATCHED).publish(String(data="before"))
+    studio.start()
+    studio.recorded("/goal", 1)
+    (received,) = studio.end().messages(["/goal"])
+    assert received.message.data == "before"
+    assert received.publish_time <= received.log_time
+
+
+def test_best_effort_is_recorded_also_when_it_joins_a_reliable_topic(studio: Studio) -> None:
+    studio.start()
+    studio.player.create_publisher(Clock, "/clock", 10)
+    studio.listened("/clock")
+    lossy = studio.player.create_publisher(Clock, "/clock", LOSSY)
+
+    def tick() -> bool:
+        lossy.publish(Clock())
+        return studio.writer.counts.get("/clock", 0) > 0
+
+    studio.spin_until(tick)
+    with AnyReader([studio.end().path]) as reader:
+        offered = next(c for c in reader.connections if c.topic == "/clock")
+        assert {qos.reliability.name for qos in offered.ext.offered_qos_profiles} == {
+            "RELIABLE",
+            "BEST_EFFORT",
+        }
+
+
+def test_a_burst_is_recorded_whole_and_in_order(studio: Studio) -> None:
+    studio.start()
+    burst = studio.player.create_publisher(String, "burst", 500)
+    studio.listened("/burst")
+    for number in range(500):
+        burst.publish(String(data=str(number)))
+    studio.recorded("/burst", 500)
+    data = [received.message.data for received in studio.end().messages(["/burst"])]
+    assert data == [str(number) for number in range(500)]
+
+
+def test_hidden_topics_and_those_not_chosen_are_left_out(studio: Studio) -> None:
+    studio.start("/chosen")
+    topics = ("/chosen", "/other", "/_hidden")
+    publishers = [studio.player.create_publisher(String, name, LATCHED) for name in topics]
+    for publisher in publishers:
+        publisher.publish(String(data="x"))
+    studio.recorded("/chosen", 1)
+    assert [topic.name for topic in studio.end().topics] == ["/chosen"]
+
+
+def test_rosbags_finds_the_type_hash_that_it_computes_itself(studio: Studio) -> None:
+    studio.start("/scene")
+    studio.player.create_publisher(Scene, "/scene", LATCHED).publish(Scene(episode_id=3))
+    studio.recorded("/scene", 1)
+    with AnyReader([studio.end().path]) as reader:  # raises when the hashes differ
+        (found,) = [
+            reader.deserialize(raw, connection.msgtype) for connection, _, raw in reader.messages()
+        ]
+    assert found.episode_id == 3
+
+
+def test_types_that_are_not_installed_are_named() -> None:
+    assert message_class("sain_interfaces/msg/Scene") is Scene
+    with pytest.raises(InvalidInputError, match="sain_interfaces/msg/Nothing is not installed"):
+        message_class("sain_interfaces/msg/Nothing")
+    with pytest.raises(InvalidInputError, match="no_such/msg/Thing is not installed"):
+        message_class("no_such/msg/Thing")
+
+
+def test_custom_data_must_be_pairs() -> None:
+    assert parse_custom_data(("a=1", "b=x=y")) == {"a": "1", "b": "x=y"}
+    with pytest.raises(ConfigError, match="'nonsense'; it must be KEY=VALUE"):
+        parse_custom_data(("nonsense",))
