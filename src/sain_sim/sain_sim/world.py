@@ -149,7 +149,7 @@ class World:
             self._attempt(origin, route, None, guarded)
             self._build(origin)
         self._attempt(origin, route, _watch(on_step, every), guarded)
-        duration = self._cell.time - self._steps * self.config.motion.time_step
+        duration = (self._cell.steps - self._steps) * self.config.motion.time_step
         self._steps = self._cell.steps
         stage = self._cell.stage
         return PushOutcome(before, self.observe(), duration, stage.still(), stage.fallen())
