@@ -52,7 +52,8 @@ def _offered() -> dict[str, EntryPoint]:
 def _load(entry: EntryPoint, name: str) -> Dynamics:
     loaded = entry.load()(name)
     if not isinstance(loaded, Dynamics):
-        raise ConfigError(f"entry point {entry.value!r} gave a {type(loaded).__name__}, no Dynamics")
+        what = type(loaded).__name__
+        raise ConfigError(f"entry point {entry.value!r} gave a {what}; it must give a Dynamics")
     return loaded
 
 

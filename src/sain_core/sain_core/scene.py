@@ -55,7 +55,7 @@ class Table(Config):
 
 def wrap_angle(angle: Angles) -> Angles:
     """Wrap angles [rad] to (-pi, pi]."""
-    return np.pi - np.mod(np.pi - np.asarray(angle, dtype=np.float64), 2 * np.pi)
+    return np.asarray(np.pi - np.mod(np.pi - angle, 2 * np.pi))
 
 
 def make_scene(

@@ -1,11 +1,12 @@
 """Array shapes used everywhere, named once.
 
 B batch, N disks, K sampled push sequences, H horizon (pushes in a sequence).
-All arrays at public edges are ``float64``; the network converts inside.
+All arrays at public edges are ``float64``; the network converts inside. Where B is empty,
+numpy gives scalars instead of arrays with no dimensions: they are just as good.
 """
 
 from jaxtyping import Bool, Float
-from numpy import ndarray
+from numpy import bool_, float64, ndarray
 
 Scene = Float[ndarray, "N 8"]
 Scenes = Float[ndarray, "*B N 8"]
@@ -14,6 +15,6 @@ Pushes = Float[ndarray, "*B 3"]
 PushSequences = Float[ndarray, "K H 3"]
 PredictedScenes = Float[ndarray, "K H N 8"]
 Points = Float[ndarray, "*B 2"]
-Angles = Float[ndarray, "*B"]
-Scalars = Float[ndarray, "*B"]
-Mask = Bool[ndarray, "*B"]
+Angles = Float[ndarray | float64, "*B"]
+Scalars = Float[ndarray | float64, "*B"]
+Mask = Bool[ndarray | bool_, "*B"]

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+
 from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics, as_rollout
 from sain_core.errors import ModelUnavailableError, TooMuchWorkError
 from sain_core.scene import THETA, check_scene, make_scene, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
-
 from sain_model.sain import SainDynamics
 
 WARM_UP_SCENE: Final = make_scene(

@@ -12,7 +12,7 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.scene import MASS, RADIUS, make_scene
-from sain_core.types import Points, Scene
+from sain_core.types import Angles, Points, Scene
 
 NOMINAL_MASS: Final = 8.0  # [kg]
 NOMINAL_RADII: Final = (0.08, 0.06)  # [m], mid disk and target
@@ -66,7 +66,7 @@ class WorldParameters(Config):
         """The number of disks N."""
         return len(self.masses)
 
-    def scene(self, positions: Points, headings: Points | None = None) -> Scene:
+    def scene(self, positions: Points, headings: Angles | None = None) -> Scene:
         """Return the scene (N, 8) at rest with these disks at positions (N, 2) [m]."""
         return make_scene(positions, np.array(self.masses), np.array(self.radii), headings)
 

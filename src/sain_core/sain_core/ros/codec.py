@@ -9,8 +9,6 @@ from array import array
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from sain_interfaces.msg import DiskState, Goal, Plan, Push
-from sain_interfaces.msg import Scene as SceneMessage
 from std_msgs.msg import Header
 
 from sain_core.push import PUSH_NAMES
@@ -26,6 +24,8 @@ from sain_core.wire import (
     decode_rollout,
     decode_rollout_request,
 )
+from sain_interfaces.msg import DiskState, Goal, Plan, Push
+from sain_interfaces.msg import Scene as SceneMessage
 
 __all__ = [
     "decode_disks",

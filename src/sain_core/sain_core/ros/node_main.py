@@ -1,5 +1,6 @@
 """The main of every node: start, spin, stop, and an exit code that says how it went."""
 
+import re
 import sys
 from collections.abc import Callable
 
@@ -13,6 +14,9 @@ from sain_core.errors import SainError
 NAMESPACE = "sain"
 """Where nodes live unless ``--ros-args -r __ns:=/other`` says otherwise."""
 
+RCL_SOURCE = re.compile(r", at /\S+:\d+")
+"""Where in its own source an error of rcl was raised: of no use to who reads it."""
+
 INTERRUPTS = (KeyboardInterrupt, ExternalShutdownException, ROSInterruptException)
 
 
@@ -24,7 +28,7 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
     """
     try:
         rclpy.init(args=args)
-    except Exception as error:  # rcl raises classes that it does not export
+    except RuntimeError as error:  # the base of rcl's own errors, which rclpy does not export
         return refuse_start(name, error)
     node = None
     try:
@@ -49,6 +53,6 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
 
 def refuse_start(name: str, error: BaseException) -> int:
     """Say in one line on standard error why a process cannot start; return its exit code."""
-    first_line = str(error).strip().splitlines()[0] if str(error).strip() else repr(error)
-    sys.stderr.write(f"{name}: {first_line}\n")
+    told = " ".join(str(error).split()) or repr(error)
+    sys.stderr.write(f"{name}: {RCL_SOURCE.sub('', told)}\n")
     return 1

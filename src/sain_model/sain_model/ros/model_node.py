@@ -7,6 +7,7 @@ from time import perf_counter
 from typing import Any, TypeVar
 
 from rclpy.node import Node
+
 from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
@@ -14,7 +15,6 @@ from sain_core.ros.diagnostics import OK, WARN, Diagnostics
 from sain_core.ros.node_main import NAMESPACE, run_node
 from sain_core.ros.parameters import read_parameters
 from sain_interfaces.srv import DescribeModel, PredictResidual, Rollout
-
 from sain_model.serving import ModelServer, ServingConfig
 
 Response = TypeVar("Response", PredictResidual.Response, Rollout.Response)

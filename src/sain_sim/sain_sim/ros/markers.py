@@ -5,12 +5,12 @@ from typing import Final
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
-from sain_core.push import TOOL_RADIUS
-from sain_core.ros.codec import header
-from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, Table, X, Y
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from sain_core.push import TOOL_RADIUS
+from sain_core.ros.codec import header
+from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, Table, X, Y
 from sain_sim.outcome import Sample
 from sain_sim.parameters import CUBE
 

@@ -4,6 +4,10 @@ from concurrent.futures import Future
 
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
 from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.ros import codec
 from sain_core.ros.qos import RELIABLE
@@ -11,10 +15,6 @@ from sain_core.scene import is_settled
 from sain_core.types import Scene
 from sain_interfaces.msg import Push, PushPrediction, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
-from visualization_msgs.msg import MarkerArray
-
 from sain_sim.arm import JOINT_NAMES
 from sain_sim.outcome import Sample
 from sain_sim.ros.markers import scene_markers

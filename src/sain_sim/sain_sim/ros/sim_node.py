@@ -5,6 +5,7 @@ from concurrent.futures import Future
 from typing import Any
 
 from rclpy.node import Node
+
 from sain_core.errors import BusyError, CancelledError, ErrorCode, SainError, error_reply
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
@@ -16,7 +17,6 @@ from sain_core.ros.worker import Worker
 from sain_core.types import PushArray, Scene
 from sain_interfaces.msg import Push
 from sain_interfaces.srv import ResetScene
-
 from sain_sim.outcome import Sample
 from sain_sim.pacing import Pacer
 from sain_sim.ros.publishing import Publishing

@@ -1,0 +1,67 @@
+"""The graph on a full ROS 2 install: simulator, model, planner and recorder.
+
+    ros2 launch sain_bringup closed_loop.launch.py model:=planar gui:=true
+
+A goal starts it moving; a closed loop that gives goals and reports is
+``ros2 run sain_bringup closed_loop``, which starts the same nodes by itself.
+"""
+
+from datetime import datetime
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+DEFAULT_PARAMETERS = Path(get_package_share_directory("sain_bringup"), "config", "launch.yaml")
+
+ARGUMENTS = {
+    "namespace": ("/sain", "namespace of all nodes"),
+    "model": ("sain", "what predicts: sain, planar, identity, or a checkpoint's path"),
+    "params_file": (str(DEFAULT_PARAMETERS), "ROS parameters on top of the nodes' defaults"),
+    "gui": ("false", "show the simulator's window"),
+    "seed": ("0", "of the first scene and of the planner"),
+    "record": ("true", "record all topics"),
+    "bag": (f"bags/{datetime.now():%Y%m%d-%H%M%S}", "folder to make for the recording"),
+}
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return the nodes and their arguments."""
+    value = {name: LaunchConfiguration(name) for name in ARGUMENTS}
+    seed = {"seed": ParameterValue(value["seed"], value_type=int)}
+    gui = {"bullet.gui": ParameterValue(value["gui"], value_type=bool)}
+    model = {"model": ParameterValue(value["model"], value_type=str)}
+
+    def node(package: str, executable: str, *parameters: object) -> Node:
+        return Node(
+            package=package,
+            executable=executable,
+            namespace=value["namespace"],
+            parameters=[value["params_file"], *parameters],
+            output="screen",
+        )
+
+    recorder = Node(
+        package="sain_bags",
+        executable="record",
+        namespace=value["namespace"],
+        arguments=["--out", value["bag"]],
+        condition=IfCondition(value["record"]),
+        output="screen",
+    )
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=description)
+        for name, (default, description) in ARGUMENTS.items()
+    ]
+    nodes = [
+        node("sain_sim", "sim_node", seed, gui),
+        node("sain_model", "model_node", model),
+        node("sain_mppi", "mppi_node", seed),
+        recorder,
+    ]
+    return LaunchDescription([*declared, *nodes])

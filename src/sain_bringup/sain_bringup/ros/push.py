@@ -1,0 +1,146 @@
+"""``ros2 run sain_bringup push``: one push by hand, and what became of it."""
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import rclpy
+import tyro
+from rclpy.node import Node
+from rclpy.utilities import remove_ros_args
+from rich.console import Console
+from rich.table import Table
+
+from sain_core.errors import ErrorCode, SainError
+from sain_core.ids import push_ids
+from sain_core.ros.codec import decode_disks, encode_push
+from sain_core.ros.node_main import INTERRUPTS, NAMESPACE, refuse_start
+from sain_core.ros.qos import RELIABLE
+from sain_core.scene import POSITION, THETA
+from sain_core.types import PushArray
+from sain_interfaces.msg import Push, PushResult, Scene
+
+PROGRAM: Final = "ros2 run sain_bringup push"
+DISK_NAMES: Final = ("mid disk", "target")
+SPIN: Final = 0.05  # [s]
+
+
+@dataclass(frozen=True)
+class PushOptions:
+    """Send one push to the simulator and print what became of it.
+
+    Exits with 0 when the push was carried out, and with the error code of the refusal when not.
+    """
+
+    location: float = 0.0
+    """Heading from the contact point on the mid disk's rim to its centre [rad]; 0: along +x."""
+    angle: float = 0.0
+    """Direction of travel relative to the location [rad], within +-pi/4."""
+    length: float = 0.1
+    """Travel of the tool [m], 0 to 0.15."""
+    timeout: float = 10.0
+    """Longest wait for the simulator [s]."""
+
+
+class SilentSimulatorError(SainError):
+    """The simulator does not answer."""
+
+
+class PushSender(Node):
+    """Sends one push from the scene that it sees."""
+
+    def __init__(self, timeout_s: float) -> None:
+        """Listen to the simulator."""
+        super().__init__("push", namespace=NAMESPACE)
+        self._timeout_s = timeout_s
+        self._push_id = next(push_ids())
+        self._scene: Scene | None = None
+        self._result: PushResult | None = None
+        self._publisher = self.create_publisher(Push, "push", RELIABLE)
+        self.create_subscription(Scene, "scene", self._on_scene, RELIABLE)
+        self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
+
+    def send(self, push: PushArray) -> PushResult:
+        """Send a push (3,) from the next settled scene and return its result.
+
+        Raises:
+            SilentSimulatorError: no simulator, or no answer in time.
+        """
+        self._wait(
+            lambda: self._scene is not None and self._publisher.get_subscription_count() > 0,
+            f"no settled scene on {self.resolve_topic_name('scene')}; is the simulator running?",
+        )
+        assert self._scene is not None
+        message = encode_push(
+            push,
+            stamp=self.get_clock().now().to_msg(),
+            push_id=self._push_id,
+            episode_id=self._scene.episode_id,
+            scene_id=self._scene.scene_id,
+            source=self.get_fully_qualified_name(),
+        )
+        self._publisher.publish(message)
+        self._wait(lambda: self._result is not None, "the simulator did not answer the push")
+        return self._result
+
+    def _wait(self, done: Callable[[], bool], problem: str) -> None:
+        deadline = time.monotonic() + self._timeout_s
+        while not done():
+            if time.monotonic() > deadline:
+                raise SilentSimulatorError(f"{problem} (waited {self._timeout_s:g} s)")
+            rclpy.spin_once(self, timeout_sec=SPIN)
+
+    def _on_scene(self, message: Scene) -> None:
+        self._scene = message if message.settled else None
+
+    def _on_result(self, message: PushResult) -> None:
+        if message.push_id == self._push_id:
+            self._result = message
+
+
+def show(result: PushResult, console: Console) -> None:
+    """Print what became of a push."""
+    push = f"push {result.push_id} of episode {result.episode_id}"
+    if result.error_code != ErrorCode.OK:
+        name = ErrorCode(result.error_code).name
+        console.print(f"[red]{push} was refused[/]: {name}, {result.error_message}")
+        return
+    console.print(f"[green]{push} was carried out[/] in {result.duration:.2f} s of simulated time")
+    table = Table("disk", "x [m]", "y [m]", "theta [rad]", "moved [mm]")
+    before, after = decode_disks(result.before.disks), decode_disks(result.after.disks)
+    moved = 1e3 * np.linalg.norm(after[:, POSITION] - before[:, POSITION], axis=1)
+    for disk, row in enumerate(after):
+        name = DISK_NAMES[disk] if disk < len(DISK_NAMES) else f"disk {disk}"
+        place = [f"{value:.4f}" for value in (*row[POSITION], row[THETA])]
+        table.add_row(name, *place, f"{moved[disk]:.1f}")
+    console.print(table)
+
+
+def run(options: PushOptions) -> int:
+    """Send the push; return the exit code."""
+    sender = PushSender(options.timeout)
+    try:
+        result = sender.send(np.array([options.location, options.angle, options.length]))
+    finally:
+        sender.destroy_node()
+    show(result, Console())
+    return 0 if result.error_code == ErrorCode.OK else int(result.error_code) or 1
+
+
+def main() -> None:
+    """Run from the command line."""
+    options = tyro.cli(PushOptions, prog=PROGRAM, args=remove_ros_args(sys.argv)[1:])
+    code = 1
+    try:
+        rclpy.init(args=sys.argv)
+        code = run(options)
+    except SainError as error:
+        refuse_start("push", error)
+    except INTERRUPTS:
+        code = 130
+    finally:
+        rclpy.try_shutdown()
+    sys.exit(code)

@@ -1,0 +1,163 @@
+"""``ros2 run sain_bringup watch``: what is said on a topic, or which topics there are."""
+
+import sys
+import time
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib import import_module
+from typing import Annotated, Any, Final
+
+import rclpy
+import tyro
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.utilities import remove_ros_args
+
+from sain_core.errors import ConfigError, SainError
+from sain_core.ros.node_main import INTERRUPTS, NAMESPACE, refuse_start
+
+PROGRAM: Final = "ros2 run sain_bringup watch"
+SPIN: Final = 0.05  # [s]
+DISCOVERY: Final = 1.0  # [s] for the topics to be seen
+SHOWN: Final = 12  # numbers of an array
+
+
+@dataclass(frozen=True)
+class WatchOptions:
+    """Print the messages of a topic, or list the topics when none is given."""
+
+    topic: Annotated[str, tyro.conf.Positional] = ""
+    """For example scene, push_result or /clock."""
+    count: int = 0
+    """End after so many messages; 0: go on until Ctrl-C."""
+    timeout: float = 10.0
+    """Longest wait for the topic to appear [s]."""
+
+
+class Watcher(Node):
+    """Looks at the graph and takes no part in it."""
+
+    def __init__(self) -> None:
+        """Join the graph."""
+        super().__init__("watch", namespace=NAMESPACE)
+        self.received = 0
+
+    def topics(self, wait_s: float = DISCOVERY) -> dict[str, str]:
+        """Return the type of each topic that is published."""
+        deadline = time.monotonic() + wait_s
+        while time.monotonic() < deadline:
+            rclpy.spin_once(self, timeout_sec=SPIN)
+        return {name: kinds[0] for name, kinds in self.get_topic_names_and_types()}
+
+    def watch(self, topic: str, timeout_s: float) -> None:
+        """Print the messages of a topic from now on.
+
+        Raises:
+            ConfigError: nobody publishes it.
+        """
+        name = self.resolve_topic_name(topic)
+        deadline = time.monotonic() + timeout_s
+        while not (publishers := self.get_publishers_info_by_topic(name)):
+            if time.monotonic() > deadline:
+                raise ConfigError(self._unknown(name))
+            rclpy.spin_once(self, timeout_sec=SPIN)
+        qos = matching_qos([publisher.qos_profile for publisher in publishers])
+        kind = message_class(publishers[0].topic_type)
+        self.create_subscription(kind, name, self._on_message, qos)
+
+    def _unknown(self, name: str) -> str:
+        topics = sorted(self.topics(wait_s=0.0))
+        near = get_close_matches(name, topics, n=1) or [
+            topic for topic in topics if topic.endswith(f"/{name.rsplit('/', 1)[-1]}")
+        ]
+        hint = f"did you mean {near[0]}?" if near else f"run {PROGRAM!r} for a list"
+        return f"nobody publishes {name}; {hint}"
+
+    def _on_message(self, message: Any) -> None:
+        self.received += 1
+        sys.stdout.write("\n".join(lines(message)) + "\n---\n")
+        sys.stdout.flush()
+
+
+def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
+    """Return a profile that gets all that these publishers give."""
+    latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
+    reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
+    return QoSProfile(
+        depth=100,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+    )
+
+
+def message_class(type_name: str) -> Any:
+    """Return the class of a type like ``sain_interfaces/msg/Scene``.
+
+    Raises:
+        ConfigError: its package is not installed here.
+    """
+    package, group, name = type_name.split("/")
+    try:
+        return getattr(import_module(f"{package}.{group}"), name)
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(f"type {type_name} is not installed here: {error}") from error
+
+
+def lines(message: Any, indent: str = "") -> Iterator[str]:
+    """Yield a message in YAML's manner, long arrays shortened."""
+    for field in message.get_fields_and_field_types():
+        value = getattr(message, field)
+        if hasattr(value, "get_fields_and_field_types"):
+            yield f"{indent}{field}:"
+            yield from lines(value, indent + "  ")
+        elif isinstance(value, list) and value and hasattr(value[0], "SLOT_TYPES"):
+            yield f"{indent}{field}:"
+            for element in value:
+                first, *rest = lines(element, "")
+                yield f"{indent}- {first}"
+                yield from (f"{indent}  {line}" for line in rest)
+        else:
+            yield f"{indent}{field}: {_plain(value)}"
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, str):
+        return repr(value)
+    if isinstance(value, list | tuple | array) or hasattr(value, "tolist"):
+        shown = ", ".join(str(number) for number in value[:SHOWN])
+        more = f", ... {len(value)} in all" if len(value) > SHOWN else ""
+        return f"[{shown}{more}]"
+    return str(value)
+
+
+def run(options: WatchOptions) -> None:
+    """List the topics, or watch one."""
+    watcher = Watcher()
+    try:
+        if not options.topic:
+            for name, kind in sorted(watcher.topics().items()):
+                sys.stdout.write(f"{name}  [{kind}]\n")
+            return
+        watcher.watch(options.topic, options.timeout)
+        while not options.count or watcher.received < options.count:
+            rclpy.spin_once(watcher, timeout_sec=SPIN)
+    finally:
+        watcher.destroy_node()
+
+
+def main() -> None:
+    """Run from the command line."""
+    options = tyro.cli(WatchOptions, prog=PROGRAM, args=remove_ros_args(sys.argv)[1:])
+    code = 0
+    try:
+        rclpy.init(args=sys.argv)
+        run(options)
+    except SainError as error:
+        code = refuse_start("watch", error)
+    except INTERRUPTS:
+        code = 0
+    finally:
+        rclpy.try_shutdown()
+    sys.exit(code)

@@ -1,0 +1,69 @@
+"""For all tests: shapes and types of our own functions are checked while they run."""
+
+import os
+import sys
+from collections.abc import Iterator
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import Self
+
+import numpy as np
+import pytest
+from beartype import BeartypeConf, FrozenDict, beartype
+from jaxtyping import install_import_hook
+
+PACKAGES = (
+    "sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval", "sain_bringup",
+)  # fmt: skip
+COMPILED = "_kernels"  # modules that Numba compiles: it does not take decorated functions
+
+
+def checked_modules(package: str) -> list[str]:
+    """Return the modules of a package whose functions can be checked."""
+    spec = find_spec(package)
+    if spec is None or not spec.submodule_search_locations:
+        return []
+    root = Path(spec.submodule_search_locations[0])
+    names = [path.relative_to(root).with_suffix("") for path in sorted(root.rglob("*.py"))]
+    return [
+        ".".join([package, *name.parts])
+        for name in names
+        if name.name != "__init__" and not name.name.endswith(COMPILED)
+    ]
+
+
+def switch_checks_on() -> None:
+    """Check shapes with jaxtyping and types with beartype; an int will do for a float.
+
+    Methods are decorated one by one, so that beartype cannot know what their `Self` is; and numpy
+    gives a scalar where an array would have no dimensions.
+    """
+    accepted = FrozenDict({Self: object, np.ndarray: np.ndarray | np.generic})
+    conf = BeartypeConf(is_pep484_tower=True, hint_overrides=accepted)
+    checker = ModuleType("sain_type_checker")
+    checker.check = partial(beartype, conf=conf)  # type: ignore[attr-defined]
+    sys.modules[checker.__name__] = checker
+    modules = [name for package in PACKAGES for name in checked_modules(package)]
+    install_import_hook(modules, "sain_type_checker.check")
+
+
+switch_checks_on()
+
+
+@pytest.fixture(scope="session")
+def ros_domain() -> Iterator[int]:
+    """A ROS domain that no other test session on this machine uses, and no graph outside it."""
+    import domain_coordinator
+
+    names = ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE")
+    before = {name: os.environ.get(name) for name in names}
+    with domain_coordinator.domain_id() as domain:
+        os.environ.update(dict(zip(names, (str(domain), "LOCALHOST"), strict=True)))
+        yield int(domain)
+    for name, value in before.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value

@@ -1,0 +1,225 @@
+"""The simulator's node: what it carries out, what it refuses, and that its clock goes on."""
+
+import numpy as np
+import pytest
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import MarkerArray
+
+from sain_core.errors import BusyError, ErrorCode
+from sain_core.ros import codec
+from sain_core.scene import make_scene
+from sain_interfaces.srv import ResetScene
+from sain_sim.ros.sim_node import SimNode
+
+AHEAD = (0.0, 0.0, 0.1)
+
+
+@pytest.fixture
+def simulator(graph):
+    node = graph.start(SimNode, peer_wait=0.0, idle_rate=20.0)
+    graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
+    return node
+
+
+def latest(graph):
+    return graph.find("scene", settled=True)[-1]
+
+
+def seconds(stamp) -> float:
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+def test_a_push_is_carried_out_and_everything_said_about_it_fits_together(graph, simulator):
+    graph.listen("joint_states", JointState)
+    graph.listen("markers", MarkerArray)
+    scene = latest(graph)
+    graph.push(scene, 7, AHEAD)
+    result = graph.result(7)
+    assert (result.error_code, result.error_message) == (ErrorCode.OK, "")
+    assert (result.push.push_id, result.push.length, result.push.source) == (7, 0.1, "test")
+    before, after = codec.decode_disks(result.before.disks), codec.decode_disks(result.after.disks)
+    np.testing.assert_array_equal(before, codec.decode_disks(scene.disks))
+    assert after[0, 0] - before[0, 0] > 0.05
+    assert after[1, 0] - before[1, 0] > 0.05
+    assert result.after.scene_id == result.before.scene_id + 1
+    assert result.duration > 0.5
+    graph.wait(lambda: graph.find("physics_prediction", push_id=7), "the shadow world")
+    prediction = graph.find("physics_prediction", push_id=7)[0]
+    assert (prediction.error_code, prediction.scene_id) == (ErrorCode.OK, scene.scene_id)
+    expected = codec.decode_disks(prediction.disks)
+    assert 0.0 < np.abs(expected[:, :2] - after[:, :2]).max() < 0.03
+    graph.wait(lambda: latest(graph).scene_id == result.after.scene_id, "the new scene")
+    np.testing.assert_array_equal(codec.decode_disks(latest(graph).disks), after)
+    moving = [m for m in graph.heard["scene"] if not m.settled]
+    assert moving
+    assert all(message.scene_id == scene.scene_id for message in moving)
+    graph.wait(lambda: graph.heard["joint_states"] and graph.heard["markers"], "the arm")
+    assert len(graph.heard["joint_states"][-1].position) == 7
+    groups = {marker.ns for marker in graph.heard["markers"][-1].markers}
+    assert groups == {"table", "tool", "disks", "labels"}
+
+
+@pytest.mark.parametrize(
+    ("push", "ids", "code", "text"),
+    [
+        ((np.nan, 0.0, 0.1), {}, ErrorCode.INVALID, "location of the push is nan; must be finite"),
+        ((0.0, 0.0, np.inf), {}, ErrorCode.INVALID, "length of the push is inf; must be finite"),
+        ((4.0, 0.0, 0.1), {}, ErrorCode.OUT_OF_RANGE, "push location is 4.0000 rad; allowed"),
+        ((0.0, 1.0, 0.1), {}, ErrorCode.OUT_OF_RANGE, "push angle is 1.0000 rad; allowed"),
+        ((0.0, 0.0, 0.2), {}, ErrorCode.OUT_OF_RANGE, "push length is 0.2000 m; allowed"),
+        (AHEAD, {"scene_id": 99}, ErrorCode.STALE_SCENE, "was planned from scene 99; it is scene"),
+        (AHEAD, {"episode_id": 9}, ErrorCode.UNKNOWN_EPISODE, "is for episode 9; episode 1 is"),
+        ((np.pi, 0.0, 0.1), {}, ErrorCode.BLOCKED, "another disk"),
+    ],
+)
+def test_a_refused_push_moves_nothing_and_says_why(graph, simulator, push, ids, code, text):
+    scene = latest(graph)
+    graph.push(scene, 11, push, **ids)
+    result = graph.result(11)
+    assert ErrorCode(result.error_code) is code
+    assert text in result.error_message
+    assert result.before == result.after == scene
+    count = len(graph.heard["scene"])
+    graph.wait(lambda: len(graph.heard["scene"]) > count + 2, "further scenes")
+    assert latest(graph) == scene
+    assert not graph.find("physics_prediction", push_id=11)
+
+
+def test_an_unreachable_push_is_refused(graph, simulator):
+    far = make_scene(np.array([(0.80, 0.0), (1.0, 0.0)]), np.full(2, 8.0), np.array([0.08, 0.06]))
+    scene = graph.reset(disks=codec.encode_disks(far))
+    graph.push(scene, 12, AHEAD)
+    result = graph.result(12)
+    assert ErrorCode(result.error_code) is ErrorCode.UNREACHABLE
+    assert "reach" in result.error_message
+    assert result.before == result.after == scene
+
+
+def test_a_push_id_works_once(graph, simulator):
+    graph.push(latest(graph), 5, AHEAD)
+    graph.result(5)
+    graph.wait(lambda: latest(graph).scene_id == 2, "the new scene")
+    scene = latest(graph)
+    graph.push(scene, 5, AHEAD)
+    graph.wait(lambda: len(graph.find("push_result", push_id=5)) == 2, "the second answer")
+    again = graph.find("push_result", push_id=5)[1]
+    assert ErrorCode(again.error_code) is ErrorCode.DUPLICATE_PUSH
+    assert again.before == again.after == scene
+
+
+def test_while_one_push_is_under_way_another_and_a_reset_are_refused_as_busy(graph):
+    graph.start(SimNode, peer_wait=0.0, real_time_factor=1.0)
+    graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
+    scene = latest(graph)
+    graph.push(scene, 1, AHEAD)
+    graph.wait(lambda: graph.find("scene", settled=False), "the push to begin")
+    graph.push(scene, 2, AHEAD)
+    assert ErrorCode(graph.result(2).error_code) is ErrorCode.BUSY
+    assert not graph.find("push_result", push_id=1)
+    response = graph.call(ResetScene, "reset_scene", ResetScene.Request(seed=1))
+    assert ErrorCode(response.error_code) is ErrorCode.BUSY
+    assert "push 1 is under way" in response.error_message
+    assert graph.result(1).error_code == ErrorCode.OK
+
+
+def test_a_reset_starts_a_new_episode_that_its_seed_decides(graph, simulator):
+    first = graph.reset(seed=3)
+    other = graph.reset(seed=4)
+    again = graph.reset(seed=3)
+    assert [m.episode_id for m in (first, other, again)] == [2, 3, 4]
+    assert [m.scene_id for m in (first, other, again)] == [2, 3, 4]
+    assert first.disks == again.disks
+    assert first.disks != other.disks
+
+
+def test_after_a_reset_old_scenes_are_of_an_unknown_episode(graph, simulator):
+    old = latest(graph)
+    graph.reset(seed=3)
+    graph.push(old, 21, AHEAD)
+    assert ErrorCode(graph.result(21).error_code) is ErrorCode.UNKNOWN_EPISODE
+
+
+@pytest.mark.parametrize(
+    ("request_fields", "code", "text"),
+    [
+        ({"world": "mars"}, ErrorCode.INVALID, "world is 'mars'; allowed: randomised, nominal"),
+        ({"friction": -1.0}, ErrorCode.OUT_OF_RANGE, "friction is -1.0"),
+        ({"friction": float("nan")}, ErrorCode.OUT_OF_RANGE, "friction is nan"),
+        ({"shapes": ["disk"]}, ErrorCode.INVALID, "1 shapes are given for 2 disks"),
+        ({"shapes": ["disk", "cone"]}, ErrorCode.INVALID, "shape is 'cone'; allowed: disk, cube"),
+    ],
+)
+def test_a_wrong_reset_changes_nothing(graph, simulator, request_fields, code, text):
+    scene = latest(graph)
+    response = graph.call(ResetScene, "reset_scene", ResetScene.Request(**request_fields))
+    assert ErrorCode(response.error_code) is code
+    assert text in response.error_message
+    assert response.scene == scene
+    graph.push(scene, 31, AHEAD)
+    assert graph.result(31).error_code == ErrorCode.OK
+
+
+@pytest.mark.parametrize(
+    ("positions", "code", "text"),
+    [
+        ([(0.4, 0.0), (0.45, 0.0)], ErrorCode.INVALID, "overlap"),
+        ([(0.4, 0.0), (3.0, 0.0)], ErrorCode.OFF_TABLE, "disk 1 at (3.000, 0.000) m is off"),
+        ([(0.4, 0.0), (np.nan, 0.0)], ErrorCode.INVALID, "x of disk 1 is nan"),
+        ([(0.4, 0.0)], ErrorCode.INVALID, "scene has 1 disks; it needs at least 2"),
+    ],
+)
+def test_a_scene_that_cannot_exist_is_not_set_up(graph, simulator, positions, code, text):
+    count = len(positions)
+    scene = make_scene(np.array(positions), np.full(count, 8.0), np.full(count, 0.06))
+    request = ResetScene.Request(disks=codec.encode_disks(scene))
+    response = graph.call(ResetScene, "reset_scene", request)
+    assert ErrorCode(response.error_code) is code
+    assert text in response.error_message
+    assert response.scene == latest(graph)
+
+
+def test_disks_that_are_given_are_taken_as_they_are(graph, simulator):
+    wanted = make_scene(
+        np.array([(0.45, 0.05), (0.60, 0.02), (0.50, -0.25)]),
+        np.array([7.5, 8.5, 7.0]),
+        np.array([0.08, 0.06, 0.055]),
+        np.array([0.3, -2.0, 1.0]),
+    )
+    message = graph.reset(disks=codec.encode_disks(wanted), shapes=["disk", "cube", "disk"])
+    np.testing.assert_allclose(codec.decode_disks(message.disks), wanted, atol=1e-9)
+
+
+def test_the_clock_never_goes_back_also_over_a_reset(graph, simulator):
+    graph.listen("/clock", Clock)
+    graph.push(latest(graph), 41, AHEAD)
+    graph.result(41)
+    graph.reset(seed=2)
+    graph.push(graph.reset(seed=5), 42, AHEAD)
+    graph.result(42)
+    count = len(graph.heard["/clock"])
+    graph.wait(lambda: len(graph.heard["/clock"]) > count + 2, "the clock")
+    times = [seconds(message.clock) for message in graph.heard["/clock"]]
+    assert times == sorted(times)
+    assert times[-1] > times[0]
+    stamps = [seconds(message.header.stamp) for message in graph.heard["scene"]]
+    assert stamps == sorted(stamps)
+
+
+def test_a_second_simulator_is_refused(graph, simulator):
+    with pytest.raises(BusyError, match="/sain/sim_node publishes /sain/scene already; stop it"):
+        SimNode(context=graph.context)
+
+
+def test_two_simulators_repeat_each_other_to_the_last_bit(graph):
+    def play():
+        node = graph.start(SimNode, peer_wait=0.0, seed=9)
+        for messages in graph.heard.values():
+            messages.clear()
+        graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
+        graph.push(latest(graph), 51, (0.2, -0.1, 0.12))
+        result = graph.result(51)
+        graph.stop(node)
+        return codec.decode_disks(result.after.disks)
+
+    np.testing.assert_array_equal(play(), play())

@@ -1,0 +1,27 @@
+import pytest
+
+from sain_core.errors import ErrorCode, SainError, error_from_reply, error_reply
+
+KINDS = SainError.__subclasses__()
+
+
+def test_every_code_but_the_first_two_has_one_error() -> None:
+    codes = sorted(kind.code for kind in KINDS if kind.__module__ == "sain_core.errors")
+    assert codes == sorted(set(ErrorCode) - {ErrorCode.UNKNOWN, ErrorCode.OK, ErrorCode.INTERNAL})
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_an_error_survives_the_wire(kind: type[SainError]) -> None:
+    code, message = error_reply(kind("the length is 3 m"))
+    assert (code, message) == (kind.code, "the length is 3 m")
+    again = error_from_reply(code, message)
+    assert again.code == kind.code
+    assert str(again) == message
+
+
+def test_a_defect_is_reported_as_internal() -> None:
+    assert error_reply(KeyError("x")) == (ErrorCode.INTERNAL, "KeyError: 'x'")
+
+
+def test_an_unknown_code_is_told() -> None:
+    assert str(error_from_reply(0, "")) == "the peer answered with code 0: no message"

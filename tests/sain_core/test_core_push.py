@@ -1,0 +1,104 @@
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sain_core.errors import InvalidInputError, OutOfRangeError
+from sain_core.push import (
+    LENGTH,
+    PaperGrid,
+    PushLimits,
+    mirror_pushes,
+    push_direction,
+    rotate_pushes,
+    tool_end,
+    tool_start,
+)
+from sain_core.scene import MID, POSITION, RADIUS, make_scene, mirror_scenes, rotate_scenes, unit
+from sain_core.types import Scene
+
+LIMITS = PushLimits()
+angles = st.floats(-pi, pi)
+seeds = st.integers(0, 2**32 - 1)
+
+
+@pytest.fixture
+def scene() -> Scene:
+    return make_scene(
+        np.array([(0.4, 0.1), (0.6, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
+    )
+
+
+def draw(seed: int, count: int = 64) -> np.ndarray:
+    return LIMITS.sample(np.random.default_rng(seed), count)
+
+
+@given(seeds)
+def test_every_sampled_push_is_inside_the_limits(seed: int) -> None:
+    for push in draw(seed):
+        LIMITS.check(push)
+
+
+@pytest.mark.parametrize(
+    ("push", "message"),
+    [
+        ((-pi, 0.0, 0.1), r"push location is -3.1416 rad; allowed: \(-pi, pi\]"),
+        ((3.2, 0.0, 0.1), "push location is 3.2000 rad"),
+        ((0.0, 0.79, 0.1), "push angle is 0.7900 rad; allowed: "),
+        ((0.0, 0.0, -0.01), r"push length is -0.0100 m; allowed: \[0, 0.15\] m"),
+        ((0.0, 0.0, 0.151), "push length is 0.1510 m"),
+    ],
+)
+def test_a_push_out_of_range_is_refused(push: tuple[float, ...], message: str) -> None:
+    with pytest.raises(OutOfRangeError, match=message):
+        LIMITS.check(np.array(push))
+
+
+@pytest.mark.parametrize("column", range(3))
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_nan_and_inf_are_refused_by_name(column: int, value: float) -> None:
+    push = np.zeros(3)
+    push[column] = value
+    name = ("location", "angle", "length")[column]
+    with pytest.raises(InvalidInputError, match=f"{name} of the push is {value}"):
+        LIMITS.check(push)
+
+
+def test_the_tool_starts_off_the_rim_by_its_clearance(scene: Scene) -> None:
+    start = tool_start(scene, np.array([0.0, 0.0, 0.1]), LIMITS)
+    np.testing.assert_allclose(start, (0.4 - 0.08 - 0.012 - 0.005, 0.1))
+
+
+@given(seeds)
+def test_the_tool_travels_the_push_s_length_in_its_direction(seed: int) -> None:
+    pushes = draw(seed)
+    scene = make_scene(np.array([(0.4, 0.1), (0.6, 0.0)]), np.full(2, 8.0), np.full(2, 0.06))
+    scenes = np.broadcast_to(scene, (len(pushes), *scene.shape))
+    start, end = tool_start(scenes, pushes, LIMITS), tool_end(scenes, pushes, LIMITS)
+    np.testing.assert_allclose(
+        end - start, pushes[:, LENGTH, None] * unit(push_direction(pushes)), atol=1e-12
+    )
+    gap = np.linalg.norm(scenes[:, MID, POSITION] - start, axis=-1) - scenes[:, MID, RADIUS]
+    np.testing.assert_allclose(gap, LIMITS.tool_radius + LIMITS.clearance)
+
+
+@given(seeds, angles)
+def test_the_tool_s_way_turns_and_mirrors_with_the_scene(seed: int, angle: float) -> None:
+    scene = make_scene(np.array([(0.4, 0.1), (0.6, 0.0)]), np.full(2, 8.0), np.full(2, 0.06))
+    push = draw(seed, 1)[0]
+    end = tool_end(scene, push, LIMITS)
+    turned = tool_end(rotate_scenes(scene, angle), rotate_pushes(push, angle), LIMITS)
+    cos, sin = np.cos(angle), np.sin(angle)
+    np.testing.assert_allclose(turned, np.array([[cos, -sin], [sin, cos]]) @ end, atol=1e-9)
+    mirrored = tool_end(mirror_scenes(scene), mirror_pushes(push), LIMITS)
+    np.testing.assert_allclose(mirrored, end * (1, -1), atol=1e-12)
+
+
+def test_the_paper_grid_has_105_pushes_inside_the_limits() -> None:
+    grid = PaperGrid().pushes()
+    assert grid.shape == (5 * 7 * 3, 3)
+    assert len(np.unique(grid, axis=0)) == 105
+    for push in grid:
+        LIMITS.check(push)
