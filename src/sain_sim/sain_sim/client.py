@@ -5,25 +5,30 @@ silently become one. A `Client` adds its own id to every call; nothing else impo
 """
 
 import functools
+import os
+import sys
 from typing import Any
 
 import pybullet
 
-from sain_core.errors import SainError
+from sain_core.errors import ConfigError, SainError
 
 
 class Client:
     """A physics server of our own: ``client.stepSimulation()`` steps this one and no other."""
 
     def __init__(self, gui: bool = False) -> None:
-        """Connect, with a window when asked.
+        """Connect, with a window when asked; PyBullet would end the process without a display.
 
         Raises:
+            ConfigError: a window where there is no display.
             SainError: when PyBullet gives no connection.
         """
+        if gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
+            raise ConfigError("gui is true but DISPLAY is not set: there is no screen to show it")
         self.id = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
         if self.id < 0:
-            raise SainError("PyBullet refused a connection; is a display there for gui=True?")
+            raise SainError("PyBullet refused a connection")
 
     def __getattr__(self, name: str) -> Any:
         """Return PyBullet's function of this name bound to this client, or its constant."""

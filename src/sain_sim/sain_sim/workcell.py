@@ -58,6 +58,9 @@ class Watch(NamedTuple):
     every: int
 
 
+Watches = tuple[Watch, ...]
+
+
 class Origin(NamedTuple):
     """All that a workcell is built from: the disks' states and the arm's joints (7,)."""
 
@@ -136,7 +139,7 @@ class Workcell:
             phase=phase,
         )
 
-    def perform(self, route: Route, watch: Watch | None, guarded: bool) -> None:
+    def perform(self, route: Route, watches: Watches, guarded: bool) -> None:
         """Lower, push, wait, lift.
 
         The tool waits where the push ended until the disks are still, so that leaving out the
@@ -146,39 +149,42 @@ class Workcell:
             BlockedError: when guarded, at the step in which the tool touches another disk.
         """
         if self._config.full_motion:
-            self._follow(route.approach, "approach", watch, guarded)
-            self._follow(route.lower, "approach", watch, guarded)
+            self._follow(route.approach, "approach", watches, guarded)
+            self._follow(route.lower, "approach", watches, guarded)
         else:
             self.arm.place(route.stroke[0])
-        self._follow(route.stroke, "push", watch, guarded)
-        self.settle("settle", watch, guarded)
+        self._follow(route.stroke, "push", watches, guarded)
+        self.settle("settle", watches, guarded)
         if self._config.full_motion:
-            self._follow(route.lift, "lift", watch, guarded)
-            self.settle("settle", watch, guarded)
+            self._follow(route.lift, "lift", watches, guarded)
+            self.settle("settle", watches, guarded)
         else:
             self.arm.place(route.lift[-1])
 
-    def settle(self, phase: str, watch: Watch | None, guarded: bool) -> None:
+    def settle(self, phase: str, watches: Watches, guarded: bool) -> None:
         """Step until the disks are still at two looks in a row, or for the longest wait."""
         looks = 0
         longest = round(self._config.max_settle_time / self._config.motion.time_step)
         for step in range(1, longest + 1):
-            self._step(phase, watch, guarded)
+            self._step(phase, watches, guarded)
             if step % STEPS_PER_LOOK == 0:
                 looks = looks + 1 if self.stage.still() else 0
                 if looks == 2:
                     return
 
-    def _follow(self, joints: Joints, phase: str, watch: Watch | None, guarded: bool) -> None:
+    def _follow(self, joints: Joints, phase: str, watches: Watches, guarded: bool) -> None:
         for _ in self.arm.follow(joints):
-            self._step(phase, watch, guarded)
+            self._step(phase, watches, guarded)
 
-    def _step(self, phase: str, watch: Watch | None, guarded: bool) -> None:
+    def _step(self, phase: str, watches: Watches, guarded: bool) -> None:
         self._client.stepSimulation()
         self.steps += 1
         if guarded and (disk := self.stage.touched_by(self.arm.body, STICK_LINK)):
             raise BlockedError(
                 f"the tool would come to touch disk {disk}; only the mid disk may be touched"
             )
-        if watch is not None and self.steps % watch.every == 0:
-            watch.observer(self.sample(phase))
+        due = [watch for watch in watches if self.steps % watch.every == 0]
+        if due:
+            sample = self.sample(phase)
+            for watch in due:
+                watch.observer(sample)

@@ -14,8 +14,10 @@ from sain_sim.disks import resting
 from sain_sim.outcome import Observer, PushOutcome, Sample, Stroke, is_idle
 from sain_sim.parameters import WorldParameters
 from sain_sim.refusals import check_gap, check_reach, check_same_disks
-from sain_sim.workcell import Origin, Route, Watch, Workcell, WorldConfig
+from sain_sim.render import Renderer
+from sain_sim.workcell import Origin, Route, Watch, Watches, Workcell, WorldConfig
 
+WINDOW_EVERY: Final = 4  # steps: 60 pictures a simulated second
 HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
 
 
@@ -35,6 +37,7 @@ class World:
         self._home = config.kinematics.joints(np.array([*HOME, config.motion.raised]))
         self._client = Client()
         self._steps = 0
+        self._window: Renderer | None = None
         self.load(check_scene(_in_a_row(parameters, table), table))
 
     def reset(self, scene: Scene, parameters: WorldParameters | None = None) -> Scene:
@@ -60,6 +63,8 @@ class World:
         """Put the disks in a scene (N, 8) that nobody checked; overlaps get pushed apart."""
         self.parameters = parameters or self.parameters
         self._build(Origin([resting(self._client, state) for state in scene], self._home))
+        if self.config.gui:
+            self._open_window()
 
     def _build(self, origin: Origin) -> None:
         self._cell = Workcell(
@@ -145,28 +150,29 @@ class World:
         """
         route = self._route(stroke)
         before, origin = self.observe(), self._cell.now
-        if guarded and on_step is not None:  # look ahead
-            self._attempt(origin, route, None, guarded)
+        watches = self._watches(on_step, every)
+        if guarded and watches:  # look ahead
+            self._attempt(origin, route, (), guarded)
             self._build(origin)
-        self._attempt(origin, route, _watch(on_step, every), guarded)
+        self._attempt(origin, route, watches, guarded)
         duration = (self._cell.steps - self._steps) * self.config.motion.time_step
         self._steps = self._cell.steps
         stage = self._cell.stage
         return PushOutcome(before, self.observe(), duration, stage.still(), stage.fallen())
 
-    def _attempt(self, origin: Origin, route: Route, watch: Watch | None, guarded: bool) -> None:
+    def _attempt(self, origin: Origin, route: Route, watches: Watches, guarded: bool) -> None:
         """Carry out a route in a new workcell; when it is blocked, go back to where it was."""
         if self._cell.origin is not origin:
             self._build(origin)
         try:
-            self._cell.perform(route, watch, guarded)
+            self._cell.perform(route, watches, guarded)
         except BlockedError:
             self._build(origin)
             raise
 
     def settle(self, on_step: Observer | None = None, every: int = 1) -> bool:
         """Wait until the disks are settled, for the longest wait at most; tell whether they are."""
-        self._cell.settle("rest", _watch(on_step, every), guarded=False)
+        self._cell.settle("rest", watches, guarded=False)
         self._steps = self._cell.steps
         return self._cell.stage.still()
 
@@ -183,9 +189,28 @@ class World:
             lift=joints(motion.line(tips[-1], above_end)),
         )
 
+    def _watches(self, observer: Observer | None, every: int) -> Watches:
+        """Return everyone who looks: the observer, if any, and the window, if any."""
+        watches = () if observer is None else (Watch(observer, every),)
+        if self._window is None:
+            return watches
+        show = self._window.show
+        return (*watches, Watch(lambda s: show(s.joint_positions, s.scene), WINDOW_EVERY))
+
+    def _open_window(self) -> None:
+        """Show this world, and not the one before, in a window."""
+        if self._window is not None:
+            self._window.close()
+        parameters, table = self.parameters, self.config.feasibility.table
+        scene, arm = self.observe(), self.config.arm
+        self._window = Renderer(scene, parameters.shapes, table=table, arm=arm, gui=True)
+        self._window.show(self._home, scene)
+
     def close(self) -> None:
         """Let go of the world; doing it twice is fine."""
         self._client.close()
+        if self._window is not None:
+            self._window.close()
 
     def __enter__(self) -> Self:
         """Return the world itself."""
@@ -199,10 +224,6 @@ class World:
     ) -> None:
         """Close the world."""
         self.close()
-
-
-def _watch(observer: Observer | None, every: int) -> Watch | None:
-    return None if observer is None else Watch(observer, every)
 
 
 def _in_a_row(parameters: WorldParameters, table: Table) -> Scene:

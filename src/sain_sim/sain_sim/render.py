@@ -1,0 +1,252 @@
+"""Pictures of a world from its recording: joints and disks in, an image out.
+
+A renderer has a client of its own that is never stepped, so the world that is shown need not
+exist any more. It draws with Bullet's software renderer and needs no display. Each picture is
+drawn twice as large and averaged down, which smooths the edges.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Final, Self
+
+import numpy as np
+from jaxtyping import UInt8
+from numpy import ndarray
+
+from sain_core.config import Config, option
+from sain_core.push import TOOL_RADIUS
+from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, Table, X, Y
+from sain_core.types import Points, Scene
+from sain_sim.arm import JOINT_COUNT, ArmConfig, PandaModel
+from sain_sim.client import Client
+from sain_sim.disks import COLORS
+from sain_sim.kinematics import Joints, Kinematics
+from sain_sim.meshes import cylinder, ring
+from sain_sim.parameters import CUBE, THREE_FEET
+from sain_sim.shading import Caster, brightness, table_points
+
+Image = UInt8[ndarray, "height width 3"]
+
+TABLE_COLOR: Final = (0.80, 0.75, 0.68, 1.0)
+TOP_COLOR: Final = (0.91, 0.89, 0.86, 1.0)
+GOAL_COLOR: Final = (0.10, 0.62, 0.40, 1.0)
+MARK_COLOR: Final = (1.0, 1.0, 1.0, 1.0)
+SKY: Final = np.array([[0.80, 0.86, 0.92], [0.97, 0.97, 0.96]])  # upper and lower edge
+RING_WIDTH: Final = 0.008  # [m]
+RING_LIFT: Final = 0.001  # [m]
+TOP_THICKNESS: Final = 0.02  # [m]
+HAND_CLEARANCE: Final = 0.11  # [m], from the stick's tip up to the fingers
+HAND_TOP: Final = 0.24  # [m], from the stick's tip up to the wrist
+HAND_RADIUS: Final = 0.05  # [m], of a cylinder about as large as the hand
+OFF_STAGE: Final = (0.0, 0.0, -50.0)
+
+
+@dataclass(frozen=True)
+class CameraConfig(Config):
+    """Where pictures are taken from, and how large."""
+
+    width: int = option(960, "of the picture", unit="px", minimum=16, maximum=4096)
+    height: int = option(540, "of the picture", unit="px", minimum=16, maximum=4096)
+    eye: tuple[float, float, float] = option((1.50, -0.92, 0.86), "camera", unit="m")
+    focus: tuple[float, float, float] = option((0.45, 0.0, 0.14), "what it looks at", unit="m")
+    field_of_view: float = option(36.0, "vertical", unit="deg", minimum=5.0, maximum=120.0)
+    light: tuple[float, float, float] = option((0.6, -1.2, 2.4), "where light is from", unit="m")
+    oversampling: int = option(2, "drawn so many times larger", minimum=1, maximum=4)
+
+
+class Renderer:
+    """Takes pictures of a Panda, a table and N disks."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        shapes: tuple[str, ...] | None = None,
+        camera: CameraConfig = CameraConfig(),
+        table: Table = Table(),
+        arm: ArmConfig = ArmConfig(),
+        gui: bool = False,
+    ) -> None:
+        """Build everything that will be seen.
+
+        Args:
+            scene: (N, 8), for the number of disks and their radii.
+            shapes: one of `sain_sim.parameters.SHAPES` for each disk; all round if None.
+            camera: where pictures are taken from.
+            table: the table.
+            arm: the arm.
+            gui: open a window that shows the same; `show` then moves what is in it.
+        """
+        self.camera = camera
+        self._client = Client(gui)
+        self._client.configureDebugVisualizer(self._client.COV_ENABLE_GUI, 0)
+        self._table_top = _build_table(self._client, table)
+        model = PandaModel(TOOL_RADIUS, arm.tool_length, visuals=True)
+        self._arm = model.load(self._client, -table.height)
+        shapes = shapes or (THREE_FEET,) * len(scene)
+        self._disks = [
+            _build_disk(self._client, index, shape, float(state[RADIUS]))
+            for index, (shape, state) in enumerate(zip(shapes, scene, strict=True))
+        ]
+        self._goals: dict[float, int] = {}
+        self._kinematics = Kinematics(-table.height, arm.tool_length)
+        self._view = self._client.computeViewMatrix(camera.eye, camera.focus, [0.0, 0.0, 1.0])
+        self._projection = self._client.computeProjectionMatrixFOV(
+            camera.field_of_view, camera.width / camera.height, 0.1, 10.0
+        )
+        self._points = table_points(self._view, self._projection, camera.width, camera.height)
+
+    def show(
+        self, joints: Joints, scene: Scene, goal: Points | None = None, goal_radius: float = 0.05
+    ) -> None:
+        """Move everything to joints (7,), disks (N, 8), and a goal ring about (2,) if given."""
+        client = self._client
+        for joint, value in enumerate(joints.tolist()[:JOINT_COUNT]):
+            client.resetJointState(self._arm, joint, value)
+        for body, state in zip(self._disks, scene, strict=True):
+            turn = client.getQuaternionFromEuler([0.0, 0.0, float(state[THETA])])
+            place = [float(state[X]), float(state[Y]), DISK_HEIGHT / 2]
+            client.resetBasePositionAndOrientation(body, place, turn)
+        for body in self._goals.values():
+            client.resetBasePositionAndOrientation(body, OFF_STAGE, [0, 0, 0, 1])
+        if goal is not None:
+            ring = self._goals.setdefault(goal_radius, _UNMADE)
+            if ring == _UNMADE:
+                ring = self._goals[goal_radius] = _build_ring(client, goal_radius)
+            place = [float(goal[0]), float(goal[1]), 0.0]
+            client.resetBasePositionAndOrientation(ring, place, [0, 0, 0, 1])
+
+    def picture(
+        self, joints: Joints, scene: Scene, goal: Points | None = None, goal_radius: float = 0.05
+    ) -> Image:
+        """Return an image (height, width, 3) of the arm at joints (7,) and disks (N, 8).
+
+        Args:
+            joints: (7,) [rad], as `Sample.joint_positions`.
+            scene: (N, 8).
+            goal: (2,) [m]; a ring is drawn about it.
+            goal_radius: of the ring [m], the tolerance of the task say.
+        """
+        self.show(joints, scene, goal, goal_radius)
+        camera = self.camera
+        times = camera.oversampling
+        width, height = camera.width * times, camera.height * times
+        _, _, pixels, _, bodies = self._client.getCameraImage(
+            width,
+            height,
+            viewMatrix=self._view,
+            projectionMatrix=self._projection,
+            lightDirection=camera.light,
+            lightColor=[1.0, 0.99, 0.97],
+            lightAmbientCoeff=0.60,
+            lightDiffuseCoeff=0.42,
+            lightSpecularCoeff=0.10,
+            shadow=0,
+            renderer=self._client.ER_TINY_RENDERER,
+        )
+        colors = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3]
+        body = np.reshape(np.asarray(bodies), (height, width, 1))
+        image = _average(np.where(body >= 0, colors, _sky(height)), times)
+        on_table = _average(body == self._table_top, times)
+        shade = 1 - on_table * (
+            1 - brightness(self._points, self._casters(joints, scene), camera.light)
+        )
+        return np.asarray((image * shade).round(), dtype=np.uint8)
+
+    def _casters(self, joints: Joints, scene: Scene) -> list[Caster]:
+        """Return what throws a shadow: the disks, the stick and the hand above it."""
+        disks = [Caster(s[X], s[Y], s[RADIUS], 0.0, DISK_HEIGHT) for s in scene]
+        x, y, tip = self._kinematics.tips(joints)
+        stick = Caster(x, y, TOOL_RADIUS, tip, tip + HAND_CLEARANCE)
+        hand = Caster(x, y, HAND_RADIUS, tip + HAND_CLEARANCE, tip + HAND_TOP)
+        return [*disks, stick, hand]
+
+    def close(self) -> None:
+        """Let go of the renderer's client."""
+        self._client.close()
+
+    def __enter__(self) -> Self:
+        """Return the renderer itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the renderer."""
+        self.close()
+
+
+_UNMADE: Final = -1
+
+
+def _sky(height: int) -> ndarray:
+    """Return a soft background, a column (height, 1, 3) of uint8."""
+    down = np.linspace(0.0, 1.0, height)[:, None, None]
+    return np.asarray(255 * ((1 - down) * SKY[0] + down * SKY[1]), dtype=np.uint8)
+
+
+def _average(image: ndarray, times: int) -> ndarray:
+    """Return the image (height, width, channels) as numbers, so many times smaller."""
+    height, width, channels = image.shape
+    blocks = image.reshape(height // times, times, width // times, times, channels)
+    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32))
+
+
+def _build_table(client: Client, table: Table) -> int:
+    """Build, and return, a light table top on a darker block that reaches down to the arm's base."""
+    middle = [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2]
+    size = [(table.x_max - table.x_min) / 2, (table.y_max - table.y_min) / 2]
+    top = [*size, TOP_THICKNESS / 2]
+    under = max(table.height, 2 * TOP_THICKNESS) - TOP_THICKNESS
+    block = [size[0] * 0.97, size[1] * 0.97, under / 2]
+    center = [*middle, -TOP_THICKNESS - under / 2]
+    _show_shape(client, center, TABLE_COLOR, client.GEOM_BOX, halfExtents=block)
+    center = [*middle, -TOP_THICKNESS / 2]
+    return _show_shape(client, center, TOP_COLOR, client.GEOM_BOX, halfExtents=top)
+
+
+def _build_disk(client: Client, index: int, shape: str, radius: float) -> int:
+    """Build a disk with a mark on its top that shows how it is turned."""
+    kind = client.GEOM_BOX if shape == CUBE else client.GEOM_MESH
+    half = DISK_HEIGHT / 2
+    size = {"halfExtents": [radius, radius, half]}
+    visual = client.createVisualShape(
+        kind,
+        rgbaColor=COLORS[index % len(COLORS)],
+        specularColor=[0.3, 0.3, 0.3],
+        **(size if shape == CUBE else cylinder(radius, -half, half)),
+    )
+    mark = client.createVisualShape(
+        client.GEOM_BOX,
+        halfExtents=[radius * 0.25, 0.005, 0.0006],
+        rgbaColor=MARK_COLOR,
+        specularColor=[0.0, 0.0, 0.0],
+    )
+    body: int = client.createMultiBody(
+        baseMass=0.0,
+        baseCollisionShapeIndex=-1,
+        baseVisualShapeIndex=visual,
+        linkMasses=[0.0],
+        linkCollisionShapeIndices=[-1],
+        linkVisualShapeIndices=[mark],
+        linkPositions=[[radius * 0.66, 0.0, DISK_HEIGHT / 2 + 0.0006]],
+        linkOrientations=[[0, 0, 0, 1]],
+        linkInertialFramePositions=[[0, 0, 0]],
+        linkInertialFrameOrientations=[[0, 0, 0, 1]],
+        linkParentIndices=[0],
+        linkJointTypes=[client.JOINT_FIXED],
+        linkJointAxis=[[0, 0, 1]],
+    )
+    return body
+
+
+def _build_ring(client: Client, radius: float) -> int:
+    """Build a flat ring on the table whose middle line has this radius [m]."""
+    mesh = ring(radius, RING_WIDTH, RING_LIFT)
+    return _show_shape(client, OFF_STAGE, GOAL_COLOR, client.GEOM_MESH, **mesh)
+
+
+def _show_shape(
+    client: Client, place: Any, color: tuple[float, ...], kind: int, **shape: Any
+) -> int:
+    visual = client.createVisualShape(
+        kind, rgbaColor=color, specularColor=[0.05, 0.05, 0.05], **shape
+    )
+    body: int = client.createMultiBody(0.0, -1, visual, place)
+    return body
