@@ -36,6 +36,13 @@ class Physics(NamedTuple):
     inertia: float
     tool_friction: float
     disk_friction: float
+    tool_restitution: float
+    disk_restitution: float
+    friction_scale: float
+    yield_across: float
+    middle_height: float
+    tool_height: float
+    disk_height: float
     tool_radius: float
     clearance: float
     speed: float
@@ -54,6 +61,8 @@ class Workspace(NamedTuple):
     change: np.ndarray  # (N + 1, 3) their rates of change in the last step
     grip: np.ndarray  # (N + 1,) speed that the table can take from a slow disk [m/s]
     held: np.ndarray  # (N + 1, 3) and what it has taken
+    tilt: np.ndarray  # (N + 1, 2) shift of the load on the table by what pushed a disk last [m]
+    feet: np.ndarray  # (3, 4) of one disk: friction x, y [m/s], direction x, y
     pairs: np.ndarray  # (C, 3) int64: first body, second body, number of the pair
     contacts: np.ndarray  # (C, CONTACT_SIZE)
     impulses: np.ndarray  # (P, 2) [N s], kept from step to step
@@ -69,6 +78,8 @@ def make_workspace(disks):
         np.zeros((disks + 1, 3)),
         np.zeros(disks + 1),
         np.zeros((disks + 1, 3)),
+        np.zeros((disks + 1, 2)),
+        np.zeros((3, 4)),
         np.empty((pairs, 3), np.int64),
         np.empty((pairs, CONTACT_SIZE)),
         np.zeros((pairs, 2)),
@@ -93,8 +104,18 @@ def load(disks, push, physics, work):
     bodies[TOOL, X] = bodies[1, X] - offset * np.cos(push[LOCATION])
     bodies[TOOL, Y] = bodies[1, Y] - offset * np.sin(push[LOCATION])
     bodies[TOOL, RADIUS] = physics.tool_radius
-    work.impulses[:] = 0.0
-    work.change[:] = 0.0
+    forget(work)
+
+
+@compiled
+def forget(work):
+    """Clear what is kept from step to step. Loops: assigning to a slice is many times slower."""
+    for body in range(work.bodies.shape[0]):
+        work.grip[body] = 0.0
+        work.tilt[body, 0] = work.tilt[body, 1] = 0.0
+        work.change[body, 0] = work.change[body, 1] = work.change[body, 2] = 0.0
+    for pair in range(work.impulses.shape[0]):
+        work.impulses[pair, ALONG] = work.impulses[pair, ACROSS] = 0.0
 
 
 @compiled
@@ -107,7 +128,8 @@ def unload(disks, work):
         if bodies[body, TURNED] != 0.0:
             heading = disks[disk, STATE_THETA] + bodies[body, TURNED]
             disks[disk, STATE_THETA] = np.pi - (np.pi - heading) % (2.0 * np.pi)
-        disks[disk, STATE_VX : STATE_OMEGA + 1] = 0.0
+        for column in range(STATE_VX, STATE_OMEGA + 1):
+            disks[disk, column] = 0.0
 
 
 @compiled

@@ -37,7 +37,7 @@ def compiled_parallel(function: Callable[..., Any]) -> Callable[..., Any]:
 def _compile(function: Callable[..., Any], parallel: bool = False) -> Callable[..., Any]:
     keep_kernels_apart()
     options = {"cache": True, "error_model": "numpy", "fastmath": {"contract", "arcp"}}
-    return numba.njit(parallel=parallel, **options)(function)
+    return numba.njit(parallel=parallel, forceinline=not parallel, **options)(function)
 
 
 @functools.cache

@@ -85,7 +85,7 @@ def survey(work, horizon):
 
 
 @compiled
-def prepare_contacts(count, step, work):
+def prepare_contacts(count, step, physics, work):
     """Set up the near pairs for a step [s], or for a collision when the step is 0."""
     bodies, contacts = work.bodies, work.contacts
     for index in range(count):
@@ -101,15 +101,28 @@ def prepare_contacts(count, step, work):
         dx, dy = dx + half_x, dy + half_y
         scale = 1.0 / (np.sqrt(dx * dx + dy * dy) + TINY)
         contacts[index, END_X], contacts[index, END_Y] = scale * dx, scale * dy
-        gap = contacts[index, GAP]
-        if step > 0.0:
-            contacts[index, BIAS] = max(gap, 0.0) / step
-        else:
-            contacts[index, BIAS] = 0.0 if gap < TOUCHING else np.inf
+        contacts[index, BIAS] = _bias(work, index, step, physics)
         lightness = bodies[first, LIGHTNESS] + bodies[second, LIGHTNESS]
         turn = bodies[first, TURN] + bodies[second, TURN]
         contacts[index, NORMAL_MASS] = 1.0 / lightness
         contacts[index, RIM_MASS] = 1.0 / (lightness + turn)
+
+
+@compiled
+def _bias(work, index, step, physics):
+    """Return how fast a pair may approach [m/s] in a step, or must leave (< 0) a collision."""
+    bodies, contacts = work.bodies, work.contacts
+    gap = contacts[index, GAP]
+    if step > 0.0:
+        return max(gap, 0.0) / step
+    if gap >= TOUCHING:
+        return np.inf
+    first, second = work.pairs[index, 0], work.pairs[index, 1]
+    vx = bodies[second, VX] - bodies[first, VX]
+    vy = bodies[second, VY] - bodies[first, VY]
+    leaving = vx * contacts[index, NORMAL_X] + vy * contacts[index, NORMAL_Y]
+    share = physics.tool_restitution if first == TOOL else physics.disk_restitution
+    return min(share * leaving, 0.0)
 
 
 @compiled
@@ -172,6 +185,25 @@ def _apply(work, index, along, across):
     bodies[first, VX] -= px * bodies[first, LIGHTNESS]
     bodies[first, VY] -= py * bodies[first, LIGHTNESS]
     bodies[first, SPIN] -= across * bodies[first, TURN]
+
+
+@compiled
+def note_tilt(work, count, physics, step):
+    """Note how the contacts of this step shift the load of each disk to some of its feet."""
+    bodies, contacts, tilt = work.bodies, work.contacts, work.tilt
+    for body in range(bodies.shape[0]):
+        tilt[body, 0] = tilt[body, 1] = 0.0
+    for index in range(count):
+        first, second, pair = work.pairs[index, 0], work.pairs[index, 1], work.pairs[index, 2]
+        height = physics.tool_height if first == TOOL else physics.disk_height
+        arm = (height - physics.middle_height) / (physics.gravity * step)
+        along, across = arm * work.impulses[pair, ALONG], arm * work.impulses[pair, ACROSS]
+        nx, ny = contacts[index, NORMAL_X], contacts[index, NORMAL_Y]
+        px, py = along * nx - across * ny, along * ny + across * nx
+        tilt[second, 0] += px * bodies[second, LIGHTNESS]
+        tilt[second, 1] += py * bodies[second, LIGHTNESS]
+        tilt[first, 0] -= px * bodies[first, LIGHTNESS]
+        tilt[first, 1] -= py * bodies[first, LIGHTNESS]
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""What the network sees: the scene in the frame of the push, so that no place or heading is special.
+"""What the network sees: the scene in the frame of the push: no place and heading is special.
 
 The frame's origin is the mid disk's centre before the push, its x axis points along the push's
 ``location``: the tool always comes from -x. Scenes that differ by where they are and how they are

@@ -26,20 +26,45 @@ class PlanarConfig(Config):
     )
     gravity: float = option(9.81, "acceleration", unit="m/s^2", minimum=0.1, maximum=30.0)
     foot_radius: float = option(
-        0.7, "where a disk's three feet stand, share of its radius", minimum=0.01, maximum=1.0
+        0.714, "where a disk's three feet stand, share of its radius", minimum=0.01, maximum=1.0
     )
     inertia: float = option(
-        0.5, "moment of inertia, share of mass x radius^2", minimum=0.05, maximum=2.0
+        0.42, "moment of inertia, share of mass x radius^2", minimum=0.05, maximum=2.0
     )
-    tool_friction: float = option(0.12, "between tool and disk", minimum=0.0, maximum=2.0)
-    disk_friction: float = option(0.12, "between two disks", minimum=0.0, maximum=2.0)
+    friction_scale: float = option(
+        1.0, "table friction at work, share of the coefficient", minimum=0.5, maximum=2.0
+    )
+    yield_across: float = option(
+        0.785,
+        "weight of a foot's motion across its arm in the direction of its friction: a solver"
+        " gives way to where a foot is lighter to move",
+        minimum=0.1,
+        maximum=1.0,
+    )
+    tool_friction: float = option(0.128, "between tool and disk", minimum=0.0, maximum=2.0)
+    disk_friction: float = option(0.119, "between two disks", minimum=0.0, maximum=2.0)
+    tool_restitution: float = option(
+        0.05, "share of the speed left when the tool hits a disk", minimum=0.0, maximum=0.9
+    )
+    disk_restitution: float = option(
+        0.05, "share of the speed left when disks collide", minimum=0.0, maximum=0.9
+    )
+    middle_height: float = option(
+        0.0265, "of a disk's centre of mass", unit="m", minimum=0.0, maximum=0.05
+    )
+    tool_height: float = option(
+        0.0365, "where the tool presses on a disk", unit="m", minimum=0.0, maximum=0.06
+    )
+    disk_height: float = option(
+        0.04, "where one disk presses on another", unit="m", minimum=0.0, maximum=0.06
+    )
     tool_radius: float = option(TOOL_RADIUS, "radius of the stick", unit="m", minimum=0.001)
     clearance: float = option(
         0.005, "gap between tool and rim at the start", unit="m", minimum=0.0, maximum=0.05
     )
     speed: float = option(0.2, "of the tool", unit="m/s", minimum=0.01, maximum=2.0)
     acceleration: float = option(4.0, "of the tool", unit="m/s^2", minimum=0.1, maximum=50.0)
-    longest_step: float = option(0.05, "longest time step", unit="s", minimum=1e-4, maximum=0.1)
+    longest_step: float = option(0.02, "longest time step", unit="s", minimum=1e-4, maximum=0.1)
     stop_share: float = option(
         0.35,
         "longest step of a spinning disk, share of the time it takes to stop",
@@ -50,7 +75,7 @@ class PlanarConfig(Config):
         1 / 120, "a disk about to stop needs no shorter steps", unit="s", minimum=1e-4, maximum=0.05
     )
     bend: float = option(
-        0.1,
+        0.05,
         "most that the normal of a pressing contact turns in a step",
         unit="rad",
         minimum=1e-3,

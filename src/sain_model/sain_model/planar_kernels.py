@@ -20,13 +20,14 @@ from sain_model.body_kernels import (
     VY,
     X,
     Y,
+    forget,
     load,
     make_workspace,
     rim_speed,
     unload,
 )
 from sain_model.compiling import compiled, compiled_parallel
-from sain_model.contact_kernels import prepare_contacts, separate, solve, survey
+from sain_model.contact_kernels import note_tilt, prepare_contacts, separate, solve, survey
 from sain_model.table_kernels import rub
 from sain_model.tool_kernels import make_profile, time_of, tool_speed, travelled, until_kink
 
@@ -104,11 +105,12 @@ def flow(work, count, slowing, physics, step):
         before[disk, 2] = bodies[disk, SPIN]
         work.grip[disk] = 0.0
         if rim_speed(bodies, disk) > 2.0 * slowing * step:
-            rub(work, disk, slowing * step, physics.foot_radius, step)
+            rub(work, disk, slowing * step, physics, step)
         else:
             work.grip[disk] = slowing * step
             work.held[disk, 0] = work.held[disk, 1] = work.held[disk, 2] = 0.0
     solve(count, physics, work)
+    note_tilt(work, count, physics, step)
     separate(count, work)
     fastest = 0.0
     for disk in range(1, bodies.shape[0]):
@@ -122,11 +124,9 @@ def flow(work, count, slowing, physics, step):
 
 @compiled
 def collide(work, count, physics):
-    """Let touching bodies that approach each other collide, without restitution, in no time."""
-    work.impulses[:] = 0.0
-    work.change[:] = 0.0
-    work.grip[:] = 0.0
-    prepare_contacts(count, 0.0, work)
+    """Let touching bodies that approach each other collide, in no time."""
+    forget(work)
+    prepare_contacts(count, 0.0, physics, work)
     solve(count, physics, work)
 
 
@@ -174,7 +174,7 @@ def push_scene(disks, push, friction, physics, work):
         return False
     profile = make_profile(push[LENGTH], physics.speed, physics.acceleration)
     time = time_of(profile, distance)
-    slowing = friction * physics.gravity
+    slowing = physics.friction_scale * friction * physics.gravity
     touched = False
     for _ in range(MOST_STEPS):
         speed = tool_speed(profile, time)
@@ -183,7 +183,7 @@ def push_scene(disks, push, friction, physics, work):
         rest = until_kink(profile, time)
         count, step = look_ahead(work, slowing, physics, rest)
         touched |= touches_another(work)
-        prepare_contacts(count, step, work)
+        prepare_contacts(count, step, physics, work)
         time += step
         distance, speed = travelled(profile, time), tool_speed(profile, time)
         bodies[TOOL, VX], bodies[TOOL, VY] = speed * way_x, speed * way_y

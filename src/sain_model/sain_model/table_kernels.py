@@ -2,15 +2,16 @@
 
 import numpy as np
 
-from sain_model.body_kernels import COS, LIGHTNESS, SIN, SPIN, TURN, VX, VY
+from sain_model.body_kernels import COS, LIGHTNESS, RADIUS, SIN, SPIN, TURN, VX, VY
 from sain_model.compiling import compiled
 
 FEET = 3
 THIRD_TURN_COS, THIRD_TURN_SIN = -0.5, 0.8660254037844386  # of 120 degrees
+MOST_LEAN = 1.0  # then a foot in front carries twice its share and one behind nothing
 
 
 @compiled
-def rub(work, disk, slowing, foot_radius, step):
+def rub(work, disk, slowing, physics, step):
     """Slow a sliding disk down by the friction of one step.
 
     The direction is taken at the velocity expected in the middle of the step, from the change
@@ -20,37 +21,73 @@ def rub(work, disk, slowing, foot_radius, step):
         work: scratch memory.
         disk: row of the disk.
         slowing: what friction takes from each foot in this step [m/s].
-        foot_radius: where the feet stand, share of the disk's radius.
+        physics: for the feet and the heights at which forces act.
         step: duration [s].
     """
-    bodies, change = work.bodies, work.change
+    bodies, change, feet = work.bodies, work.change, work.feet
     vx = bodies[disk, VX] + 0.5 * step * change[disk, 0]
     vy = bodies[disk, VY] + 0.5 * step * change[disk, 1]
-    turn = foot_radius * (bodies[disk, SPIN] + 0.5 * step * change[disk, 2])
-    if turn == 0.0:
+    turn = physics.foot_radius * (bodies[disk, SPIN] + 0.5 * step * change[disk, 2])
+    if turn == 0.0 and work.tilt[disk, 0] == 0.0 and work.tilt[disk, 1] == 0.0:
         share = slowing / max(np.sqrt(vx * vx + vy * vy), slowing)
         bodies[disk, VX] -= share * vx
         bodies[disk, VY] -= share * vy
         return
-    cos, sin = bodies[disk, COS], bodies[disk, SIN]
-    mean_x, mean_y, mean_turn = 0.0, 0.0, 0.0
-    for _ in range(FEET):
+    _rub_feet(feet, vx, vy, turn, bodies[disk, COS], bodies[disk, SIN], slowing, physics)
+    lean_x, lean_y = _lean(work, disk, physics, step)
+    # A force at the feet turns the disk as `TURN` says, on an arm of `foot_radius`.
+    turn_of_force = physics.foot_radius * bodies[disk, TURN] / bodies[disk, LIGHTNESS]
+    for foot in range(FEET):
+        x, y, cos, sin = feet[foot, 0], feet[foot, 1], feet[foot, 2], feet[foot, 3]
+        load = (1.0 + lean_x * cos + lean_y * sin) / FEET
+        bodies[disk, VX] -= load * x
+        bodies[disk, VY] -= load * y
+        bodies[disk, SPIN] -= turn_of_force * load * (cos * y - sin * x)
+
+
+@compiled
+def _rub_feet(feet, vx, vy, turn, cos, sin, slowing, physics):
+    """Write for each foot what friction takes from it under an even load, and its direction.
+
+    Args:
+        feet: (3, 4) to fill with x, y [m/s], cos and sin.
+        vx: velocity of the centre [m/s].
+        vy: likewise.
+        turn: speed of a foot about the centre [m/s].
+        cos: of the heading.
+        sin: of the heading.
+        slowing: what friction takes from a foot that slides [m/s].
+        physics: for `yield_across`.
+    """
+    for foot in range(FEET):
         # A foot moves with the centre and, as the disk turns, across the arm that it stands on.
         # Friction never turns a foot back: below `slowing` it falls linearly.
-        foot_vx, foot_vy = vx - turn * sin, vy + turn * cos
-        share = slowing / max(np.sqrt(foot_vx * foot_vx + foot_vy * foot_vy), slowing)
-        mean_x += share * foot_vx
-        mean_y += share * foot_vy
-        mean_turn += share * (cos * foot_vy - sin * foot_vx)
+        x, y = vx - turn * sin, vy + turn * cos
+        less = (1.0 - physics.yield_across) * (cos * y - sin * x)
+        x, y = x + less * sin, y - less * cos
+        share = slowing / max(np.sqrt(x * x + y * y), slowing)
+        feet[foot, 0], feet[foot, 1] = share * x, share * y
+        feet[foot, 2], feet[foot, 3] = cos, sin
         cos, sin = (
             THIRD_TURN_COS * cos - THIRD_TURN_SIN * sin,
             THIRD_TURN_SIN * cos + THIRD_TURN_COS * sin,
         )
-    bodies[disk, VX] -= mean_x / FEET
-    bodies[disk, VY] -= mean_y / FEET
-    # A force at the feet turns the disk as `TURN` says, on an arm of `foot_radius`.
-    turn_of_force = foot_radius * bodies[disk, TURN] / bodies[disk, LIGHTNESS]
-    bodies[disk, SPIN] -= turn_of_force * mean_turn / FEET
+
+
+@compiled
+def _lean(work, disk, physics, step):
+    """Return by how much a foot's load grows when it stands along x, and along y [share].
+
+    Braking acts below the centre of mass, a push mostly above it: both load the feet in front.
+    """
+    feet = work.feet
+    arm = physics.middle_height / (physics.gravity * step * FEET)
+    x = arm * (feet[0, 0] + feet[1, 0] + feet[2, 0]) + work.tilt[disk, 0]
+    y = arm * (feet[0, 1] + feet[1, 1] + feet[2, 1]) + work.tilt[disk, 1]
+    scale = 2.0 / (physics.foot_radius * work.bodies[disk, RADIUS])
+    lean = scale * np.sqrt(x * x + y * y)
+    scale *= MOST_LEAN / max(lean, MOST_LEAN)
+    return scale * x, scale * y
 
 
 @compiled
