@@ -41,6 +41,13 @@ class CostWeights(Config):
         0.01, "nearer the goal than this, alignment, approach and reach fade away", unit="m",
         minimum=0.001,
     )
+    caution: float = option(
+        10.0, "target aimed nearer the goal than its push is uncertain, where the arm could not"
+        " push it back", unit="1/m", minimum=0.0,
+    )
+    uncertainty: float = option(
+        0.1, "how far the target may slide too far, share of its way", minimum=0.0, maximum=1.0
+    )
     clearance: float = option(2.0, "tool nearer another disk than `tool_gap`", minimum=0.0)
     tool_gap: float = option(0.01, "gap that the tool should keep", unit="m", minimum=0.001)
     reach: float = option(3.0, "mid disk or target near the reach's limits", minimum=0.0)
@@ -90,6 +97,7 @@ def cost_terms(
         "distance": weights.distance * rollout.distance[:, -1],
         "alignment": weights.alignment * remaining * misalignment(rollout),
         "approach": weights.approach * remaining * approach_distance(rollout),
+        "caution": weights.caution * overshoot_risk(rollout, weights, feasibility),
         "clearance": weights.clearance * tool_nearness(rollout, weights, feasibility),
         "reach": weights.reach * remaining * reach_excess(rollout, weights, feasibility),
         "edge": weights.edge * edge_nearness(rollout, weights, feasibility),
@@ -131,6 +139,23 @@ def approach_distance(rollout: Rollout) -> Scalars:
     touching = last[:, MID, RADIUS] + last[:, TARGET, RADIUS]
     spot = last[:, TARGET, POSITION] - touching[:, None] * to_goal
     return np.asarray(np.linalg.norm(last[:, MID, POSITION] - spot, axis=-1))
+
+
+def overshoot_risk(
+    rollout: Rollout, weights: CostWeights, feasibility: Feasibility
+) -> Scalars:
+    """Return by how much [m] targets that slide too far would go past the goal for good, summed.
+
+    For good: the tool cannot stand where it would push them back from.
+    """
+    way = rollout.after[..., TARGET, POSITION] - rollout.before[..., TARGET, POSITION]
+    travel = np.linalg.norm(way, axis=-1)  # (K, H)
+    heading = way / np.maximum(travel, 1e-9)[..., None]
+    left = -(rollout.error * heading).sum(axis=-1)
+    mid, target = rollout.before[0, 0, MID, RADIUS], rollout.before[0, 0, TARGET, RADIUS]
+    behind = target + 2 * mid + feasibility.limits.tool_radius + feasibility.limits.clearance
+    lost = ~feasibility.reach.contains(rollout.goal + behind * heading)
+    return np.asarray((lost * np.maximum(weights.uncertainty * travel - left, 0.0)).sum(axis=1))
 
 
 def tool_nearness(
@@ -182,6 +207,6 @@ def blocked_pushes(rollout: Rollout, feasibility: Feasibility) -> Scalars:
     return np.asarray((~allowed).sum(axis=1).astype(np.float64))
 
 
-def _shortfall(room: Scalars, wanted: Scalars | float) -> Scalars:
+def _shortfall(room: Scalars, wanted: np.ndarray | float) -> Scalars:
     """Return 0 where there is as much room as wanted, 1 where there is none, then on."""
     return np.maximum(1.0 - room / wanted, 0.0)

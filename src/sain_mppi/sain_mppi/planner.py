@@ -11,7 +11,15 @@ from sain_core.errors import ModelUnavailableError, NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import check_scene, wrap_angle
-from sain_core.types import Mask, PredictedScenes, PushArray, Pushes, PushSequences, Scene
+from sain_core.types import (
+    Mask,
+    PredictedScenes,
+    PushArray,
+    Pushes,
+    PushSequences,
+    Scene,
+    Scenes,
+)
 
 from sain_mppi.config import PlannerConfig
 from sain_mppi.cost import cost_terms, make_rollout, total_cost
@@ -30,7 +38,7 @@ class PlanResult:
     """What the planner decided and what it expects."""
 
     pushes: Sequence  # (H, 3); the first is to be executed
-    predicted: PredictedScenes  # (H, N, 8), the scene after each push
+    predicted: Scenes  # (H, N, 8), the scene after each push
     cost: float
     rest_cost: float  # of doing nothing: a plan that costs more is a step back
     terms: dict[str, float]  # the cost by term
@@ -166,7 +174,7 @@ class _Search:
         self.cost, self.effective, self.rollout_time = np.inf, 0.0, 0.0
         self.samples = self.rounds = 0
         self.pushes: Sequence | None = None
-        self.predicted: PredictedScenes | None = None
+        self.predicted: Scenes | None = None
         self.terms: dict[str, float] = {}
         rest = np.zeros((1, planner.config.horizon, 3))
         stay = np.broadcast_to(scene, (1, planner.config.horizon, *scene.shape))
