@@ -189,7 +189,7 @@ def _average(image: ndarray, times: int) -> ndarray:
 
 
 def _build_table(client: Client, table: Table) -> int:
-    """Build, and return, a light table top on a darker block that reaches down to the arm's base."""
+    """Build and return a light table top on a darker block down to the height of the base."""
     middle = [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2]
     size = [(table.x_max - table.x_min) / 2, (table.y_max - table.y_min) / 2]
     top = [*size, TOP_THICKNESS / 2]

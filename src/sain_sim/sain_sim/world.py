@@ -172,7 +172,7 @@ class World:
 
     def settle(self, on_step: Observer | None = None, every: int = 1) -> bool:
         """Wait until the disks are settled, for the longest wait at most; tell whether they are."""
-        self._cell.settle("rest", watches, guarded=False)
+        self._cell.settle("rest", self._watches(on_step, every), guarded=False)
         self._steps = self._cell.steps
         return self._cell.stage.still()
 
