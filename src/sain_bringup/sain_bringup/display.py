@@ -3,15 +3,20 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
 
 from rich.console import Console
 from rich.live import Live
+from rich.padding import Padding
 from rich.spinner import Spinner
 from rich.text import Text
 
 from sain_bringup.options import EpisodePlan
 
-REFRESH = 12  # frames a second
+REFRESH: Final = 12  # frames a second
+WIDTH: Final = 50  # of what a stage did, before the time it took
+SHOWN_DISTANCES: Final = 8  # of an episode, in one line
 
 
 class Display:
@@ -21,6 +26,7 @@ class Display:
         """Show on this console."""
         self.console = console
         self._live: Live | None = None
+        self._spinner = Spinner("dots", style="cyan")
 
     @contextmanager
     def stage(self, doing: str, done: str) -> Iterator[None]:
@@ -30,7 +36,7 @@ class Display:
             self.status(doing)
             yield
         seconds = time.monotonic() - started
-        self._line("green", "✓", f"{done:<58}", f"{seconds:5.1f} s")
+        self._line("green", "✓", f"{done:<{WIDTH}}", f"{seconds:5.1f} s")
 
     @contextmanager
     def episode(self, number: int, total: int, plan: EpisodePlan) -> Iterator["EpisodeView"]:
@@ -42,10 +48,19 @@ class Display:
         style, mark = ("green", "✓") if view.reached else ("red", "✗")
         self._line(style, mark, f"{view.name:<18}", view.summary())
 
+    def headline(self, what: str, where: Path) -> None:
+        """Say what is about to be done, and where its results go."""
+        self.console.print(
+            Text.assemble(("SAIN", "bold"), f"  {what}  ", (f"{where}/", "dim")),
+            highlight=False,
+            soft_wrap=True,
+        )
+
     def status(self, text: str) -> None:
         """Change the moving line."""
         if self._live is not None:
-            self._live.update(Spinner("dots", Text(f" {text}", style="dim"), style="cyan"))
+            self._spinner.update(text=Text(text, style="dim"))
+            self._live.update(Padding(self._spinner, (0, 0, 0, 2)))
 
     def note(self, text: str) -> None:
         """Print a line that stays, for what deserves attention."""
@@ -126,4 +141,7 @@ class EpisodeView:
     def _way(self) -> str:
         if not self.distances:
             return ""
-        return " → ".join(f"{1e3 * distance:.0f}" for distance in self.distances) + " mm"
+        shown = [f"{1e3 * distance:.0f}" for distance in self.distances]
+        if len(shown) > SHOWN_DISTANCES:
+            shown[1 : 1 - SHOWN_DISTANCES] = ["…"]
+        return f"{' → '.join(shown)} mm"

@@ -3,6 +3,8 @@
 import difflib
 import os
 import time
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
@@ -77,6 +79,13 @@ def episode_plans(options: ClosedLoopOptions) -> tuple[EpisodePlan, ...]:
     if not wanted:
         raise ConfigError(f"--episodes is {options.episodes}; it must be at least 1")
     return tuple(EpisodePlan(name, options.seed + number) for number, name in enumerate(wanted))
+
+
+def describe(plans: Sequence[EpisodePlan], options: ClosedLoopOptions) -> str:
+    """Return in a few words what is going to be played."""
+    counts = Counter(plan.scenario for plan in plans)
+    what = ", ".join(f"{count} × {name}" for name, count in counts.items())
+    return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}"
 
 
 def check_options(options: ClosedLoopOptions) -> None:

@@ -112,10 +112,10 @@ def write_summary(path: Path, bag: Bag, summaries: tuple[EpisodeSummary, ...]) -
 
 
 def summary_table(summaries: tuple[EpisodeSummary, ...]) -> Table:
-    """Return the summary as a table for people."""
-    table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0), header_style="dim")
+    """Return the summary as a table for people; errors are of the target, mean over pushes."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("Episode")
-    for name in ("Pushes", "Target to goal", "Planning", "Model off by", "Physics off by"):
+    for name in ("Pushes", "Distance", "Planning", "Model error", "Physics error"):
         table.add_column(name, justify="right")
     table.add_column("")
     for summary in summaries:

@@ -1,10 +1,25 @@
 """What a run leaves behind: summary, top views and the moving picture, all made from the bag."""
 
+import ctypes
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from sain_bags.reader import Bag
 from sain_bringup.display import Display
+from sain_bringup.movie import (
+    MovieConfig,
+    choose_moments,
+    draw_frames,
+    encode_gif,
+    episode_moments,
+)
 from sain_bringup.report import PlayedEpisode, played_episodes, summary_table, write_summary
+from sain_core.scene import RADIUS, TARGET
+from sain_eval.files import write_whole
+
+LIVELY = 8  # pushes: the moving picture shows the longest episode with no more than these
 
 
 def write_results(folder: Path, video: bool, display: Display) -> bool:
@@ -25,16 +40,18 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
         write_summary(folder / "summary.json", bag, summaries)
     with display.stage("drawing the episodes", "episodes drawn"):
         draw_pictures(folder, played)
+    if video and played:
+        with display.stage("rendering the moving picture", "moving picture rendered"):
+            render_movie(folder / "closed_loop.gif", bag, choose_episode(played), display)
     display.console.print()
     display.console.print(summary_table(summaries))
-    display.console.print(f"\n{folder}", highlight=False)
     return bool(summaries) and all(summary.success for summary in summaries)
 
 
 def draw_pictures(folder: Path, played: tuple[PlayedEpisode, ...]) -> list[Path]:
     """Draw a top view of each episode, and one picture of all."""
-    from sain_bringup.overview import draw_overview
-    from sain_eval.pictures import draw_episode, save_picture  # matplotlib takes a while to load
+    from sain_bringup.overview import draw_overview  # matplotlib takes a while to load
+    from sain_eval.pictures import draw_episode, save_picture
 
     records = [episode.record() for episode in played]
     paths = [
@@ -44,3 +61,53 @@ def draw_pictures(folder: Path, played: tuple[PlayedEpisode, ...]) -> list[Path]
     if records:
         paths.append(save_picture(draw_overview(records), folder / "overview.png"))
     return paths
+
+
+def choose_episode(played: tuple[PlayedEpisode, ...]) -> PlayedEpisode:
+    """Return the episode that is nicest to watch: a success, long but not too long."""
+
+    def charm(one: PlayedEpisode) -> tuple[bool, int]:
+        pushes = len(one.episode.executed)
+        return one.episode.success, pushes if pushes <= LIVELY else -pushes
+
+    return max(played, key=charm)
+
+
+def render_movie(
+    path: Path, bag: Bag, one: PlayedEpisode, display: Display, config: MovieConfig | None = None
+) -> Path:
+    """Render one episode from its recording as an animated GIF."""
+    with _quiet():
+        from sain_sim.render import CameraConfig, Renderer
+    config = config or MovieConfig()
+    moments = choose_moments(episode_moments(bag, one.episode), config)
+    camera = CameraConfig(width=config.width, height=config.height)
+    goal, tolerance = one.episode.goal, one.episode.tolerance
+    # The target has reached the goal when it lies wholly inside the ring.
+    ring = float(one.episode.start[TARGET, RADIUS]) + tolerance
+    frames = []
+    with Renderer(one.episode.start, one.record().shapes or None, camera) as renderer:
+        pictures = draw_frames(
+            moments,
+            lambda joints, scene: renderer.picture(joints, scene, goal, ring),
+            f"{one.scenario} {one.seed}".strip(),
+            tolerance,
+        )
+        for number, frame in enumerate(pictures, start=1):
+            frames.append(frame)
+            display.status(f"rendering the moving picture, {number} of {len(moments)}")
+    return write_whole(path, encode_gif(frames, config))
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Swallow what C code prints: PyBullet greets on standard output when it is loaded."""
+    library, saved, nowhere = ctypes.CDLL(None), os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    try:
+        yield
+    finally:
+        library.fflush(None)
+        os.dup2(saved, 1)
+        os.close(saved)
+        os.close(nowhere)

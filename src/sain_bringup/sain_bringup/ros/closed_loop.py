@@ -18,6 +18,7 @@ from sain_bringup.graph import GraphConfig, graph_commands
 from sain_bringup.options import (
     ClosedLoopOptions,
     check_options,
+    describe,
     episode_plans,
     make_output_folder,
 )
@@ -50,6 +51,7 @@ def run(options: ClosedLoopOptions, display: Display) -> bool:
     """
     check_options(options)
     folder = make_output_folder(options)
+    display.headline(describe(episode_plans(options), options), folder)
     with Supervisor(folder / "logs") as supervisor:
         play(options, folder, supervisor, display)
         with display.stage("closing the recording", "graph stopped, recording closed"):
@@ -78,7 +80,9 @@ def play(
         )
         for name, command in graph_commands(config).items():
             supervisor.start(name, command)
-        director.wait_for_graph()
+        director.wait_for_graph(
+            lambda missing: display.status(f"starting the graph, waiting for {missing}")
+        )
     for number, plan in enumerate(plans, start=1):
         case = SCENARIOS[plan.scenario].scene(plan.seed)
         with display.episode(number, len(plans), plan) as view:

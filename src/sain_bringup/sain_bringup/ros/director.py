@@ -9,6 +9,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from sain_bringup.display import EpisodeView
+from sain_bringup.ros.readiness import missing_parts
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
 from sain_core.ros.codec import decode_disks, encode_disks, encode_goal
 from sain_core.ros.node_main import NAMESPACE
@@ -26,19 +27,6 @@ SERVER_PARTS: Final = {
     "reset_scene": ResetScene,
     "rollout": Rollout,
     "describe_model": DescribeModel,
-}
-SUBSCRIBERS: Final = {  # how many each topic has once everybody listens
-    "scene": 2,  # planner and recorder
-    "goal": 2,  # planner and recorder
-    "push": 2,  # simulator and recorder
-    "push_result": 3,  # planner, recorder and this node
-    "plan": 2,  # recorder and this node
-    "physics_prediction": 2,  # recorder and this node
-    "joint_states": 1,
-    "markers": 1,
-    "plan_markers": 1,
-    "/clock": 1,
-    "/diagnostics": 1,
 }
 
 
@@ -81,13 +69,26 @@ class Director(Node):
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
 
-    def wait_for_graph(self) -> str:
+    def wait_for_graph(self, tell: Callable[[str], None]) -> str:
         """Wait until every part is up and connected; return the name of the model that is served.
+
+        Args:
+            tell: is told which processes are waited for, again and again.
 
         Raises:
             GraphTimeoutError: naming what is missing.
         """
-        self.wait(lambda: not self._missing(), lambda: f"missing: {', '.join(self._missing())}")
+
+        def up() -> bool:
+            missing = missing_parts(self, self._servers.values())
+            tell(", ".join(dict.fromkeys(part.process for part in missing)))
+            return not missing
+
+        def problem() -> str:
+            missing = missing_parts(self, self._servers.values())
+            return f"still missing: {', '.join(part.what for part in missing)}"
+
+        self.wait(up, problem)
         return str(self.call("describe_model", DescribeModel.Request()).model)
 
     def play(self, case: ScenarioScene, tolerance: float, view: EpisodeView) -> None:
@@ -140,20 +141,6 @@ class Director(Node):
         if reply.error_code != ErrorCode.OK:
             raise error_from_reply(reply.error_code, f"{name}: {reply.error_message}")
         return reply
-
-    def _missing(self) -> list[str]:
-        missing = [
-            f"service {client.srv_name}"
-            for client in self._servers.values()
-            if not client.service_is_ready()
-        ]
-        for topic, count in SUBSCRIBERS.items():
-            name = self.resolve_topic_name(topic)
-            if self.count_publishers(name) == 0:
-                missing.append(f"who publishes {name}")
-            elif self.count_subscribers(name) < count:
-                missing.append(f"who listens to {name}")
-        return missing
 
     def _reset(self, case: ScenarioScene, view: EpisodeView) -> int:
         request = ResetScene.Request(

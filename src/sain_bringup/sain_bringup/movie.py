@@ -1,0 +1,140 @@
+"""A short moving picture of one episode, replayed from its recording.
+
+The arm's joints and the disks come from the bag and nothing is simulated again: what is shown
+is what happened.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float, UInt8
+from numpy import ndarray
+from PIL import Image, ImageDraw, ImageFont
+
+from sain_bags.episodes import SCENE, Episode
+from sain_bags.reader import Bag
+from sain_core.config import Config, option
+from sain_core.scene import target_distance
+from sain_core.types import Scene
+from sain_core.wire import decode_disks
+
+JOINTS: Final = "sensor_msgs/msg/JointState"
+INK: Final = (43, 48, 54)
+FAINT: Final = (110, 117, 124)
+GREEN: Final = (24, 128, 78)
+RING: Final = (26, 158, 102)  # the goal's, as `sain_sim.render` draws it
+RARE: Final = (GREEN, RING, INK, FAINT)
+SWATCH: Final = 40  # [px], rows that a rare colour gets in the sheet for the palette
+MARGIN: Final = 16  # [px]
+PALETTE_SAMPLES: Final = 8  # frames that the common palette is made from
+
+Picture = UInt8[ndarray, "height width 3"]
+Render = Callable[[Float[ndarray, "7"], Scene], Picture]
+
+
+@dataclass(frozen=True)
+class MovieConfig(Config):
+    """How a recording becomes a moving picture."""
+
+    speed: float = option(4.0, "simulated time by shown time", minimum=0.1, maximum=100.0)
+    rate: float = option(12.0, "pictures a second", unit="Hz", minimum=1.0, maximum=50.0)
+    hold: float = option(2.0, "the last picture stands", unit="s", minimum=0.0, maximum=20.0)
+    width: int = option(480, "of a picture", unit="px", minimum=64, maximum=1920)
+    height: int = option(360, "of a picture", unit="px", minimum=64, maximum=1080)
+    colours: int = option(256, "in the palette", minimum=8, maximum=256)
+    longest: int = option(60, "pictures at most; a longer episode is shown faster", minimum=2)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The world at one time."""
+
+    time: float  # [s], simulated
+    joints: Float[ndarray, "7"]  # [rad]
+    scene: Scene  # (N, 8)
+    distance: float  # [m], target to goal
+
+
+def episode_moments(bag: Bag, episode: Episode) -> list[Moment]:
+    """Return everything that was seen of an episode, joints and disks of the same instant."""
+    joints: dict[int, Float[ndarray, "7"]] = {}  # by time stamp [ns]
+    scenes: dict[int, Scene] = {}
+    for received in bag.messages(types=(JOINTS, SCENE)):
+        message = received.message
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        if received.type == JOINTS:
+            joints[stamp] = np.array(message.position, dtype=np.float64)
+        elif message.episode_id == episode.episode_id:
+            scenes[stamp] = decode_disks(message.disks)
+    goal = episode.goal if episode.goal is not None else np.full(2, np.nan)
+    return [
+        Moment(1e-9 * stamp, joints[stamp], scene, float(target_distance(scene, goal)))
+        for stamp, scene in sorted(scenes.items())
+        if stamp in joints
+    ]
+
+
+def choose_moments(moments: Sequence[Moment], config: MovieConfig) -> list[Moment]:
+    """Return the moments to show: evenly spaced in simulated time, the last one included."""
+    if not moments:
+        return []
+    times = np.array([moment.time for moment in moments])
+    span = times[-1] - times[0]
+    step = max(config.speed / config.rate, span / (config.longest - 1))
+    wanted = np.append(np.arange(times[0], times[-1], step), times[-1])
+    nearest = np.searchsorted(times, wanted - 1e-9)
+    return [moments[index] for index in dict.fromkeys(nearest.tolist())]
+
+
+def draw_frames(
+    moments: Sequence[Moment], render: Render, title: str, tolerance: float
+) -> Iterator[Image.Image]:
+    """Render moments one by one and write on each what is going on."""
+    for moment in moments:
+        image = Image.fromarray(render(moment.joints, moment.scene))
+        _caption(image, title, moment.distance, moment.distance <= tolerance)
+        yield image
+
+
+def encode_gif(frames: Sequence[Image.Image], config: MovieConfig) -> bytes:
+    """Return an animated GIF with one palette for all frames, so that nothing flickers."""
+    palette = _common_palette(frames, config.colours)
+    indexed = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    durations = [round(1000 / config.rate)] * len(indexed)
+    durations[-1] += round(1000 * config.hold)
+    memory = BytesIO()
+    indexed[0].save(
+        memory,
+        format="GIF",
+        save_all=True,
+        append_images=indexed[1:],
+        duration=durations,
+        loop=0,
+        optimize=True,
+    )
+    return memory.getvalue()
+
+
+def _common_palette(frames: Sequence[Image.Image], colours: int) -> Image.Image:
+    picked = [frames[i] for i in np.linspace(0, len(frames) - 1, PALETTE_SAMPLES).astype(int)]
+    width, height = picked[0].size
+    sheet = Image.new("RGB", (width, height * len(picked) + len(RARE) * SWATCH))
+    for place, frame in enumerate(picked):
+        sheet.paste(frame, (0, place * height))
+    for place, colour in enumerate(RARE):  # too few pixels to count, and too telling to lose
+        top = height * len(picked) + place * SWATCH
+        sheet.paste(colour, (0, top, width, top + SWATCH))
+    return sheet.quantize(colours, method=Image.Quantize.MEDIANCUT)
+
+
+def _caption(image: Image.Image, title: str, distance: float, reached: bool) -> None:
+    draw = ImageDraw.Draw(image)
+    size = max(12, image.width // 28)
+    draw.text((MARGIN, MARGIN), title, fill=FAINT, font=ImageFont.load_default(size))
+    text = f"{1e3 * distance:.0f} mm to the goal"
+    font = ImageFont.load_default(size)
+    left = image.width - MARGIN - draw.textlength(text, font=font)
+    draw.text((left, MARGIN), text, fill=GREEN if reached else INK, font=font)
