@@ -2,18 +2,16 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 from sain_core.errors import BlockedError, SainError, UnreachableError
 from sain_core.feasibility import Feasibility
 from sain_core.scene import is_settled, target_distance
 from sain_core.seeding import generator
 from sain_core.types import Scene
-from sain_mppi.goal import goal_reached
-from sain_sim.world import World, WorldConfig
-
 from sain_eval.controllers import Controller, Decision
 from sain_eval.episodes import EpisodeRecord, PushRecord
 from sain_eval.scenarios import ScenarioScene
+from sain_mppi.goal import goal_reached
+from sain_sim.world import World, WorldConfig
 
 MAX_REFUSALS = 10  # in a row: then the controller gives up
 
@@ -44,7 +42,11 @@ def run_episode(
 
 class _Episode:
     def __init__(
-        self, case: ScenarioScene, controller: Controller, tolerance: float, world: World,
+        self,
+        case: ScenarioScene,
+        controller: Controller,
+        tolerance: float,
+        world: World,
         feasibility: Feasibility,
     ) -> None:
         self.case, self.controller, self.tolerance, self.world = case, controller, tolerance, world

@@ -5,20 +5,20 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+
 from sain_core.dynamics import Dynamics, StepwiseRollout
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.push import LOCATION
 from sain_core.scene import MID, POSITION, wrap_angle
 from sain_core.types import PushArray, Scene
+from sain_eval.scenarios import ScenarioScene
 from sain_model.load import load_dynamics
 from sain_model.planar import PlanarConfig, PlanarPrior
 from sain_mppi.config import PlannerConfig
 from sain_mppi.goal import Goal
 from sain_mppi.planner import Planner
 from sain_mppi.proposals import permitted
-
-from sain_eval.scenarios import ScenarioScene
 
 BASELINES = ("null", "straight", "random")
 ORACLE = "oracle"
@@ -99,9 +99,7 @@ class RandomController:
 class PlanningController:
     """MPPI over a dynamics model."""
 
-    def __init__(
-        self, dynamics: Dynamics, config: PlannerConfig, feasibility: Feasibility
-    ) -> None:
+    def __init__(self, dynamics: Dynamics, config: PlannerConfig, feasibility: Feasibility) -> None:
         """Plan with this model."""
         self.planner = Planner(StepwiseRollout(dynamics), config, feasibility)
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
+
 from sain_core.scene import MID, POSITION, TARGET, Table, is_settled, target_distance
 from sain_core.types import PushArray, Scene
 

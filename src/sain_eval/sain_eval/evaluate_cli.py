@@ -18,10 +18,9 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
-from sain_mppi.config import PlannerConfig
-
 from sain_eval.controllers import controller_maker
 from sain_eval.evaluation import Job, run_jobs
 from sain_eval.files import output_folder, write_whole
@@ -29,6 +28,7 @@ from sain_eval.journal import Journal
 from sain_eval.report import HEADER, markdown_table, table_cells
 from sain_eval.results import SceneRecord, summarise, write_results
 from sain_eval.scenarios import SCENARIOS
+from sain_mppi.config import PlannerConfig
 
 TABLE_FILE: Final = "table.md"
 PAPER_SCENARIOS: Final = "paper,paper_shift,paper_cube"
@@ -104,8 +104,14 @@ class Evaluate(Config):
     def jobs(self, done: set[tuple[str, int, str]]) -> list[Job]:
         """Return the episodes that are still to be run, scene by scene."""
         return [
-            Job(scenario, seed, controller, self.tolerance_values, self.planner,
-                self._picture(scenario, seed, controller))
+            Job(
+                scenario,
+                seed,
+                controller,
+                self.tolerance_values,
+                self.planner,
+                self._picture(scenario, seed, controller),
+            )
             for scenario in self.scenario_names
             for seed in range(self.seed, self.seed + self.scenes)
             for controller in self.controller_names
@@ -170,8 +176,13 @@ def _split(words: str, name: str) -> tuple[str, ...]:
 
 def _progress(console: Console) -> Progress:
     return Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(), console=console,
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=console,
     )
 
 

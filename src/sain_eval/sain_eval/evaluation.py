@@ -8,13 +8,12 @@ from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 
-from sain_mppi.config import PlannerConfig
-
 from sain_eval.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.controllers import ControllerMaker, controller_maker
 from sain_eval.pictures import draw_episode, save_picture
 from sain_eval.results import SceneRecord, scene_records
 from sain_eval.scenarios import SCENARIOS
+from sain_mppi.config import PlannerConfig
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from sain_core.errors import OutputError
-
 from sain_eval.results import SceneRecord
 
 JOURNAL_FILE: Final = "episodes.jsonl"

@@ -12,9 +12,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
+
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION, TARGET, target_distance
-
 from sain_eval.episodes import EpisodeRecord, PushRecord
 from sain_eval.files import write_whole
 from sain_eval.top_view import PALETTE, draw_top_view
@@ -39,18 +39,40 @@ def draw_episode(
     figure = Figure(figsize=FIGURE_SIZE, facecolor=PALETTE.paper)
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(
-        3, 2, width_ratios=(2.0, 1.0), height_ratios=(1.0, 1.3, 0.9), left=0.02, right=0.975,
-        top=0.90, bottom=0.125, wspace=0.10, hspace=0.55,
+        3,
+        2,
+        width_ratios=(2.0, 1.0),
+        height_ratios=(1.0, 1.3, 0.9),
+        left=0.02,
+        right=0.975,
+        top=0.90,
+        bottom=0.125,
+        wspace=0.10,
+        hspace=0.55,
     )
     draw_top_view(figure.add_subplot(grid[:, 0]), record, feasibility)
     _draw_distance(figure.add_subplot(grid[0, 1]), record)
     _draw_arrival(figure.add_subplot(grid[1, 1]), record)
     _draw_errors(figure.add_subplot(grid[2, 1]), record)
     heading = title or record.title
-    figure.text(0.025, 0.95, heading or "Episode", fontsize=14, fontweight="bold",
-                color=PALETTE.ink, va="center")
-    figure.text(0.975, 0.95, describe_result(record), fontsize=11, color=_result_colour(record),
-                va="center", ha="right")
+    figure.text(
+        0.025,
+        0.95,
+        heading or "Episode",
+        fontsize=14,
+        fontweight="bold",
+        color=PALETTE.ink,
+        va="center",
+    )
+    figure.text(
+        0.975,
+        0.95,
+        describe_result(record),
+        fontsize=11,
+        color=_result_colour(record),
+        va="center",
+        ha="right",
+    )
     _draw_legend(figure, record)
     return figure
 
@@ -119,8 +141,14 @@ def _draw_arrival(axes: Axes, record: EpisodeRecord) -> None:
         if push.predicted is not None:
             expected = 1e3 * (push.predicted[TARGET, POSITION] - record.goal)
             axes.plot(*np.stack([expected, end]).T, color=PALETTE.predicted, linewidth=1.0)
-            axes.plot(*expected, "D", markersize=5.5, markerfacecolor="none",
-                      markeredgecolor=PALETTE.predicted, markeredgewidth=1.2)
+            axes.plot(
+                *expected,
+                "D",
+                markersize=5.5,
+                markerfacecolor="none",
+                markeredgecolor=PALETTE.predicted,
+                markeredgewidth=1.2,
+            )
     axes.set(xlim=(-2 * half, 2 * half), ylim=(-half, half))
     axes.set_aspect("equal", adjustable="box")
 
@@ -152,23 +180,64 @@ def _bars(errors: list[float | None]) -> np.ndarray:
 
 def _draw_legend(figure: Figure, record: EpisodeRecord) -> None:
     def disk(colour: str, label: str, **style: object) -> Line2D:
-        return Line2D([], [], linestyle="none", marker="o", markersize=9, color=colour,
-                      label=label, **style)
+        return Line2D(
+            [], [], linestyle="none", marker="o", markersize=9, color=colour, label=label, **style
+        )
 
     ghost = {"markerfacecolor": "none", "linestyle": "none"}
     entries = [
         disk(PALETTE.mid, "mid disk (pushed)", alpha=0.75),
         disk(PALETTE.target, "target", alpha=0.75),
         Line2D([], [], marker="o", markersize=9, color=PALETTE.faint, label="start", **ghost),
-        Line2D([], [], linestyle="none", marker="+", markersize=10, markeredgewidth=2,
-               color=PALETTE.goal, label="goal and tolerance"),
-        Line2D([], [], marker="$\\rightarrow$", markersize=14, linestyle="none",
-               color=PALETTE.ink, label="push of the tool, in order"),
-        Line2D([], [], marker="D", markersize=6, color=PALETTE.predicted,
-               label="predicted target", **ghost),
+        Line2D(
+            [],
+            [],
+            linestyle="none",
+            marker="+",
+            markersize=10,
+            markeredgewidth=2,
+            color=PALETTE.goal,
+            label="goal and tolerance",
+        ),
+        Line2D(
+            [],
+            [],
+            marker="$\\rightarrow$",
+            markersize=14,
+            linestyle="none",
+            color=PALETTE.ink,
+            label="push of the tool, in order",
+        ),
+        Line2D(
+            [],
+            [],
+            marker="D",
+            markersize=6,
+            color=PALETTE.predicted,
+            label="predicted target",
+            **ghost,
+        ),
     ]
     if any(push.physics is not None for push in record.pushes):
-        entries.append(Line2D([], [], marker="s", markersize=8, linestyle="none", alpha=0.6,
-                              color=PALETTE.faint, label="physics alone"))
-    figure.legend(handles=entries, loc="lower center", ncols=len(entries), frameon=False,
-                  fontsize=9, bbox_to_anchor=(0.5, 0.005), columnspacing=1.8, handletextpad=0.5)
+        entries.append(
+            Line2D(
+                [],
+                [],
+                marker="s",
+                markersize=8,
+                linestyle="none",
+                alpha=0.6,
+                color=PALETTE.faint,
+                label="physics alone",
+            )
+        )
+    figure.legend(
+        handles=entries,
+        loc="lower center",
+        ncols=len(entries),
+        frameon=False,
+        fontsize=9,
+        bbox_to_anchor=(0.5, 0.005),
+        columnspacing=1.8,
+        handletextpad=0.5,
+    )

@@ -3,6 +3,7 @@
 from math import pi
 
 import numpy as np
+
 from sain_core.feasibility import Feasibility, reachable
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, make_scene, unit
 from sain_core.types import Points, Scalars, Scene
@@ -29,7 +30,7 @@ def draw_goal(
     """Draw a goal (2,) that a straight push from behind can reach; None when none is found."""
     target = pair[TARGET, POSITION]
     for _ in range(GOAL_TRIES):
-        heading = random.uniform(-pi, pi)
+        heading = np.float64(random.uniform(-pi, pi))
         way = random.uniform(*distance)
         goal = target + way * unit(heading)
         if not _has_room(goal, pair[TARGET, RADIUS], feasibility.table):
@@ -41,7 +42,7 @@ def draw_goal(
     return None
 
 
-def _can_be_pushed(pair: Scene, heading: float, way: float, feasibility: Feasibility) -> bool:
+def _can_be_pushed(pair: Scene, heading: np.float64, way: float, feasibility: Feasibility) -> bool:
     """Tell whether the arm can push straight along, once the mid disk is behind the target."""
     behind = pair.copy()
     behind[MID, POSITION] = pair[TARGET, POSITION] - touching_distance(pair) * unit(heading)

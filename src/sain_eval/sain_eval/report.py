@@ -4,7 +4,13 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 HEADER: Final = (
-    "scenario", "controller", "within", "solved", "95 % interval", "pushes", "prediction error",
+    "scenario",
+    "controller",
+    "within",
+    "solved",
+    "95 % interval",
+    "pushes",
+    "prediction error",
     "planning",
 )
 

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+
 from sain_core.scene import target_distance
 from sain_core.seeding import generator
-
 from sain_eval.closed_loop import EpisodeOutcome
 from sain_eval.files import write_whole
 from sain_eval.scenarios import ScenarioScene

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
+
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION, TARGET, check_scene, unit
 from sain_core.seeding import generator
 from sain_core.types import Points, Scene
-from sain_sim.parameters import CUBE, THREE_FEET, WorldParameters, sample_parameters
-
 from sain_eval.placement import draw_extra_disks, draw_goal, touching_distance
+from sain_sim.parameters import CUBE, THREE_FEET, WorldParameters, sample_parameters
 
 MAX_PUSHES: Final = 15  # paper section II-D
 PAPER_TOLERANCE: Final = 0.05  # [m], paper section III-A
@@ -109,7 +109,7 @@ class AnywhereScenario:
     def _draw_pair(self, random: np.random.Generator, drawn: WorldParameters) -> Scene:
         """Return mid disk and target (2, 8), touching at a uniform bearing."""
         mid = np.array(self.mid) + random.uniform(-self.scatter, self.scatter, 2)
-        bearing = random.uniform(-np.pi, np.pi)
+        bearing = np.float64(random.uniform(-np.pi, np.pi))
         pair = WorldParameters(drawn.masses[:2], drawn.radii[:2], drawn.shapes[:2], drawn.friction)
         scene = pair.scene(np.stack([mid, mid]))
         scene[TARGET, POSITION] = mid + (touching_distance(scene) + CONTACT_GAP) * unit(bearing)

@@ -5,6 +5,7 @@ from math import isnan, sqrt
 from statistics import NormalDist
 
 import numpy as np
+
 from sain_core.errors import OutOfRangeError
 from sain_core.types import Scalars
 

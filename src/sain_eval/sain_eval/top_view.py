@@ -5,13 +5,21 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Patch, Polygon, Rectangle, Wedge
+from matplotlib.patches import (
+    Circle,
+    FancyArrowPatch,
+    FancyBboxPatch,
+    Patch,
+    Polygon,
+    Rectangle,
+    Wedge,
+)
 from matplotlib.patheffects import withStroke
+
 from sain_core.feasibility import Feasibility
 from sain_core.push import push_direction, tool_end, tool_start
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table, unit
 from sain_core.types import Points, Scene
-
 from sain_eval.episodes import EpisodeRecord, PushRecord
 
 
@@ -66,21 +74,36 @@ def _draw_table(axes: Axes, feasibility: Feasibility) -> None:
     table, reach = feasibility.table, feasibility.reach
     size = (table.x_max - table.x_min, table.y_max - table.y_min)
     top = FancyBboxPatch(
-        (table.x_min, table.y_min), *size, boxstyle="round,pad=0,rounding_size=0.015",
-        facecolor=PALETTE.table, edgecolor=PALETTE.table_edge, linewidth=1.5, zorder=0,
+        (table.x_min, table.y_min),
+        *size,
+        boxstyle="round,pad=0,rounding_size=0.015",
+        facecolor=PALETTE.table,
+        edgecolor=PALETTE.table_edge,
+        linewidth=1.5,
+        zorder=0,
     )
     axes.add_patch(top)
     half = np.degrees(reach.max_bearing)
     ring = Wedge(
-        (0.0, 0.0), reach.outer, -half, half, width=reach.outer - reach.inner,
-        facecolor=PALETTE.reach, edgecolor="none", zorder=0.5, alpha=0.75,
+        (0.0, 0.0),
+        reach.outer,
+        -half,
+        half,
+        width=reach.outer - reach.inner,
+        facecolor=PALETTE.reach,
+        edgecolor="none",
+        zorder=0.5,
+        alpha=0.75,
     )
     axes.add_patch(ring)
     bearing = np.linspace(-reach.max_bearing, reach.max_bearing, MAX_BEARING_STEPS)
     lines = [
         axes.plot(
-            *(radius * unit(bearing).T), color=PALETTE.reach_edge, linewidth=0.9,
-            linestyle=(0, (5, 4)), zorder=0.6,
+            *(radius * unit(bearing).T),
+            color=PALETTE.reach_edge,
+            linewidth=0.9,
+            linestyle=(0, (5, 4)),
+            zorder=0.6,
         )[0]
         for radius in (reach.inner, reach.outer)
     ]
@@ -106,7 +129,9 @@ def _draw_goal(axes: Axes, record: EpisodeRecord) -> None:
         Circle((x, y), record.tolerance, facecolor=PALETTE.goal, alpha=0.16, linewidth=0, zorder=5)
     )
     axes.add_patch(
-        Circle((x, y), record.tolerance, fill=False, edgecolor=PALETTE.goal, linewidth=1.6, zorder=9)
+        Circle(
+            (x, y), record.tolerance, fill=False, edgecolor=PALETTE.goal, linewidth=1.6, zorder=9
+        )
     )
     axes.plot(x, y, "+", color=PALETTE.goal, markersize=11, markeredgewidth=2.0, zorder=9)
 
@@ -125,13 +150,25 @@ def _draw_disks(axes: Axes, scene: Scene, shapes: tuple[str, ...], ghost: bool) 
         shape = shapes[disk] if shapes else "disk"
         if ghost:
             patch = _outline(
-                scene, disk, shape, facecolor="none", edgecolor=colour, linewidth=1.1,
-                linestyle=(0, (3, 2.5)), alpha=0.8, zorder=3,
+                scene,
+                disk,
+                shape,
+                facecolor="none",
+                edgecolor=colour,
+                linewidth=1.1,
+                linestyle=(0, (3, 2.5)),
+                alpha=0.8,
+                zorder=3,
             )
         else:
             patch = _outline(
-                scene, disk, shape, facecolor=(*_rgb(colour), 0.38), edgecolor=colour,
-                linewidth=1.8, zorder=4,
+                scene,
+                disk,
+                shape,
+                facecolor=(*_rgb(colour), 0.38),
+                edgecolor=colour,
+                linewidth=1.8,
+                zorder=4,
             )
         axes.add_patch(patch)
 
@@ -154,8 +191,15 @@ def _draw_trail(axes: Axes, record: EpisodeRecord, disk: int) -> None:
     for scene, shown in zip(scenes[1:-1], moved[:-1], strict=True):
         if shown:
             axes.add_patch(
-                _outline(scene, disk, shape, facecolor=(*_rgb(colour), 0.07),
-                         edgecolor=(*_rgb(colour), 0.4), linewidth=0.7, zorder=2)
+                _outline(
+                    scene,
+                    disk,
+                    shape,
+                    facecolor=(*_rgb(colour), 0.07),
+                    edgecolor=(*_rgb(colour), 0.4),
+                    linewidth=0.7,
+                    zorder=2,
+                )
             )
 
 
@@ -165,8 +209,15 @@ def _draw_prediction(axes: Axes, push: PushRecord) -> None:
         return
     ends = np.stack([push.predicted[TARGET, POSITION], push.after[TARGET, POSITION]])
     axes.plot(*ends.T, color=PALETTE.predicted, linewidth=1.0, zorder=7)
-    axes.plot(*ends[0], "D", markersize=5.0, markerfacecolor="none",
-              markeredgecolor=PALETTE.predicted, markeredgewidth=1.1, zorder=7)
+    axes.plot(
+        *ends[0],
+        "D",
+        markersize=5.0,
+        markerfacecolor="none",
+        markeredgecolor=PALETTE.predicted,
+        markeredgewidth=1.1,
+        zorder=7,
+    )
 
 
 def _draw_push(axes: Axes, push: PushRecord, number: int, feasibility: Feasibility) -> None:
@@ -174,16 +225,37 @@ def _draw_push(axes: Axes, push: PushRecord, number: int, feasibility: Feasibili
     end = tool_end(push.before, push.push, feasibility.limits)
     axes.add_patch(
         FancyArrowPatch(
-            tuple(start), tuple(end), arrowstyle="-|>,head_length=5,head_width=2.6",
-            shrinkA=0, shrinkB=0, linewidth=1.5, color=PALETTE.ink, zorder=8,
+            tuple(start),
+            tuple(end),
+            arrowstyle="-|>,head_length=5,head_width=2.6",
+            shrinkA=0,
+            shrinkB=0,
+            linewidth=1.5,
+            color=PALETTE.ink,
+            zorder=8,
             path_effects=[withStroke(linewidth=3.0, foreground="white", alpha=0.8)],
         )
     )
     badge = start - 0.004 * unit(push_direction(push.push))
-    axes.plot(*badge, "o", markersize=12.5, color=PALETTE.ink, markeredgecolor="white",
-              markeredgewidth=1.2, zorder=10)
-    axes.text(*badge, str(number), ha="center", va="center_baseline", color="white", fontsize=7.5,
-              fontweight="bold", zorder=11)
+    axes.plot(
+        *badge,
+        "o",
+        markersize=12.5,
+        color=PALETTE.ink,
+        markeredgecolor="white",
+        markeredgewidth=1.2,
+        zorder=10,
+    )
+    axes.text(
+        *badge,
+        str(number),
+        ha="center",
+        va="center_baseline",
+        color="white",
+        fontsize=7.5,
+        fontweight="bold",
+        zorder=11,
+    )
 
 
 def _frame(axes: Axes, record: EpisodeRecord, feasibility: Feasibility) -> None:
@@ -195,20 +267,40 @@ def _frame(axes: Axes, record: EpisodeRecord, feasibility: Feasibility) -> None:
     half = max(size[0] / width, size[1] / height) * np.array([width, height]) / 2
     axes.set(
         xlim=(centre[0] - half[0], centre[0] + half[0]),
-        ylim=(centre[1] - half[1], centre[1] + half[1]), aspect="equal", xticks=[], yticks=[],
+        ylim=(centre[1] - half[1], centre[1] + half[1]),
+        aspect="equal",
+        xticks=[],
+        yticks=[],
     )
     for spine in axes.spines.values():
         spine.set_visible(False)
     corner = centre - half + [0.02, 0.02]
-    axes.plot([corner[0], corner[0] + 0.1], [corner[1]] * 2, color=PALETTE.ink, linewidth=2.5,
-              solid_capstyle="butt", zorder=12)
-    axes.text(corner[0] + 0.05, corner[1] + 0.008, "10 cm", ha="center", va="bottom", fontsize=8,
-              color=PALETTE.ink, zorder=12)
+    axes.plot(
+        [corner[0], corner[0] + 0.1],
+        [corner[1]] * 2,
+        color=PALETTE.ink,
+        linewidth=2.5,
+        solid_capstyle="butt",
+        zorder=12,
+    )
+    axes.text(
+        corner[0] + 0.05,
+        corner[1] + 0.008,
+        "10 cm",
+        ha="center",
+        va="bottom",
+        fontsize=8,
+        color=PALETTE.ink,
+        zorder=12,
+    )
 
 
 def _extent(record: EpisodeRecord, feasibility: Feasibility) -> tuple[Points, Points]:
-    points = [np.array([[-0.055, 0.0]]), record.goal[None] - record.tolerance,
-              record.goal[None] + record.tolerance]
+    points = [
+        np.array([[-0.055, 0.0]]),
+        record.goal[None] - record.tolerance,
+        record.goal[None] + record.tolerance,
+    ]
     for scene in record.scenes:
         radius = scene[:, RADIUS, None]
         points += [scene[:, POSITION] - radius, scene[:, POSITION] + radius]

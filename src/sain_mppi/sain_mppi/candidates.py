@@ -11,7 +11,6 @@ from numpy import ndarray
 from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, PushLimits
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, unit
 from sain_core.types import Points, PushSequences, Scalars, Scene
-
 from sain_mppi.goal import Goal
 from sain_mppi.sampling import inside_limits
 
@@ -22,7 +21,11 @@ WIDEST_DETOUR = 1.6  # radius of the way round the target, in touching distances
 
 
 def straight_sequences(
-    scene: Scene, goal: Goal, limits: PushLimits, generator: np.random.Generator, count: int,
+    scene: Scene,
+    goal: Goal,
+    limits: PushLimits,
+    generator: np.random.Generator,
+    count: int,
     horizon: int,
 ) -> PushSequences:
     """Push the mid disk straight at the target and on, until the target should be at the goal."""
@@ -37,7 +40,11 @@ def straight_sequences(
 
 
 def go_around_sequences(
-    scene: Scene, goal: Goal, limits: PushLimits, generator: np.random.Generator, count: int,
+    scene: Scene,
+    goal: Goal,
+    limits: PushLimits,
+    generator: np.random.Generator,
+    count: int,
     horizon: int,
 ) -> PushSequences:
     """Take the mid disk round the target, either way, to behind it, then push to the goal."""
@@ -56,7 +63,10 @@ def go_around_sequences(
 
 
 def _arc(
-    scene: Scene, bearing: Scalars, detour: Scalars, arc: Float[ndarray, "K S"],
+    scene: Scene,
+    bearing: Scalars,
+    detour: Scalars,
+    arc: Float[ndarray, "K S"],
     generator: np.random.Generator,
 ) -> Float[ndarray, "K S 2"]:
     """Return points on the way round the target from the mid disk (arc 0) to behind it (1)."""

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from sain_core.config import Config, option
-
 from sain_mppi.cost import CostWeights
 from sain_mppi.sampling import NoiseConfig
 

@@ -15,7 +15,6 @@ from sain_core.feasibility import Feasibility, tool_gap
 from sain_core.push import LENGTH
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table
 from sain_core.types import Mask, Points, PredictedScenes, PushSequences, Scalars, Scene
-
 from sain_mppi.goal import Goal
 
 
@@ -30,20 +29,29 @@ class CostWeights(Config):
     running: float = option(0.5, "share of Q that every push but the last pays", minimum=0.0)
     terminal: float = option(1.0, "share of Q after the last push", minimum=0.0)
     distance: float = option(
-        50.0, "target to goal after the last push, not squared: keeps the last mm worthwhile",
-        unit="1/m", minimum=0.0,
+        50.0,
+        "target to goal after the last push, not squared: keeps the last mm worthwhile",
+        unit="1/m",
+        minimum=0.0,
     )
-    alignment: float = option(1.0, "mid disk not behind the target, seen from the goal", minimum=0.0)
+    alignment: float = option(
+        1.0, "mid disk not behind the target, seen from the goal", minimum=0.0
+    )
     approach: float = option(
         2.0, "mid disk away from the spot behind the target", unit="1/m", minimum=0.0
     )
     done_within: float = option(
-        0.01, "nearer the goal than this, alignment, approach and reach fade away", unit="m",
+        0.01,
+        "nearer the goal than this, alignment, approach and reach fade away",
+        unit="m",
         minimum=0.001,
     )
     caution: float = option(
-        10.0, "target aimed nearer the goal than its push is uncertain, where the arm could not"
-        " push it back", unit="1/m", minimum=0.0,
+        10.0,
+        "target aimed nearer the goal than its push is uncertain, where the arm could not"
+        " push it back",
+        unit="1/m",
+        minimum=0.0,
     )
     uncertainty: float = option(
         0.1, "how far the target may slide too far, share of its way", minimum=0.0, maximum=1.0
@@ -141,9 +149,7 @@ def approach_distance(rollout: Rollout) -> Scalars:
     return np.asarray(np.linalg.norm(last[:, MID, POSITION] - spot, axis=-1))
 
 
-def overshoot_risk(
-    rollout: Rollout, weights: CostWeights, feasibility: Feasibility
-) -> Scalars:
+def overshoot_risk(rollout: Rollout, weights: CostWeights, feasibility: Feasibility) -> Scalars:
     """Return by how much [m] targets that slide too far would go past the goal for good, summed.
 
     For good: the tool cannot stand where it would push them back from.
@@ -158,9 +164,7 @@ def overshoot_risk(
     return np.asarray((lost * np.maximum(weights.uncertainty * travel - left, 0.0)).sum(axis=1))
 
 
-def tool_nearness(
-    rollout: Rollout, weights: CostWeights, feasibility: Feasibility
-) -> Scalars:
+def tool_nearness(rollout: Rollout, weights: CostWeights, feasibility: Feasibility) -> Scalars:
     """Return how deep the tool's way enters the gap it should keep, in gaps squared, summed."""
     gap = tool_gap(rollout.before, rollout.pushes, feasibility.limits)
     lacking = _shortfall(gap, weights.tool_gap) * rollout.moving

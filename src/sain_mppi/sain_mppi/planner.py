@@ -20,7 +20,6 @@ from sain_core.types import (
     Scene,
     Scenes,
 )
-
 from sain_mppi.config import PlannerConfig
 from sain_mppi.cost import cost_terms, make_rollout, total_cost
 from sain_mppi.goal import Goal, check_goal
@@ -133,14 +132,16 @@ class Planner:
         return shift(self._last)
 
     def _sample(
-        self, scene: Scene, goal: Goal, mean: Sequence | None, round_number: int,
+        self,
+        scene: Scene,
+        goal: Goal,
+        mean: Sequence | None,
+        round_number: int,
         generator: np.random.Generator,
     ) -> PushSequences:
         """Draw up to K sequences whose first push can be carried out, the mean among them."""
         config = self.config
-        pushes = propose(
-            scene, goal, mean, round_number, config, self.feasibility, generator
-        )
+        pushes = propose(scene, goal, mean, round_number, config, self.feasibility, generator)
         if mean is not None:
             pushes = np.concatenate([mean[None], pushes])
         pushes = pushes[self._permitted(scene, pushes[:, 0])]
@@ -236,7 +237,10 @@ class _Search:
         return total_cost(terms), terms
 
     def _keep_best(
-        self, pushes: PushSequences, predicted: PredictedScenes, costs: np.ndarray,
+        self,
+        pushes: PushSequences,
+        predicted: PredictedScenes,
+        costs: np.ndarray,
         terms: dict[str, np.ndarray],
     ) -> None:
         best = int(np.argmin(costs))
@@ -248,6 +252,14 @@ class _Search:
     def result(self, planning_time: float) -> PlanResult:
         assert self.pushes is not None and self.predicted is not None  # a round has run
         return PlanResult(
-            self.pushes, self.predicted, self.cost, self.rest_cost, self.terms, self.effective,
-            self.samples, self.rounds, self.rollout_time, planning_time,
+            self.pushes,
+            self.predicted,
+            self.cost,
+            self.rest_cost,
+            self.terms,
+            self.effective,
+            self.samples,
+            self.rounds,
+            self.rollout_time,
+            planning_time,
         )

@@ -5,7 +5,6 @@ import numpy as np
 from sain_core.feasibility import Feasibility
 from sain_core.push import LENGTH
 from sain_core.types import Mask, Pushes, PushSequences, Scene
-
 from sain_mppi.candidates import go_around_sequences, straight_sequences
 from sain_mppi.config import PlannerConfig
 from sain_mppi.goal import Goal
@@ -21,8 +20,13 @@ SURPLUS = 2  # sequences drawn for each one wanted: first pushes that are not pe
 
 
 def propose(
-    scene: Scene, goal: Goal, mean: Sequence | None, round_number: int, config: PlannerConfig,
-    limits_of: Feasibility, generator: np.random.Generator,
+    scene: Scene,
+    goal: Goal,
+    mean: Sequence | None,
+    round_number: int,
+    config: PlannerConfig,
+    limits_of: Feasibility,
+    generator: np.random.Generator,
 ) -> PushSequences:
     """Draw twice the sequences (2 K, H, 3) that a round rolls out, shuffled.
 
