@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 import pytest
 from beartype import BeartypeConf, FrozenDict, beartype
+from hypothesis import settings
 from jaxtyping import install_import_hook
 
 PACKAGES = (
@@ -50,6 +51,8 @@ def switch_checks_on() -> None:
 
 
 switch_checks_on()
+settings.register_profile("sain", deadline=None, max_examples=50, derandomize=True)
+settings.load_profile("sain")
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ package_name = "sain_model"
 setup(
     name=package_name,
     version="0.1.0",
-    description="Physics priors, the interaction network that learns their residual, and its training",
+    description="Physics priors, and the interaction network that learns their residual",
     license="Apache-2.0",
     maintainer="SAIN maintainers",
     maintainer_email="sain@example.org",

@@ -32,8 +32,8 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
         return refuse_start(name, error)
     node = None
     try:
-        node = make_node()
         executor = SingleThreadedExecutor()
+        node = make_node()
         executor.add_node(node)
         executor.spin()
     except INTERRUPTS:

@@ -1,0 +1,96 @@
+"""Simulator, model and planner together, from a reset to the goal."""
+
+import numpy as np
+import pytest
+
+from sain_core.errors import ErrorCode
+from sain_core.ros import codec
+from sain_core.scene import make_scene, target_distance
+from sain_interfaces.msg import Plan
+from sain_model.ros.model_node import ModelNode
+from sain_mppi.ros.mppi_node import MppiNode
+from sain_sim.ros.sim_node import SimNode
+
+SMALL = {"planner__samples": 128, "planner__rounds": 2, "planner__horizon": 3}
+START = make_scene(
+    np.array([(0.42, 0.02), (0.561, 0.02)]), np.array([7.5, 8.3]), np.array([0.08, 0.06])
+)
+
+
+def ended(graph, goal_id):
+    return [plan for plan in graph.find("plan", goal_id=goal_id) if plan.status != Plan.PUSH]
+
+
+@pytest.fixture
+def running(graph):
+    graph.start(SimNode, peer_wait=0.0)
+    graph.start(ModelNode, model="planar")
+    planner = graph.start(MppiNode, **SMALL)
+    graph.wait(planner.remote._client.service_is_ready, "the model's service")
+    graph.wait(lambda: graph.pushing.get_subscription_count() == 2, "the simulator")
+    return planner
+
+
+def play(graph, goal, goal_id, **goal_fields):
+    scene = graph.reset(disks=codec.encode_disks(START), friction=0.15, seed=1)
+    graph.aim(goal, goal_id, episode_id=scene.episode_id, **goal_fields)
+    graph.wait(lambda: ended(graph, goal_id), "the end of the episode")
+    return ended(graph, goal_id)[0]
+
+
+def test_the_target_is_brought_to_its_goal(graph, running):
+    goal = np.array([0.70, 0.06])
+    end = play(graph, goal, 1, tolerance=0.02, max_pushes=15)
+    assert end.status == Plan.REACHED
+    results = graph.heard["push_result"]
+    assert results
+    assert all(result.error_code == ErrorCode.OK for result in results)
+    last = codec.decode_disks(results[-1].after.disks)
+    assert target_distance(last, goal) <= 0.02
+    assert end.goal_distance == target_distance(last, goal)
+
+
+def test_everything_about_a_push_can_be_paired_by_its_id(graph, running):
+    play(graph, (0.70, 0.06), 1, tolerance=0.02)
+    ids = [result.push_id for result in graph.heard["push_result"]]
+    graph.wait(lambda: len(graph.heard["physics_prediction"]) == len(ids), "all predictions")
+    for topic in ("push", "physics_prediction"):
+        assert [message.push_id for message in graph.heard[topic]] == ids
+    sent = [plan for plan in graph.heard["plan"] if plan.status == Plan.PUSH]
+    assert [plan.push_id for plan in sent] == ids
+    assert not any(plan.fallback for plan in sent)
+    for plan, result in zip(sent, graph.heard["push_result"], strict=True):
+        assert (plan.scene_id, plan.episode_id) == (result.before.scene_id, result.episode_id)
+
+
+def test_episodes_follow_one_another(graph, running):
+    for goal_id, goal in enumerate([(0.66, 0.0), (0.62, -0.1)], start=1):
+        assert play(graph, goal, goal_id, tolerance=0.02).status == Plan.REACHED
+    episodes = {result.episode_id for result in graph.heard["push_result"]}
+    assert episodes == {2, 3}
+
+
+def test_two_planners_on_one_simulator_both_get_there_and_no_push_is_lost(graph, running):
+    second = MppiNode(
+        context=graph.context,
+        cli_args=["--ros-args", "-r", "__node:=second"],
+        parameter_overrides=running_parameters(),
+    )
+    graph.add(second)
+    end = play(graph, (0.70, 0.06), 1, tolerance=0.02)
+    graph.wait(lambda: len(ended(graph, 1)) == 2, "both planners")
+    assert end.status == Plan.REACHED
+    pushes, results = graph.heard["push"], graph.heard["push_result"]
+    graph.wait(lambda: len(results) == len(pushes), "an answer to every push")
+    assert {push.source for push in pushes} == {"/sain/mppi_node", "/sain/second"}
+    assert len({push.push_id for push in pushes}) == len(pushes)
+    executed = [result for result in results if result.error_code == ErrorCode.OK]
+    assert len({result.before.scene_id for result in executed}) == len(executed)
+    refused = {result.error_code for result in results} - {ErrorCode.OK}
+    assert refused <= {ErrorCode.STALE_SCENE, ErrorCode.BUSY}
+
+
+def running_parameters():
+    from rclpy.parameter import Parameter
+
+    return [Parameter(name.replace("__", "."), value=value) for name, value in SMALL.items()]

@@ -1,0 +1,149 @@
+"""The model's node: right answers to right questions, and codes and messages to wrong ones."""
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+
+from sain_core.dynamics import StepwiseRollout
+from sain_core.errors import CheckpointError, ConfigError, ErrorCode
+from sain_core.push import PushLimits
+from sain_core.ros import codec
+from sain_core.scene import make_scene
+from sain_interfaces.srv import DescribeModel, PredictResidual, Rollout
+from sain_model.planar import PlanarPrior
+from sain_model.ros.model_node import ModelNode
+
+SCENE = make_scene(
+    np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
+)
+
+
+def pushes(*shape):
+    count = int(np.prod(shape))
+    return PushLimits().sample(np.random.default_rng(0), count).reshape(*shape, 3)
+
+
+def rollout_request(sequences, **fields):
+    samples, horizon, _ = sequences.shape
+    request = Rollout.Request(samples=samples, horizon=horizon, disks=len(SCENE))
+    request.scene, request.pushes = codec.encode_floats(SCENE), codec.encode_floats(sequences)
+    for name, value in fields.items():
+        setattr(request, name, value)
+    return request
+
+
+@pytest.fixture
+def model(graph):
+    return graph.start(ModelNode, model="planar", max_work=1000)
+
+
+def test_a_rollout_is_the_model_s_own_to_the_last_bit(graph, model):
+    sequences = pushes(16, 3)
+    response = graph.call(Rollout, "rollout", rollout_request(sequences))
+    assert (response.error_code, response.error_message) == (ErrorCode.OK, "")
+    predicted = codec.decode_rollout(response, (16, 3, 2))
+    expected = StepwiseRollout(PlanarPrior()).rollout(SCENE, sequences)
+    np.testing.assert_array_equal(predicted, expected)
+    assert response.model == "planar"
+    assert response.compute_time > 0
+
+
+@pytest.mark.parametrize(
+    ("fields", "code", "text"),
+    [
+        ({"samples": 0}, ErrorCode.INVALID, "samples is 0; it must be at least 1"),
+        ({"disks": 1}, ErrorCode.INVALID, "disks is 1; it must be at least 2"),
+        ({"samples": 5}, ErrorCode.INVALID, "pushes has 12 numbers; 30 were expected"),
+        ({"scene": [0.0] * 7}, ErrorCode.INVALID, "scene has 7 numbers; 16 were expected"),
+        ({"scene": [np.nan] * 16}, ErrorCode.INVALID, "scene at (0, 0) is nan; must be finite"),
+        ({"scene": [0.0] * 16}, ErrorCode.INVALID, "mass of disk 0 is 0.0; it must be positive"),
+        ({"pushes": [np.inf] * 12}, ErrorCode.INVALID, "pushes at (0, 0, 0) is inf"),
+    ],
+)
+def test_a_wrong_rollout_request_is_answered_with_what_is_wrong(graph, model, fields, code, text):
+    request = rollout_request(pushes(2, 2), **fields)
+    response = graph.call(Rollout, "rollout", request)
+    assert ErrorCode(response.error_code) is code
+    assert text in response.error_message
+    assert len(response.predicted) == 0
+    good = graph.call(Rollout, "rollout", rollout_request(pushes(2, 2)))
+    assert good.error_code == ErrorCode.OK
+
+
+def test_too_much_work_is_refused(graph, model):
+    response = graph.call(Rollout, "rollout", rollout_request(pushes(251, 2)))
+    assert ErrorCode(response.error_code) is ErrorCode.TOO_MUCH_WORK
+    assert "are 1004 of work; at most 1000" in response.error_message
+
+
+def predict(graph, scenes, actions, physics_next=None):
+    request = PredictResidual.Request(batch=len(scenes), disks=scenes.shape[1])
+    request.scenes, request.pushes = codec.encode_floats(scenes), codec.encode_floats(actions)
+    if physics_next is not None:
+        request.physics_next = codec.encode_floats(physics_next)
+    return graph.call(PredictResidual, "predict_residual", request)
+
+
+def test_physics_alone_has_no_residual(graph, model):
+    scenes, actions = np.stack([SCENE] * 4), pushes(4)
+    response = predict(graph, scenes, actions)
+    assert response.error_code == ErrorCode.OK
+    next_state = codec.decode_floats(response.next_state, (4, 2, 8), "next_state")
+    np.testing.assert_array_equal(next_state, PlanarPrior().step(scenes, actions))
+    assert not any(response.residual)
+
+
+def test_physics_that_is_given_is_what_gets_corrected(graph, model):
+    scenes, given = np.stack([SCENE] * 2), np.full((2, 2, 8), 0.25)
+    response = predict(graph, scenes, pushes(2), given)
+    assert response.next_state.tolist() == given.ravel().tolist()
+
+
+def test_a_prediction_request_that_is_short_of_numbers_is_refused(graph, model):
+    response = predict(graph, np.stack([SCENE] * 2), pushes(1))
+    assert ErrorCode(response.error_code) is ErrorCode.INVALID
+    assert "pushes has 3 numbers; 6 were expected, for shape (2, 3)" in response.error_message
+
+
+def test_the_model_describes_itself(graph, model):
+    response = graph.call(DescribeModel, "describe_model", DescribeModel.Request())
+    assert response.error_code == ErrorCode.OK
+    assert (response.model, response.kind, response.prior) == ("planar", "physics", "planar")
+    assert (response.model_hash, response.card, response.max_work) == ("", "", 1000)
+
+
+def test_requests_are_counted_in_diagnostics(graph, model):
+    graph.listen("/diagnostics", DiagnosticArray)
+    graph.wait(lambda: graph.bystander.count_publishers("/diagnostics"), "diagnostics")
+    graph.call(Rollout, "rollout", rollout_request(pushes(2, 2)))
+    graph.call(Rollout, "rollout", rollout_request(pushes(2, 2), samples=7))
+
+    def reported():
+        for array in graph.heard["/diagnostics"]:
+            values = {pair.key: pair.value for pair in array.status[0].values}
+            if values.get("requests") == "2":
+                return array.status[0].level, values["failures"]
+        return None
+
+    graph.wait(reported, "the count")
+    assert reported() == (b"\x01", "1")
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "text"),
+    [
+        ("planer", ConfigError, "did you mean 'planar'"),
+        ("/nowhere/model.safetensors", CheckpointError, "/nowhere/model.safetensors"),
+    ],
+)
+def test_a_model_that_is_not_there_is_refused_at_the_start(graph, name, error, text):
+    with pytest.raises(error, match=text):
+        graph.start(ModelNode, model=name)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x08\0\0\0\0\0\0\0{}", b"not a checkpoint at all"])
+def test_a_damaged_checkpoint_is_refused_at_the_start(graph, tmp_path, content):
+    path = tmp_path / "model.safetensors"
+    path.write_bytes(content)
+    with pytest.raises(CheckpointError, match=r"model\.(json|safetensors)"):
+        graph.start(ModelNode, model=str(path))

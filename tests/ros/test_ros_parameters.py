@@ -1,0 +1,105 @@
+"""Parameters are made from dataclasses, and nothing that was given is ignored."""
+
+from dataclasses import dataclass, field
+
+import pytest
+from rcl_interfaces.msg import ParameterType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from sain_core.config import Config, option
+from sain_core.errors import ConfigError
+from sain_core.ros.parameters import read_parameters
+
+
+@dataclass(frozen=True)
+class Tool(Config):
+    radius: float = option(0.012, "radius of the stick", unit="m", minimum=0.001, maximum=0.05)
+    widths: tuple[float, ...] = option((0.1, 0.2), "widths", unit="m", minimum=0.0)
+    names: tuple[str, ...] = option((), "names")
+
+
+@dataclass(frozen=True)
+class Settings(Config):
+    samples: int = option(64, "K, sequences", minimum=1)
+    world: str = option("rough", "which world", choices=("rough", "smooth"))
+    gui: bool = option(False, "open a window")
+    tool: Tool = field(default_factory=Tool)
+
+
+@pytest.fixture
+def read(graph):
+    def read(default=None, **overrides):
+        given = [Parameter(k.replace("__", "."), value=v) for k, v in overrides.items()]
+        node = graph.add(Node("subject", context=graph.context, parameter_overrides=given))
+        return node, read_parameters(node, Settings, default)
+
+    return read
+
+
+def test_without_overrides_the_defaults_hold(read):
+    node, settings = read()
+    assert settings == Settings()
+    assert node.get_parameter("tool.radius").value == 0.012
+    assert node.get_parameter("samples").value == 64
+
+
+def test_defaults_may_be_given(read):
+    assert read(Settings(samples=3))[1] == Settings(samples=3)
+
+
+def test_overrides_reach_nested_settings_and_integers_will_do_for_numbers(read):
+    node, settings = read(samples=8, tool__radius=0.02, tool__widths=[1, 2], gui=True)
+    assert settings == Settings(samples=8, gui=True, tool=Tool(radius=0.02, widths=(1.0, 2.0)))
+    assert node.get_parameter("tool.radius").type_ == Parameter.Type.DOUBLE
+    assert isinstance(read(tool__widths=[1, 2])[1].tool.widths[0], float)
+
+
+def test_each_parameter_says_what_it_is(read):
+    node, _ = read()
+    radius = node.describe_parameter("tool.radius")
+    assert radius.description == "radius of the stick [m]"
+    assert radius.read_only
+    bounds = radius.floating_point_range[0]
+    assert (bounds.from_value, bounds.to_value) == (0.001, 0.05)
+    assert node.describe_parameter("samples").integer_range[0].from_value == 1
+    assert node.describe_parameter("world").additional_constraints == "one of rough, smooth"
+    assert node.describe_parameter("gui").type == ParameterType.PARAMETER_BOOL
+
+
+def test_parameters_cannot_be_changed_later(read):
+    node, _ = read()
+    result = node.set_parameters([Parameter("samples", value=9)])[0]
+    assert not result.successful
+    assert node.get_parameter("samples").value == 64
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"sample": 3}, "parameter 'sample' is unknown; near it: samples"),
+        ({"radius": 0.1}, "parameter 'radius' is unknown; near it: tool.radius"),
+        ({"tool__radios": 0.1}, "parameter 'tool.radios' is unknown; near it: tool.radius"),
+        ({"zzz": 1}, "parameter 'zzz' is unknown; near it: gui, samples, tool.names"),
+        ({"samples": 2.5}, "parameter 'samples' is 2.5; it must be an integer"),
+        ({"samples": True}, "parameter 'samples' is True; it must be an integer"),
+        ({"samples": "many"}, "parameter 'samples' is 'many'; it must be an integer"),
+        ({"tool__radius": "thin"}, "parameter 'tool.radius' is 'thin'; it must be a number"),
+        ({"gui": 1}, "parameter 'gui' is 1; it must be true or false"),
+        ({"world": 5}, "parameter 'world' is 5; it must be a string"),
+        ({"tool__widths": 0.1}, "parameter 'tool.widths' is 0.1; it must be a list"),
+        ({"samples": 0}, "parameter 'samples' is 0; it must be at least 1"),
+        ({"tool__radius": 0.1}, "parameter 'tool.radius' is 0.1 m; it must be at most 0.05 m"),
+        ({"tool__radius": float("nan")}, "parameter 'tool.radius' is nan; it must be finite"),
+        ({"world": "mars"}, "parameter 'world' is 'mars'; allowed: 'rough', 'smooth'"),
+    ],
+)
+def test_what_is_wrong_is_named(read, overrides, message):
+    with pytest.raises(ConfigError, match=f"^{message}"):
+        read(**overrides)
+
+
+def test_ros_own_parameters_are_left_alone(read):
+    node, settings = read(use_sim_time=True)
+    assert settings == Settings()
+    assert node.get_parameter("use_sim_time").value is True

@@ -1,0 +1,336 @@
+"""The planner's node against a simulator of straw: this test itself answers its pushes."""
+
+import numpy as np
+import pytest
+
+from sain_core.errors import ErrorCode
+from sain_core.ros import codec
+from sain_core.ros.qos import RELIABLE
+from sain_core.scene import POSITION, make_scene
+from sain_interfaces.msg import Plan, PushResult
+from sain_interfaces.msg import Scene as SceneMessage
+from sain_interfaces.srv import Rollout
+from sain_model.planar import PlanarPrior
+from sain_mppi.ros.mppi_node import MppiNode
+
+SMALL = {"planner__samples": 64, "planner__rounds": 2, "planner__horizon": 2}
+GOAL = (0.70, 0.05)
+START = make_scene(
+    np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
+)
+
+
+class Straw:
+    """Says what a simulator says, as the test wants it."""
+
+    def __init__(self, graph):
+        self.graph = graph
+        self.scenes = graph.bystander.create_publisher(SceneMessage, "scene", RELIABLE)
+        self.results = graph.bystander.create_publisher(PushResult, "push_result", RELIABLE)
+
+    def show(self, scene_id=1, episode_id=1, disks=START, settled=True):
+        self.graph.wait(self.scenes.get_subscription_count, "who looks at the scene")
+        stamp = self.graph.bystander.get_clock().now().to_msg()
+        message = codec.encode_scene(
+            disks, stamp=stamp, episode_id=episode_id, scene_id=scene_id, settled=settled
+        )
+        self.scenes.publish(message)
+
+    def answer(self, push, code, message=""):
+        self.results.publish(
+            PushResult(
+                push_id=push.push_id,
+                episode_id=push.episode_id,
+                error_code=int(code),
+                error_message=message,
+                push=push,
+            )
+        )
+
+
+@pytest.fixture
+def straw(graph):
+    straw = Straw(graph)
+    graph.wait(lambda: straw.scenes.get_subscription_count() == 1, "the bystander")
+    return straw
+
+
+@pytest.fixture
+def planner(graph, straw):
+    node = graph.start(MppiNode, dynamics="in_process", model="planar", **SMALL)
+    graph.wait(lambda: straw.scenes.get_subscription_count() == 2, "the planner")
+    graph.wait(lambda: graph.aiming.get_subscription_count() == 1, "the planner")
+    return node
+
+
+def plan(graph, **fields):
+    graph.wait(lambda: graph.find("plan", **fields), f"a plan with {fields}")
+    return graph.find("plan", **fields)[0]
+
+
+def nth_push(graph, number):
+    graph.wait(lambda: len(graph.heard["push"]) >= number, f"push {number}")
+    return graph.heard["push"][number - 1]
+
+
+def test_a_settled_scene_is_answered_with_one_push_and_its_plan(graph, straw, planner):
+    graph.aim(GOAL, 1)
+    straw.show(settled=False)
+    straw.show(scene_id=4)
+    push = nth_push(graph, 1)
+    assert (push.episode_id, push.scene_id, push.source) == (1, 4, "/sain/mppi_node")
+    made = plan(graph, push_id=push.push_id)
+    assert (made.status, made.error_code, made.fallback) == (Plan.PUSH, ErrorCode.OK, False)
+    assert (made.goal_id, made.episode_id, made.scene_id) == (1, 1, 4)
+    assert (made.samples, made.horizon, made.disks, made.dynamics) == (64, 2, 2, "planar")
+    pushes, predicted = codec.decode_plan(made)
+    np.testing.assert_array_equal(pushes[0], codec.decode_push(push))
+    np.testing.assert_array_equal(predicted[0], PlanarPrior().step(START[None], pushes[:1])[0])
+    assert made.goal_distance == pytest.approx(np.hypot(0.70 - 0.541, 0.05))
+    assert made.planning_time >= made.rollout_time > 0.0
+
+
+def test_the_same_scene_is_planned_once_for_each_goal(graph, straw, planner):
+    graph.aim(GOAL, 1)
+    for _ in range(3):
+        straw.show()
+    nth_push(graph, 1)
+    graph.aim((0.65, 0.0), 2)
+    second = nth_push(graph, 2)
+    straw.show()
+    assert plan(graph, push_id=second.push_id).goal_id == 2
+    straw.show(scene_id=2)
+    assert nth_push(graph, 3).scene_id == 2
+    assert len(graph.heard["plan"]) == 3
+
+
+def test_at_the_goal_there_is_nothing_to_push(graph, straw, planner):
+    graph.aim(START[1, POSITION] + 0.001, 1, tolerance=0.005)
+    straw.show()
+    reached = plan(graph, goal_id=1)
+    assert (reached.status, reached.push_id) == (Plan.REACHED, 0)
+    assert reached.goal_distance == pytest.approx(0.001 * np.sqrt(2))
+    assert not graph.heard["push"]
+
+
+@pytest.mark.parametrize(
+    ("goal", "tolerance", "code", "text"),
+    [
+        ((3.0, 0.0), 0.01, ErrorCode.OFF_TABLE, "(3.000, 0.000) m is off the table"),
+        ((np.nan, 0.0), 0.01, ErrorCode.INVALID, "must be finite"),
+        ((0.7, 0.0), -0.01, ErrorCode.OUT_OF_RANGE, "the tolerance is -0.01 m"),
+        ((0.7, 0.0), np.nan, ErrorCode.OUT_OF_RANGE, "the tolerance is nan m"),
+    ],
+)
+def test_a_goal_that_cannot_be_served_gets_no_push(
+    graph, straw, planner, goal, tolerance, code, text
+):
+    straw.show()
+    graph.aim(goal, 5, tolerance)
+    refused = plan(graph, goal_id=5)
+    assert (refused.status, ErrorCode(refused.error_code)) == (Plan.NO_PUSH, code)
+    assert text in refused.error_message
+    graph.aim(GOAL, 6)
+    assert plan(graph, goal_id=6).push_id == nth_push(graph, 1).push_id
+    assert len(graph.heard["push"]) == 1
+
+
+def test_a_push_refused_for_itself_is_replaced_by_another(graph, straw, planner):
+    graph.aim(GOAL, 1)
+    straw.show()
+    first = nth_push(graph, 1)
+    straw.answer(first, ErrorCode.BLOCKED, "in the way")
+    second = nth_push(graph, 2)
+    assert second.push_id != first.push_id
+    assert second.scene_id == first.scene_id
+    assert np.abs(codec.decode_push(second) - codec.decode_push(first)).max() > 0.01
+
+
+@pytest.mark.parametrize("code", [ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE])
+def test_a_push_refused_for_its_scene_waits_for_the_next_one(graph, straw, planner, code):
+    graph.aim(GOAL, 1)
+    straw.show()
+    first = nth_push(graph, 1)
+    straw.answer(first, code)
+    straw.show(scene_id=2)
+    assert nth_push(graph, 2).scene_id == 2
+
+
+def test_a_planner_that_is_refused_again_and_again_gives_up(graph, straw):
+    graph.start(MppiNode, dynamics="in_process", model="planar", pursuit__max_refusals=2, **SMALL)
+    graph.aim(GOAL, 1)
+    straw.show()
+    for number in (1, 2):
+        straw.answer(nth_push(graph, number), ErrorCode.UNREACHABLE, "too far")
+    made = plan(graph, status=Plan.NO_PUSH)
+    assert ErrorCode(made.error_code) is ErrorCode.NO_PUSH
+    assert "2 pushes in a row were refused" in made.error_message
+
+
+def test_the_number_of_pushes_is_kept_and_refused_ones_do_not_count(graph, straw, planner):
+    graph.aim(GOAL, 1, max_pushes=1)
+    straw.show()
+    straw.answer(nth_push(graph, 1), ErrorCode.BLOCKED)
+    straw.answer(nth_push(graph, 2), ErrorCode.OK)
+    straw.show(scene_id=2)
+    assert plan(graph, scene_id=2).status == Plan.EXHAUSTED
+    assert len(graph.heard["push"]) == 2
+
+
+def test_a_goal_of_another_episode_waits_for_that(graph, straw, planner):
+    graph.aim(GOAL, 1, episode_id=2)
+    straw.show(episode_id=1)
+    straw.show(episode_id=2, scene_id=2)
+    assert nth_push(graph, 1).episode_id == 2
+
+
+def test_a_scene_that_holds_nan_is_ignored(graph, straw, planner):
+    broken = START.copy()
+    broken[1, 0] = np.nan
+    graph.aim(GOAL, 1)
+    straw.show(scene_id=1, disks=broken)
+    straw.show(scene_id=2)
+    assert nth_push(graph, 1).scene_id == 2
+
+
+def test_a_target_off_the_table_gets_no_push(graph, straw, planner):
+    fallen = START.copy()
+    fallen[1, 0] = 1.5
+    graph.aim(GOAL, 1)
+    straw.show(disks=fallen)
+    made = plan(graph, goal_id=1)
+    assert (made.status, ErrorCode(made.error_code)) == (Plan.NO_PUSH, ErrorCode.OFF_TABLE)
+
+
+def test_the_seed_decides_the_plan(graph, straw, planner):
+    def push_of(seed):
+        node = graph.start(MppiNode, dynamics="in_process", model="planar", seed=seed, **SMALL)
+        count = len(graph.heard["push"])
+        straw.show()
+        push = nth_push(graph, count + 1)
+        graph.stop(node)
+        return codec.decode_push(push)
+
+    graph.stop(planner)
+    graph.aim(GOAL, 1)
+    first, same, other = push_of(1), push_of(1), push_of(2)
+    np.testing.assert_array_equal(first, same)
+    assert (first != other).any()
+
+
+class Remote:
+    """A model's service that behaves as the test wants it."""
+
+    def __init__(self, graph, answer):
+        graph.bystander.create_service(Rollout, "rollout", self.on_rollout)
+        self.answer, self.asked = answer, 0
+
+    def on_rollout(self, request, response):
+        self.asked += 1
+        scene, pushes = codec.decode_rollout_request(request)
+        self.answer(scene, pushes, response)
+        return response
+
+
+def remote_planner(graph, **parameters):
+    node = graph.start(MppiNode, **(SMALL | {"model_timeout": 0.5} | parameters))
+    graph.wait(node.remote._client.service_is_ready, "the model's service")
+    return node
+
+
+def still(scene, pushes, response):
+    response.error_code, response.model = int(ErrorCode.OK), "standing still"
+    shape = (*pushes.shape[:2], *scene.shape)
+    response.predicted = codec.encode_floats(np.broadcast_to(scene, shape))
+
+
+def refuse(scene, pushes, response):
+    response.error_code, response.error_message = int(ErrorCode.TOO_MUCH_WORK), "too much"
+
+
+def nan(scene, pushes, response):
+    still(scene, pushes, response)
+    response.predicted[3] = float("nan")
+
+
+def short(scene, pushes, response):
+    still(scene, pushes, response)
+    response.predicted = response.predicted[:-1]
+
+
+def test_the_service_is_used_when_it_answers(graph, straw):
+    remote = Remote(graph, still)
+    remote_planner(graph)
+    graph.aim(GOAL, 1)
+    straw.show()
+    nth_push(graph, 1)
+    made = plan(graph, goal_id=1)
+    assert (made.fallback, made.dynamics) == (False, "standing still")
+    assert remote.asked >= 2
+    np.testing.assert_array_equal(codec.decode_plan(made)[1], np.stack([START] * 2))
+
+
+@pytest.mark.parametrize(
+    ("answer", "text"),
+    [
+        (refuse, "the model refused: too much"),
+        (nan, "is nan; must be finite"),
+        (short, "the model answered wrongly: predicted has 2047 numbers; 2048"),
+    ],
+)
+def test_when_the_model_fails_physics_takes_over_and_says_so(graph, straw, answer, text):
+    remote = Remote(graph, answer)
+    remote_planner(graph)
+    graph.aim(GOAL, 1)
+    straw.show()
+    nth_push(graph, 1)
+    made = plan(graph, goal_id=1)
+    assert (made.status, made.fallback, made.dynamics) == (Plan.PUSH, True, "planar")
+    assert ErrorCode(made.error_code) is ErrorCode.MODEL_UNAVAILABLE
+    assert text in made.error_message
+    assert remote.asked == 1
+    remote.answer = still
+    straw.show(scene_id=2)
+    assert not plan(graph, scene_id=2).fallback
+
+
+def test_without_a_model_physics_plans(graph, straw):
+    graph.start(MppiNode, **SMALL)
+    graph.aim(GOAL, 1)
+    straw.show()
+    made = plan(graph, goal_id=1)
+    assert (made.status, made.fallback) == (Plan.PUSH, True)
+    assert made.error_message == "no model serves /sain/rollout"
+
+
+def test_a_model_that_is_silent_is_waited_for_no_longer_than_allowed(graph, straw):
+    """The service is there, but its node is never spun: it takes requests and says nothing."""
+    from rclpy.node import Node
+
+    silent = Node("silent", namespace="sain", context=graph.context)
+    silent.create_service(Rollout, "rollout", lambda request, response: response)
+    remote_planner(graph)
+    graph.aim(GOAL, 1)
+    straw.show()
+    made = plan(graph, goal_id=1)
+    silent.destroy_node()
+    assert (made.status, made.fallback) == (Plan.PUSH, True)
+    assert made.error_message == "the model did not answer within 0.5 s"
+
+
+def test_while_a_plan_waits_for_its_model_a_new_goal_cancels_it(graph, straw):
+    goals = []
+
+    def answer(scene, pushes, response):
+        if not goals:  # the plan for goal 1 waits for this answer
+            goals.append(2)
+            graph.aim((0.65, 0.0), 2)
+        still(scene, pushes, response)
+
+    Remote(graph, answer)
+    remote_planner(graph, planner__rounds=4, model_timeout=30.0)
+    graph.aim(GOAL, 1)
+    straw.show()
+    push = nth_push(graph, 1)
+    assert plan(graph, push_id=push.push_id).goal_id == 2
+    assert not graph.find("plan", goal_id=1)
