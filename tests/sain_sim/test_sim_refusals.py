@@ -12,6 +12,7 @@ from sain_core.errors import (
     StaleSceneError,
 )
 from sain_core.scene import MASS, MID, RADIUS, X
+from sain_sim.outcome import Stroke
 from sain_sim.parameters import nominal_parameters
 from sain_sim.workcell import WorldConfig
 from sain_sim.world import World
@@ -53,56 +54,31 @@ def test_out_of_reach_is_refused_as_unreachable(world):
     assert np.allclose(world.observe(), scene, atol=1e-12)
 
 
-def find_dynamic_refusal(bench):
-    """Return a world that refuses a push only after having tried it, and that push."""
-    for seed in range(60):
-        parameters, start = bench.drawn(seed, 5)
-        world = World(parameters)
-        world.reset(start)
-        for push in bench.pushes(seed, start, 12):
-            try:
-                world.check(push)
-            except SainError:
-                continue
-            try:
-                world.push(push)
-            except BlockedError as error:
-                return world, push, str(error), start, parameters
-            world.reset(start)
-        world.close()
-    raise AssertionError("no push was refused after a look ahead; the tests need one")
-
-
-def test_a_disk_shoved_into_the_tools_way_blocks_and_leaves_no_trace(bench):
-    world, push, message, start, parameters = find_dynamic_refusal(bench)
-    assert "the tool would come to touch disk" in message
-    assert np.allclose(world.observe(), start, atol=1e-12)
-    seen = []
-    with pytest.raises(BlockedError):
-        world.push(push, on_step=seen.append)
-    assert not seen  # nobody sees a push that is refused
-    follow_up = [p for p in bench.pushes(77, start, 40) if possible(world, p)][:2]
-    assert follow_up
-    with World(parameters) as fresh:
-        fresh.reset(start)
-        for each in follow_up:
-            assert outcome_of(world, each) == outcome_of(fresh, each)
-    world.close()
-
-
-def possible(world, push) -> bool:
-    try:
-        world.check(push)
-    except SainError:
-        return False
-    return True
-
-
-def outcome_of(world, push) -> bytes | str:
-    try:
-        return world.push(push).after.tobytes()
-    except SainError as error:
-        return str(error)
+@pytest.mark.parametrize("config", [WorldConfig(), WorldConfig(full_motion=True)])
+def test_a_tool_that_meets_another_disk_goes_back_and_leaves_no_trace(config, bench):
+    """The look ahead that no static check can replace: here the stroke runs into the target."""
+    start = bench.touching(bearing=pi / 2)
+    into_target = Stroke(np.array([0.30, 0.14]), np.array([0.44, 0.14]), 0.0)
+    with World(nominal_parameters(), config) as world, World(nominal_parameters(), config) as calm:
+        for each in (world, calm):
+            each.reset(start)
+            each.push(bench.straight)
+        before, joints, time = world.observe(), world.sample().joint_positions, world.time
+        seen = []
+        for observer in (None, seen.append):
+            with pytest.raises(BlockedError) as caught:
+                world.carry_out(into_target, on_step=observer)
+            assert "the tool would come to touch disk 1; only the mid disk" in str(caught.value)
+            assert np.array_equal(world.observe(), before)
+            assert np.array_equal(world.sample().joint_positions, joints)
+            assert world.time == time
+        assert not seen  # nobody sees a push that is refused
+        unguarded = calm.carry_out(into_target, guarded=False).after
+        assert unguarded[1, X] > before[1, X] + 0.01  # it was really in the way
+        calm.reset(start)
+        calm.push(bench.straight)
+        again = bench.towards(0.3)
+        assert np.array_equal(world.push(again).after, calm.push(again).after)
 
 
 def test_a_scene_in_motion_takes_no_push(world, bench):

@@ -25,7 +25,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         total = _collect_with_bar(config, console)
     except SainError as error:
-        console.print(f"[red]error:[/] {error}", highlight=False)
+        console.print(f"[red]error:[/] {error}", highlight=False, soft_wrap=True)
         return 1
     except KeyboardInterrupt:
         console.print("stopped; the same command goes on from the last whole shard")

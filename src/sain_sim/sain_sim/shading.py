@@ -4,6 +4,7 @@ Under parallel light an upright cylinder shades the capsule between its base and
 top. A pixel of the table is darkened by how deep it lies in such a capsule.
 """
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -26,7 +27,9 @@ class Caster(NamedTuple):
     top: float  # [m] over the table
 
 
-def table_points(view: list[float], projection: list[float], width: int, height: int) -> Rays:
+def table_points(
+    view: Sequence[float], projection: Sequence[float], width: int, height: int
+) -> Rays:
     """Return where each pixel's ray meets the table plane, (height, width, 2) [m]; NaN: nowhere.
 
     Args:

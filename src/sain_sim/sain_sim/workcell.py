@@ -115,7 +115,7 @@ class Workcell:
         """What a workcell like this one now is built from; to the bit, while nothing moved."""
         if self.steps == self._first_step:
             return self.origin
-        return Origin(self.stage.states(), self.arm.target)
+        return Origin(self.stage.states(), self.arm.joint_states()[0])
 
     @property
     def time(self) -> float:

@@ -183,7 +183,7 @@ class World:
         above_start, above_end = (np.array([*tip[:2], motion.raised]) for tip in tips[[0, -1]])
         joints = arm.kinematics.joints
         return Route(
-            approach=joints(motion.arc(arm.commanded_tip(), above_start)),
+            approach=joints(motion.arc(arm.tip(), above_start)),
             lower=joints(motion.line(above_start, tips[0])),
             stroke=joints(tips),
             lift=joints(motion.line(tips[-1], above_end)),

@@ -1,0 +1,133 @@
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+import sain_sim.collect as collection
+from sain_core.errors import ConfigError, DatasetError, OutputError
+from sain_core.push import PaperGrid
+from sain_core.scene import POSITION, TARGET, surface_gaps
+from sain_core.seeding import generator
+from sain_sim.collect import CollectConfig, collect
+from sain_sim.collect_cli import main
+from sain_sim.episodes import EpisodeConfig
+from sain_sim.parameters import sample_parameters
+from sain_sim.sampling import GridSampler, StartConfig, draw_start
+from sain_sim.shards import load_shards, shard_path
+from sain_sim.workcell import WorldConfig
+
+SHORT = EpisodeConfig(pushes=4, floor_episodes=1)
+
+
+@pytest.fixture(scope="module")
+def collected(tmp_path_factory):
+    """Four short episodes in one go, in shards of five."""
+    folder = tmp_path_factory.mktemp("collected")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(collection, "SHARD_SIZE", 5)
+        patch.setattr("sain_sim.shards.SHARD_SIZE", 5)
+        config = CollectConfig(out=folder, episodes=4, seed=3, episode=SHORT)
+        yield config, collect(config)
+
+
+def content(folder) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def test_transitions_are_what_they_say(collected):
+    config, total = collected
+    data = load_shards(config.out)
+    assert len(data["state"]) == total > 8
+    assert data["state"].shape == data["next_state"].shape == data["physics_next"].shape
+    assert data["state"].shape[1:] == (16,) and data["action"].shape[1:] == (3,)
+    assert all(np.isfinite(data[name]).all() for name in data if name != "floor_next")
+    first = data["episode"] == 0
+    assert np.isfinite(data["floor_next"][first]).all()
+    assert np.isnan(data["floor_next"][~first]).all()
+    follows = (np.diff(data["step"]) == 1) & (np.diff(data["episode"]) == 0)
+    assert np.array_equal(data["state"][1:][follows], data["next_state"][:-1][follows])
+    before, after = (
+        data[n].reshape(-1, 2, 8)[:, TARGET, POSITION] for n in ("state", "next_state")
+    )
+    assert np.array_equal(data["moved"], np.linalg.norm(after - before, axis=-1) >= 0.002)
+    assert data["moved"].any()
+    card = json.loads((config.out / "card.json").read_text())
+    assert card["transitions"] == total and card["seed"] == 3
+
+
+def test_workers_and_a_kill_change_no_byte(collected, tmp_path):
+    config, total = collected
+    whole = content(config.out)
+    two = dataclasses.replace(config, out=tmp_path / "two", workers=2)
+    assert collect(two) == total
+    assert content(two.out) == whole
+
+    class KilledError(Exception):
+        pass
+
+    def kill(episodes: int, transitions: int) -> None:
+        if episodes == 2:
+            raise KilledError
+
+    cut = dataclasses.replace(config, out=tmp_path / "cut")
+    with pytest.raises(KilledError):
+        collect(cut, kill)
+    assert shard_path(cut.out, 0).exists() and not (cut.out / "card.json").exists()
+    (cut.out / "shard-00001.partial").write_bytes(b"half")
+    assert collect(cut) == total
+    assert content(cut.out) == whole
+
+
+def test_another_collection_in_the_folder_is_left_alone(collected):
+    config, _ = collected
+    whole = content(config.out)
+    with pytest.raises(DatasetError, match="was collected with seed = 3, not 4"):
+        collect(dataclasses.replace(config, seed=4))
+    assert content(config.out) == whole
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="cannot write"):
+        collect(CollectConfig(out=tmp_path / "file" / "data", episodes=1))
+
+
+def test_missing_and_damaged_shards_are_named(tmp_path):
+    with pytest.raises(DatasetError, match="holds no shards"):
+        load_shards(tmp_path)
+    shard_path(tmp_path, 0).write_bytes(b"PK not a zip")
+    with pytest.raises(DatasetError, match=r"shard-00000\.npz is damaged"):
+        load_shards(tmp_path)
+
+
+def test_the_command_collects_more_disks_and_the_papers_grid(tmp_path, capsys):
+    arguments = ["--out", str(tmp_path), "--episodes", "1", "--disks", "3", "--sampler", "grid"]
+    assert main([*arguments, "--pushes", "2", "--moved-only"]) == 0
+    capsys.readouterr()
+    identity = json.loads((tmp_path / "collection.json").read_text())
+    assert identity["disks"] == 3 and identity["sampler"] == "grid"
+    assert main([*arguments, "--seed", "1"]) == 1
+    assert "was collected with seed" in capsys.readouterr().err
+
+
+def test_starts_have_room_and_half_of_the_targets_at_the_mid_disk():
+    table = WorldConfig().feasibility.table
+    gaps = []
+    for seed in range(100):
+        random = generator(seed, "start")
+        scene = draw_start(random, sample_parameters(random, 4), StartConfig(), table)
+        assert surface_gaps(scene).min() >= 0.0
+        gaps.append(surface_gaps(scene)[0, 1])
+    assert 30 < (np.array(gaps) <= 0.002).sum() < 70
+    with pytest.raises(ConfigError, match="no room for 5 disks"):
+        crowded = StartConfig(spread=0.1)
+        random = generator(0, "start")
+        draw_start(random, sample_parameters(random, 5), crowded, table)
+
+
+def test_the_papers_grid_is_drawn_evenly():
+    sampler, random = GridSampler(PaperGrid()), generator(0, "grid")
+    scene = np.zeros((2, 8))
+    drawn = np.array([sampler.draw(random, scene) for _ in range(3000)])
+    assert len(np.unique(drawn, axis=0)) == 105
