@@ -44,7 +44,6 @@ class Physics(NamedTuple):
     tool_height: float
     disk_height: float
     tool_radius: float
-    clearance: float
     speed: float
     acceleration: float
     longest_step: float
@@ -87,8 +86,11 @@ def make_workspace(disks):
 
 
 @compiled
-def load(disks, push, physics, work):
-    """Fill the bodies from a scene (N, 8), taken as at rest, and a push (3,)."""
+def load(disks, push, start, physics, work):
+    """Fill the bodies from a scene (N, 8), taken as at rest, and a push (3,).
+
+    `start` is how far from the mid disk's centre the tool's axis stands before it travels [m].
+    """
     bodies = work.bodies
     for disk in range(disks.shape[0]):
         body = disk + 1
@@ -100,9 +102,8 @@ def load(disks, push, physics, work):
         bodies[body, TURNED] = 0.0
         bodies[body, COS] = np.cos(disks[disk, STATE_THETA])
         bodies[body, SIN] = np.sin(disks[disk, STATE_THETA])
-    offset = bodies[1, RADIUS] + physics.tool_radius + physics.clearance
-    bodies[TOOL, X] = bodies[1, X] - offset * np.cos(push[LOCATION])
-    bodies[TOOL, Y] = bodies[1, Y] - offset * np.sin(push[LOCATION])
+    bodies[TOOL, X] = bodies[1, X] - start * np.cos(push[LOCATION])
+    bodies[TOOL, Y] = bodies[1, Y] - start * np.sin(push[LOCATION])
     bodies[TOOL, RADIUS] = physics.tool_radius
     forget(work)
 

@@ -6,6 +6,7 @@ pins the weights by their SHA-256. Nothing is unpickled. What does not fit is re
 
 import dataclasses
 import hashlib
+import io
 import json
 import os
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import safetensors.torch
+import torch
 from safetensors import SafetensorError
 
 from sain_core.errors import CheckpointError, ConfigError, OutputError
@@ -30,6 +32,7 @@ class Card:
 
     Attributes:
         prior: name of the prior that it corrects, as in `sain_model.load.load_dynamics`.
+        prior_config: its parameters, so that a later calibration does not change this model.
         network: size of the network.
         data: what it was trained on: path, SHA-256, transitions, episodes, split.
         training: settings, seed, epochs done, losses.
@@ -41,6 +44,7 @@ class Card:
     """
 
     prior: str
+    prior_config: dict[str, Any]
     network: dict[str, Any]
     data: dict[str, Any] = field(default_factory=dict)
     training: dict[str, Any] = field(default_factory=dict)
@@ -100,6 +104,13 @@ def write_whole(path: Path, content: bytes) -> None:
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def write_torch(path: Path, state: dict[str, Any]) -> None:
+    """Write tensors and plain values, to go on from, as `write_whole` does."""
+    buffer = io.BytesIO()
+    torch.save(state, buffer)
+    write_whole(path, buffer.getvalue())
 
 
 def load_checkpoint(path: Path) -> tuple[InteractionNetwork, Card, str]:

@@ -1,16 +1,18 @@
 """Dynamics by name: what command lines, parameters and nodes say when they mean a model."""
 
+from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from sain_core.dynamics import Dynamics, IdentityPrior
-from sain_core.errors import CheckpointError
+from sain_core.errors import CheckpointError, ConfigError
 from sain_model.checkpoint import SUFFIX, load_checkpoint
-from sain_model.planar import PlanarPrior
-from sain_model.sain import SainDynamics
+from sain_model.planar import PlanarConfig, PlanarPrior
+from sain_model.sain import IDENTITY, SainDynamics
 
-PRIORS: Final = {"planar": PlanarPrior, "identity": IdentityPrior}
+PLANAR: Final = "planar"
+PRIORS: Final = (PLANAR, IDENTITY)
 SHIPPED: Final = "sain"
 
 
@@ -34,16 +36,25 @@ def load_dynamics(name: str) -> Dynamics:
     return load_sain(Path(name))
 
 
-def load_prior(name: str) -> Dynamics:
-    """Return a prior by its name.
+def load_prior(name: str, settings: dict[str, Any] | None = None) -> Dynamics:
+    """Return a prior by its name, with its usual settings or with these.
 
     Raises:
-        CheckpointError: there is none of that name.
+        CheckpointError: there is none of that name, or it has no such settings.
     """
-    if name not in PRIORS:
-        raise CheckpointError(f"no prior {name!r}; known: {', '.join(PRIORS)}")
-    prior: Dynamics = PRIORS[name]()
-    return prior
+    if name == PLANAR:
+        try:
+            return PlanarPrior(PlanarConfig(**(settings or {})))
+        except (TypeError, ConfigError) as error:
+            raise CheckpointError(f"settings of the planar prior: {error}") from error
+    if name == IDENTITY:
+        return IdentityPrior()
+    raise CheckpointError(f"no prior {name!r}; known: {', '.join(PRIORS)}")
+
+
+def prior_settings(prior: Dynamics) -> dict[str, Any]:
+    """Return the settings that make a prior again: the second argument of `load_prior`."""
+    return asdict(prior.config) if isinstance(prior, PlanarPrior) else {}
 
 
 def load_sain(path: Path) -> SainDynamics:
@@ -53,7 +64,7 @@ def load_sain(path: Path) -> SainDynamics:
         CheckpointError: the checkpoint is not sound.
     """
     network, card, text = load_checkpoint(path)
-    prior = load_prior(card.prior)
+    prior = load_prior(card.prior, card.prior_config)
     return SainDynamics(network, prior, card.prior, card.weights_sha256, text)
 
 

@@ -17,8 +17,8 @@ POSITION_UNIT = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE
 class NetworkConfig(Config):
     """The size of the network."""
 
-    hidden: int = option(96, "width of the hidden layers", minimum=1, maximum=1024)
-    message: int = option(48, "width of what one disk tells another", minimum=1, maximum=1024)
+    hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
+    message: int = option(32, "width of what one disk tells another", minimum=1, maximum=1024)
     layers: int = option(2, "hidden layers of f_rel and of f_dyn", minimum=1, maximum=6)
 
 

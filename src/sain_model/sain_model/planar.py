@@ -5,16 +5,21 @@ mass and radius that the scene states and, unless told better, the nominal frict
 """
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError
 from sain_core.push import PUSH_SIZE, TOOL_RADIUS
-from sain_core.scene import POSITION, STATE_SIZE, TARGET
+from sain_core.scene import MASS, MID, POSITION, RADIUS, STATE_SIZE, TARGET
 from sain_core.types import Mask, Pushes, Scalars, Scenes
 from sain_model.body_kernels import Physics
 from sain_model.planar_kernels import push_scenes
+
+NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
+NOMINAL_MID_RADIUS: Final = 0.08  # [m]
+NOMINAL_RADIUS: Final = 0.06  # [m], of every other disk
 
 
 @dataclass(frozen=True)
@@ -113,6 +118,29 @@ class PlanarPrior:
     ) -> tuple[Scenes, Mask]:
         """As `step`, and tell for each push whether the tool touched more than the mid disk."""
         _check(scenes, pushes, friction)
+        start = scenes[:, MID, RADIUS] + self.config.tool_radius + self.config.clearance
+        return self._simulate(scenes, pushes, friction, start)
+
+    def step_as_nominal(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        """Predict as `step`, believing that every disk has nominal mass and radius.
+
+        The tool moves as it does in truth: its way comes from the scene's own radii. Overlaps of
+        disks that are believed too large are undone without giving them speed.
+        """
+        _check(scenes, pushes, None)
+        start = scenes[:, MID, RADIUS] + self.config.tool_radius + self.config.clearance
+        believed = scenes.copy()
+        believed[..., MASS] = NOMINAL_MASS
+        believed[..., RADIUS] = NOMINAL_RADIUS
+        believed[:, MID, RADIUS] = NOMINAL_MID_RADIUS
+        predicted, _ = self._simulate(believed, pushes, None, start)
+        predicted[..., MASS:] = scenes[..., MASS:]
+        return predicted
+
+    def _simulate(
+        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None, start: Scalars
+    ) -> tuple[Scenes, Mask]:
+        """Run the kernels on a copy, the extra disks in an order of their own."""
         batch = len(scenes)
         if friction is None:
             friction = np.full(batch, self.config.friction)
@@ -123,6 +151,7 @@ class PlanarPrior:
             after,
             np.ascontiguousarray(pushes),
             np.ascontiguousarray(friction),
+            start,
             self._physics,
             touched,
         )

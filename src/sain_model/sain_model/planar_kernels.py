@@ -162,9 +162,9 @@ def touches_another(work):
 
 
 @compiled
-def push_scene(disks, push, friction, physics, work):
+def push_scene(disks, push, friction, start, physics, work):
     """Carry out one push in place; say whether the tool touched a disk other than the mid."""
-    load(disks, push, physics, work)
+    load(disks, push, start, physics, work)
     bodies = work.bodies
     heading = push[LOCATION] + push[ANGLE]
     way_x, way_y = np.cos(heading), np.sin(heading)
@@ -196,10 +196,16 @@ def push_scene(disks, push, friction, physics, work):
 
 
 @compiled_parallel
-def push_scenes(scenes, pushes, friction, physics, touched):
-    """Carry out pushes (B, 3) in place on scenes (B, N, 8) with table friction (B,).
+def push_scenes(scenes, pushes, friction, start, physics, touched):
+    """Carry out pushes in place.
 
-    `touched` (B,) receives whether the tool touched a disk other than the mid disk.
+    Args:
+        scenes: (B, N, 8), changed to what they become.
+        pushes: (B, 3).
+        friction: with the table, (B,).
+        start: from the mid disk's centre to the tool's axis before it travels, (B,) [m].
+        physics: the rest.
+        touched: (B,) bool, receives whether the tool touched a disk other than the mid disk.
     """
     batch, disks, _ = scenes.shape
     for chunk in prange((batch + CHUNK - 1) // CHUNK):
@@ -207,5 +213,5 @@ def push_scenes(scenes, pushes, friction, physics, touched):
         for index in range(chunk * CHUNK, min((chunk + 1) * CHUNK, batch)):
             if pushes[index, LENGTH] > 0.0:
                 touched[index] = push_scene(
-                    scenes[index], pushes[index], friction[index], physics, work
+                    scenes[index], pushes[index], friction[index], start[index], physics, work
                 )

@@ -13,6 +13,7 @@ from sain_model.features import apply_residual, make_features
 from sain_model.network import InteractionNetwork
 
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
+IDENTITY: Final = "identity"
 RESIDUAL: Final = "residual"  # Fig. 1c, equation 2
 KINDS: Final = (LEARNED, RESIDUAL)
 
@@ -40,7 +41,7 @@ class SainDynamics:
         self.network = network.eval()
         self.prior = prior
         self.prior_name = prior_name
-        self.kind = LEARNED if prior_name == "identity" else RESIDUAL
+        self.kind = LEARNED if prior_name == IDENTITY else RESIDUAL
         self.model_hash = model_hash
         self.card = card
 

@@ -1,0 +1,27 @@
+"""The picture of a training: losses over epochs."""
+
+import io
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from sain_model.checkpoint import write_whole
+from sain_model.training import History
+
+
+def save_loss_curve(path: Path, history: History) -> None:
+    """Write a PNG with the losses after each epoch, the best epoch marked."""
+    figure = Figure(figsize=(7, 4), layout="constrained")
+    axes = figure.subplots()
+    epochs = range(1, len(history.train) + 1)
+    axes.plot(epochs, history.train, label="training", color="#3b6fb5")
+    axes.plot(epochs, history.validation, label="validation", color="#e8762c")
+    best = history.best
+    axes.plot(best + 1, history.validation[best], "o", color="#e8762c", label="kept")
+    axes.set(xlabel="epoch", ylabel="loss")
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=130, format="png")
+    write_whole(path, buffer.getvalue())

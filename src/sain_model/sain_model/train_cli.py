@@ -1,0 +1,171 @@
+"""``ros2 run sain_model train``: learn the residual of a prior from collected transitions."""
+
+import json
+import platform
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy
+import torch
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from sain_core.dynamics import Dynamics
+from sain_core.errors import SainError
+from sain_model.checkpoint import Card, save_checkpoint, write_whole
+from sain_model.dataset import Split, Transitions, load_transitions, split_by_episode
+from sain_model.error_table import error_table
+from sain_model.evaluation import evaluate
+from sain_model.load import load_prior, prior_settings
+from sain_model.loss_plot import save_loss_curve
+from sain_model.sain import LEARNED, SainDynamics
+from sain_model.training import History, Trainer, TrainingConfig
+
+
+@dataclass(frozen=True)
+class TrainCommand:
+    """What to learn from, and where to."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """A shard *.npz, or a folder of them."""
+    out: Path
+    """Folder for checkpoint, card, loss curve and settings. Run again to go on after a stop."""
+    name: str = "sain"
+    """Name of the checkpoint."""
+    training: TrainingConfig = TrainingConfig()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Train the interaction network on the residual of a prior."""
+    torch.set_num_threads(1)
+    console = Console()
+    command = tyro.cli(
+        TrainCommand,
+        prog="train",
+        description=main.__doc__,
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes,),
+    )
+    try:
+        train(command, console)
+    except SainError as error:
+        Console(stderr=True).print(f"[red]error:[/] {error}", highlight=False)
+        return 1
+    except KeyboardInterrupt:
+        console.print("stopped; the same command goes on from the last whole epoch")
+        return 130
+    return 0
+
+
+def train(command: TrainCommand, console: Console) -> Path:
+    """Train, evaluate on the held-out episodes, write everything; return the checkpoint's path.
+
+    Raises:
+        DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
+    """
+    config = command.training
+    data = load_transitions(command.dataset)
+    split = split_by_episode(data, config.seed, config.validation, config.test)
+    write_whole(command.out / "config.json", _settings(command).encode())
+    prior = load_prior(config.prior)
+    trainer = Trainer(split, prior, config, command.out)
+    with EpochBar(console, config.epochs, trainer.epoch) as advance:
+        trainer.run(advance)
+    save_loss_curve(command.out / "loss.png", trainer.history)
+    sain = SainDynamics(trainer.network, prior, config.prior)
+    errors = _errors(split.test, sain)
+    card = make_card(command, data, split, trainer.history, errors, prior)
+    path = command.out / f"{command.name}.safetensors"
+    save_checkpoint(path, trainer.network, card)
+    for part in ("all", "target_moved"):
+        console.print(error_table(errors, part))
+    console.print(f"{path}: epoch {trainer.history.best + 1} of {config.epochs}")
+    return path
+
+
+def make_card(
+    command: TrainCommand,
+    data: Transitions,
+    split: Split,
+    history: History,
+    errors: dict[str, Any],
+    prior: Dynamics,
+) -> Card:
+    """Return the card of what was trained."""
+    config = command.training
+    parts = {"train": split.train, "validation": split.validation, "test": split.test}
+    return Card(
+        prior=config.prior,
+        prior_config=prior_settings(prior),
+        network=asdict(config.network),
+        data={
+            "path": str(command.dataset),
+            "sha256": data.sha256,
+            "transitions": {name: len(part) for name, part in parts.items()},
+            "episodes": {name: len(numpy.unique(part.episodes)) for name, part in parts.items()},
+        },
+        training={
+            **asdict(config),
+            "best_epoch": history.best + 1,
+            "train_loss": history.train[history.best],
+            "validation_loss": history.validation[history.best],
+        },
+        errors=errors,
+        versions={
+            "python": platform.python_version(),
+            "torch": torch.__version__,
+            "numpy": numpy.__version__,
+        },
+        command=_command_line(),
+    )
+
+
+def _errors(test: Transitions, sain: SainDynamics) -> dict[str, Any]:
+    if sain.kind == LEARNED:
+        return evaluate(test, learned=sain)
+    return evaluate(test, sain=sain)
+
+
+def _settings(command: TrainCommand) -> str:
+    return json.dumps(asdict(command), indent=2, default=str) + "\n"
+
+
+def _command_line() -> str:
+    return " ".join(["train", *sys.argv[1:]])
+
+
+class EpochBar:
+    """A bar over epochs with the losses and the time left."""
+
+    def __init__(self, console: Console, epochs: int, done: int) -> None:
+        self._bar = Progress(
+            TextColumn("epoch"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[losses]}, left"),
+            TimeRemainingColumn(),
+            console=console,
+        )
+        self._task = self._bar.add_task("train", total=epochs, completed=done, losses="starting")
+
+    def __enter__(self) -> Callable[[int, History], None]:
+        self._bar.start()
+        return self._advance
+
+    def _advance(self, epoch: int, history: History) -> None:
+        losses = (
+            f"training {history.train[-1]:.3f}, validation {history.validation[-1]:.3f},"
+            f" best {history.validation[history.best]:.3f}"
+        )
+        self._bar.update(self._task, completed=epoch, losses=losses)
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
