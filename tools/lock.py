@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Resolves requirements/*.in into requirements/lock-<Python>-{ros,python}.txt: every package, one version.
+"""Resolves requirements/*.in into lock-<Python>-{ros,python}.txt, with every version pinned.
 
     ./env python tools/lock.py
 
-The set-up installs the two files side by side and without resolving anything, so no package stands in both.
-Locks are made for the Python that runs this; any other Python resolves the .in files when it installs them.
+The set-up installs the two files side by side and without resolving anything, so no package stands
+in both. Locks are made for the Python that runs this; with any other Python the set-up resolves the
+.in files itself.
 """
 
 import json
@@ -35,8 +36,8 @@ def write(kind: str, packages: dict[str, str]) -> None:
 
 def main() -> None:
     # PyTorch's build is left to the machine; what every build of it needs is locked with the rest.
-    everything = resolve("ros.in", "python.in", "torch.txt")
-    everything = {name: version for name, version in everything.items() if not is_torch_or_cuda(name)}
+    resolved = resolve("ros.in", "python.in", "torch.txt")
+    everything = {name: resolved[name] for name in resolved if not is_torch_or_cuda(name)}
     ros = {name: everything[name] for name in resolve("ros.in")}
     write("ros", ros)
     write("python", {name: version for name, version in everything.items() if name not in ros})

@@ -25,7 +25,7 @@ set_up() {
   if ! environment_is_ready; then
     makes_environment=yes
     usual_seconds=75
-    say "$(paint 1 "Setting up SAIN") in $venv, once: about a minute, most of it downloads."
+    say "$(paint 1 "Setting up SAIN") in $venv (only this once)."
     install_packages
   fi
   if ! workspace_is_ready; then start_job build "Workspace ($package_count packages)" build_workspace; fi
@@ -105,7 +105,7 @@ abandon() {
 # --- the environment ----------------------------------------------------------------------------------
 
 install_packages() {
-  local fresh=""
+  local fresh="" libraries
   recipe_of_this_run=$(environment_recipe)
   # An environment of the same place and kind is brought up to date; anything else is made anew.
   if [[ ! -f $venv/recipe || $(head -n 1 "$venv/recipe") != "$(head -n 1 <<<"$recipe_of_this_run")" ]]; then
@@ -114,17 +114,24 @@ install_packages() {
     await_jobs venv
   fi
   rm -f "$venv/recipe"
-  lock=$root/requirements/lock-$("$venv/bin/python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
-  if [[ $(ros_kind) == system ]]; then
-    start_job python "PyBullet, Numba and the tools" install_beside_ros
-  elif [[ ! -f $lock-ros.txt ]]; then
-    start_job python "ROS 2 Jazzy, PyBullet, Numba and the tools" install_unlocked
-  elif [[ $fresh ]]; then
-    start_job ros "ROS 2 Jazzy" install_locked_ros
-    start_job python "PyBullet, Numba and the tools" install_locked_python
-    await_jobs ros
+  libraries=("$venv"/lib/python3.*)
+  lock=$root/requirements/lock-${libraries[0]##*python}
+  if [[ $(ros_kind) == wheels && -f $lock-ros.txt ]]; then
+    if [[ $fresh ]]; then
+      start_job ros "ROS 2 Jazzy" install_locked_ros
+      start_job python "PyBullet, Numba and the tools" install_locked_python
+      await_jobs ros
+    else
+      start_job python "ROS 2 Jazzy, PyBullet, Numba and the tools" update_locked
+    fi
   else
-    start_job python "ROS 2 Jazzy, PyBullet, Numba and the tools" update_locked
+    usual_seconds=600
+    say "    PyBullet has no wheel for this Python and may have to be compiled: about ten minutes."
+    if [[ $(ros_kind) == system ]]; then
+      start_job python "PyBullet, Numba and the tools" install_beside_ros
+    else
+      start_job python "ROS 2 Jazzy, PyBullet, Numba and the tools" install_unlocked
+    fi
   fi
   await_jobs python
   start_job torch "PyTorch" install_torch # goes on while the workspace is built
@@ -154,9 +161,13 @@ install_unlocked() { (cd "$root/requirements" && install -r ros.in -r python.in)
 install_beside_ros() { (cd "$root/requirements" && install -c jazzy-constraints.txt -r python.in); }
 
 install_torch() {
-  local constraints=$lock-python.txt
-  if [[ $(ros_kind) == system ]]; then constraints=$root/requirements/jazzy-constraints.txt; fi
-  install -c "$constraints" -r "$root/requirements/torch.txt"
+  local constraints=()
+  if [[ $(ros_kind) == system ]]; then
+    constraints=(-c "$root/requirements/jazzy-constraints.txt")
+  elif [[ -f $lock-ros.txt ]]; then
+    constraints=(-c "$lock-ros.txt" -c "$lock-python.txt")
+  fi
+  install "${constraints[@]}" -r "$root/requirements/torch.txt"
 }
 
 # The message wheels' CMake files name the header folders of the machine that built them.
@@ -164,7 +175,7 @@ mend_wheels() {
   local include numpy_include
   include=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("include"))')
   numpy_include=$("$venv/bin/python" -c 'import numpy; print(numpy.get_include())')
-  grep -rlE --include='*.cmake' '/opt/python/cp3' "$venv/share" | xargs -r sed -i -E \
+  { grep -rl --include='*.cmake' '/opt/python/cp3' "$venv/share" || true; } | xargs -r sed -i -E \
     -e "s#/opt/python/[^/;\"]+/lib/python3\.[0-9]+/site-packages/numpy/_core/include#$numpy_include#g" \
     -e "s#/opt/python/[^/;\"]+/include/python3\.[0-9]+#$include#g"
 }
@@ -227,7 +238,9 @@ forget() { # PACKAGE...
 # Packages fetched, unpacked and built, each weighed by its usual share of the time.
 percent_done() {
   local wanted fetched unpacked percent
-  if [[ $makes_environment ]]; then
+  if [[ $makes_environment && $usual_seconds -gt 100 ]]; then
+    percent=$((95 * SECONDS / usual_seconds)) # compiling one package is nearly all of it
+  elif [[ $makes_environment ]]; then
     wanted=$(cat "$root"/requirements/lock-3.11-*.txt | grep -c ==)
     fetched=$(cat "$logs"/{ros,python,torch}.log 2>/dev/null | grep -c '^Collecting' || true)
     unpacked=$(find "$venv"/lib/python*/site-packages -maxdepth 1 -name '*.dist-info' 2>/dev/null | wc -l)
@@ -235,7 +248,7 @@ percent_done() {
   else
     percent=$(percent_built)
   fi
-  echo $((percent > 99 ? 99 : percent))
+  echo $((percent > 95 ? 95 : percent))
 }
 
 # The messages take about as long as all the Python packages, and make counts its steps in percent.
@@ -243,5 +256,5 @@ percent_built() {
   local made finished
   made=$(grep -oE '^\[ *[0-9]+%' "$logs/build.log" 2>/dev/null | tail -n 1 | tr -dc 0-9)
   finished=$(grep -c '^Finished <<<' "$logs/build.log" 2>/dev/null || true)
-  echo $((${made:-0} / 2 + 50 * ${finished:-0} / package_count))
+  echo $((${made:-0} / 2 + 50 * ${finished:-0} / (package_count + 1)))
 }

@@ -5,7 +5,7 @@ package_name = "sain_bags"
 setup(
     name=package_name,
     version="0.1.0",
-    description="Recording to MCAP, reading recordings back as episodes, and turning them into datasets",
+    description="Recording to MCAP, and reading recordings back as episodes and datasets",
     license="Apache-2.0",
     maintainer="SAIN maintainers",
     maintainer_email="sain@example.org",
@@ -14,7 +14,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["numpy"],
+    install_requires=["mcap", "mcap-ros2-support", "numpy", "pyyaml", "rich", "tyro", "zstandard"],
     zip_safe=False,
     entry_points={
         "console_scripts": [

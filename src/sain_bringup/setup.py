@@ -1,4 +1,3 @@
-
 from pathlib import Path
 
 from setuptools import find_packages, setup
@@ -19,7 +18,7 @@ setup(
         (f"share/{package_name}/launch", sorted(map(str, Path("launch").glob("*.launch.py")))),
         (f"share/{package_name}/config", sorted(map(str, Path("config").glob("*.yaml")))),
     ],
-    install_requires=["numpy"],
+    install_requires=["jaxtyping", "matplotlib", "numpy", "pillow", "pyyaml", "rich", "tyro"],
     zip_safe=False,
     entry_points={
         "console_scripts": [

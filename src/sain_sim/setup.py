@@ -5,7 +5,7 @@ package_name = "sain_sim"
 setup(
     name=package_name,
     version="0.1.0",
-    description="The simulated world: a Panda arm with a vertical pusher, disks, and the pushing itself",
+    description="The simulated world: a Panda arm with a vertical pusher, disks and pushes",
     license="Apache-2.0",
     maintainer="SAIN maintainers",
     maintainer_email="sain@example.org",
@@ -14,7 +14,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["numpy"],
+    install_requires=["jaxtyping", "numpy", "pybullet", "rich", "tyro"],
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -1,0 +1,31 @@
+"""What the tests of the workspace share: where things are, and a checkout small enough to break."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def root() -> Path:
+    """The checkout's root."""
+    return ROOT
+
+
+@pytest.fixture
+def make_checkout(tmp_path: Path):
+    """Makes a checkout with the real set-up scripts and no packages, in a folder so named."""
+
+    def make(name: str = "checkout") -> Path:
+        checkout = tmp_path / name
+        (checkout / "src").mkdir(parents=True)
+        (checkout / "ros2_ws").mkdir()
+        (checkout / "ros2_ws" / "src").symlink_to("../src")
+        shutil.copy2(ROOT / "env", checkout / "env")
+        for folder in ("tools", "requirements"):
+            shutil.copytree(ROOT / folder, checkout / folder)
+        return checkout
+
+    return make
