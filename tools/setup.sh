@@ -25,7 +25,11 @@ set_up() {
   if ! environment_is_ready; then
     makes_environment=yes
     usual_seconds=75
-    say "$(paint 1 "Setting up SAIN") in $venv (only this once)."
+    if [[ -f $venv/recipe ]]; then
+      say "$(paint 1 "The requirements changed"): bringing $venv up to date."
+    else
+      say "$(paint 1 "Setting up SAIN") in $venv (only this once)."
+    fi
     install_packages
   fi
   if ! workspace_is_ready; then start_job build "Workspace ($package_count packages)" build_workspace; fi
