@@ -86,7 +86,7 @@ def test_push_and_watch_work_from_a_terminal(ros_domain):
         assert watch.stdout.count("scene_id: 2\n") == 2
         topics = tool("watch")
         assert "/sain/scene  [sain_interfaces/msg/Scene]" in topics.stdout
-        unknown = tool("watch", "scenes", "--timeout", "1")
+        unknown = tool("watch", "scenes", "--timeout", "5")
         assert unknown.returncode == 1
         assert unknown.stderr.strip() == (
             "watch: nobody publishes /sain/scenes; did you mean /sain/scene?"

@@ -36,7 +36,7 @@ def option(
         "maximum": maximum,
         "choices": choices,
     }
-    return field(default=default, metadata=about)  # type: ignore[return-value]
+    return field(default=default, metadata=about)
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,16 @@ All arrays at public edges are ``float64``; the network converts inside. Where B
 numpy gives scalars instead of arrays with no dimensions: they are just as good.
 """
 
+from typing import TYPE_CHECKING
+
 from jaxtyping import Bool, Float
 from numpy import bool_, float64, ndarray
+
+if TYPE_CHECKING:
+    from numpy import ndarray as BoolArray
+    from numpy import ndarray as FloatArray
+else:
+    FloatArray, BoolArray = ndarray | float64, ndarray | bool_
 
 Scene = Float[ndarray, "N 8"]
 Scenes = Float[ndarray, "*B N 8"]
@@ -15,6 +23,6 @@ Pushes = Float[ndarray, "*B 3"]
 PushSequences = Float[ndarray, "K H 3"]
 PredictedScenes = Float[ndarray, "K H N 8"]
 Points = Float[ndarray, "*B 2"]
-Angles = Float[ndarray | float64, "*B"]
-Scalars = Float[ndarray | float64, "*B"]
-Mask = Bool[ndarray | bool_, "*B"]
+Angles = Float[FloatArray, "*B"]
+Scalars = Float[FloatArray, "*B"]
+Mask = Bool[BoolArray, "*B"]

@@ -11,7 +11,8 @@ from sain_sim.outcome import PushOutcome, Sample
 from sain_sim.pacing import Pacer
 from sain_sim.parameters import FLAT, THREE_FEET, WorldParameters, nominal_parameters
 from sain_sim.shadow import BulletPrior
-from sain_sim.world import World, WorldConfig
+from sain_sim.workcell import WorldConfig
+from sain_sim.world import World
 
 SHADOW_MODEL = "bullet_nominal"
 

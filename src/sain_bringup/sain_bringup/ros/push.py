@@ -10,7 +10,7 @@ import numpy as np
 import rclpy
 import tyro
 from rclpy.node import Node
-from rclpy.utilities import remove_ros_args
+from rclpy.utilities import remove_ros_args, try_shutdown
 from rich.console import Console
 from rich.table import Table
 
@@ -142,5 +142,5 @@ def main() -> None:
     except INTERRUPTS:
         code = 130
     finally:
-        rclpy.try_shutdown()
+        try_shutdown()
     sys.exit(code)

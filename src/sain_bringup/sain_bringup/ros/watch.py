@@ -13,7 +13,7 @@ import rclpy
 import tyro
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.utilities import remove_ros_args
+from rclpy.utilities import remove_ros_args, try_shutdown
 
 from sain_core.errors import ConfigError, SainError
 from sain_core.ros.node_main import INTERRUPTS, NAMESPACE, refuse_start
@@ -159,5 +159,5 @@ def main() -> None:
     except INTERRUPTS:
         code = 0
     finally:
-        rclpy.try_shutdown()
+        try_shutdown()
     sys.exit(code)

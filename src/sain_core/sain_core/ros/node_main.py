@@ -8,6 +8,7 @@ import rclpy
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.utilities import ok, try_shutdown
 
 from sain_core.errors import SainError
 
@@ -41,13 +42,13 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
     except SainError as error:
         return refuse_start(name, error)
     except Exception:
-        if rclpy.ok():
+        if ok():
             raise
         # A signal that comes during the start invalidates what is being made: rcl raises.
     finally:
         if node is not None:
             node.destroy_node()
-        rclpy.try_shutdown()
+        try_shutdown()
     return 0
 
 

@@ -2,7 +2,6 @@
 
 import sys
 from concurrent.futures import Future
-from dataclasses import dataclass
 from itertools import count
 from time import monotonic
 from typing import Any
@@ -11,10 +10,8 @@ import numpy as np
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
-from sain_core.config import Config, option
 from sain_core.dynamics import as_rollout
 from sain_core.errors import CancelledError, ErrorCode, NoPushError, SainError
-from sain_core.feasibility import Feasibility
 from sain_core.ids import push_ids
 from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
@@ -25,28 +22,12 @@ from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Goal, Plan, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
-from sain_mppi.config import PlannerConfig
 from sain_mppi.deciding import Decider, Decision
-from sain_mppi.pursuit import Job, Pursuit, PursuitConfig, Task, Verdict, View
+from sain_mppi.pursuit import Job, Pursuit, Task, Verdict, View
 from sain_mppi.ros.markers import plan_markers
-from sain_mppi.ros.plan_message import STATUS, plan_of_decision, plan_of_job, plan_of_task
+from sain_mppi.ros.plan_message import STATUS, plan_of_decision, plan_of_job, plan_of_task, summary
 from sain_mppi.ros.remote import RemoteRollout
-
-
-@dataclass(frozen=True)
-class MppiConfig(Config):
-    """What the planner's node plans with."""
-
-    dynamics: str = option("service", "where the model runs", choices=("service", "in_process"))
-    model: str = option("sain", "the model, when in process: its name, or a checkpoint's path")
-    prior: str = option("planar", "the physics to fall back on: its name")
-    model_timeout: float = option(
-        2.0, "longest wait for an answer of the model", unit="s", minimum=0.01, maximum=600.0
-    )
-    seed: int = option(0, "the same seed and scenes give the same plans", minimum=0)
-    planner: PlannerConfig = PlannerConfig()
-    pursuit: PursuitConfig = PursuitConfig()
-    feasibility: Feasibility = Feasibility()
+from sain_mppi.settings import SERVICE, MppiConfig
 
 
 class MppiNode(Node):
@@ -56,11 +37,10 @@ class MppiNode(Node):
         """Get model and physics ready, and wait for a scene and a goal."""
         super().__init__("mppi_node", namespace=NAMESPACE, **options)
         self.config = config = read_parameters(self, MppiConfig)
-        self.remote = None
-        if config.dynamics == "service":
-            model = self.remote = RemoteRollout(self, config.model_timeout)
-        else:
-            model = as_rollout(load_dynamics(config.model))
+        self.remote: RemoteRollout | None = None
+        if config.dynamics == SERVICE:
+            self.remote = RemoteRollout(self, config.model_timeout)
+        model = self.remote or as_rollout(load_dynamics(config.model))
         physics = as_rollout(load_dynamics(config.prior))
         self.decider = Decider(model, physics, config.planner, config.feasibility, config.seed)
         self.pursuit = Pursuit(config.pursuit, config.feasibility.table)
@@ -166,13 +146,8 @@ class MppiNode(Node):
         plan.plan_id = next(self.plan_ids)
         plan.header = codec.header(self.get_clock().now().to_msg())
         self.plan_publisher.publish(plan)
-        level = WARN if plan.fallback or plan.error_code != ErrorCode.OK else OK
-        text = {Plan.PUSH: "pushing", Plan.REACHED: "goal reached"}.get(plan.status, "no push")
-        if plan.fallback:
-            text = f"planning with {plan.dynamics}: the model failed"
-        figures = {"goal": plan.goal_id, "goal_distance_m": f"{plan.goal_distance:.4f}"}
-        times = {"planning_time_s": f"{plan.planning_time:.3f}", "pushes": self.pursuit.pushes}
-        self.diagnostics.set(level, text, **figures, **times, error=plan.error_message)
+        well = plan.error_code == ErrorCode.OK
+        self.diagnostics.set(OK if well else WARN, **summary(plan), pushes=self.pursuit.pushes)
 
     def _model(self, decision: Decision) -> str:
         if decision.failure is not None:

@@ -17,6 +17,11 @@ STATUS: Final = {
     Verdict.EXHAUSTED: Plan.EXHAUSTED,
     Verdict.GIVE_UP: Plan.NO_PUSH,
 }
+SAID: Final = {
+    Plan.PUSH: "pushing",
+    Plan.REACHED: "goal reached",
+    Plan.EXHAUSTED: "no pushes left",
+}
 
 
 def plan_of_decision(decision: Decision, push_id: int, model: str, config: PlannerConfig) -> Plan:
@@ -52,3 +57,22 @@ def plan_of_task(task: Task, status: int, error: SainError | None = None) -> Pla
         (int(ErrorCode.OK), "") if error is None else error_reply(error)
     )
     return plan
+
+
+def summary(plan: Plan) -> dict[str, str]:
+    """Return a plan as the message and the figures of a diagnostic."""
+    messages = {
+        Plan.PUSH: "pushing",
+        Plan.REACHED: "goal reached",
+        Plan.EXHAUSTED: "no pushes left",
+    }
+    message = messages.get(plan.status, "no push to make")
+    if plan.fallback:
+        message = f"planning with {plan.dynamics}: the model failed"
+    return {
+        "message": message,
+        "goal": str(plan.goal_id),
+        "goal_distance_m": f"{plan.goal_distance:.4f}",
+        "planning_time_s": f"{plan.planning_time:.3f}",
+        "error": plan.error_message,
+    }
