@@ -11,7 +11,8 @@ from sain_eval.controllers import Controller, Decision
 from sain_eval.episodes import EpisodeRecord, PushRecord
 from sain_eval.scenarios import ScenarioScene
 from sain_mppi.goal import goal_reached
-from sain_sim.world import World, WorldConfig
+from sain_sim.workcell import WorldConfig
+from sain_sim.world import World
 
 MAX_REFUSALS = 10  # in a row: then the controller gives up
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -34,6 +34,7 @@ class Decision:
     planning_time: float = 0.0  # [s]
 
 
+@runtime_checkable
 class Controller(Protocol):
     """Decides one push after another."""
 

@@ -55,15 +55,16 @@ class Evaluate(Config):
     seed: int = option(0, "seed of the first scene; the next have the next", minimum=0)
     """Seed of the first scene; the others have the next ones."""
     controllers: str = "null,straight,planar"
-    """With commas: null, straight, random, oracle, or MPPI over planar, identity, sain or a checkpoint."""
+    """With commas: null, straight, random, oracle, or what MPPI plans over: planar, identity, sain
+    or the path of a checkpoint."""
     tolerances: str = "0.05,0.02"
     """Distances from the goal that count as success [m], with commas; played to the tightest."""
     workers: int = option(1, "processes", minimum=1, maximum=256)
-    """Processes that run episodes side by side. More than there are cores makes planning times useless."""
+    """Processes that run episodes side by side; planning times mean little when cores are short."""
     pictures: int = option(0, "pictures of each controller", minimum=0)
     """Draw this many episodes of each scenario and controller."""
     table: bool = False
-    """Make the paper's table: its three scenarios, all baselines, planar and sain, four tolerances."""
+    """Make the paper's table: its three scenarios, baselines, planar and sain, four tolerances."""
     planner: Annotated[PlannerConfig, tyro.conf.arg(help="How MPPI plans.")] = field(
         default_factory=PlannerConfig
     )

@@ -10,14 +10,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION, TARGET, target_distance
 from sain_eval.episodes import EpisodeRecord, PushRecord
 from sain_eval.files import write_whole
-from sain_eval.top_view import PALETTE, draw_top_view
+from sain_eval.legend import draw_legend
+from sain_eval.palette import PALETTE
+from sain_eval.top_view import draw_top_view
 
 __all__ = ["EpisodeRecord", "PushRecord", "draw_episode", "save_picture"]
 
@@ -73,7 +74,7 @@ def draw_episode(
         va="center",
         ha="right",
     )
-    _draw_legend(figure, record)
+    draw_legend(figure, record)
     return figure
 
 
@@ -176,68 +177,3 @@ def _physics_error(push: PushRecord) -> float | None:
 
 def _bars(errors: list[float | None]) -> np.ndarray:
     return np.array([np.nan if error is None else 1e3 * error for error in errors])
-
-
-def _draw_legend(figure: Figure, record: EpisodeRecord) -> None:
-    def disk(colour: str, label: str, **style: object) -> Line2D:
-        return Line2D(
-            [], [], linestyle="none", marker="o", markersize=9, color=colour, label=label, **style
-        )
-
-    ghost = {"markerfacecolor": "none", "linestyle": "none"}
-    entries = [
-        disk(PALETTE.mid, "mid disk (pushed)", alpha=0.75),
-        disk(PALETTE.target, "target", alpha=0.75),
-        Line2D([], [], marker="o", markersize=9, color=PALETTE.faint, label="start", **ghost),
-        Line2D(
-            [],
-            [],
-            linestyle="none",
-            marker="+",
-            markersize=10,
-            markeredgewidth=2,
-            color=PALETTE.goal,
-            label="goal and tolerance",
-        ),
-        Line2D(
-            [],
-            [],
-            marker="$\\rightarrow$",
-            markersize=14,
-            linestyle="none",
-            color=PALETTE.ink,
-            label="push of the tool, in order",
-        ),
-        Line2D(
-            [],
-            [],
-            marker="D",
-            markersize=6,
-            color=PALETTE.predicted,
-            label="predicted target",
-            **ghost,
-        ),
-    ]
-    if any(push.physics is not None for push in record.pushes):
-        entries.append(
-            Line2D(
-                [],
-                [],
-                marker="s",
-                markersize=8,
-                linestyle="none",
-                alpha=0.6,
-                color=PALETTE.faint,
-                label="physics alone",
-            )
-        )
-    figure.legend(
-        handles=entries,
-        loc="lower center",
-        ncols=len(entries),
-        frameon=False,
-        fontsize=9,
-        bbox_to_anchor=(0.5, 0.005),
-        columnspacing=1.8,
-        handletextpad=0.5,
-    )

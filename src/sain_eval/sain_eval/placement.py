@@ -6,7 +6,8 @@ import numpy as np
 
 from sain_core.feasibility import Feasibility, reachable
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, make_scene, unit
-from sain_core.types import Points, Scalars, Scene
+from sain_core.types import Points, Scene
+from sain_mppi.goal import Goal
 
 GOAL_TRIES = 20  # before the disks are placed anew
 DISK_TRIES = 200
@@ -26,7 +27,7 @@ def draw_goal(
     distance: tuple[float, float],
     feasibility: Feasibility,
     random: np.random.Generator,
-) -> Points | None:
+) -> Goal | None:
     """Draw a goal (2,) that a straight push from behind can reach; None when none is found."""
     target = pair[TARGET, POSITION]
     for _ in range(GOAL_TRIES):
@@ -51,7 +52,7 @@ def _can_be_pushed(pair: Scene, heading: np.float64, way: float, feasibility: Fe
     return room and bool(reachable(behind, stroke, feasibility.limits, feasibility.reach))
 
 
-def _has_room(point: Points, radius: float, table: Table) -> bool:
+def _has_room(point: Goal, radius: float, table: Table) -> bool:
     """Tell whether a disk at a point (2,) lies on the table with some room to the edge."""
     margin = radius + EDGE_ROOM
     corners = point + margin * np.array([[-1, -1], [1, 1]])
@@ -60,8 +61,8 @@ def _has_room(point: Points, radius: float, table: Table) -> bool:
 
 def draw_extra_disks(
     pair: Scene,
-    goal: Points,
-    radii: Scalars,
+    goal: Goal,
+    radii: tuple[float, ...],
     feasibility: Feasibility,
     random: np.random.Generator,
 ) -> Points | None:
@@ -91,7 +92,7 @@ def draw_extra_disks(
 
 
 def _leaves_way_open(
-    place: Points, radius: float, pair: Scene, goal: Points, feasibility: Feasibility
+    place: Goal, radius: float, pair: Scene, goal: Goal, feasibility: Feasibility
 ) -> bool:
     target = pair[TARGET, POSITION]
     way = (goal - target) / np.linalg.norm(goal - target)
@@ -110,7 +111,7 @@ def _leaves_way_open(
     )
 
 
-def _segment_distance(point: Points, start: Points, end: Points) -> float:
+def _segment_distance(point: Goal, start: Goal, end: Goal) -> float:
     way = end - start
     share = np.clip((point - start) @ way / (way @ way), 0.0, 1.0)
     return float(np.linalg.norm(start + share * way - point))

@@ -6,15 +6,16 @@ stands behind the target.
 """
 
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
 
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION, TARGET, check_scene, unit
 from sain_core.seeding import generator
-from sain_core.types import Points, Scene
+from sain_core.types import Scene
 from sain_eval.placement import draw_extra_disks, draw_goal, touching_distance
+from sain_mppi.goal import Goal
 from sain_sim.parameters import CUBE, THREE_FEET, WorldParameters, sample_parameters
 
 MAX_PUSHES: Final = 15  # paper section II-D
@@ -32,7 +33,7 @@ class ScenarioScene:
     disks: Scene  # (N, 8), at rest
     friction: float  # between disks and table; no controller is told
     shapes: tuple[str, ...]  # "disk" or "cube", one for each
-    goal: Points  # (2,) [m]
+    goal: Goal  # (2,) [m]
     max_pushes: int = MAX_PUSHES
     tolerance: float = PAPER_TOLERANCE  # [m]
 
@@ -42,11 +43,19 @@ class ScenarioScene:
         return WorldParameters.of_scene(self.disks, self.friction, shapes)
 
 
+@runtime_checkable
 class Scenario(Protocol):
     """A named family of scenes."""
 
-    name: str
-    about: str
+    @property
+    def name(self) -> str:
+        """What it is asked for by."""
+        ...
+
+    @property
+    def about(self) -> str:
+        """One line about it."""
+        ...
 
     def scene(self, seed: int) -> ScenarioScene:
         """Draw the scene that belongs to a seed, the same on every machine."""
@@ -69,7 +78,7 @@ class PaperScenario:
         random = generator(seed, "scenario", self.name)
         drawn = sample_parameters(random, 2)
         mid = np.array(self.mid)
-        target = mid + [sum(drawn.radii) + CONTACT_GAP, 0.0]
+        target = mid + np.array([sum(drawn.radii) + CONTACT_GAP, 0.0])
         goal = np.array(self.goal) + self.shift * random.choice([-1.0, 1.0], 2)
         disks = drawn.scene(np.stack([mid, target]))
         shapes = (DISK, self.target_shape)
@@ -99,7 +108,7 @@ class AnywhereScenario:
             goal = draw_goal(pair, self.goal_distance, feasibility, random)
             if goal is None:
                 continue
-            extra = draw_extra_disks(pair, goal, np.array(drawn.radii[2:]), feasibility, random)
+            extra = draw_extra_disks(pair, goal, drawn.radii[2:], feasibility, random)
             if extra is None:
                 continue
             positions = np.concatenate([pair[:, POSITION], extra])

@@ -29,7 +29,8 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> In
     """
     if trials < 1 or not 0 <= successes <= trials:
         raise OutOfRangeError(
-            f"{successes} successes of {trials} trials; needed: 0 <= successes <= trials, trials >= 1"
+            f"{successes} successes of {trials} trials;"
+            " needed: 0 <= successes <= trials and at least one trial"
         )
     z = NormalDist().inv_cdf(0.5 + confidence / 2)
     rate = successes / trials

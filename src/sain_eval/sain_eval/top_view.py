@@ -1,53 +1,20 @@
-"""The table from above: reach, disks, goal, pushes, and predicted against actual targets."""
+"""An episode from above: disks, goal, pushes, and predicted against actual targets."""
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import (
-    Circle,
-    FancyArrowPatch,
-    FancyBboxPatch,
-    Patch,
-    Polygon,
-    Rectangle,
-    Wedge,
-)
+from matplotlib.patches import Circle, FancyArrowPatch, Patch, Polygon
 from matplotlib.patheffects import withStroke
 
 from sain_core.feasibility import Feasibility
 from sain_core.push import push_direction, tool_end, tool_start
-from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table, unit
-from sain_core.types import Points, Scene
+from sain_core.scene import POSITION, RADIUS, TARGET, THETA, unit
+from sain_core.types import Scene
 from sain_eval.episodes import EpisodeRecord, PushRecord
+from sain_eval.palette import PALETTE
+from sain_eval.tabletop import draw_table, frame_view
 
-
-@dataclass(frozen=True)
-class Palette:
-    """The colours of a picture."""
-
-    paper: str = "#ffffff"
-    table: str = "#f4f1ea"
-    table_edge: str = "#d9d3c5"
-    reach: str = "#e6edf2"
-    reach_edge: str = "#b4c4d0"
-    ink: str = "#2b3036"
-    faint: str = "#8a9096"
-    mid: str = "#2f6da4"
-    target: str = "#e0762f"
-    other: str = "#9aa1a8"
-    goal: str = "#1f9d61"
-    predicted: str = "#7d3fb0"
-
-    def disk(self, index: int) -> str:
-        """Return the colour of a disk by its place in the scene."""
-        return {MID: self.mid, TARGET: self.target}.get(index, self.other)
-
-
-PALETTE: Final = Palette()
-VIEW_MARGIN: Final = 0.06  # [m]
-MAX_BEARING_STEPS: Final = 60
 SHOWN_MOVE: Final = 0.01  # [m], a disk that moved less is not drawn again
 
 
@@ -56,8 +23,8 @@ def draw_top_view(
 ) -> None:
     """Draw an episode into axes, x to the right, y up, in metres."""
     feasibility = feasibility or Feasibility()
-    _frame(axes, record, feasibility)
-    _draw_table(axes, feasibility)
+    frame_view(axes, record, feasibility)
+    draw_table(axes, feasibility)
     scenes = record.scenes
     _draw_goal(axes, record)
     for disk in range(len(scenes[0])):
@@ -68,59 +35,6 @@ def draw_top_view(
         _draw_prediction(axes, push)
     for number, push in enumerate(record.pushes, start=1):
         _draw_push(axes, push, number, feasibility)
-
-
-def _draw_table(axes: Axes, feasibility: Feasibility) -> None:
-    table, reach = feasibility.table, feasibility.reach
-    size = (table.x_max - table.x_min, table.y_max - table.y_min)
-    top = FancyBboxPatch(
-        (table.x_min, table.y_min),
-        *size,
-        boxstyle="round,pad=0,rounding_size=0.015",
-        facecolor=PALETTE.table,
-        edgecolor=PALETTE.table_edge,
-        linewidth=1.5,
-        zorder=0,
-    )
-    axes.add_patch(top)
-    half = np.degrees(reach.max_bearing)
-    ring = Wedge(
-        (0.0, 0.0),
-        reach.outer,
-        -half,
-        half,
-        width=reach.outer - reach.inner,
-        facecolor=PALETTE.reach,
-        edgecolor="none",
-        zorder=0.5,
-        alpha=0.75,
-    )
-    axes.add_patch(ring)
-    bearing = np.linspace(-reach.max_bearing, reach.max_bearing, MAX_BEARING_STEPS)
-    lines = [
-        axes.plot(
-            *(radius * unit(bearing).T),
-            color=PALETTE.reach_edge,
-            linewidth=0.9,
-            linestyle=(0, (5, 4)),
-            zorder=0.6,
-        )[0]
-        for radius in (reach.inner, reach.outer)
-    ]
-    visible = _visible_part(axes, table)
-    for artist in (ring, *lines):
-        artist.set_clip_path(visible)
-    base = Circle((0.0, 0.0), 0.055, facecolor="#dfe3e6", edgecolor="#aab0b6", zorder=1)
-    axes.add_patch(base)
-    axes.text(0.0, 0.0, "arm", ha="center", va="center", fontsize=8, color=PALETTE.faint, zorder=2)
-
-
-def _visible_part(axes: Axes, table: Table) -> Rectangle:
-    """Return the part of the table that is in view, to clip with."""
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    low = np.maximum([table.x_min, table.y_min], [left, bottom])
-    high = np.minimum([table.x_max, table.y_max], [right, top])
-    return Rectangle(tuple(low), *(high - low), transform=axes.transData)
 
 
 def _draw_goal(axes: Axes, record: EpisodeRecord) -> None:
@@ -136,7 +50,7 @@ def _draw_goal(axes: Axes, record: EpisodeRecord) -> None:
     axes.plot(x, y, "+", color=PALETTE.goal, markersize=11, markeredgewidth=2.0, zorder=9)
 
 
-def _outline(scene: Scene, disk: int, shape: str, **style: object) -> Patch:
+def _outline(scene: Scene, disk: int, shape: str, **style: Any) -> Patch:
     centre, radius = scene[disk, POSITION], float(scene[disk, RADIUS])
     if shape != "cube":
         return Circle(tuple(centre), radius, **style)
@@ -247,7 +161,8 @@ def _draw_push(axes: Axes, push: PushRecord, number: int, feasibility: Feasibili
         zorder=10,
     )
     axes.text(
-        *badge,
+        float(badge[0]),
+        float(badge[1]),
         str(number),
         ha="center",
         va="center_baseline",
@@ -256,55 +171,3 @@ def _draw_push(axes: Axes, push: PushRecord, number: int, feasibility: Feasibili
         fontweight="bold",
         zorder=11,
     )
-
-
-def _frame(axes: Axes, record: EpisodeRecord, feasibility: Feasibility) -> None:
-    """Show the arm's base and all that happened, filling the axes' own shape."""
-    low, high = _extent(record, feasibility)
-    box = axes.get_position()
-    width, height = axes.figure.get_size_inches() * [box.width, box.height]
-    centre, size = (low + high) / 2, high - low + 2 * VIEW_MARGIN
-    half = max(size[0] / width, size[1] / height) * np.array([width, height]) / 2
-    axes.set(
-        xlim=(centre[0] - half[0], centre[0] + half[0]),
-        ylim=(centre[1] - half[1], centre[1] + half[1]),
-        aspect="equal",
-        xticks=[],
-        yticks=[],
-    )
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-    corner = centre - half + [0.02, 0.02]
-    axes.plot(
-        [corner[0], corner[0] + 0.1],
-        [corner[1]] * 2,
-        color=PALETTE.ink,
-        linewidth=2.5,
-        solid_capstyle="butt",
-        zorder=12,
-    )
-    axes.text(
-        corner[0] + 0.05,
-        corner[1] + 0.008,
-        "10 cm",
-        ha="center",
-        va="bottom",
-        fontsize=8,
-        color=PALETTE.ink,
-        zorder=12,
-    )
-
-
-def _extent(record: EpisodeRecord, feasibility: Feasibility) -> tuple[Points, Points]:
-    points = [
-        np.array([[-0.055, 0.0]]),
-        record.goal[None] - record.tolerance,
-        record.goal[None] + record.tolerance,
-    ]
-    for scene in record.scenes:
-        radius = scene[:, RADIUS, None]
-        points += [scene[:, POSITION] - radius, scene[:, POSITION] + radius]
-    for push in record.pushes:
-        points.append(tool_start(push.before, push.push, feasibility.limits)[None])
-    every = np.concatenate(points)
-    return every.min(axis=0), every.max(axis=0)

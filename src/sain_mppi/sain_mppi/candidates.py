@@ -94,7 +94,7 @@ def _bearing_to_goal(
 def _strokes(
     waypoints: Points, limits: PushLimits, generator: np.random.Generator
 ) -> PushSequences:
-    """Turn the mid disk's waypoints (K, H + 1, 2) into pushes (K, H, 3), none longer than allowed."""
+    """Turn the mid disk's waypoints (K, H + 1, 2) into pushes (K, H, 3) of allowed length."""
     legs = np.diff(waypoints, axis=1)
     travel = np.linalg.norm(legs, axis=-1)
     pushes = np.zeros((*travel.shape, PUSH_SIZE))

@@ -93,13 +93,13 @@ class Planner:
         return result
 
     def _prefer_mean(self, search: Search, scene: Scene, mean: Sequence) -> None:
-        if self._permitted(scene, mean[:1])[0]:
+        if self._permitted(scene, mean[:1]).all():
             search.settle_on(mean)
         else:
             logger.debug("the mean's first push is not permitted: executing the cheapest sequence")
 
     def _warm_start(self, goal: Goal) -> Sequence | None:
-        if self._last is None or not np.array_equal(goal, self._last_goal):
+        if self._last is None or self._last_goal is None or (goal != self._last_goal).any():
             return None
         return shift(self._last)
 

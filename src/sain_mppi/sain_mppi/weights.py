@@ -1,4 +1,4 @@
-"""Softmin weights over sampled costs: the heart of MPPI (paper II-D; Williams et al. 2017, eq. 34)."""
+"""Softmin weights over sampled costs: the heart of MPPI (Williams et al. 2017, eq. 34)."""
 
 import numpy as np
 
@@ -36,7 +36,7 @@ def cost_spread(costs: Scalars) -> float:
 
     A temperature relative to it means the same 30 cm from the goal and 1 cm from it.
     """
-    finite = costs[np.isfinite(costs)]
+    finite = np.asarray(costs)[np.isfinite(costs)]
     return float(np.median(finite) - finite.min())
 
 
