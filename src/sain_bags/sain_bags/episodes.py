@@ -194,7 +194,8 @@ def _episode(number: int, draft: _Draft, goal: Any, physics: dict[int, Any]) -> 
 def _push(result: Any, plans: dict[int, PlanRecord], physics: dict[int, Any]) -> PushRecord:
     executed = result.error_code == ErrorCode.OK
     predicted = physics.get(result.push_id)
-    usable = predicted is not None and predicted.error_code == ErrorCode.OK
+    if predicted is not None and predicted.error_code != ErrorCode.OK:
+        predicted = None
     push = result.push
     return PushRecord(
         push_id=result.push_id,
@@ -208,8 +209,8 @@ def _push(result: Any, plans: dict[int, PlanRecord], physics: dict[int, Any]) ->
         duration=result.duration,
         wall_time=result.wall_time,
         plan=plans.get(result.push_id),
-        physics=decode_disks(predicted.disks) if usable else None,
-        physics_model=predicted.model if usable else "",
+        physics=None if predicted is None else decode_disks(predicted.disks),
+        physics_model="" if predicted is None else predicted.model,
     )
 
 

@@ -12,7 +12,7 @@ import yaml
 import zstandard
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
-from mcap.records import Footer
+from mcap.records import Footer, Statistics
 from mcap.stream_reader import StreamReader
 from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
@@ -71,38 +71,34 @@ class Bag:
         self.metadata: Mapping[str, Any] = {}
         self.file = self._find_file()
         with self._opened() as stream:
-            self._summary = _read_summary(stream)
+            self._summary, self._statistics = _read_summary(stream)
 
     @property
     def topics(self) -> tuple[TopicSummary, ...]:
         """All topics, by name."""
-        counts = self._summary.statistics.channel_message_counts
+        counts = self._statistics.channel_message_counts
         found = [
-            TopicSummary(channel.topic, self._summary.schemas[channel.schema_id].name, counts[key])
-            for key, channel in self._summary.channels.items()
-            if key in counts
+            TopicSummary(
+                channel.topic, self._summary.schemas[channel.schema_id].name, counts.get(number, 0)
+            )
+            for number, channel in self._summary.channels.items()
         ]
-        silent = [
-            TopicSummary(channel.topic, self._summary.schemas[channel.schema_id].name, 0)
-            for key, channel in self._summary.channels.items()
-            if key not in counts
-        ]
-        return tuple(sorted(found + silent, key=lambda topic: topic.name))
+        return tuple(sorted(found, key=lambda topic: topic.name))
 
     @property
     def message_count(self) -> int:
         """Messages in the bag."""
-        return int(self._summary.statistics.message_count)
+        return int(self._statistics.message_count)
 
     @property
     def start(self) -> int:
         """When the first message was received [ns since the epoch]."""
-        return int(self._summary.statistics.message_start_time)
+        return int(self._statistics.message_start_time)
 
     @property
     def duration(self) -> float:
         """Time from the first to the last message [s]."""
-        return 1e-9 * (self._summary.statistics.message_end_time - self.start)
+        return 1e-9 * (self._statistics.message_end_time - self.start)
 
     @property
     def custom_data(self) -> dict[str, str]:
@@ -191,13 +187,13 @@ _RESCUE: Final = (
 )
 
 
-def _read_summary(stream: IO[bytes]) -> Summary:
+def _read_summary(stream: IO[bytes]) -> tuple[Summary, Statistics]:
     _check_summary(stream)
     stream.seek(0)
     summary = make_reader(stream).get_summary()
     if summary is None or summary.statistics is None:
         raise McapError("it has no summary")
-    return summary
+    return summary, summary.statistics
 
 
 def _check_summary(stream: IO[bytes]) -> None:

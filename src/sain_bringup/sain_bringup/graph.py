@@ -35,8 +35,11 @@ def graph_commands(config: GraphConfig) -> dict[str, list[str]]:
         ConfigError: a package of the graph is not installed.
     """
     # The recording is watched later, so the arm moves all the way and is not set down.
-    simulator = {"real_time_factor": config.real_time_factor, "bullet.full_motion": True}
-    planner = {"dynamics": "service", "seed": config.seed}
+    simulator: dict[str, object] = {
+        "real_time_factor": config.real_time_factor,
+        "bullet.full_motion": True,
+    }
+    planner: dict[str, object] = {"dynamics": "service", "seed": config.seed}
     if config.gui:
         simulator["bullet.gui"] = True
     recorder = ["--out", str(config.bag), "--custom-data"]

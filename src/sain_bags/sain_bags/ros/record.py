@@ -129,7 +129,11 @@ class Recorder(Node):
             )
 
         subscription = self.create_subscription(
-            message_type, name, receive, _profile(wanted), raw=True
+            message_type,
+            name,
+            receive,  # type: ignore[arg-type]  # rclpy's hint knows only one argument
+            _profile(wanted),
+            raw=True,
         )
         self._recorded[name] = (wanted, subscription)
 
