@@ -18,7 +18,14 @@ from sain_core.seeding import generator
 from sain_core.types import PushArray
 from sain_sim.outcome import PushOutcome
 from sain_sim.parameters import FLAT, THREE_FEET, WorldParameters, sample_parameters
-from sain_sim.sampling import CircleSampler, GridSampler, PushSampler, StartConfig, draw_start
+from sain_sim.sampling import (
+    CircleSampler,
+    GridSampler,
+    PushSampler,
+    StartConfig,
+    draw_start,
+    wholly_on,
+)
 from sain_sim.shadow import NOMINAL, TRUE, BulletPrior
 from sain_sim.shards import Transition
 from sain_sim.world import World, WorldConfig
@@ -83,13 +90,14 @@ class EpisodeRunner:
             return [item for item in kept if item.moved or not self._config.moved_only]
 
     def _pushes(self, random: np.random.Generator) -> Iterator[tuple[PushArray, PushOutcome]]:
-        """Carry out pushes until there are enough, none is possible, or the scene is spoilt."""
+        """Carry out pushes until there are enough, none is possible, or a disk leaves the table."""
+        table = self._world_config.feasibility.table
         for _ in range(self._config.pushes):
             done = self._push(random)
             if done is None:
                 return
-            if done[1].off_table or not done[1].settled:
-                return  # ends in nothing that is a scene
+            if not done[1].settled or not wholly_on(done[1].after, table):
+                return  # what happens at the edge is not in a plane
             yield done
 
     def _push(self, random: np.random.Generator) -> tuple[PushArray, PushOutcome] | None:

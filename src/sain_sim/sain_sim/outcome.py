@@ -78,7 +78,7 @@ class PushOutcome:
     @property
     def off_table(self) -> bool:
         """Whether any disk fell off the table."""
-        return bool(self.fallen.any())
+        return bool(np.any(self.fallen))
 
 
 def is_idle(push: PushArray) -> bool:

@@ -6,7 +6,7 @@ drawn twice as large and averaged down, which smooths the edges.
 """
 
 from dataclasses import dataclass
-from typing import Any, Final, Self
+from typing import Final, Self
 
 import numpy as np
 from jaxtyping import UInt8
@@ -18,26 +18,17 @@ from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, Table, X, Y
 from sain_core.types import Points, Scene
 from sain_sim.arm import JOINT_COUNT, ArmConfig, PandaModel
 from sain_sim.client import Client
-from sain_sim.disks import COLORS
 from sain_sim.kinematics import Joints, Kinematics
-from sain_sim.meshes import cylinder, ring
-from sain_sim.parameters import CUBE, THREE_FEET
+from sain_sim.parameters import THREE_FEET
+from sain_sim.scenery import OFF_STAGE, build_disk, build_ring, build_table
 from sain_sim.shading import Caster, brightness, table_points
 
 Image = UInt8[ndarray, "height width 3"]
 
-TABLE_COLOR: Final = (0.80, 0.75, 0.68, 1.0)
-TOP_COLOR: Final = (0.91, 0.89, 0.86, 1.0)
-GOAL_COLOR: Final = (0.10, 0.62, 0.40, 1.0)
-MARK_COLOR: Final = (1.0, 1.0, 1.0, 1.0)
 SKY: Final = np.array([[0.80, 0.86, 0.92], [0.97, 0.97, 0.96]])  # upper and lower edge
-RING_WIDTH: Final = 0.008  # [m]
-RING_LIFT: Final = 0.001  # [m]
-TOP_THICKNESS: Final = 0.02  # [m]
 HAND_CLEARANCE: Final = 0.11  # [m], from the stick's tip up to the fingers
 HAND_TOP: Final = 0.24  # [m], from the stick's tip up to the wrist
 HAND_RADIUS: Final = 0.05  # [m], of a cylinder about as large as the hand
-OFF_STAGE: Final = (0.0, 0.0, -50.0)
 
 
 @dataclass(frozen=True)
@@ -78,12 +69,12 @@ class Renderer:
         self.camera = camera
         self._client = Client(gui)
         self._client.configureDebugVisualizer(self._client.COV_ENABLE_GUI, 0)
-        self._table_top = _build_table(self._client, table)
+        self._table_top = build_table(self._client, table)
         model = PandaModel(TOOL_RADIUS, arm.tool_length, visuals=True)
         self._arm = model.load(self._client, -table.height)
         shapes = shapes or (THREE_FEET,) * len(scene)
         self._disks = [
-            _build_disk(self._client, index, shape, float(state[RADIUS]))
+            build_disk(self._client, index, shape, float(state[RADIUS]))
             for index, (shape, state) in enumerate(zip(shapes, scene, strict=True))
         ]
         self._goals: dict[float, int] = {}
@@ -110,7 +101,7 @@ class Renderer:
         if goal is not None:
             ring = self._goals.setdefault(goal_radius, _UNMADE)
             if ring == _UNMADE:
-                ring = self._goals[goal_radius] = _build_ring(client, goal_radius)
+                ring = self._goals[goal_radius] = build_ring(client, goal_radius)
             place = [float(goal[0]), float(goal[1]), 0.0]
             client.resetBasePositionAndOrientation(ring, place, [0, 0, 0, 1])
 
@@ -183,70 +174,6 @@ def _sky(height: int) -> ndarray:
 
 def _average(image: ndarray, times: int) -> ndarray:
     """Return the image (height, width, channels) as numbers, so many times smaller."""
-    height, width, channels = image.shape
-    blocks = image.reshape(height // times, times, width // times, times, channels)
-    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32))
-
-
-def _build_table(client: Client, table: Table) -> int:
-    """Build and return a light table top on a darker block down to the height of the base."""
-    middle = [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2]
-    size = [(table.x_max - table.x_min) / 2, (table.y_max - table.y_min) / 2]
-    top = [*size, TOP_THICKNESS / 2]
-    under = max(table.height, 2 * TOP_THICKNESS) - TOP_THICKNESS
-    block = [size[0] * 0.97, size[1] * 0.97, under / 2]
-    center = [*middle, -TOP_THICKNESS - under / 2]
-    _show_shape(client, center, TABLE_COLOR, client.GEOM_BOX, halfExtents=block)
-    center = [*middle, -TOP_THICKNESS / 2]
-    return _show_shape(client, center, TOP_COLOR, client.GEOM_BOX, halfExtents=top)
-
-
-def _build_disk(client: Client, index: int, shape: str, radius: float) -> int:
-    """Build a disk with a mark on its top that shows how it is turned."""
-    kind = client.GEOM_BOX if shape == CUBE else client.GEOM_MESH
-    half = DISK_HEIGHT / 2
-    size = {"halfExtents": [radius, radius, half]}
-    visual = client.createVisualShape(
-        kind,
-        rgbaColor=COLORS[index % len(COLORS)],
-        specularColor=[0.3, 0.3, 0.3],
-        **(size if shape == CUBE else cylinder(radius, -half, half)),
-    )
-    mark = client.createVisualShape(
-        client.GEOM_BOX,
-        halfExtents=[radius * 0.25, 0.005, 0.0006],
-        rgbaColor=MARK_COLOR,
-        specularColor=[0.0, 0.0, 0.0],
-    )
-    body: int = client.createMultiBody(
-        baseMass=0.0,
-        baseCollisionShapeIndex=-1,
-        baseVisualShapeIndex=visual,
-        linkMasses=[0.0],
-        linkCollisionShapeIndices=[-1],
-        linkVisualShapeIndices=[mark],
-        linkPositions=[[radius * 0.66, 0.0, DISK_HEIGHT / 2 + 0.0006]],
-        linkOrientations=[[0, 0, 0, 1]],
-        linkInertialFramePositions=[[0, 0, 0]],
-        linkInertialFrameOrientations=[[0, 0, 0, 1]],
-        linkParentIndices=[0],
-        linkJointTypes=[client.JOINT_FIXED],
-        linkJointAxis=[[0, 0, 1]],
-    )
-    return body
-
-
-def _build_ring(client: Client, radius: float) -> int:
-    """Build a flat ring on the table whose middle line has this radius [m]."""
-    mesh = ring(radius, RING_WIDTH, RING_LIFT)
-    return _show_shape(client, OFF_STAGE, GOAL_COLOR, client.GEOM_MESH, **mesh)
-
-
-def _show_shape(
-    client: Client, place: Any, color: tuple[float, ...], kind: int, **shape: Any
-) -> int:
-    visual = client.createVisualShape(
-        kind, rgbaColor=color, specularColor=[0.05, 0.05, 0.05], **shape
-    )
-    body: int = client.createMultiBody(0.0, -1, visual, place)
-    return body
+    corners = [(row, column) for row in range(times) for column in range(times)]
+    total = sum(image[row::times, column::times].astype(np.float32) for row, column in corners)
+    return np.asarray(total / times**2)

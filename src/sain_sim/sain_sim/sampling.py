@@ -9,7 +9,7 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.push import PaperGrid, PushLimits
-from sain_core.scene import MID, POSITION, TARGET, Table, surface_gaps, unit, wrap_angle
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, surface_gaps, unit, wrap_angle
 from sain_core.types import PushArray, Scene
 from sain_sim.parameters import WorldParameters
 
@@ -50,10 +50,19 @@ def draw_start(
         others = mid + generator.uniform(-config.spread, config.spread, (parameters.count - 2, 2))
         headings = generator.uniform(-pi, pi, parameters.count)
         scene = parameters.scene(np.vstack([mid, target, others]), headings)
-        if surface_gaps(scene).min() >= 0.0 and table.contains(scene[:, POSITION]).all():
+        if surface_gaps(scene).min() >= 0.0 and wholly_on(scene, table):
             return scene
     raise ConfigError(
         f"no room for {parameters.count} disks in {PLACING_TRIES} tries; enlarge spread"
+    )
+
+
+def wholly_on(scene: Scene, table: Table) -> bool:
+    """Tell whether no disk of a scene (N, 8) sticks out over the edge, where it could tip."""
+    radii = scene[:, RADIUS, None]
+    return bool(
+        np.all(table.contains(scene[:, POSITION] - radii))
+        and np.all(table.contains(scene[:, POSITION] + radii))
     )
 
 

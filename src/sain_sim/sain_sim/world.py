@@ -17,6 +17,8 @@ from sain_sim.refusals import check_gap, check_reach, check_same_disks
 from sain_sim.render import Renderer
 from sain_sim.workcell import Origin, Route, Watch, Watches, Workcell, WorldConfig
 
+__all__ = ["World", "WorldConfig"]
+
 WINDOW_EVERY: Final = 4  # steps: 60 pictures a simulated second
 HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
 
