@@ -1,0 +1,205 @@
+"""Fits the planar prior's free parameters to pushes made in Bullet with the arm.
+
+Both get the true masses, radii and friction, so that what is left is the prior's own error. The
+floor stands beside it: the same push once more, in Bullet, from the state that was observed.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from scipy.optimize import minimize
+
+from sain_core.config import Config, option
+from sain_core.errors import DatasetError
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, X, Y
+from sain_core.seeding import generator
+from sain_core.types import Mask, Scalars, Scenes
+from sain_model.dataset import Transitions
+from sain_model.evaluation import position_errors, target_moved
+from sain_model.planar import PlanarConfig, PlanarPrior
+
+# Free parameters with a step that matters, a smallest and a largest value.
+FREE: Final = {
+    "friction_scale": (0.05, 0.8, 1.3),
+    "yield_across": (0.2, 0.2, 1.0),
+    "tool_friction": (0.04, 0.0, 0.4),
+    "disk_friction": (0.04, 0.0, 0.4),
+    "tool_restitution": (0.1, 0.0, 0.5),
+    "disk_restitution": (0.1, 0.0, 0.5),
+    "foot_radius": (0.05, 0.4, 1.0),
+    "inertia": (0.05, 0.3, 0.8),
+    "middle_height": (0.01, 0.0, 0.04),
+    "tool_height": (0.01, 0.0, 0.05),
+    "disk_height": (0.01, 0.0, 0.05),
+}
+SMALL: Final = 1.0  # [mm], below which an error hardly counts
+LARGE: Final = 15.0  # [mm], beyond which it counts no more
+
+# What the parameters are before anything is fitted: textbook values of a uniform disk.
+START: Final = PlanarConfig(
+    friction_scale=1.0,
+    yield_across=1.0,
+    tool_friction=0.12,
+    disk_friction=0.12,
+    tool_restitution=0.0,
+    disk_restitution=0.0,
+    foot_radius=0.7,
+    inertia=0.5,
+    middle_height=0.02,
+    tool_height=0.02,
+    disk_height=0.02,
+)
+
+Progress = Callable[[int, float], None]  # evaluations so far, lowest cost
+
+
+@dataclass(frozen=True)
+class CalibrationConfig(Config):
+    """How the parameters are fitted."""
+
+    fit_share: float = option(
+        0.25, "share of the episodes to fit on; the others judge", minimum=0.05, maximum=0.9
+    )
+    evaluations: int = option(600, "most evaluations of the prior on them", minimum=1)
+    seed: int = option(0, "decides which episodes are fitted to", minimum=0)
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Errors of position over some pushes [mm]."""
+
+    pushes: int
+    target_mean: float
+    target_median: float
+    target_p95: float
+    mid_mean: float
+    mid_median: float
+    mid_p95: float
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What came of it; accuracies are on episodes that nothing was fitted to.
+
+    Attributes:
+        config: the prior with its fitted parameters.
+        fitted: those parameters alone.
+        fit_pushes: how many pushes they were fitted to.
+        accuracy: by part of the pushes ("all", "target_moved"), then by who predicts.
+    """
+
+    config: PlanarConfig
+    fitted: dict[str, float]
+    fit_pushes: int
+    accuracy: dict[str, dict[str, Accuracy]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all of it as plain values."""
+        return asdict(self)
+
+
+def calibrate(
+    data: Transitions,
+    config: CalibrationConfig = CalibrationConfig(),
+    progress: Progress = lambda evaluations, cost: None,
+) -> Calibration:
+    """Fit the free parameters to a part of the episodes and judge them on the others.
+
+    Raises:
+        DatasetError: the true friction is not known, or no push is left on the table.
+    """
+    if not np.isfinite(data.friction).all():
+        raise DatasetError("the data has no true friction; collect it with `sain_sim collect`")
+    data = data.select(on_table(data, Table()))
+    numbers = generator(config.seed, "calibrate").permutation(np.unique(data.episodes))
+    fitting = np.isin(data.episodes, numbers[: round(config.fit_share * len(numbers))])
+    part, rest = data.select(fitting & target_moved(data)), data.select(~fitting)
+    if not len(part) or not len(rest):
+        raise DatasetError(f"{len(data)} pushes of {len(numbers)} episodes are too few to fit")
+    best = _fit(part, config.evaluations, progress)
+    fitted = {name: float(getattr(best, name)) for name in FREE}
+    return Calibration(best, fitted, len(part), _judge(rest, best))
+
+
+def on_table(data: Transitions, table: Table) -> Mask:
+    """Tell in which pushes (M,) every disk stood on the table with its whole rim, before and after.
+
+    A disk that tips over the edge is no longer in the plane.
+    """
+    inside = np.ones(len(data), dtype=bool)
+    for scenes in (data.scenes, data.next_scenes):
+        x, y, radius = scenes[..., X], scenes[..., Y], scenes[..., RADIUS]
+        inside &= ((x - radius >= table.x_min) & (x + radius <= table.x_max)).all(axis=-1)
+        inside &= ((y - radius >= table.y_min) & (y + radius <= table.y_max)).all(axis=-1)
+    return inside
+
+
+def _fit(data: Transitions, evaluations: int, progress: Progress) -> PlanarConfig:
+    """Return the configuration with the lowest cost that Powell's method finds."""
+    steps, lows, highs = (np.array(column) for column in zip(*FREE.values(), strict=True))
+    start = np.array([getattr(START, name) for name in FREE])
+    lowest, count = np.inf, 0
+
+    def cost(scaled: Scalars) -> float:
+        nonlocal lowest, count
+        config = _with(np.clip(start + scaled * steps, lows, highs))
+        value = _cost(data, config)
+        lowest, count = min(lowest, value), count + 1
+        progress(count, lowest)
+        return value
+
+    found = minimize(
+        cost,
+        np.zeros(len(FREE)),
+        method="Powell",
+        bounds=list(zip((lows - start) / steps, (highs - start) / steps, strict=True)),
+        options={"maxfev": evaluations, "xtol": 0.05, "ftol": 3e-4},
+    )
+    return _with(np.clip(start + found.x * steps, lows, highs))
+
+
+def _with(values: Scalars) -> PlanarConfig:
+    return replace(START, **dict(zip(FREE, np.round(values, 4).tolist(), strict=True)))
+
+
+def _cost(data: Transitions, config: PlanarConfig) -> float:
+    """Return how far off the prior is: about linear in the errors of target and mid disk."""
+    predicted = PlanarPrior(config).step(data.scenes, data.pushes, data.friction)
+    off = 1e3 * np.linalg.norm((predicted - data.next_scenes)[..., POSITION], axis=-1)
+    off = np.minimum(off[:, [MID, TARGET]], LARGE)
+    return float((np.sqrt(SMALL**2 + off**2) + 0.02 * off**2).mean())
+
+
+def _judge(data: Transitions, fitted: PlanarConfig) -> dict[str, dict[str, Accuracy]]:
+    predictions = {
+        "before": PlanarPrior(START).step(data.scenes, data.pushes, data.friction),
+        "fitted": PlanarPrior(fitted).step(data.scenes, data.pushes, data.friction),
+        "in use": PlanarPrior().step(data.scenes, data.pushes, data.friction),
+        "floor": data.floor_next,
+    }
+    parts = {"all": np.ones(len(data), dtype=bool), "target_moved": target_moved(data)}
+    return {
+        part: {
+            name: accuracy(predicted[rows & known], data.next_scenes[rows & known])
+            for name, predicted in predictions.items()
+            if (rows & (known := np.isfinite(predicted).all(axis=(1, 2)))).any()
+        }
+        for part, rows in parts.items()
+    }
+
+
+def accuracy(predicted: Scenes, actual: Scenes) -> Accuracy:
+    """Return the errors of predicted scenes (M, N, 8)."""
+    target = position_errors(predicted, actual, TARGET)
+    mid = position_errors(predicted, actual, MID)
+    return Accuracy(
+        pushes=len(predicted),
+        target_mean=float(target.mean()),
+        target_median=float(np.median(target)),
+        target_p95=float(np.quantile(target, 0.95)),
+        mid_mean=float(mid.mean()),
+        mid_median=float(np.median(mid)),
+        mid_p95=float(np.quantile(mid, 0.95)),
+    )
