@@ -98,7 +98,7 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
         "scenes": len(records),
         "successes": len(solved),
         "rate": _interval(wilson_interval(len(solved), len(records))),
-        "pushes": _interval(bootstrap_mean(np.array([r.pushes for r in solved]), random)),
+        "pushes": _interval(bootstrap_mean(np.array([float(r.pushes) for r in solved]), random)),
         "final_distance": _mean([record.final_distance for record in records]),
         "planning_seconds": _mean([record.planning_seconds for record in records]),
         "target_error": _mean(errors),
