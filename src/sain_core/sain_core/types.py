@@ -11,8 +11,8 @@ from jaxtyping import Bool, Float
 from numpy import bool_, float64, ndarray
 
 if TYPE_CHECKING:
-    from numpy import ndarray as BoolArray  # noqa: N812
-    from numpy import ndarray as FloatArray  # noqa: N812
+    from numpy import ndarray as BoolArray
+    from numpy import ndarray as FloatArray
 else:
     FloatArray, BoolArray = ndarray | float64, ndarray | bool_
 

@@ -1,8 +1,11 @@
 """The main of every node: start, spin, stop, and an exit code that says how it went."""
 
+import logging
+import os
 import re
 import sys
 from collections.abc import Callable
+from typing import NoReturn
 
 import rclpy
 from rclpy.exceptions import ROSInterruptException
@@ -32,8 +35,8 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
     except RuntimeError as error:  # the base of rcl's own errors, which rclpy does not export
         return refuse_start(name, error)
     node = None
+    executor = SingleThreadedExecutor()
     try:
-        executor = SingleThreadedExecutor()
         node = make_node()
         executor.add_node(node)
         executor.spin()
@@ -48,8 +51,22 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
     finally:
         if node is not None:
             node.destroy_node()
+        executor.shutdown()
         try_shutdown()
     return 0
+
+
+def node_main(make_node: Callable[[], Node], name: str) -> NoReturn:
+    """Run a node as a process, and end that process.
+
+    Once the node has let go of everything, the interpreter is not taken down piece by piece:
+    with PyTorch loaded that takes a second and more, and whoever said Ctrl-C waits for it.
+    """
+    code = run_node(make_node, name)
+    logging.shutdown()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
 
 
 def refuse_start(name: str, error: BaseException) -> int:

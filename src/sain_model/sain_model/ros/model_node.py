@@ -1,6 +1,5 @@
 """The model as a service: single pushes in a batch, or whole sequences in one call."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from time import perf_counter
@@ -12,7 +11,7 @@ from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
-from sain_core.ros.node_main import NAMESPACE, run_node
+from sain_core.ros.node_main import NAMESPACE, node_main
 from sain_core.ros.parameters import read_parameters
 from sain_interfaces.srv import DescribeModel, PredictResidual, Rollout
 from sain_model.serving import ModelServer, ServingConfig
@@ -94,4 +93,4 @@ class ModelNode(Node):
 
 def main() -> None:
     """Run the model's service until it is interrupted."""
-    sys.exit(run_node(ModelNode, "model_node"))
+    node_main(ModelNode, "model_node")

@@ -1,6 +1,5 @@
 """The planner: for each settled scene on the way to a goal, one push."""
 
-import sys
 from concurrent.futures import Future
 from itertools import count
 from time import monotonic
@@ -16,7 +15,7 @@ from sain_core.ids import push_ids
 from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
-from sain_core.ros.node_main import NAMESPACE, run_node
+from sain_core.ros.node_main import NAMESPACE, node_main
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
@@ -163,4 +162,4 @@ class MppiNode(Node):
 
 def main() -> None:
     """Run the planner until it is interrupted."""
-    sys.exit(run_node(MppiNode, "mppi_node"))
+    node_main(MppiNode, "mppi_node")

@@ -1,6 +1,5 @@
 """The simulator: carries out pushes, one at a time, and says what became of each."""
 
-import sys
 from concurrent.futures import Future
 from typing import Any
 
@@ -9,7 +8,7 @@ from rclpy.node import Node
 from sain_core.errors import BusyError, CancelledError, ErrorCode, SainError, error_reply
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
-from sain_core.ros.node_main import NAMESPACE, run_node
+from sain_core.ros.node_main import NAMESPACE, node_main
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.peers import publisher_count, refuse_peers
 from sain_core.ros.qos import RELIABLE
@@ -155,4 +154,4 @@ class SimNode(Node):
 
 def main() -> None:
     """Run the simulator until it is interrupted."""
-    sys.exit(run_node(SimNode, "sim_node"))
+    node_main(SimNode, "sim_node")
