@@ -54,7 +54,7 @@ def test_summary_figures() -> None:
     summary = played(0.45, 0.52, 0.59, refused=1).summary()
     assert (summary.scenario, summary.seed) == ("paper", 4)
     assert summary.success
-    assert (summary.pushes, summary.refused) == (2, 1)
+    assert (summary.pushes, summary.refused, summary.fallbacks) == (2, 1, 0)
     assert summary.final_distance == pytest.approx(0.01)
     assert summary.planning_time == pytest.approx(0.15)
     assert summary.longest_planning_time == pytest.approx(0.2)
@@ -156,12 +156,13 @@ def test_plain_output_without_a_terminal() -> None:
         pass
     with display.episode(1, 2, EpisodePlan("paper", 4)) as view:
         view.at(0.2)
-        view.planned(0.1, fallback=True)
+        view.planned(0.1, fallback=True, why="no answer in 2 s")
+        view.planned(0.1, fallback=True, why="no answer in 2 s")
         view.refuse("blocked")
         view.at(0.01)
         view.end(reached=True)
     lines = out.getvalue().splitlines()
     assert "started" in lines[0]
-    assert "planned with physics alone" in lines[1]
+    assert "planned with physics alone: no answer in 2 s" in lines[1]
     assert "a push was refused: blocked" in lines[2]
-    assert "200 → 10 mm" in lines[3]
+    assert "200 → 10 mm  (2 without the model)" in lines[3]

@@ -97,6 +97,7 @@ class EpisodeView:
         self._display = display
         self.name = name
         self.distances: list[float] = []  # [m]
+        self.fallbacks = 0  # pushes that were planned without the model
         self.reached = False
         self.ending = ""
         self.why = ""
@@ -111,11 +112,12 @@ class EpisodeView:
         self.distances.append(distance)
         self.show()
 
-    def planned(self, seconds: float, fallback: bool) -> None:
-        """Say how long planning a push took [s], and whether the model failed on the way."""
+    def planned(self, seconds: float, fallback: bool, why: str = "") -> None:
+        """Say how long planning a push took [s], and if the model failed on the way, why."""
         self.show(f"planned in {1e3 * seconds:.0f} ms, pushing")
-        if fallback:
-            self._display.note(f"{self.name}  the model did not answer; planned with physics alone")
+        if fallback and not self.fallbacks:
+            self._display.note(f"{self.name}  planned with physics alone: {why}")
+        self.fallbacks += fallback
 
     def refuse(self, reason: str) -> None:
         """Say that a push was refused, and why."""
@@ -136,6 +138,7 @@ class EpisodeView:
         """Return the line that stays."""
         noun = "push  " if self.pushes == 1 else "pushes"
         why = f"  {self.why}" if self.why else ""
+        why += f"  ({self.fallbacks} without the model)" if self.fallbacks else ""
         return f"{self.pushes:2d} {noun}  {self._way()}{why}"
 
     def _way(self) -> str:

@@ -28,6 +28,7 @@ class EpisodeSummary:
     success: bool
     pushes: int
     refused: int
+    fallbacks: int  # pushes that were planned without the model, which had failed
     tolerance: float  # [m]
     final_distance: float  # [m]
     planning_time: float | None  # [s], mean over the pushes
@@ -54,6 +55,7 @@ class PlayedEpisode:
             success=self.episode.success,
             pushes=len(executed),
             refused=len(self.episode.pushes) - len(executed),
+            fallbacks=sum(push.plan is not None and push.plan.fallback for push in executed),
             tolerance=self.episode.tolerance,
             final_distance=self.episode.final_distance,
             planning_time=_mean(times),

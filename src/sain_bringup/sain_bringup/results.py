@@ -1,9 +1,7 @@
 """What a run leaves behind: summary, top views and the moving picture, all made from the bag."""
 
-import ctypes
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 from sain_bags.reader import Bag
@@ -77,7 +75,7 @@ def render_movie(
     path: Path, bag: Bag, one: PlayedEpisode, display: Display, config: MovieConfig | None = None
 ) -> Path:
     """Render one episode from its recording as an animated GIF."""
-    with _quiet():
+    with redirect_stdout(StringIO()):  # PyBullet greets when it is loaded
         from sain_sim.render import CameraConfig, Renderer
     config = config or MovieConfig()
     moments = choose_moments(episode_moments(bag, one.episode), config)
@@ -97,17 +95,3 @@ def render_movie(
             frames.append(frame)
             display.status(f"rendering the moving picture, {number} of {len(moments)}")
     return write_whole(path, encode_gif(frames, config))
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Swallow what C code prints: PyBullet greets on standard output when it is loaded."""
-    library, saved, nowhere = ctypes.CDLL(None), os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    try:
-        yield
-    finally:
-        library.fflush(None)
-        os.dup2(saved, 1)
-        os.close(saved)
-        os.close(nowhere)

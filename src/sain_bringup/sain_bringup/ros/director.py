@@ -186,7 +186,7 @@ class Director(Node):
             return
         if plan.status == Plan.PUSH:
             self._sent.add(plan.push_id)
-            view.planned(plan.planning_time, plan.fallback)
+            view.planned(plan.planning_time, plan.fallback, plan.error_message)
         elif plan.status == Plan.REACHED:
             view.end(reached=True)
         elif plan.status == Plan.EXHAUSTED:
