@@ -6,7 +6,7 @@ import numpy as np
 
 from sain_core.feasibility import Feasibility, reachable
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, make_scene, unit
-from sain_core.types import Points, Scene
+from sain_core.types import Angles, Points, Scene
 from sain_mppi.goal import Goal
 
 GOAL_TRIES = 20  # before the disks are placed anew
@@ -31,7 +31,7 @@ def draw_goal(
     """Draw a goal (2,) that a straight push from behind can reach; None when none is found."""
     target = pair[TARGET, POSITION]
     for _ in range(GOAL_TRIES):
-        heading = np.float64(random.uniform(-pi, pi))
+        heading = np.asarray(random.uniform(-pi, pi))
         way = random.uniform(*distance)
         goal = target + way * unit(heading)
         if not _has_room(goal, pair[TARGET, RADIUS], feasibility.table):
@@ -43,7 +43,7 @@ def draw_goal(
     return None
 
 
-def _can_be_pushed(pair: Scene, heading: np.float64, way: float, feasibility: Feasibility) -> bool:
+def _can_be_pushed(pair: Scene, heading: Angles, way: float, feasibility: Feasibility) -> bool:
     """Tell whether the arm can push straight along, once the mid disk is behind the target."""
     behind = pair.copy()
     behind[MID, POSITION] = pair[TARGET, POSITION] - touching_distance(pair) * unit(heading)

@@ -118,7 +118,7 @@ class AnywhereScenario:
     def _draw_pair(self, random: np.random.Generator, drawn: WorldParameters) -> Scene:
         """Return mid disk and target (2, 8), touching at a uniform bearing."""
         mid = np.array(self.mid) + random.uniform(-self.scatter, self.scatter, 2)
-        bearing = np.float64(random.uniform(-np.pi, np.pi))
+        bearing = np.asarray(random.uniform(-np.pi, np.pi))
         pair = WorldParameters(drawn.masses[:2], drawn.radii[:2], drawn.shapes[:2], drawn.friction)
         scene = pair.scene(np.stack([mid, mid]))
         scene[TARGET, POSITION] = mid + (touching_distance(scene) + CONTACT_GAP) * unit(bearing)
