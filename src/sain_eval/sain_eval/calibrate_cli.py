@@ -109,7 +109,9 @@ def _data(command: Calibrate, console: Console) -> Transitions:
         return load_transitions(command.dataset)
     folder = command.out / "data"
     episode = EpisodeConfig(floor_episodes=command.episodes)
-    config = CollectConfig(folder, command.episodes, command.collection_seed, command.workers, episode)
+    config = CollectConfig(
+        folder, command.episodes, command.collection_seed, command.workers, episode
+    )
     with _bar(console) as bar:
         task = bar.add_task("collect", total=command.episodes, cost=float("nan"))
         collect(config, lambda episodes, transitions: bar.update(task, completed=episodes))
@@ -128,7 +130,7 @@ def _bar(console: Console) -> Progress:
 
 
 def _command_line() -> str:
-    return shlex.join(["calibrate", *sys.argv[1:]])
+    return shlex.join(["ros2", "run", "sain_eval", "calibrate", *sys.argv[1:]])
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """``ros2 run sain_model evaluate``: prediction errors of all kinds of dynamics."""
 
 import json
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,7 +66,7 @@ def run(command: EvaluateCommand, console: Console) -> None:
         "checkpoint": {"path": str(path), "sha256": card.weights_sha256},
         "learned": str(command.learned) if command.learned else None,
         "seed": command.seed,
-        "command": " ".join(["evaluate", *sys.argv[1:]]),
+        "command": shlex.join(["ros2", "run", "sain_model", "evaluate", *sys.argv[1:]]),
         **errors,
     }
     write_whole(command.out, (json.dumps(report, indent=2) + "\n").encode())

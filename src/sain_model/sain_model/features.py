@@ -23,6 +23,9 @@ FEATURE_VERSION: Final = 1  # raise it with every change of meaning, order or sc
 DISK_FEATURES: Final = 15
 RELATION_FEATURES: Final = 16
 
+GAP_BEFORE: Final = 10  # columns of the relation features: 0 where two disks touch, 1 far apart
+GAP_AFTER: Final = 15
+
 PLACE_SCALE: Final = 0.1  # [m]
 MOVE_SCALE: Final = 0.05  # [m]
 TURN_SCALE: Final = 0.2  # [rad]
@@ -133,7 +136,7 @@ def _relation_features(
     features = np.empty((len(scenes), len(receiver), RELATION_FEATURES))
     features[..., 0:3] = kinds[:, receiver]
     features[..., 3:6] = kinds[:, sender]
-    for first, places in ((6, before), (11, after)):
+    for first, places in ((GAP_BEFORE - 4, before), (GAP_AFTER - 4, after)):
         offset = places[:, sender] - places[:, receiver]
         distance = np.linalg.norm(offset, axis=-1)
         features[..., first : first + 2] = offset / PLACE_SCALE

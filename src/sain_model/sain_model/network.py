@@ -7,7 +7,13 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from sain_core.config import Config, option
-from sain_model.features import DISK_FEATURES, RELATION_FEATURES, TURN_SCALE
+from sain_model.features import (
+    DISK_FEATURES,
+    GAP_AFTER,
+    GAP_BEFORE,
+    RELATION_FEATURES,
+    TURN_SCALE,
+)
 
 OUTPUTS = 3  # dx, dy, dtheta
 POSITION_UNIT = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE
@@ -44,7 +50,9 @@ class InteractionNetwork(nn.Module):
     ) -> Float[Tensor, "B N 3"]:
         """Return the residual of each disk: dx, dy [m] in the push frame, dtheta [rad]."""
         batch, count, _ = disks.shape
-        effects = self.relation(relations)  # (B, E, message)
+        # Disks far apart tell each other nothing, so that more of them change nothing either.
+        gaps = torch.minimum(relations[..., GAP_BEFORE], relations[..., GAP_AFTER])
+        effects = self.relation(relations) * (1.0 - gaps).unsqueeze(-1)  # (B, E, message)
         effects = effects.view(batch, count, count - 1, -1).sum(dim=2)  # (B, N, message)
         output: Tensor = self.dynamics(torch.cat([disks, effects], dim=-1)) * self.unit
         return output

@@ -12,7 +12,7 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError
 from sain_core.push import PUSH_SIZE, TOOL_RADIUS
-from sain_core.scene import MASS, MID, POSITION, RADIUS, STATE_SIZE, TARGET
+from sain_core.scene import MASS, MID, POSITION, RADIUS, STATE_NAMES, STATE_SIZE, TARGET
 from sain_core.types import Mask, Pushes, Scalars, Scenes
 from sain_model.body_kernels import Physics
 from sain_model.planar_kernels import push_scenes
@@ -122,7 +122,7 @@ class PlanarPrior:
         self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None
     ) -> tuple[Scenes, Mask]:
         """As `step`, and tell for each push whether the tool touched more than the mid disk."""
-        _check(scenes, pushes, friction)
+        check_batch(scenes, pushes, friction)
         start = scenes[:, MID, RADIUS] + self.config.tool_radius + self.config.clearance
         return self._simulate(scenes, pushes, friction, start)
 
@@ -132,7 +132,7 @@ class PlanarPrior:
         The tool moves as it does in truth: its way comes from the scene's own radii. Overlaps of
         disks that are believed too large are undone without giving them speed.
         """
-        _check(scenes, pushes, None)
+        check_batch(scenes, pushes)
         start = scenes[:, MID, RADIUS] + self.config.tool_radius + self.config.clearance
         believed = scenes.copy()
         believed[..., MASS] = NOMINAL_MASS
@@ -178,16 +178,41 @@ def _canonical_order(scenes: Scenes) -> np.ndarray:
     return order[..., None]
 
 
-def _check(scenes: Scenes, pushes: Pushes, friction: Scalars | None) -> None:
+def check_batch(scenes: np.ndarray, pushes: np.ndarray, friction: np.ndarray | None = None) -> None:
+    """Check that scenes (B, N, 8), pushes (B, 3) and frictions (B,) fit and can exist.
+
+    Raises:
+        InvalidInputError: naming what does not.
+    """
     if scenes.ndim != 3 or scenes.shape[1] < 2 or scenes.shape[2] != STATE_SIZE:
         raise InvalidInputError(f"scenes have shape (B, N, 8) with N >= 2, not {scenes.shape}")
     if pushes.shape != (len(scenes), PUSH_SIZE):
         raise InvalidInputError(
             f"pushes have shape ({len(scenes)}, 3), one for each scene, not {pushes.shape}"
         )
-    if friction is not None and friction.shape != (len(scenes),):
-        raise InvalidInputError(f"friction has shape ({len(scenes)},), not {friction.shape}")
-    for name, values in (("scenes", scenes), ("pushes", pushes), ("friction", friction)):
-        if values is not None and not np.isfinite(values).all():
-            where = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
-            raise InvalidInputError(f"{name}{list(where)} is {values[where]}; it must be finite")
+    _check_finite("scenes", scenes)
+    _check_finite("pushes", pushes)
+    for column in (MASS, RADIUS):
+        if (scenes[..., column] <= 0.0).any():
+            scene, disk = (int(i) for i in np.argwhere(scenes[..., column] <= 0.0)[0])
+            raise InvalidInputError(
+                f"{STATE_NAMES[column]} of disk {disk} in scene {scene} is"
+                f" {scenes[scene, disk, column]}; it must be positive"
+            )
+    if friction is not None:
+        _check_friction(friction, len(scenes))
+
+
+def _check_friction(friction: np.ndarray, batch: int) -> None:
+    if friction.shape != (batch,):
+        raise InvalidInputError(f"friction has shape ({batch},), not {friction.shape}")
+    _check_finite("friction", friction)
+    if (friction <= 0.0).any():
+        index = int(np.argmax(friction <= 0.0))
+        raise InvalidInputError(f"friction[{index}] is {friction[index]}; it must be positive")
+
+
+def _check_finite(name: str, values: np.ndarray) -> None:
+    if not np.isfinite(values).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
+        raise InvalidInputError(f"{name}{list(where)} is {values[where]}; it must be finite")

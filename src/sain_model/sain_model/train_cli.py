@@ -2,6 +2,7 @@
 
 import json
 import platform
+import shlex
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -135,7 +136,7 @@ def _settings(command: TrainCommand) -> str:
 
 
 def _command_line() -> str:
-    return " ".join(["train", *sys.argv[1:]])
+    return shlex.join(["ros2", "run", "sain_model", "train", *sys.argv[1:]])
 
 
 class EpochBar:
