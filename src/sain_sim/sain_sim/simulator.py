@@ -1,7 +1,7 @@
 """Truth world and nominal shadow world side by side: all that a simulator node calls."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 from sain_core.config import Config, option
@@ -59,7 +59,7 @@ class Simulator:
         self.config = config
         self.pacer = pacer
         self.world = World(nominal_parameters(), config.bullet)
-        self.shadow = BulletPrior("nominal") if config.shadow else None
+        self.shadow = _nominal_shadow(config) if config.shadow else None
         self._every = max(1, round(1 / (config.bullet.motion.time_step * config.state_rate)))
 
     @property
@@ -75,6 +75,8 @@ class Simulator:
             seed, world or self.config.world, scene, shapes, friction, self.config.disk_shape
         )
         self.world.reset(start, parameters)
+        if self.shadow is not None:
+            self.shadow.truth = parameters  # for the shapes, which the nominal world shares
         return self._look()
 
     def push(self, push: PushArray, on_sample: Callable[[Sample], None]) -> Pushed:
@@ -103,3 +105,7 @@ class Simulator:
         sample = self.world.sample()
         self.pacer.follow(sample.time)
         return sample
+
+
+def _nominal_shadow(config: SimulatorConfig) -> BulletPrior:
+    return BulletPrior("nominal", replace(config.bullet, gui=False))
