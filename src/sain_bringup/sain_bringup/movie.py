@@ -39,7 +39,7 @@ Render = Callable[[Float[ndarray, "7"], Scene], Picture]
 class MovieConfig(Config):
     """How a recording becomes a moving picture."""
 
-    speed: float = option(4.0, "simulated time by shown time", minimum=0.1, maximum=100.0)
+    speed: float = option(3.0, "simulated time by shown time", minimum=0.1, maximum=100.0)
     rate: float = option(12.0, "pictures a second", unit="Hz", minimum=1.0, maximum=50.0)
     hold: float = option(2.0, "the last picture stands", unit="s", minimum=0.0, maximum=20.0)
     width: int = option(480, "of a picture", unit="px", minimum=64, maximum=1920)
@@ -133,8 +133,8 @@ def _common_palette(frames: Sequence[Image.Image], colours: int) -> Image.Image:
 def _caption(image: Image.Image, title: str, distance: float, reached: bool) -> None:
     draw = ImageDraw.Draw(image)
     size = max(12, image.width // 28)
-    draw.text((MARGIN, MARGIN), title, fill=FAINT, font=ImageFont.load_default(size))
+    font, small = ImageFont.load_default(size), ImageFont.load_default(0.75 * size)
+    right = image.width - MARGIN
     text = f"{1e3 * distance:.0f} mm to the goal"
-    font = ImageFont.load_default(size)
-    left = image.width - MARGIN - draw.textlength(text, font=font)
-    draw.text((left, MARGIN), text, fill=GREEN if reached else INK, font=font)
+    draw.text((right, MARGIN), text, GREEN if reached else INK, font, anchor="rt")
+    draw.text((right, MARGIN + 1.5 * size), title, FAINT, small, anchor="rt")

@@ -1,7 +1,8 @@
 """What a run leaves behind: summary, top views and the moving picture, all made from the bag."""
 
-from contextlib import redirect_stdout
-from io import StringIO
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from sain_bags.reader import Bag
@@ -75,7 +76,7 @@ def render_movie(
     path: Path, bag: Bag, one: PlayedEpisode, display: Display, config: MovieConfig | None = None
 ) -> Path:
     """Render one episode from its recording as an animated GIF."""
-    with redirect_stdout(StringIO()):  # PyBullet greets when it is loaded
+    with _quiet():
         from sain_sim.render import CameraConfig, Renderer
     config = config or MovieConfig()
     moments = choose_moments(episode_moments(bag, one.episode), config)
@@ -95,3 +96,16 @@ def render_movie(
             frames.append(frame)
             display.status(f"rendering the moving picture, {number} of {len(moments)}")
     return write_whole(path, encode_gif(frames, config))
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Swallow what C code says: PyBullet greets on standard error when it is loaded."""
+    saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(nowhere)
