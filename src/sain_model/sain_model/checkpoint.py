@@ -4,6 +4,7 @@ The card says what was learned from what, how, and how well it does on episodes 
 pins the weights by their SHA-256. Nothing is unpickled. What does not fit is refused.
 """
 
+import contextlib
 import dataclasses
 import hashlib
 import io
@@ -102,7 +103,8 @@ def write_whole(path: Path, content: bytes) -> None:
         temporary.write_bytes(content)
         temporary.replace(path)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink()
         raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
 
 

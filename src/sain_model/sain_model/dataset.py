@@ -159,6 +159,9 @@ def _read_shard(path: Path) -> dict[str, ndarray]:
     shard_arrays["action"] = _numbers(path, "action", arrays["action"], (count, PUSH_SIZE))
     shard_arrays["episode"] = _episodes(path, arrays["episode"], count)
     shard_arrays[FRICTION] = np.asarray(arrays.get(FRICTION, unknown), dtype=np.float64)
+    if shard_arrays[FRICTION].shape != (count,):
+        shape = shard_arrays[FRICTION].shape
+        raise DatasetError(f"{path}: friction has shape {shape}; it should be ({count},)")
     shape = shard_arrays["state"].shape
     repeats = arrays.get(FLOOR, np.full(shape, np.nan))
     shard_arrays[FLOOR] = np.asarray(repeats, dtype=np.float64).reshape(shape)

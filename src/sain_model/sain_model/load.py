@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import CheckpointError, ConfigError
-from sain_model.checkpoint import SUFFIX, load_checkpoint
+from sain_model.checkpoint import SUFFIX, card_path, load_checkpoint
 from sain_model.planar import PlanarConfig, PlanarPrior
 from sain_model.sain import IDENTITY, SainDynamics
 
@@ -64,7 +64,10 @@ def load_sain(path: Path) -> SainDynamics:
         CheckpointError: the checkpoint is not sound.
     """
     network, card, text = load_checkpoint(path)
-    prior = load_prior(card.prior, card.prior_config)
+    try:
+        prior = load_prior(card.prior, card.prior_config)
+    except CheckpointError as error:
+        raise CheckpointError(f"{card_path(path)}: {error}") from error
     return SainDynamics(network, prior, card.prior, card.weights_sha256, text)
 
 

@@ -58,10 +58,7 @@ class SainDynamics:
         Raises:
             InvalidInputError: arrays that do not fit together.
         """
-        if physics_next.shape != scenes.shape:
-            raise InvalidInputError(
-                f"physics_next has shape {scenes.shape} like the scenes, not {physics_next.shape}"
-            )
+        check_prediction(scenes, physics_next)
         features = make_features(scenes, pushes, physics_next)
         with torch.inference_mode():
             output = self.network(
@@ -73,3 +70,15 @@ class SainDynamics:
         idle = pushes[:, LENGTH] == 0.0
         corrected[idle] = physics_next[idle]
         return corrected
+
+
+def check_prediction(scenes: np.ndarray, physics_next: np.ndarray) -> None:
+    """Check that a prediction is one of these scenes.
+
+    Raises:
+        InvalidInputError: it has another shape.
+    """
+    if physics_next.shape != scenes.shape:
+        raise InvalidInputError(
+            f"physics_next has shape {scenes.shape} like the scenes, not {physics_next.shape}"
+        )
