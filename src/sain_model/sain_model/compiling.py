@@ -21,7 +21,8 @@ import sain_core
 def keep_kernels_apart() -> None:
     """Send Numba's cache to the folder of these sources, unless NUMBA_CACHE_DIR says where."""
     if not os.environ.get("NUMBA_CACHE_DIR"):
-        numba.config.CACHE_DIR = str(_writable_root() / f"kernels-{_sources_hash()}")
+        folder = _writable_root() / f"kernels-{_sources_hash()}"
+        numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -36,8 +37,14 @@ def compiled_parallel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def _compile(function: Callable[..., Any], parallel: bool = False) -> Callable[..., Any]:
     keep_kernels_apart()
-    options = {"cache": True, "error_model": "numpy", "fastmath": {"contract", "arcp"}}
-    return numba.njit(parallel=parallel, forceinline=not parallel, **options)(function)
+    compiled_function: Callable[..., Any] = numba.njit(
+        cache=True,
+        parallel=parallel,
+        forceinline=not parallel,
+        error_model="numpy",
+        fastmath={"contract", "arcp"},
+    )(function)
+    return compiled_function
 
 
 @functools.cache

@@ -101,13 +101,13 @@ def mixed_loss(
     and |sin a - sin b|^2 + |cos a - cos b|^2 = 2 - 2 cos(a - b).
     """
     missing = examples.residual[rows] - predicted
-    squares = (
+    squares = [
         (missing[..., :2] / config.position_scale).square().sum(-1),
         (examples.velocity[rows] / config.velocity_scale).square().sum(-1),
         (2.0 - 2.0 * torch.cos(missing[..., 2])) / config.heading_scale**2,
-    )
+    ]
     if config.robust:
-        squares = tuple(2.0 * (torch.sqrt(1.0 + square) - 1.0) for square in squares)
+        squares = [2.0 * (torch.sqrt(1.0 + square) - 1.0) for square in squares]
     total: Tensor = squares[0] + squares[1] + squares[2]
     return total.mean()
 
@@ -171,7 +171,7 @@ class Trainer:
             predicted = self.network(self._train.disks[rows], self._train.relations[rows])
             loss = mixed_loss(predicted, self._train, rows, config.loss)
             self._optimizer.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
+            loss.backward()
             self._optimizer.step()
             total += loss.item() * len(rows)
         return total / len(self._train)

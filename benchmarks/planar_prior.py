@@ -1,0 +1,113 @@
+"""How fast models predict: ``python -m benchmarks.planar_prior``.
+
+Whole pushes a second of the planar prior, on one core and on two, beside Bullet without an arm;
+and what the network adds. Scenes have two touching disks, pushes come from any side.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numba
+import numpy as np
+import torch
+import tyro
+
+from benchmarks.report import Figure, report
+from sain_core.push import PushLimits
+from sain_core.scene import make_scene, unit
+from sain_core.seeding import generator
+from sain_core.types import Pushes, Scenes
+from sain_model.load import load_sain, shipped_checkpoint
+from sain_model.planar import PlanarPrior
+
+SAMPLES, HORIZON = 1024, 6
+
+
+@dataclass(frozen=True)
+class Options:
+    """How much to measure."""
+
+    batch: int = 4096
+    """pushes in a call, B"""
+    repeats: int = 9
+    """calls, of which the fastest counts"""
+    bullet_pushes: int = 100
+    """pushes of Bullet without an arm"""
+    seed: int = 0
+    """of scenes and pushes"""
+    out: Path | None = None
+    """write the figures to this JSON file"""
+
+
+def draw(batch: int, seed: int) -> tuple[Scenes, Pushes]:
+    """Draw scenes (B, 2, 8) with the target touching the mid disk anywhere, and pushes (B, 3)."""
+    random = generator(seed, "planar benchmark")
+    scenes = np.empty((batch, 2, 8))
+    for index in range(batch):
+        radii = np.array([random.uniform(0.075, 0.085), random.uniform(0.055, 0.065)])
+        offset = (radii.sum() + 0.001) * unit(np.array(random.uniform(-np.pi, np.pi)))
+        positions = np.array([0.45, 0.0]) + np.stack([np.zeros(2), offset])
+        scenes[index] = make_scene(positions, random.uniform(7.0, 9.0, 2), radii)
+    return scenes, PushLimits().sample(random, batch)
+
+
+def fastest(work: Callable[[], object], repeats: int) -> float:
+    """Return the shortest of several wall-clock times [s], the first not counted."""
+    work()
+    times = []
+    for _ in range(repeats):
+        begun = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - begun)
+    return min(times)
+
+
+def prior_rate(options: Options, threads: int) -> float:
+    """Return pushes a second of the planar prior on so many threads."""
+    scenes, pushes = draw(options.batch, options.seed)
+    prior = PlanarPrior()
+    before = numba.get_num_threads()
+    numba.set_num_threads(threads)
+    try:
+        return options.batch / fastest(lambda: prior.step(scenes, pushes), options.repeats)
+    finally:
+        numba.set_num_threads(before)
+
+
+def bullet_rate(options: Options) -> float:
+    """Return pushes a second of Bullet without an arm, on one core."""
+    from benchmarks import sim_push  # needs the simulator; the rest does not
+
+    return sim_push.armless_rate(sim_push.cases(sim_push.Options(pushes=options.bullet_pushes)))
+
+
+def correction_time(options: Options) -> float:
+    """Return the time of one batch of corrections by the shipped network [s]."""
+    scenes, pushes = draw(SAMPLES, options.seed)
+    sain = load_sain(shipped_checkpoint())
+    physics_next = sain.prior.step(scenes, pushes)
+    return fastest(lambda: sain.correct(scenes, pushes, physics_next), 3 * options.repeats)
+
+
+def main() -> None:
+    """Measure how fast models predict pushes."""
+    options = tyro.cli(Options, description=main.__doc__)
+    torch.set_num_threads(1)
+    most = min(2, numba.config.NUMBA_NUM_THREADS)
+    one, two = prior_rate(options, 1), prior_rate(options, most)
+    bullet, correction = bullet_rate(options), correction_time(options)
+    figures = [
+        Figure("planar prior on one core", one, "pushes/s"),
+        Figure(f"planar prior on {most} cores", two, "pushes/s", at_least=300_000),
+        Figure("Bullet without an arm on one core", bullet, "pushes/s"),
+        Figure("planar prior over Bullet, one core each", one / bullet, "times"),
+        Figure("network on one core", SAMPLES / correction, "pushes/s"),
+        Figure(f"network, K = {SAMPLES}, H = {HORIZON}", 1e3 * HORIZON * correction, "ms"),
+    ]
+    report("Models", figures, options.out)
+
+
+if __name__ == "__main__":
+    main()
