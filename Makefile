@@ -13,7 +13,7 @@ demo: ## the closed loop on the whole graph, headless: a few episodes, a bag and
 	@./env ros2 run sain_bringup closed_loop $(ARGS)
 
 test: ## every test; a part of them with ARGS="tests/sain_core -k wrap"
-	@./env pytest $(ARGS)
+	@./env python -m pytest $(ARGS)
 
 lint: ## style, types, import boundaries, shell scripts, Docker files
 	@./env ruff check

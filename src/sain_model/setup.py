@@ -15,7 +15,16 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "numba", "numpy", "safetensors", "torch"],
+    install_requires=[
+        "jaxtyping",
+        "matplotlib",
+        "numba",
+        "numpy",
+        "rich",
+        "safetensors",
+        "torch",
+        "tyro",
+    ],
     zip_safe=False,
     entry_points={
         "console_scripts": [
