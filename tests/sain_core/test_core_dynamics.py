@@ -35,6 +35,23 @@ def test_a_rollout_feeds_predictions_back() -> None:
     np.testing.assert_array_equal(predicted[..., 1:], np.broadcast_to(scene[:, 1:], (5, 4, 2, 7)))
 
 
+def test_a_dynamics_is_not_asked_about_rests() -> None:
+    counts: list[int] = []
+
+    class Counting(Shift):
+        def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+            counts.append(len(scenes))
+            assert (pushes[:, 2] > 0.0).all()
+            return super().step(scenes, pushes)
+
+    pushes = np.ones((4, 3, 3))
+    pushes[1:, 1, 2] = 0.0
+    pushes[:, 2, 2] = 0.0
+    predicted = StepwiseRollout(Counting()).rollout(np.zeros((2, 8)), pushes)
+    assert counts == [4, 1]
+    np.testing.assert_array_equal(predicted[:, -1, 0, 0], [2.0, 1.0, 1.0, 1.0])
+
+
 def test_the_identity_prior_moves_nothing_and_gives_a_copy() -> None:
     scenes = np.ones((3, 2, 8))
     after = IdentityPrior().step(scenes, np.ones((3, 3)))

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from sain_core.push import ANGLE, LENGTH, LOCATION, PushLimits
 from sain_core.seeding import generator
 from sain_mppi.candidates import go_around_sequences, straight_sequences
+from sain_mppi.proposals import without_idle
 from sain_mppi.sampling import (
     gaussian_sequences,
     reflect,
@@ -61,6 +62,16 @@ def test_going_around_starts_from_many_sides(scene):
     drawn = go_around_sequences(scene, np.array([0.3, 0.0]), LIMITS, generator(4), 400, 6)
     headings = drawn[:, 0, LOCATION]
     assert (headings > 0.5).any() and (headings < -0.5).any()
+
+
+def test_pushes_that_end_before_they_touch_are_rests():
+    drawn = uniform_sequences(LIMITS, generator(8), 200, 3)
+    drawn[:, 1, LENGTH] = generator(9).uniform(0.0, 2 * LIMITS.clearance, 200)
+    short = drawn[..., LENGTH] <= LIMITS.clearance
+    assert short.any() and not short.all()
+    kept = without_idle(drawn.copy(), LIMITS)
+    assert (kept[short][:, LENGTH] == 0.0).all()
+    np.testing.assert_array_equal(kept[~short], drawn[~short])
 
 
 def test_the_mean_of_locations_is_taken_on_the_circle():

@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from sain_core.push import LENGTH
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 
 
@@ -48,12 +49,17 @@ class StepwiseRollout:
         self.dynamics = dynamics
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
-        """Predict scenes (K, H, N, 8) with H batched steps of K pushes."""
+        """Predict scenes (K, H, N, 8) with H batched steps of at most K pushes.
+
+        Pushes of zero length move nothing, so that the dynamics is not asked about them.
+        """
         samples, horizon, _ = pushes.shape
         predicted = np.empty((samples, horizon, *scene.shape))
         current = np.broadcast_to(scene, (samples, *scene.shape)).copy()  # (K, N, 8)
         for step in range(horizon):
-            current = self.dynamics.step(current, pushes[:, step])
+            moving = pushes[:, step, LENGTH] > 0.0
+            if moving.any():
+                current[moving] = self.dynamics.step(current[moving], pushes[moving, step])
             predicted[:, step] = current
         return predicted
 

@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from sain_core.dynamics import Dynamics, StepwiseRollout
+from sain_core.dynamics import Dynamics, as_rollout
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.push import LOCATION
@@ -102,7 +102,7 @@ class PlanningController:
 
     def __init__(self, dynamics: Dynamics, config: PlannerConfig, feasibility: Feasibility) -> None:
         """Plan with this model."""
-        self.planner = Planner(StepwiseRollout(dynamics), config, feasibility)
+        self.planner = Planner(as_rollout(dynamics), config, feasibility)
 
     def decide(self, scene: Scene, goal: Goal, random: np.random.Generator) -> Decision:
         """Plan and take the first push."""

@@ -12,10 +12,13 @@ class PlannerConfig(Config):
     """How the planner samples, weighs and decides."""
 
     samples: int = option(
-        1024, "K, sequences rolled out in each round", minimum=1, maximum=1_000_000
+        1024, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
     )
     horizon: int = option(6, "H, pushes in a sequence", minimum=1, maximum=50)
     rounds: int = option(3, "rounds of sampling, each nearer the best so far", minimum=1)
+    thinning: float = option(
+        0.5, "factor on the samples from one round to the next", minimum=0.01, maximum=1.0
+    )
     stuck_rounds: int = option(
         3, "more rounds, wide ones, when no sequence is better than doing nothing", minimum=0
     )
@@ -44,3 +47,7 @@ class PlannerConfig(Config):
     )
     noise: NoiseConfig = NoiseConfig()
     weights: CostWeights = CostWeights()
+
+    def samples_in(self, round_number: int) -> int:
+        """Return how many sequences a round rolls out, from 0."""
+        return max(round(self.samples * self.thinning**round_number), 1)

@@ -113,11 +113,12 @@ class Planner:
     ) -> PushSequences:
         """Draw up to K sequences whose first push can be carried out, the mean among them."""
         config = self.config
+        count = config.samples_in(round_number)
         pushes = propose(scene, goal, mean, round_number, config, self.feasibility, generator)
         if mean is not None:
             pushes = np.concatenate([mean[None], pushes])
         pushes = pushes[self._permitted(scene, pushes[:, 0])]
-        if len(pushes) < config.samples:  # a hard place: most proposals are blocked
+        if len(pushes) < count:  # a hard place: most proposals are blocked
             more = uniform_sequences(
                 self.feasibility.limits, generator, 4 * config.samples + 256, config.horizon
             )
@@ -127,7 +128,7 @@ class Planner:
                 f"no push can be carried out: mid disk at ({scene[0, 0]:.3f}, {scene[0, 1]:.3f})"
                 f" m, {len(self._refused)} pushes refused before; move it by hand or reset"
             )
-        return np.asarray(pushes[: config.samples])
+        return np.asarray(pushes[:count])
 
     def _permitted(self, scene: Scene, pushes: Pushes) -> Mask:
         """Tell which pushes (B, 3) can be carried out, and are unlike those that were refused."""

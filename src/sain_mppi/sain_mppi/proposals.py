@@ -3,7 +3,7 @@
 import numpy as np
 
 from sain_core.feasibility import Feasibility
-from sain_core.push import LENGTH
+from sain_core.push import LENGTH, PushLimits
 from sain_core.types import Mask, Pushes, PushSequences, Scene
 from sain_mppi.candidates import go_around_sequences, straight_sequences
 from sain_mppi.config import PlannerConfig
@@ -33,7 +33,7 @@ def propose(
     Without a mean what would be drawn about it is drawn uniformly.
     """
     limits = limits_of.limits
-    count = SURPLUS * config.samples
+    count = SURPLUS * config.samples_in(round_number)
     informed = round(count * config.candidate_share)
     straight = round(informed * STRAIGHT_SHARE)
     about_mean = count - informed
@@ -55,7 +55,14 @@ def propose(
             mean, deviations, config.noise.spread, limits, generator, about_mean
         )
         parts.append(stop_early(near, config.stop_share, generator))
-    return np.asarray(generator.permutation(np.concatenate(parts)))
+    return np.asarray(generator.permutation(without_idle(np.concatenate(parts), limits)))
+
+
+def without_idle(sequences: PushSequences, limits: PushLimits) -> PushSequences:
+    """Make rests of pushes (K, H, 3) that would end before they touch the mid disk."""
+    touching = sequences[..., LENGTH] > limits.clearance
+    sequences[..., LENGTH] *= touching
+    return sequences
 
 
 def permitted(scene: Scene, pushes: Pushes, feasibility: Feasibility) -> Mask:
