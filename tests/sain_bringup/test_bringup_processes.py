@@ -14,7 +14,7 @@ import pytest
 from sain_bringup.processes import ProcessDiedError, StopConfig, Supervisor
 from sain_core.errors import ConfigError, OutputError
 
-QUICK = StopConfig(interrupt=0.3, terminate=0.3, kill=1.0)
+QUICK = StopConfig(interrupt=0.3, terminate=0.3, patience=0.5, kill=1.0)
 SLEEP = [sys.executable, "-IS", "-c", "import time; print('up', flush=True); time.sleep(600)"]
 DEAF = """
 import signal, time
@@ -108,6 +108,28 @@ def test_a_process_that_ignores_signals_ends_all_the_same(
     assert child.process.returncode == (-signal.SIGKILL if killed else -signal.SIGTERM)
 
 
+SLOW = """
+import signal, sys, time
+def end(*_):
+    time.sleep(1.0)
+    print('closed', flush=True)
+    sys.exit(0)
+signal.signal(signal.SIGINT, end)
+print('up', flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize(("patient", "code"), [(True, 0), (False, -signal.SIGTERM)])
+def test_who_has_a_file_to_close_gets_the_time(patient: bool, code: int, tmp_path: Path) -> None:
+    supervisor = Supervisor(tmp_path, StopConfig(interrupt=0.2, terminate=0.1, patience=30.0))
+    supervisor.start("closer", python(SLOW), patient=patient)
+    (child,) = supervisor.children
+    wait_for(child.log, "up")
+    supervisor.stop()
+    assert child.process.returncode == code
+
+
 def test_children_of_children_end_too(tmp_path: Path) -> None:
     code = f"""
         import subprocess, sys
@@ -183,7 +205,7 @@ def test_a_command_that_does_not_exist_is_reported(tmp_path: Path) -> None:
 
 def test_the_whole_end_takes_less_than_three_seconds_by_default() -> None:
     config = StopConfig()
-    assert config.interrupt + config.terminate + config.kill < 3.0
+    assert config.interrupt + config.terminate + config.patience + config.kill < 3.0
     with pytest.raises(ConfigError, match="interrupt is -1"):
         StopConfig(interrupt=-1.0)
 

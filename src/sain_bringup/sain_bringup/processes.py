@@ -32,9 +32,10 @@ class ProcessDiedError(SainError):
 class StopConfig(Config):
     """How patient the end is: after these times a harder signal is sent. In all below 3 s."""
 
-    interrupt: float = option(1.6, "time to end after SIGINT", unit="s", minimum=0.0)
-    terminate: float = option(0.4, "time to end after SIGTERM", unit="s", minimum=0.0)
-    kill: float = option(0.3, "time to be gone after SIGKILL", unit="s", minimum=0.0)
+    interrupt: float = option(1.2, "time to end after SIGINT", unit="s", minimum=0.0)
+    terminate: float = option(0.3, "time to end after SIGTERM", unit="s", minimum=0.0)
+    patience: float = option(0.7, "more time for what has a file to close", unit="s", minimum=0.0)
+    kill: float = option(0.2, "time to be gone after SIGKILL", unit="s", minimum=0.0)
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ class Child:
     name: str
     process: "subprocess.Popen[bytes]"
     log: Path
+    patient: bool  # it has a file to close: not hurried before the others are gone
 
     def last_lines(self, count: int = LAST_LINES) -> str:
         """Return the end of its log."""
@@ -74,7 +76,11 @@ class Supervisor:
         return tuple(self._children)
 
     def start(
-        self, name: str, command: Sequence[str], environment: dict[str, str] | None = None
+        self,
+        name: str,
+        command: Sequence[str],
+        environment: dict[str, str] | None = None,
+        patient: bool = False,
     ) -> None:
         """Start a process.
 
@@ -82,6 +88,7 @@ class Supervisor:
             name: what it is called in logs and errors.
             command: the program and its arguments.
             environment: variables to set on top of this process's own.
+            patient: it gets more time to end than others.
 
         Raises:
             OutputError: its log cannot be written.
@@ -101,7 +108,7 @@ class Supervisor:
                 )
         except OSError as error:
             raise OutputError(f"cannot start {name} with its log {log}: {error}") from error
-        self._children.append(Child(name, process, log))
+        self._children.append(Child(name, process, log, patient))
 
     def check(self) -> None:
         """Raise when a process has died.
@@ -128,17 +135,20 @@ class Supervisor:
             The names of those that had to be killed.
         """
         config = config or self._config
-        for number, patience in (
-            (signal.SIGINT, config.interrupt),
-            (signal.SIGTERM, config.terminate),
+        killed: list[str] = []
+        for number, patience, everyone in (
+            (signal.SIGINT, config.interrupt, True),
+            (signal.SIGTERM, config.terminate, False),
+            (signal.SIGKILL, config.patience, False),
+            (signal.SIGKILL, config.kill, True),
         ):
             for child in self._running():
-                _signal_group(child, number)
+                if everyone or not child.patient:
+                    _signal_group(child, number)
+                    killed += [child.name] if number == signal.SIGKILL else []
             self._wait(patience)
-        killed = [child.name for child in self._running()]
         for child in self._children:
-            _signal_group(child, signal.SIGKILL)  # also what a process left behind
-        self._wait(config.kill)
+            _signal_group(child, signal.SIGKILL)  # what a process may have left behind
         self._children.clear()
         return killed
 

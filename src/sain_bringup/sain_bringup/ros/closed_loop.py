@@ -1,10 +1,8 @@
 """``ros2 run sain_bringup closed_loop``: the whole graph, from a clean start to a report."""
 
-import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 from typing import Final
 
 import rclpy
@@ -14,7 +12,8 @@ from rclpy.utilities import remove_ros_args
 from rich.console import Console
 
 from sain_bringup.display import Display
-from sain_bringup.graph import GraphConfig, graph_commands
+from sain_bringup.graph import RECORDER, GraphConfig, graph_commands
+from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.options import (
     ClosedLoopOptions,
     check_options,
@@ -33,16 +32,7 @@ from sain_eval.scenarios import SCENARIOS
 UNHURRIED: Final = StopConfig(interrupt=15.0)  # when all went well and nobody is waiting
 
 
-class Stopped(BaseException):
-    """A signal asked the closed loop to end."""
-
-    def __init__(self, number: int) -> None:
-        """Remember which signal."""
-        super().__init__(number)
-        self.number = number
-
-
-def run(options: ClosedLoopOptions, display: Display) -> bool:
+def run(options: ClosedLoopOptions, display: Display, interrupts: Interrupts) -> bool:
     """Play the episodes and write the results; return whether all reached the goal.
 
     Raises:
@@ -53,19 +43,29 @@ def run(options: ClosedLoopOptions, display: Display) -> bool:
     folder = make_output_folder(options)
     display.headline(describe(episode_plans(options), options), folder)
     with Supervisor(folder / "logs") as supervisor:
-        play(options, folder, supervisor, display)
+
+        def check() -> None:
+            interrupts.check()
+            supervisor.check()
+
+        with interrupts.deferred():
+            play(options, folder, supervisor, display, check)
         with display.stage("closing the recording", "graph stopped, recording closed"):
             supervisor.stop(UNHURRIED)
     return write_results(folder, options.video, display)
 
 
 def play(
-    options: ClosedLoopOptions, folder: Path, supervisor: Supervisor, display: Display
+    options: ClosedLoopOptions,
+    folder: Path,
+    supervisor: Supervisor,
+    display: Display,
+    check: Callable[[], None],
 ) -> None:
-    """Start the graph and play all episodes on it."""
+    """Start the graph and play all episodes on it, checking again and again."""
     plans = episode_plans(options)
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
-        director = Director(supervisor.check, options.timeout)
+        director = Director(check, options.timeout)
         episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
         about = {EPISODES_KEY: episodes, "model": options.model, **provenance()}
         config = GraphConfig(
@@ -79,7 +79,7 @@ def play(
             custom_data=tuple(about.items()),
         )
         for name, command in graph_commands(config).items():
-            supervisor.start(name, command)
+            supervisor.start(name, command, patient=name == RECORDER)
         director.wait_for_graph(
             lambda missing: display.status(f"starting the graph, waiting for {missing}")
         )
@@ -87,16 +87,6 @@ def play(
         case = SCENARIOS[plan.scenario].scene(plan.seed)
         with display.episode(number, len(plans), plan) as view:
             director.play(case, options.tolerance, view)
-
-
-def stop_on_signals() -> None:
-    """Turn the signals that ask to end into `Stopped`, raised in the main thread."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise Stopped(number)
-
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, stop)
 
 
 def guarded(work: Callable[[], bool], console: Console) -> int:
@@ -116,10 +106,12 @@ def main() -> None:
     arguments = remove_ros_args(sys.argv)[1:]
     options = tyro.cli(ClosedLoopOptions, prog="ros2 run sain_bringup closed_loop", args=arguments)
     display = Display(Console())
-    stop_on_signals()
+    interrupts = Interrupts()
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        code = guarded(lambda: run(options, display), Console(stderr=True, soft_wrap=True))
+        code = guarded(
+            lambda: run(options, display, interrupts), Console(stderr=True, soft_wrap=True)
+        )
     finally:
         rclpy.try_shutdown()
     sys.exit(code)

@@ -1,0 +1,40 @@
+"""A signal ends the program wherever it comes."""
+
+import os
+import signal
+from collections.abc import Iterator
+
+import pytest
+
+from sain_bringup.interrupts import SIGNALS, Interrupts, Stopped
+
+
+@pytest.fixture
+def interrupts() -> Iterator[Interrupts]:
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    yield Interrupts()
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_signal_is_raised_where_the_program_is(number: int, interrupts: Interrupts) -> None:
+    interrupts.check()
+    with pytest.raises(Stopped) as caught:
+        os.kill(os.getpid(), number)
+    assert caught.value.number == number
+
+
+def test_a_deferred_signal_waits_for_the_check(interrupts: Interrupts) -> None:
+    reached = []
+    with pytest.raises(Stopped), interrupts.deferred():
+        os.kill(os.getpid(), signal.SIGTERM)
+        reached.append("still here")
+        interrupts.check()
+        reached.append("never")
+    assert reached == ["still here"]
+
+
+def test_a_deferred_signal_is_raised_at_the_latest_at_the_end(interrupts: Interrupts) -> None:
+    with pytest.raises(Stopped), interrupts.deferred():
+        os.kill(os.getpid(), signal.SIGINT)
