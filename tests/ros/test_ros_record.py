@@ -14,7 +14,8 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from sain_bags.reader import Bag
-from sain_bags.ros.record import Recorder, message_class, parse_custom_data
+from sain_bags.ros.endpoints import message_class
+from sain_bags.ros.record import Recorder, parse_custom_data
 from sain_bags.writer import BagWriter
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_interfaces.msg import DiskState, Scene

@@ -1,6 +1,5 @@
 """``ros2 run sain_bags record``: records topics to a bag, those that appear late too."""
 
-import importlib
 import signal
 import sys
 import time
@@ -13,7 +12,6 @@ import rclpy
 import tyro
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -21,13 +19,13 @@ from rclpy.utilities import remove_ros_args
 from rich.console import Console
 
 from sain_bags.definitions import Definitions
-from sain_bags.metadata import OfferedQos, Topic
+from sain_bags.metadata import Topic
+from sain_bags.ros.endpoints import message_class, offered_qos, request_profile
 from sain_bags.selection import RequestedQos, adapt, is_wanted
 from sain_bags.writer import BagConfig, BagWriter
 from sain_core.errors import ConfigError, InvalidInputError, SainError
 
 DISCOVERY_PERIOD: Final = 0.05  # [s], also how soon a signal is noticed
-DEPTH: Final = 2000  # messages a burst may hold before the recorder falls behind
 DRAIN_TIME: Final = 0.5  # [s], at most, for messages that have come before the stop
 QUIET_TIME: Final = 0.05  # [s] without a message: nothing more is on its way
 
@@ -84,7 +82,7 @@ class Recorder(Node):
                 self._take_on(name, types, publishers)
 
     def _take_on(self, name: str, types: list[str], publishers: list[TopicEndpointInfo]) -> None:
-        offers = tuple(_offered(info) for info in publishers)
+        offers = tuple(offered_qos(info) for info in publishers)
         known = self._topics.get(name)
         if known is not None and known.offered_qos == offers:
             return
@@ -132,24 +130,10 @@ class Recorder(Node):
             message_type,
             name,
             receive,  # type: ignore[arg-type]  # rclpy's hint knows only one argument
-            _profile(wanted),
+            request_profile(wanted),
             raw=True,
         )
         self._recorded[name] = (wanted, subscription)
-
-
-def message_class(type_name: str) -> type:
-    """Return the Python class of a message type.
-
-    Raises:
-        InvalidInputError: its package is not installed, or has no such message.
-    """
-    package, _, name = type_name.split("/")
-    try:
-        found: type = getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError) as error:
-        raise InvalidInputError(f"{type_name} is not installed ({error})") from error
-    return found
 
 
 def parse_custom_data(pairs: tuple[str, ...]) -> dict[str, str]:
@@ -211,34 +195,6 @@ def _spin(recorder: Recorder, stop: _StopSignal) -> None:
     finally:
         executor.shutdown()
         recorder.destroy_node()
-
-
-def _offered(info: TopicEndpointInfo) -> OfferedQos:
-    qos = info.qos_profile
-    return OfferedQos(
-        history=qos.history.name.lower(),
-        depth=qos.depth,
-        reliability=qos.reliability.name.lower(),
-        durability=qos.durability.name.lower(),
-        deadline=divmod(qos.deadline.nanoseconds, 10**9),
-        lifespan=divmod(qos.lifespan.nanoseconds, 10**9),
-        liveliness=qos.liveliness.name.lower(),
-        liveliness_lease_duration=divmod(qos.liveliness_lease_duration.nanoseconds, 10**9),
-    )
-
-
-def _profile(wanted: RequestedQos) -> QoSProfile:
-    return QoSProfile(
-        depth=DEPTH,
-        reliability=(
-            ReliabilityPolicy.RELIABLE if wanted.reliable else ReliabilityPolicy.BEST_EFFORT
-        ),
-        durability=(
-            DurabilityPolicy.TRANSIENT_LOCAL
-            if wanted.transient_local
-            else DurabilityPolicy.VOLATILE
-        ),
-    )
 
 
 def main() -> None:
