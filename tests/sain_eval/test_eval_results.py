@@ -10,7 +10,7 @@ from rich.console import Console
 
 from sain_core.errors import ConfigError, OutputError
 from sain_eval.closed_loop import EpisodeOutcome
-from sain_eval.evaluate_cli import Evaluate, evaluate, show
+from sain_eval.evaluate_cli import Evaluate, evaluate, main, show
 from sain_eval.journal import JOURNAL_FILE, Journal
 from sain_eval.report import markdown_table
 from sain_eval.results import SceneRecord, scene_records, summarise, write_results
@@ -166,3 +166,23 @@ def test_an_output_folder_that_is_a_file_is_refused(tmp_path):
 def test_an_output_folder_that_cannot_be_made_is_refused():
     with pytest.raises(OutputError, match="choose another --out"):
         run(Path("/proc/nowhere"))
+
+
+def test_help_says_what_the_planners_settings_mean(capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["evaluate", "--help"])
+    with pytest.raises(SystemExit) as done:
+        main()
+    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert done.value.code == 0
+    assert "--planner.samples INT K, sequences rolled out in the first round" in shown
+    assert "Standard deviation of the location [rad] (default: 0.5)" in shown
+    assert "Seed of the first scene" in shown
+
+
+def test_a_mistake_on_the_command_line_is_told_in_one_line(tmp_path, capsys, monkeypatch):
+    (tmp_path / "taken").write_text("")
+    monkeypatch.setattr("sys.argv", ["evaluate", "--out", str(tmp_path / "taken")])
+    with pytest.raises(SystemExit) as done:
+        main()
+    assert done.value.code == 1
+    assert capsys.readouterr().err.startswith("evaluate: cannot write to")

@@ -21,6 +21,7 @@ from rich.table import Table
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
+from sain_eval.command_line import describe_options
 from sain_eval.controllers import controller_maker
 from sain_eval.evaluation import Job, run_jobs
 from sain_eval.files import output_folder, write_whole
@@ -190,6 +191,7 @@ def _progress(console: Console) -> Progress:
 def main() -> None:
     """Run from the command line."""
     console = Console(stderr=True, soft_wrap=True)
+    describe_options(PlannerConfig)
     try:
         options = tyro.cli(Evaluate, prog="ros2 run sain_eval evaluate")
         command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
