@@ -11,6 +11,7 @@ from sain_core.push import LENGTH
 from sain_core.types import Pushes, Scenes
 from sain_model.features import apply_residual, make_features
 from sain_model.network import InteractionNetwork
+from sain_model.threads import settle_threads
 
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
 IDENTITY: Final = "identity"
@@ -60,6 +61,7 @@ class SainDynamics:
         """
         check_prediction(scenes, physics_next)
         features = make_features(scenes, pushes, physics_next)
+        settle_threads()
         with torch.inference_mode():
             output = self.network(
                 torch.from_numpy(features.disks.astype(np.float32)),

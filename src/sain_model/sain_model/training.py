@@ -20,6 +20,7 @@ from sain_model.checkpoint import write_torch
 from sain_model.dataset import Split, Transitions
 from sain_model.features import make_features, true_residual
 from sain_model.network import InteractionNetwork, NetworkConfig
+from sain_model.threads import settle_threads
 
 
 @dataclass(frozen=True)
@@ -132,6 +133,7 @@ class Trainer:
             self._train = _join(self._train, mirrored)
         self._validation = make_examples(split.validation, prior)
         self._identity = f"{config} {split.train.sha256}"
+        settle_threads()
         torch.manual_seed(int(generator(config.seed, "weights").integers(2**31)))
         self.network = InteractionNetwork(config.network)
         self._optimizer = torch.optim.AdamW(
