@@ -2,9 +2,10 @@
 
     ./env python -m benchmarks.service_path
 
-Plays `anywhere` episodes on the real processes, planning through the model's service, and reads the
-recording: the time from the first message of a settled scene to the push that was planned from it, both
-as the recorder received them. The planner's own time for the same plans stands beside it.
+Plays `anywhere` episodes on the real processes, planning through the model's service, and reads
+the recording: the time from the first message of a settled scene to the push that was planned
+from it, both as the recorder received them. The planner's own time for the same plans stands
+beside it.
 """
 
 import subprocess

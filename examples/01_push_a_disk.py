@@ -1,6 +1,6 @@
 """Push a disk with the simulated arm, and compare with what the planar prior expects.
 
-    ./env python examples/01_push_a_disk.py
+./env python examples/01_push_a_disk.py
 """
 
 import numpy as np
@@ -28,4 +28,4 @@ predicted = PlanarPrior().step(scene[None], push[None])[0]
 for name, disk in (("mid", MID), ("target", TARGET)):
     moved = 1e3 * (outcome.after - outcome.before)[disk, POSITION]
     error = 1e3 * np.linalg.norm(predicted[disk, POSITION] - outcome.after[disk, POSITION])
-    print(f"{name:6s} moved {moved[0]:6.1f} mm in x, {moved[1]:6.1f} mm in y; prior off {error:.1f} mm")
+    print(f"{name:6s} moved ({moved[0]:.1f}, {moved[1]:.1f}) mm; prior off {error:.1f} mm")

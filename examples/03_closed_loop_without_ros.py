@@ -1,6 +1,6 @@
 """Close the loop with the real arm and without ROS: three seeded scenes, one picture.
 
-    ./env python examples/03_closed_loop_without_ros.py [picture.png]
+./env python examples/03_closed_loop_without_ros.py [picture.png]
 """
 
 import sys
@@ -9,7 +9,7 @@ from pathlib import Path
 from sain_core.scene import target_distance
 from sain_eval.closed_loop import run_episode
 from sain_eval.controllers import controller_maker
-from sain_eval.pictures import save_episode
+from sain_eval.pictures import draw_episode, save_picture
 from sain_eval.scenarios import SCENARIOS
 
 picture = Path(sys.argv[1]) if len(sys.argv) > 1 else None
@@ -20,4 +20,4 @@ for seed in range(3):
     verdict = outcome.failure or "reached"
     print(f"scene {seed}: {len(outcome.record.pushes)} pushes, {left:.1f} mm left: {verdict}")
     if picture and seed == 0:
-        save_episode(outcome.record, picture)
+        save_picture(draw_episode(outcome.record), picture)

@@ -19,5 +19,7 @@ print(torch.get_num_threads())
 
 
 def test_network_keeps_one_thread_after_the_prior_ran() -> None:
-    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True
+    )
     assert done.stdout.split() == ["1"]

@@ -1,8 +1,5 @@
 """What a run leaves behind: summary, top views and the moving picture, all made from the bag."""
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from sain_bags.reader import Bag
@@ -76,8 +73,8 @@ def render_movie(
     path: Path, bag: Bag, one: PlayedEpisode, display: Display, config: MovieConfig | None = None
 ) -> Path:
     """Render one episode from its recording as an animated GIF."""
-    with _quiet():
-        from sain_sim.render import CameraConfig, Renderer
+    from sain_sim.render import CameraConfig, Renderer  # takes a second to load
+
     config = config or MovieConfig()
     moments = choose_moments(episode_moments(bag, one.episode), config)
     camera = CameraConfig(width=config.width, height=config.height)
@@ -96,16 +93,3 @@ def render_movie(
             frames.append(frame)
             display.status(f"rendering the moving picture, {number} of {len(moments)}")
     return write_whole(path, encode_gif(frames, config))
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Swallow what C code says: PyBullet greets on standard error when it is loaded."""
-    saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
-    try:
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(nowhere)

@@ -9,9 +9,11 @@ import os
 import sys
 from typing import Any
 
-import pybullet
-
 from sain_core.errors import ConfigError, SainError
+from sain_sim.greeting import muted
+
+with muted():
+    import pybullet
 
 
 class Client:
