@@ -53,8 +53,8 @@ def _read(bag: Bag) -> dict[str, np.ndarray]:
 
 def main() -> None:
     """Measure and print."""
-    table = Table(title="Service path, default planner settings (K = 1024, H = 6)")
-    for column in ("", "pushes", "p50 [ms]", "p95 [ms]", "target p95 [ms]"):
+    table = Table(title="Service path, K = 1024, H = 6")
+    for column in ("", "pushes", "p50, ms", "p95, ms", "target p95, ms"):
         table.add_column(column, justify="left" if not column else "right")
     for name, times in measure().items():
         p50, p95 = np.percentile(times, [50, 95])

@@ -86,7 +86,7 @@ def test_push_and_watch_work_from_a_terminal(ros_domain):
         assert watch.stdout.count("scene_id: 2\n") == 2
         topics = tool("watch")
         assert "/sain/scene  [sain_interfaces/msg/Scene]" in topics.stdout
-        unknown = tool("watch", "scenes", "--timeout", "5")
+        unknown = tool("watch", "scenes")
         assert unknown.returncode == 1
         assert unknown.stderr.strip() == (
             "watch: nobody publishes /sain/scenes; did you mean /sain/scene?"
@@ -94,6 +94,12 @@ def test_push_and_watch_work_from_a_terminal(ros_domain):
     finally:
         simulator.send_signal(signal.SIGINT)
         simulator.communicate(timeout=60)
+
+
+def test_watch_without_a_graph_says_so(ros_domain):
+    alone = tool("watch", "--timeout", "0.5")
+    assert alone.returncode == 1
+    assert alone.stderr.strip() == "watch: no other node in 0.5 s; is anything running?"
 
 
 def tool(name: str, *arguments: str) -> "subprocess.CompletedProcess[str]":

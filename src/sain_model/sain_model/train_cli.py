@@ -21,7 +21,7 @@ from sain_model.checkpoint import Card, save_checkpoint, write_whole
 from sain_model.dataset import Split, Transitions, load_transitions, split_by_episode
 from sain_model.error_table import error_table
 from sain_model.evaluation import evaluate
-from sain_model.load import load_prior, prior_settings
+from sain_model.load import PLANAR, load_prior, prior_settings
 from sain_model.loss_plot import save_loss_curve
 from sain_model.sain import LEARNED, SainDynamics
 from sain_model.training import History, Trainer, TrainingConfig
@@ -72,7 +72,8 @@ def train(command: TrainCommand, console: Console) -> Path:
     data = load_transitions(command.dataset)
     split = split_by_episode(data, config.seed, config.validation, config.test)
     write_whole(command.out / "config.json", _settings(command).encode())
-    prior = load_prior(config.prior)
+    settings = {"friction": config.prior_friction} if config.prior == PLANAR else None
+    prior = load_prior(config.prior, settings)
     trainer = Trainer(split, prior, config, command.out)
     with EpochBar(console, config.epochs, trainer.epoch) as advance:
         trainer.run(advance)

@@ -48,6 +48,9 @@ class TrainingConfig(Config):
     )
     test: float = option(0.15, "share of the episodes held out", minimum=0.01, maximum=0.5)
     prior: str = option("planar", "what is corrected", choices=("planar", "identity"))
+    prior_friction: float = option(
+        0.12, "friction that the planar prior assumes", minimum=0.01, maximum=1.0
+    )
     network: NetworkConfig = NetworkConfig()
     loss: LossConfig = LossConfig()
 

@@ -20,7 +20,7 @@ from sain_core.ros.node_main import INTERRUPTS, NAMESPACE, refuse_start
 
 PROGRAM: Final = "ros2 run sain_bringup watch"
 SPIN: Final = 0.05  # [s]
-DISCOVERY: Final = 1.0  # [s] for the topics to be seen
+QUIET: Final = 1.0  # [s] without a new topic: all are seen
 SHOWN: Final = 12  # numbers of an array
 
 
@@ -33,7 +33,7 @@ class WatchOptions:
     count: int = 0
     """End after so many messages; 0: go on until Ctrl-C."""
     timeout: float = 10.0
-    """Longest wait for the topic to appear [s]."""
+    """Longest wait for topics to appear [s]."""
 
 
 class Watcher(Node):
@@ -44,12 +44,28 @@ class Watcher(Node):
         super().__init__("watch", namespace=NAMESPACE)
         self.received = 0
 
-    def topics(self, wait_s: float = DISCOVERY) -> dict[str, str]:
-        """Return the type of each topic that is published."""
-        deadline = time.monotonic() + wait_s
-        while time.monotonic() < deadline:
-            rclpy.spin_once(self, timeout_sec=SPIN)
+    def topics(self) -> dict[str, str]:
+        """Return the type of each topic that is seen by now."""
         return {name: kinds[0] for name, kinds in self.get_topic_names_and_types()}
+
+    def all_topics(self, timeout_s: float) -> dict[str, str]:
+        """Return the type of each topic of the graph.
+
+        Nodes find each other in their own time, on a busy machine in seconds. So this waits for
+        the first other node, and then until no new topic has appeared for a while.
+
+        Raises:
+            ConfigError: there is no other node.
+        """
+        deadline = time.monotonic() + timeout_s
+        seen, since = self.topics(), time.monotonic()
+        while (alone := len(self.get_node_names()) < 2) or time.monotonic() - since < QUIET:
+            if alone and time.monotonic() > deadline:
+                raise ConfigError(f"no other node in {timeout_s:g} s; is anything running?")
+            rclpy.spin_once(self, timeout_sec=SPIN)
+            if (topics := self.topics()).keys() != seen.keys() or alone:
+                seen, since = topics, time.monotonic()
+        return seen
 
     def watch(self, topic: str, timeout_s: float) -> None:
         """Print the messages of a topic from now on.
@@ -68,7 +84,7 @@ class Watcher(Node):
         self.create_subscription(kind, name, self._on_message, qos)
 
     def _unknown(self, name: str) -> str:
-        topics = sorted(self.topics(wait_s=0.0))
+        topics = sorted(self.topics())
         near = get_close_matches(name, topics, n=1) or [
             topic for topic in topics if topic.endswith(f"/{name.rsplit('/', 1)[-1]}")
         ]
@@ -137,7 +153,7 @@ def run(options: WatchOptions) -> None:
     watcher = Watcher()
     try:
         if not options.topic:
-            for name, kind in sorted(watcher.topics().items()):
+            for name, kind in sorted(watcher.all_topics(options.timeout).items()):
                 sys.stdout.write(f"{name}  [{kind}]\n")
             return
         watcher.watch(options.topic, options.timeout)
