@@ -6,11 +6,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sain_eval.episodes import EpisodeRecord
+from sain_eval.legend import draw_legend
 from sain_eval.pictures import describe_result
 from sain_eval.top_view import PALETTE, draw_top_view
 
 COLUMNS = 2
 TILE = (6.2, 5.4)  # [inch]
+LEGEND = 0.45  # [inch]
 
 
 def draw_overview(records: Sequence[EpisodeRecord]) -> Figure:
@@ -25,5 +27,6 @@ def draw_overview(records: Sequence[EpisodeRecord]) -> Figure:
         axes.set_title(
             f"{record.title}: {describe_result(record)}", fontsize=10, color=PALETTE.ink, pad=8
         )
-    figure.tight_layout()
+    draw_legend(figure, columns=3 * columns)
+    figure.tight_layout(rect=(0.0, LEGEND / figure.get_figheight(), 1.0, 1.0))
     return figure

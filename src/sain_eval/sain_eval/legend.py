@@ -5,12 +5,17 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from sain_eval.episodes import EpisodeRecord
 from sain_eval.palette import PALETTE
 
 
-def draw_legend(figure: Figure, record: EpisodeRecord) -> None:
-    """Draw one line of marks and their meaning along the bottom of a figure."""
+def draw_legend(figure: Figure, physics: bool = False, columns: int | None = None) -> None:
+    """Draw the marks and their meaning along the bottom of a figure.
+
+    Args:
+        figure: the figure, with room left below.
+        physics: whether it shows what physics alone predicted.
+        columns: marks in a row; all in one if not given.
+    """
     hollow = {"markerfacecolor": "none"}
     marks = [
         _mark("o", PALETTE.mid, "mid disk (pushed)", alpha=0.75),
@@ -20,12 +25,12 @@ def draw_legend(figure: Figure, record: EpisodeRecord) -> None:
         _mark("$\\rightarrow$", PALETTE.ink, "push of the tool, in order", markersize=14),
         _mark("D", PALETTE.predicted, "predicted target", markersize=6, **hollow),
     ]
-    if any(push.physics is not None for push in record.pushes):
+    if physics:
         marks.append(_mark("s", PALETTE.faint, "physics alone", markersize=8, alpha=0.6))
     figure.legend(
         handles=marks,
         loc="lower center",
-        ncols=len(marks),
+        ncols=columns or len(marks),
         frameon=False,
         fontsize=9,
         bbox_to_anchor=(0.5, 0.005),

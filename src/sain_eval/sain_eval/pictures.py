@@ -74,7 +74,7 @@ def draw_episode(
         va="center",
         ha="right",
     )
-    draw_legend(figure, record)
+    draw_legend(figure, physics=any(push.physics is not None for push in record.pushes))
     return figure
 
 
