@@ -89,7 +89,8 @@ def test_turning_scene_and_push_turns_the_prediction(
 ) -> None:
     scenes, pushes = draw(disks)
     turned = prior.step(rotate_scenes(scenes, angle), rotate_pushes(pushes, angle))
-    close(turned, rotate_scenes(prior.step(scenes, pushes), angle))
+    # A step that ends at a collision or a kink passes rounding on: 1 push in 200 by a micrometre.
+    close(turned, rotate_scenes(prior.step(scenes, pushes), angle), tolerance=1e-5)
 
 
 @pytest.mark.parametrize("disks", [2, 4])

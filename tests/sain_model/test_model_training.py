@@ -25,7 +25,7 @@ def split(dataset: Path) -> Split:
 
 def test_training_learns_a_residual(split: Split, tmp_path: Path) -> None:
     config = TrainingConfig(
-        epochs=60, batch=16, network=SMALL, loss=LossConfig(position_scale=0.005)
+        epochs=120, batch=16, network=SMALL, loss=LossConfig(position_scale=0.005)
     )
     prior = PlanarPrior()
     trainer = Trainer(split, prior, config, tmp_path)

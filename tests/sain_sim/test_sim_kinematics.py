@@ -43,7 +43,7 @@ def test_the_whole_described_reach_can_be_taken_low_and_raised():
 def test_bullet_puts_the_tip_where_the_formulas_do():
     config = ArmConfig()
     client = Client()
-    body = PandaModel(TOOL_RADIUS, config.tool_length).load(client, KINEMATICS.base_height)
+    body = PandaModel(TOOL_RADIUS, config).load(client, KINEMATICS.base_height)
     tips = np.array([[0.5, 0.2, 0.012], [0.22, -0.1, 0.05], [0.0, 0.6, 0.092], [0.7, 0.1, 0.02]])
     for tip in tips:
         for joint, value in enumerate(KINEMATICS.joints(tip)):

@@ -33,16 +33,24 @@ class ArmConfig(Config):
     torque_scale: float = option(
         20.0, "joint torque limits, as a multiple of Franka's", minimum=0.1, maximum=100.0
     )
+    # Rotors turn a hundred times faster than the joints behind their gears: an arm resists a
+    # knock with far more than its links. Bullet has no rotors, and light links that push heavy
+    # disks keep its solver from converging: the tool gave way, by how much told the direction.
+    inertia_scale: float = option(
+        20.0, "inertia of the links, as a multiple of Franka's", minimum=0.1, maximum=1000.0
+    )
 
 
 class PandaModel:
     """The robot description on disk, for as long as this object lives, and how to load it."""
 
-    def __init__(self, tool_radius: float, tool_length: float, visuals: bool = False) -> None:
+    def __init__(self, tool_radius: float, config: ArmConfig, visuals: bool = False) -> None:
         """Write the URDF of a Panda with this stick [m]; visuals are meshes for pictures."""
         self._folder = tempfile.TemporaryDirectory(prefix="sain-panda-")
         self._path = Path(self._folder.name) / "panda.urdf"
-        self._path.write_text(panda_with_stick(tool_radius, tool_length, visuals))
+        self._path.write_text(
+            panda_with_stick(tool_radius, config.tool_length, config.inertia_scale, visuals)
+        )
 
     def load(self, client: Client, base_height: float) -> int:
         """Load the arm with its base at z = base_height [m] and return its body."""

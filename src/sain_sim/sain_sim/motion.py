@@ -20,7 +20,11 @@ class MotionConfig(Config):
     travel_speed: float = option(0.5, "speed out of contact", unit="m/s", minimum=0.01, maximum=1.5)
     acceleration: float = option(4.0, "acceleration", unit="m/s^2", minimum=0.1, maximum=20.0)
     tip_height: float = option(
-        0.012, "tip above the table in a push", unit="m", minimum=0.002, maximum=0.035
+        0.008,
+        "lowest point of the tool above the table in a push",
+        unit="m",
+        minimum=0.002,
+        maximum=0.02,
     )
     lift: float = option(0.08, "tip raised between pushes by", unit="m", minimum=0.04, maximum=0.2)
     time_step: float = option(1 / 240, "control and physics step", unit="s", minimum=1e-4)

@@ -70,7 +70,7 @@ class Renderer:
         self._client = Client(gui)
         self._client.configureDebugVisualizer(self._client.COV_ENABLE_GUI, 0)
         self._table_top = build_table(self._client, table)
-        model = PandaModel(TOOL_RADIUS, arm.tool_length, visuals=True)
+        model = PandaModel(TOOL_RADIUS, arm, visuals=True)
         self._arm = model.load(self._client, -table.height)
         shapes = shapes or (THREE_FEET,) * len(scene)
         self._disks = [

@@ -77,11 +77,10 @@ class Stage:
         self._client.changeDynamics(body, -1, lateralFriction=1.0, restitution=0.0)
         return body
 
-    def observe(self) -> Scene:
-        """Return the disks' states (N, 8) as Bullet has them."""
+    def scene(self, states: Sequence[BodyState]) -> Scene:
+        """Return the scene (N, 8) of disks in these states."""
         scene = np.empty((len(self.disks), STATE_SIZE))
-        for row, disk, columns in zip(scene, self.disks, self._columns, strict=True):
-            state = disk.state()
+        for row, state, columns in zip(scene, states, self._columns, strict=True):
             heading = self._client.getEulerFromQuaternion(state.orientation)[2]
             row[:] = *state.position[:2], heading, *state.velocity[:2], state.spin[2], *columns
         return scene
@@ -92,7 +91,7 @@ class Stage:
 
     def still(self) -> bool:
         """Tell whether every disk on the table is settled; what fell off does not count."""
-        scene = self.observe()
+        scene = self.scene(self.states())
         slow = np.hypot(scene[:, VX], scene[:, VY]) < SETTLED_SPEED
         slow &= np.abs(scene[:, OMEGA]) < SETTLED_SPIN
         return bool((slow | self.fallen()).all())

@@ -1,8 +1,9 @@
 """Turns the stock Panda of ``pybullet_data`` into a Panda that holds a stick.
 
 Hand, closed fingers and stick become part of the last link, so the arm has seven links and
-seven joints and nothing else. Only the stick collides: nothing else of the arm comes lower
-than 0.1 m over the table, and disks are 0.04 m high.
+seven joints and nothing else. Only the stick's round end collides: nothing else of the arm comes
+lower than 0.1 m over the table, and disks are 0.04 m high. A ball, because Bullet finds the normal
+between a ball and a disk's rim to 1e-5 rad, and between two cylinders to 1e-2 only.
 """
 
 import xml.etree.ElementTree as ElementTree
@@ -28,12 +29,13 @@ END_INERTIA: Final = 0.1  # [kg m^2], what the stock URDF says of each link
 FINGER_DROP: Final = 0.0584  # [m], from hand to finger, stock URDF
 
 
-def panda_with_stick(radius: float, length: float, visuals: bool) -> str:
+def panda_with_stick(radius: float, length: float, inertia_scale: float, visuals: bool) -> str:
     """Return the URDF of a Panda with a stick of this radius and length [m] below its flange.
 
     Args:
-        radius: radius of the stick [m].
+        radius: radius of the stick and of its round end [m].
         length: from the flange to the tip [m].
+        inertia_scale: masses and inertias of the links, as a multiple of the stock ones.
         visuals: keep the meshes that only pictures need; without them a world builds faster.
     """
     robot = ElementTree.parse(PANDA_FOLDER / "panda.urdf").getroot()
@@ -45,6 +47,7 @@ def panda_with_stick(radius: float, length: float, visuals: bool) -> str:
         _remove(link, "collision")
         if link.get("name") == LAST_LINK:
             _extend_last_link(link, radius, length)
+        _scale_inertia(link, inertia_scale)
         if not visuals:
             _remove(link, "visual")
     for mesh in robot.iter("mesh"):
@@ -57,12 +60,21 @@ def _remove(parent: ElementTree.Element, tag: str) -> None:
         parent.remove(child)
 
 
+def _scale_inertia(link: ElementTree.Element, scale: float) -> None:
+    for value in [*link.iter("mass"), *link.iter("inertia")]:
+        for name, number in value.attrib.items():
+            value.set(name, str(scale * float(number)))
+
+
 def _extend_last_link(link: ElementTree.Element, radius: float, length: float) -> None:
     """Replace the last link's inertia and add hand, fingers and stick to it."""
     _remove(link, "inertial")
     finger = FLANGE_DROP + FINGER_DROP
-    stick = f'<geometry><cylinder radius="{radius}" length="{length}"/></geometry>'
-    middle = f'<origin xyz="0 0 {FLANGE_DROP + length / 2}"/>'
+    shaft = length - radius  # down to the middle of the ball
+    stick = f'<geometry><cylinder radius="{radius}" length="{shaft}"/></geometry>'
+    middle = f'<origin xyz="0 0 {FLANGE_DROP + shaft / 2}"/>'
+    ball = f'<geometry><sphere radius="{radius}"/></geometry>'
+    end = f'<origin xyz="0 0 {FLANGE_DROP + shaft}"/>'
     side = radius / 2**0.5  # the hand is turned by 45 degrees about the flange's axis
     parts = ElementTree.fromstring(f"""<parts>
       <inertial>
@@ -75,7 +87,9 @@ def _extend_last_link(link: ElementTree.Element, radius: float, length: float) -
       {_mesh("finger", (-side, -side, finger), 3 * pi / 4)}
       <visual>{middle}{stick}
         <material name="stick"><color rgba="{STICK_COLOR}"/></material></visual>
-      <collision>{middle}{stick}</collision>
+      <visual>{end}{ball}
+        <material name="stick"><color rgba="{STICK_COLOR}"/></material></visual>
+      <collision>{end}{ball}</collision>
     </parts>""")
     link.extend(parts)
 

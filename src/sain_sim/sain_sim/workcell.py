@@ -18,6 +18,7 @@ from sain_sim.parameters import WorldParameters
 from sain_sim.stage import Stage
 
 GRAVITY: Final = 9.81  # [m/s^2]
+CONTACT_BREAKING: Final = 0.001  # [m], Bullet's 0.02 keeps contacts where rims have slid on
 STEPS_PER_LOOK: Final = 6  # between two looks whether the disks are still
 
 
@@ -103,7 +104,9 @@ class Workcell:
         client.resetSimulation()
         client.setGravity(0.0, 0.0, -GRAVITY)
         client.setTimeStep(config.motion.time_step)
-        client.setPhysicsEngineParameter(deterministicOverlappingPairs=1)
+        client.setPhysicsEngineParameter(
+            deterministicOverlappingPairs=1, contactBreakingThreshold=CONTACT_BREAKING
+        )
         body = model.load(client, -table.height)
         self.arm = Arm(client, body, config.kinematics, config.arm, config.motion.time_step)
         self.arm.place(origin.joints)
@@ -112,10 +115,17 @@ class Workcell:
 
     @property
     def now(self) -> Origin:
-        """What a workcell like this one now is built from; to the bit, while nothing moved."""
+        """What a workcell like this one now is built from."""
         if self.steps == self._first_step:
             return self.origin
-        return Origin(self.stage.states(), self.arm.joint_states()[0])
+        return Origin(self._states(), self.arm.joint_states()[0])
+
+    def _states(self) -> list[BodyState]:
+        """Return the disks' states; while nothing moved, to the bit what this was built from.
+
+        Bullet scales an orientation that it is given to length one again, and changes last bits.
+        """
+        return self.origin.states if self.steps == self._first_step else self.stage.states()
 
     @property
     def time(self) -> float:
@@ -124,7 +134,7 @@ class Workcell:
 
     def observe(self) -> Scene:
         """Return the disks' states (N, 8)."""
-        return self.stage.observe()
+        return self.stage.scene(self._states())
 
     def sample(self, phase: str) -> Sample:
         """Return all there is to see."""

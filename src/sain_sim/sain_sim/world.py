@@ -35,7 +35,7 @@ class World:
         self.config = config
         self.parameters = parameters
         limits, table = config.feasibility.limits, config.feasibility.table
-        self._model = PandaModel(limits.tool_radius, config.arm.tool_length)
+        self._model = PandaModel(limits.tool_radius, config.arm)
         self._home = config.kinematics.joints(np.array([*HOME, config.motion.raised]))
         self._client = Client()
         self._steps = 0
