@@ -9,7 +9,7 @@ PARTS = {"all": "all pushes", "target_moved": "pushes that moved the target"}
 
 def error_table(errors: dict[str, Any], part: str) -> Table:
     """Return one part of what `sain_model.evaluation.evaluate` returns as a table."""
-    table = Table(title=f"Error after one push [mm], {PARTS[part]}", title_justify="left")
+    table = Table(title=f"Error after one push in mm, {PARTS[part]}", title_justify="left")
     table.add_column("prediction")
     for column in ("pushes", "target", "95 %", "median", "p95", "mid disk"):
         table.add_column(column, justify="right")

@@ -154,14 +154,18 @@ def bootstrap_over_episodes(
 
 
 def _shares(data: Transitions, predictions: dict[str, Scenes]) -> dict[str, float]:
-    """Return which share of the nominal prior's error above the floor each predictor removes."""
-    rows = np.isfinite(data.floor_next).all(axis=(1, 2)) & target_moved(data)
-    if not rows.any():
-        return {}
-    means = {
-        name: position_errors(predicted[rows], data.next_scenes[rows], TARGET).mean()
-        for name, predicted in predictions.items()
-    }
+    """Return which share of the nominal prior's error above the floor each predictor removes.
+
+    Over the pushes that moved the target; the floor is the mean of those that were repeated.
+    """
+    moved = target_moved(data)
+    means = {}
+    for name, predicted in predictions.items():
+        rows = moved & (np.isfinite(predicted).all(axis=(1, 2)) if name == FLOOR else True)
+        if not rows.any():
+            return {}
+        errors = position_errors(predicted[rows], data.next_scenes[rows], TARGET)
+        means[name] = errors.mean()
     reducible = means[BULLET] - means[FLOOR]
     if not reducible > 0.0:
         return {}
