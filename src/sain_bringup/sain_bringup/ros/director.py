@@ -13,7 +13,7 @@ from sain_bringup.ros.readiness import missing_parts
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
 from sain_core.ros.codec import decode_disks, encode_disks, encode_goal
 from sain_core.ros.node_main import NAMESPACE
-from sain_core.ros.peers import refuse_peers
+from sain_core.ros.peers import refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import target_distance
 from sain_eval.scenarios import ScenarioScene
@@ -21,7 +21,8 @@ from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult
 from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
 
 SPIN: Final = 0.02  # [s], also how soon a signal or a dead process is noticed
-DISCOVERY_TIME: Final = 1.0  # [s] for a graph that runs already to be seen
+DISCOVERY_TIME: Final = 1.0  # [s] for a graph that runs already to be seen at once
+OWNED: Final = ("scene", "push", "goal", "/clock")  # topics with one publisher in a graph
 PREDICTION_TIME: Final = 5.0  # [s] for the nominal world to have its say after the last push
 SERVER_PARTS: Final = {
     "reset_scene": ResetScene,
@@ -48,7 +49,7 @@ class Director(Node):
             BusyError: another simulator, planner or closed loop is there already.
         """
         super().__init__("closed_loop", namespace=NAMESPACE)
-        refuse_peers(self, ("scene", "push", "goal", "/clock"), DISCOVERY_TIME)
+        refuse_peers(self, OWNED, DISCOVERY_TIME)
         self._check = check
         self._timeout = timeout
         self._events: deque[Plan | PushResult] = deque()
@@ -77,9 +78,11 @@ class Director(Node):
 
         Raises:
             GraphTimeoutError: naming what is missing.
+            BusyError: another graph has come to be seen.
         """
 
         def up() -> bool:
+            refuse_rivals(self, OWNED)
             missing = missing_parts(self, self._servers.values())
             tell(", ".join(dict.fromkeys(part.process for part in missing)))
             return not missing

@@ -36,6 +36,26 @@ def refuse_peers(node: Node, topics: Iterable[str], wait_s: float) -> None:
         time.sleep(POLL_S)
 
 
+def refuse_rivals(node: Node, topics: Iterable[str]) -> None:
+    """Look whether a topic that one node should own has two publishers.
+
+    Discovery takes its time on a busy machine: who found no peer at first may do so later.
+
+    Raises:
+        BusyError: naming topic and publishers.
+    """
+    for name in (node.resolve_topic_name(topic) for topic in topics):
+        owners = [
+            f"{owner.node_namespace.rstrip('/')}/{owner.node_name}"
+            for owner in node.get_publishers_info_by_topic(name)
+        ]
+        if len(owners) > 1:
+            raise BusyError(
+                f"{' and '.join(owners)} publish {name}, so another graph is running already;"
+                " stop it, or start this one with another ROS_DOMAIN_ID"
+            )
+
+
 def publisher_count(node: Node, topic: str) -> int:
     """Return how many publishers a topic has, the node itself included."""
     return len(node.get_publishers_info_by_topic(node.resolve_topic_name(topic)))
