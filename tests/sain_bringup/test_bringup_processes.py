@@ -26,7 +26,8 @@ time.sleep(600)
 ORDERLY = """
 import signal, sys, time
 def end(*_):
-    time.sleep(0.1)
+    print('closing', flush=True)
+    time.sleep(0.3)
     print('closed', flush=True)
     sys.exit(0)
 signal.signal(signal.SIGINT, end)
@@ -66,7 +67,7 @@ def test_processes_log_and_end_in_order(tmp_path: Path) -> None:
         wait_for(child.log, "up")
         supervisor.check()
     assert child.process.returncode == 0
-    assert (tmp_path / "logs" / "orderly.log").read_text() == "up\nclosed\n"
+    assert (tmp_path / "logs" / "orderly.log").read_text() == "up\nclosing\nclosed\n"
 
 
 def test_a_process_that_dies_is_reported_with_its_last_words(tmp_path: Path) -> None:
@@ -130,6 +131,18 @@ def test_who_has_a_file_to_close_gets_the_time(patient: bool, code: int, tmp_pat
     assert child.process.returncode == code
 
 
+def test_files_can_be_closed_while_the_others_live(tmp_path: Path) -> None:
+    with Supervisor(tmp_path, QUICK) as supervisor:
+        supervisor.start("closer", python(SLOW), patient=True)
+        supervisor.start("talker", SLEEP)
+        closer, talker = supervisor.children
+        wait_for(closer.log, "up")
+        wait_for(talker.log, "up")
+        supervisor.close_files(30.0)
+        assert closer.process.returncode == 0
+        assert talker.process.poll() is None
+
+
 def test_children_of_children_end_too(tmp_path: Path) -> None:
     code = f"""
         import subprocess, sys
@@ -174,19 +187,25 @@ def test_a_second_interrupt_does_not_disturb_the_end(tmp_path: Path) -> None:
         import os, signal, threading
         from pathlib import Path
         from sain_bringup.processes import Supervisor
+
+        def interrupt_the_end():
+            while supervisor.children[0].log.read_text() == "up\\n":  # it is not ending yet
+                pass
+            os.kill(os.getpid(), signal.SIGINT)
+
         with Supervisor(Path({str(tmp_path)!r})) as supervisor:
             supervisor.start("orderly", {python(ORDERLY)!r})
             print(supervisor.children[0].process.pid, flush=True)
             while "up" not in supervisor.children[0].log.read_text():
                 pass
-            threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+            threading.Thread(target=interrupt_the_end).start()
     """
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=60
     )
     assert done.stderr == ""
     assert gone(int(done.stdout))
-    assert (tmp_path / "orderly.log").read_text() == "up\nclosed\n"
+    assert (tmp_path / "orderly.log").read_text() == "up\nclosing\nclosed\n"
 
 
 def test_a_log_that_cannot_be_written_is_named(tmp_path: Path) -> None:

@@ -125,6 +125,16 @@ class Supervisor:
                     else f"{child.name} {child.describe_end()} and said nothing"
                 )
 
+    def close_files(self, patience: float) -> None:
+        """Let those end that have a file to close, while those that they listen to still live.
+
+        What was said last may have to be sent again, and only who said it can do so.
+        """
+        closing = [child for child in self._running() if child.patient]
+        for child in closing:
+            _signal_group(child, signal.SIGINT)
+        self._wait(patience, closing)
+
     def stop(self, config: StopConfig | None = None) -> list[str]:
         """End all processes: SIGINT, then SIGTERM, then SIGKILL, each to whole process groups.
 
@@ -146,7 +156,7 @@ class Supervisor:
                 if everyone or not child.patient:
                     _signal_group(child, number)
                     killed += [child.name] if number == signal.SIGKILL else []
-            self._wait(patience)
+            self._wait(patience, self._children)
         for child in self._children:
             _signal_group(child, signal.SIGKILL)  # what a process may have left behind
         self._children.clear()
@@ -169,9 +179,12 @@ class Supervisor:
     def _running(self) -> list[Child]:
         return [child for child in self._children if child.process.poll() is None]
 
-    def _wait(self, patience: float) -> None:
+    @staticmethod
+    def _wait(patience: float, children: list[Child]) -> None:
         deadline = time.monotonic() + patience
-        while self._running() and time.monotonic() < deadline:
+        while time.monotonic() < deadline:
+            if all(child.process.poll() is not None for child in children):
+                return
             time.sleep(POLL)
 
 

@@ -27,7 +27,10 @@ from sain_core.errors import ConfigError, InvalidInputError, SainError
 
 DISCOVERY_PERIOD: Final = 0.05  # [s], also how soon a signal is noticed
 DRAIN_TIME: Final = 0.5  # [s], at most, for messages that have come before the stop
-QUIET_TIME: Final = 0.05  # [s] without a message: nothing more is on its way
+QUIET_TIME: Final = 0.05  # [s] without a message: nothing more is on its way ...
+QUIET_LOOKS: Final = (
+    10  # ... if this often nothing was there: time passes for a halted process, too
+)
 
 
 @dataclass(frozen=True)
@@ -188,13 +191,23 @@ def _spin(recorder: Recorder, stop: _StopSignal) -> None:
     try:
         while not stop.came:
             executor.spin_once(timeout_sec=DISCOVERY_PERIOD)
-        deadline = time.monotonic() + DRAIN_TIME
-        recorder.last_message = time.monotonic()
-        while time.monotonic() < min(deadline, recorder.last_message + QUIET_TIME):
-            executor.spin_once(timeout_sec=0.01)
+        _drain(recorder, executor)
     finally:
         executor.shutdown()
         recorder.destroy_node()
+
+
+def _drain(recorder: Recorder, executor: SingleThreadedExecutor) -> None:
+    """Take what has come before the stop."""
+    now = recorder.last_message = time.monotonic()
+    enough, looks = now + DRAIN_TIME, 0
+    while looks < QUIET_LOOKS or now < recorder.last_message + QUIET_TIME:
+        before = recorder.last_message
+        executor.spin_once(timeout_sec=0.01)
+        looks = looks + 1 if recorder.last_message == before else 0
+        now = time.monotonic()
+        if now > enough + (0.0 if looks else DRAIN_TIME):  # there is always more of some topics
+            return
 
 
 def main() -> None:

@@ -51,6 +51,7 @@ def run(options: ClosedLoopOptions, display: Display, interrupts: Interrupts) ->
         with interrupts.deferred():
             play(options, folder, supervisor, display, check)
         with display.stage("closing the recording", "graph stopped, recording closed"):
+            supervisor.close_files(UNHURRIED.interrupt)
             supervisor.stop(UNHURRIED)
     return write_results(folder, options.video, display)
 
