@@ -11,7 +11,7 @@ from sain_sim.outcome import PushOutcome, Sample
 from sain_sim.pacing import Pacer
 from sain_sim.parameters import FLAT, THREE_FEET, WorldParameters, nominal_parameters
 from sain_sim.shadow import BulletPrior
-from sain_sim.truth import ALL, KNOWN_EFFECTS
+from sain_sim.truth import ALL, KNOWN_EFFECTS, TruthConfig
 from sain_sim.workcell import WorldConfig
 from sain_sim.world import World
 
@@ -45,6 +45,11 @@ class SimulatorConfig(Config):
         1.0, "look at the start for another simulator", unit="s", minimum=0.0, maximum=60.0
     )
     bullet: WorldConfig = WorldConfig()
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that every effect is one."""
+        super().__post_init__()
+        TruthConfig(effects=self.effects)
 
 
 @dataclass(frozen=True)
