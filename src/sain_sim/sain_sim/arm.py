@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from sain_core.config import Config, option
+from sain_core.push import TOOL_RADIUS
 from sain_sim.client import Client
 from sain_sim.kinematics import Joints, Kinematics, Tips
 from sain_sim.tool_spring import ToolSpring
@@ -41,7 +42,13 @@ class ArmConfig(Config):
         20.0, "inertia of the links, as a multiple of Franka's", minimum=0.1, maximum=1000.0
     )
     tool_stiffness: float = option(
-        0.0, "of the spring that holds the stick; 0: rigid", unit="N/m", minimum=0.0, maximum=1e4
+        0.0, "of the spring that holds the stick; 0: rigid", unit="N/m", minimum=0.0, maximum=2e4
+    )
+    tool_torque_scale: float = option(
+        0.0,
+        "joint torques that a stick on a spring may take, as a multiple of Franka's; 0: any",
+        minimum=0.0,
+        maximum=100.0,
     )
 
 
@@ -88,7 +95,9 @@ class Arm:
         self.spring: ToolSpring | None = None
         self.stick = STICK_LINK
         if config.tool_stiffness > 0.0:
-            self.spring = ToolSpring(client, body, config.tool_stiffness)
+            torques = config.tool_torque_scale * STOCK_TORQUE
+            lever = (config.tool_length - 2 * TOOL_RADIUS) / 2
+            self.spring = ToolSpring(client, body, config.tool_stiffness, torques, lever)
             self.stick = self.spring.link
 
     def set_friction(self, value: float) -> None:

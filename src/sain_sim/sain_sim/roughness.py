@@ -30,6 +30,7 @@ PATCH_DEPTH: Final = 0.7  # friction is between exp(-0.7) and exp(0.7) of its me
 GRAIN: Final = (0.6, 0.8)  # friction along y over friction along x
 TILT: Final = (radians(0.5), radians(1.0))
 TOOL_STIFFNESS: Final = (2000.0, 3000.0)  # [N/m], the upper end of Franka's Cartesian impedance
+STIFF_TOOL: Final = 20_000.0  # [N/m], where only torques are limited: 1 mm at 20 N
 RIM_FRICTION: Final = (0.2, 0.4)  # the prior assumes 0.12
 
 
@@ -56,7 +57,7 @@ class Roughness(Config):
     tool_stiffness: float = option(
         0.0, "of the spring that holds the stick; 0: rigid", unit="N/m", minimum=0.0
     )
-    stock_joints: bool = option(False, "torque limits and inertia as Franka has them")
+    stock_joints: bool = option(False, "joints give the tool no more than Franka's torques")
 
     def __post_init__(self) -> None:
         """Check the fields, and that every disk stands."""
@@ -82,9 +83,9 @@ class Roughness(Config):
 
     def arm(self, config: ArmConfig) -> ArmConfig:
         """Return how the arm of such a world is built and controlled."""
-        if self.tool_stiffness:
-            config = replace(config, tool_stiffness=self.tool_stiffness)
-        return replace(config, torque_scale=1.0, inertia_scale=1.0) if self.stock_joints else config
+        if self.tool_stiffness or self.stock_joints:
+            config = replace(config, tool_stiffness=self.tool_stiffness or STIFF_TOOL)
+        return replace(config, tool_torque_scale=1.0) if self.stock_joints else config
 
     def friction_factor(self, x: float, y: float) -> float:
         """Return the friction at a place on the table [m], over its mean; 1 without patches."""

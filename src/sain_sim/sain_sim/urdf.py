@@ -29,7 +29,7 @@ END_INERTIA: Final = 0.1  # [kg m^2], what the stock URDF says of each link
 
 SPRUNG_MASS: Final = 2.0  # [kg], moves with a stick that a spring holds: some of a soft arm
 SLIDE_MASS: Final = 0.01  # [kg], between the two directions of the spring
-SLIDE_RANGE: Final = 0.05  # [m], either way
+SLIDE_RANGE: Final = 0.16  # [m], either way: more than a push is long
 FINGER_DROP: Final = 0.0584  # [m], from hand to finger, stock URDF
 
 
