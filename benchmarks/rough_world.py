@@ -55,8 +55,12 @@ class Command:
     """Steps of the optimiser for every network."""
     seed: int = 0
     """Of the split and of training."""
+    test: float = 0.15
+    """Share of the episodes held out."""
     prior_friction: float = 0.12
     """What the planar prior under the network assumes."""
+    frames: tuple[str, ...] = FRAMES
+    """What the networks see: the scene as the push sees it, or the world too."""
     out: Path | None = None
     """Where the figures are written as JSON."""
 
@@ -65,13 +69,13 @@ def main() -> None:
     """Print the table of one collection."""
     torch.set_num_threads(1)
     command = tyro.cli(Command, description=main.__doc__)
-    split = split_by_episode(load_transitions(command.dataset), command.seed, 0.1, 0.15)
+    split = split_by_episode(load_transitions(command.dataset), command.seed, 0.1, command.test)
     errors = physics_errors(split)
     best = min((name for name in errors if name.startswith(("planar", "bullet"))),
                key=lambda name: float(np.nanmean(errors[name])))  # fmt: skip
     for size in command.sizes or (len(split.train),):
         part = limit_training(split, size)
-        for frame in FRAMES:
+        for frame in command.frames:
             for prior, name in (("identity", "learned only"), ("planar", "SAIN")):
                 label = f"{name}, {frame}, {size}"
                 errors[label] = network_errors(part, prior, frame, command)
