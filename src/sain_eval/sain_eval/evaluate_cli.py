@@ -104,7 +104,7 @@ class Evaluate(Config):
 
     def settings(self) -> dict[str, object]:
         """Return what a record depends on besides scenario, seed and controller."""
-        settings = {
+        settings: dict[str, object] = {
             "tolerances": self.tolerance_values,
             "planner": dataclasses.asdict(self.planner),
         }
