@@ -7,6 +7,7 @@ from sain_core.feasibility import Feasibility, reachable
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, check_scene, surface_gaps
 from sain_eval.scenarios import CONTACT_GAP, SCENARIOS
 from sain_sim.parameters import CUBE, FLAT, THREE_FEET
+from sain_sim.truth import TruthConfig
 
 FEASIBILITY = Feasibility()
 SEEDS = range(60)
@@ -95,3 +96,14 @@ def test_the_world_is_built_as_asked():
     assert case.parameters().shapes == (THREE_FEET, CUBE)
     assert case.parameters(FLAT).shapes == (FLAT, CUBE)
     assert case.parameters().friction == case.friction
+
+
+def test_a_scene_can_be_played_in_a_rough_world():
+    case = SCENARIOS["clutter"].scene(3)
+    rough = case.within(TruthConfig("rough", lab=2))
+    assert np.array_equal(rough.disks, case.disks) and rough.goal is case.goal
+    parameters = rough.parameters()
+    assert len(parameters.roughness.mass_offsets) == len(case.disks)
+    assert parameters.friction == rough.friction != case.friction  # what the oracle is told
+    same = case.within(TruthConfig())
+    assert same.parameters() == case.parameters() and same.friction == case.friction

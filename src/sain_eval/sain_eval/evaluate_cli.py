@@ -30,6 +30,7 @@ from sain_eval.report import HEADER, markdown_table, table_cells
 from sain_eval.results import SceneRecord, summarise, write_results
 from sain_eval.scenarios import SCENARIOS
 from sain_mppi.config import PlannerConfig
+from sain_sim.truth import RANDOMISED_TRUTH, TruthConfig
 
 TABLE_FILE: Final = "table.md"
 PAPER_SCENARIOS: Final = "paper,paper_shift,paper_cube"
@@ -66,6 +67,8 @@ class Evaluate(Config):
     """Draw this many episodes of each scenario and controller."""
     table: bool = False
     """Make the paper's table: its three scenarios, baselines, planar and sain, four tolerances."""
+    truth: Annotated[TruthConfig, tyro.conf.arg(name="")] = RANDOMISED_TRUTH
+    """The world that is played in: --world randomised or rough, --effects, --lab."""
     planner: Annotated[PlannerConfig, tyro.conf.arg(help="How MPPI plans.")] = field(
         default_factory=PlannerConfig
     )
@@ -101,7 +104,13 @@ class Evaluate(Config):
 
     def settings(self) -> dict[str, object]:
         """Return what a record depends on besides scenario, seed and controller."""
-        return {"tolerances": self.tolerance_values, "planner": dataclasses.asdict(self.planner)}
+        settings: dict[str, object] = {
+            "tolerances": self.tolerance_values,
+            "planner": dataclasses.asdict(self.planner),
+        }
+        if self.truth != RANDOMISED_TRUTH:
+            settings["truth"] = dataclasses.asdict(self.truth)
+        return settings
 
     def jobs(self, done: set[tuple[str, int, str]]) -> list[Job]:
         """Return the episodes that are still to be run, scene by scene."""
@@ -113,6 +122,7 @@ class Evaluate(Config):
                 self.tolerance_values,
                 self.planner,
                 self._picture(scenario, seed, controller),
+                self.truth,
             )
             for scenario in self.scenario_names
             for seed in range(self.seed, self.seed + self.scenes)
@@ -192,6 +202,7 @@ def main() -> None:
     """Run from the command line."""
     console = Console(stderr=True, soft_wrap=True)
     describe_options(PlannerConfig)
+    describe_options(TruthConfig)
     try:
         options = tyro.cli(Evaluate, prog="ros2 run sain_eval evaluate")
         command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])

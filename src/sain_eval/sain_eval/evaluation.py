@@ -14,6 +14,7 @@ from sain_eval.pictures import draw_episode, save_picture
 from sain_eval.results import SceneRecord, scene_records
 from sain_eval.scenarios import SCENARIOS
 from sain_mppi.config import PlannerConfig
+from sain_sim.truth import RANDOMISED_TRUTH, TruthConfig
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -28,11 +29,12 @@ class Job:
     tolerances: tuple[float, ...]  # [m]; the controller plays to the tightest
     planner: PlannerConfig
     picture: Path | None = None  # where to draw it
+    truth: TruthConfig = RANDOMISED_TRUTH
 
 
 def run_job(job: Job) -> list[SceneRecord]:
     """Run one episode and judge it at each tolerance."""
-    case = SCENARIOS[job.scenario].scene(job.seed)
+    case = SCENARIOS[job.scenario].scene(job.seed).within(job.truth)
     controller = _maker(job.controller, job.planner)(case)
     outcome = run_episode(case, controller, min(job.tolerances))
     if job.picture is not None:

@@ -5,7 +5,7 @@ reach, and a straight push through the target to the goal possible for the arm o
 stands behind the target.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
@@ -17,6 +17,7 @@ from sain_core.types import Scene
 from sain_eval.placement import draw_extra_disks, draw_goal, touching_distance
 from sain_mppi.goal import Goal
 from sain_sim.parameters import CUBE, THREE_FEET, WorldParameters, sample_parameters
+from sain_sim.truth import RANDOMISED_TRUTH, TruthConfig
 
 MAX_PUSHES: Final = 15  # paper section II-D
 PAPER_TOLERANCE: Final = 0.05  # [m], paper section III-A
@@ -36,11 +37,17 @@ class ScenarioScene:
     goal: Goal  # (2,) [m]
     max_pushes: int = MAX_PUSHES
     tolerance: float = PAPER_TOLERANCE  # [m]
+    truth: TruthConfig = RANDOMISED_TRUTH  # the world it plays in
+
+    def within(self, truth: TruthConfig) -> "ScenarioScene":
+        """Return the same scene in another world, with the friction that it has there."""
+        moved = replace(self, truth=truth)
+        return replace(moved, friction=moved.parameters().friction)
 
     def parameters(self, disk_shape: str = THREE_FEET) -> WorldParameters:
         """Return the simulated world that this scene plays in; `disk_shape` builds its disks."""
         shapes = tuple(disk_shape if shape == DISK else CUBE for shape in self.shapes)
-        return WorldParameters.of_scene(self.disks, self.friction, shapes)
+        return self.truth.roughen(WorldParameters.of_scene(self.disks, self.friction, shapes))
 
 
 @runtime_checkable

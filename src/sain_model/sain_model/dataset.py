@@ -141,6 +141,27 @@ def split_by_episode(data: Transitions, seed: int, validation: float, test: floa
     )
 
 
+def limit_training(split: Split, transitions: int) -> Split:
+    """Return a split with so many transitions to train on, and as small a share to validate on.
+
+    Episodes are taken in order, the last one in part; what is held out stays whole.
+
+    Raises:
+        DatasetError: there are not that many.
+    """
+    count = len(split.train)
+    if transitions > count:
+        raise DatasetError(
+            f"{transitions} transitions to train on are asked for; there are {count}"
+        )
+    validated = max(round(len(split.validation) * transitions / count), 1)
+    return Split(
+        split.train.select(np.arange(count) < transitions),
+        split.validation.select(np.arange(len(split.validation)) < validated),
+        split.test,
+    )
+
+
 def _read_shard(path: Path) -> dict[str, ndarray]:
     """Read and check one shard; states come back as (M, N, 8)."""
     try:

@@ -8,7 +8,7 @@ Lengths are divided by constants, so that the inputs are of order one. E = N (N 
 ordered pairs, sorted by the receiving disk.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,10 +18,14 @@ from numpy import ndarray
 from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import MASS, MID, POSITION, RADIUS, THETA, wrap_angle
 from sain_core.types import Angles, Pushes, Scenes
+from sain_model.place_features import place_features
 
 FEATURE_VERSION: Final = 1  # raise it with every change of meaning, order or scale below
 DISK_FEATURES: Final = 15
 RELATION_FEATURES: Final = 16
+PUSH_FRAME: Final = "push"
+WORLD_FRAME: Final = "world"  # the same, and where on the table and how turned things are
+FRAMES: Final = (PUSH_FRAME, WORLD_FRAME)
 
 GAP_BEFORE: Final = 10  # columns of the relation features: 0 where two disks touch, 1 far apart
 GAP_AFTER: Final = 15
@@ -51,8 +55,25 @@ class Features:
     relations: Float[ndarray, "B E R"]
 
 
-def make_features(scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Features:
-    """Return the inputs for pushes (B, 3) from scenes (B, N, 8), given the prior's prediction."""
+def make_features(
+    scenes: Scenes, pushes: Pushes, physics_next: Scenes, frame: str = PUSH_FRAME
+) -> Features:
+    """Return the inputs of a network.
+
+    Args:
+        scenes: before the pushes.
+        pushes: one for each scene.
+        physics_next: the prior's prediction.
+        frame: one of `FRAMES`; "world" adds the columns of `sain_model.place_features`.
+    """
+    features = _push_features(scenes, pushes, physics_next)
+    if frame == PUSH_FRAME:
+        return features
+    places = place_features(scenes, pushes, physics_next)
+    return replace(features, disks=np.concatenate([features.disks, places], axis=-1))
+
+
+def _push_features(scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Features:
     frame = pushes[:, LOCATION]
     origin = scenes[:, MID : MID + 1, POSITION]
     before = _turn(scenes[..., POSITION] - origin, -frame)  # (B, N, 2)

@@ -9,11 +9,15 @@ from torch import Tensor, nn
 from sain_core.config import Config, option
 from sain_model.features import (
     DISK_FEATURES,
+    FRAMES,
     GAP_AFTER,
     GAP_BEFORE,
+    PUSH_FRAME,
     RELATION_FEATURES,
     TURN_SCALE,
+    WORLD_FRAME,
 )
+from sain_model.place_features import PLACE_FEATURES
 
 OUTPUTS = 3  # dx, dy, dtheta
 POSITION_UNIT = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE
@@ -26,6 +30,14 @@ class NetworkConfig(Config):
     hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
     message: int = option(32, "width of what one disk tells another", minimum=1, maximum=1024)
     layers: int = option(2, "hidden layers of f_rel and of f_dyn", minimum=1, maximum=6)
+    features: str = option(
+        PUSH_FRAME, "what it sees: scenes as the push sees them, or the world too", choices=FRAMES
+    )
+
+    @property
+    def disk_features(self) -> int:
+        """How many numbers it is told of each disk."""
+        return DISK_FEATURES + (PLACE_FEATURES if self.features == WORLD_FRAME else 0)
 
 
 class InteractionNetwork(nn.Module):
@@ -36,7 +48,7 @@ class InteractionNetwork(nn.Module):
         super().__init__()
         self.config = config
         self.relation = _perceptron(RELATION_FEATURES, config.message, config)
-        self.dynamics = _perceptron(DISK_FEATURES + config.message, OUTPUTS, config)
+        self.dynamics = _perceptron(config.disk_features + config.message, OUTPUTS, config)
         last = self.dynamics[-1]
         assert isinstance(last, nn.Linear)
         nn.init.zeros_(last.weight)

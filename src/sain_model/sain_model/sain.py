@@ -60,7 +60,8 @@ class SainDynamics:
             InvalidInputError: arrays that do not fit together.
         """
         check_prediction(scenes, physics_next)
-        features = make_features(scenes, pushes, physics_next)
+        frame = self.network.config.features
+        features = make_features(scenes, pushes, physics_next, frame)
         settle_threads()
         with torch.inference_mode():
             output = self.network(

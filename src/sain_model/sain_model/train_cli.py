@@ -18,7 +18,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from sain_core.dynamics import Dynamics
 from sain_core.errors import SainError
 from sain_model.checkpoint import Card, save_checkpoint, write_whole
-from sain_model.dataset import Split, Transitions, load_transitions, split_by_episode
+from sain_model.dataset import (
+    Split,
+    Transitions,
+    limit_training,
+    load_transitions,
+    split_by_episode,
+)
 from sain_model.error_table import error_table
 from sain_model.evaluation import evaluate
 from sain_model.load import PLANAR, load_prior, prior_settings
@@ -71,6 +77,8 @@ def train(command: TrainCommand, console: Console) -> Path:
     config = command.training
     data = load_transitions(command.dataset)
     split = split_by_episode(data, config.seed, config.validation, config.test)
+    if config.transitions:
+        split = limit_training(split, config.transitions)
     write_whole(command.out / "config.json", _settings(command).encode())
     settings = {"friction": config.prior_friction} if config.prior == PLANAR else None
     prior = load_prior(config.prior, settings)

@@ -18,7 +18,7 @@ from sain_core.scene import VELOCITY
 from sain_core.seeding import generator
 from sain_model.checkpoint import write_torch
 from sain_model.dataset import Split, Transitions
-from sain_model.features import make_features, true_residual
+from sain_model.features import PUSH_FRAME, make_features, true_residual
 from sain_model.network import InteractionNetwork, NetworkConfig
 from sain_model.threads import settle_threads
 
@@ -42,7 +42,9 @@ class TrainingConfig(Config):
     batch: int = option(128, "pushes in a step of the optimiser", minimum=1)
     learning_rate: float = option(2e-3, "at the start; falls to 0 along a cosine", minimum=1e-7)
     weight_decay: float = option(0.1, "of AdamW, the paper's lambda", minimum=0.0)
-    mirror: bool = option(True, "learn every push in a mirror too")
+    mirror: bool = option(
+        True, "learn every push in a mirror too, except in the frame of the world"
+    )
     validation: float = option(
         0.1, "share of the episodes that choose the best epoch", minimum=0.01, maximum=0.5
     )
@@ -51,6 +53,7 @@ class TrainingConfig(Config):
     prior_friction: float = option(
         0.12, "friction that the planar prior assumes", minimum=0.01, maximum=1.0
     )
+    transitions: int = option(0, "learn from so many transitions only; 0: from all", minimum=0)
     network: NetworkConfig = NetworkConfig()
     loss: LossConfig = LossConfig()
 
@@ -82,10 +85,10 @@ class History:
         return int(np.argmin(self.validation))
 
 
-def make_examples(data: Transitions, prior: Dynamics) -> Examples:
+def make_examples(data: Transitions, prior: Dynamics, frame: str = PUSH_FRAME) -> Examples:
     """Return inputs and outputs for these transitions on a prior."""
     physics_next = prior.step(data.scenes, data.pushes)
-    features = make_features(data.scenes, data.pushes, physics_next)
+    features = make_features(data.scenes, data.pushes, physics_next, frame)
     velocity = data.next_scenes[..., VELOCITY] - physics_next[..., VELOCITY]
     arrays = (
         features.disks,
@@ -130,11 +133,12 @@ class Trainer:
         self.config = config
         self.history = History()
         self._folder = folder
-        self._train = make_examples(split.train, prior)
-        if config.mirror:
+        frame = config.network.features
+        self._train = make_examples(split.train, prior, frame)
+        if config.mirror and frame == PUSH_FRAME:
             mirrored = make_examples(split.train.mirrored(), prior)
             self._train = _join(self._train, mirrored)
-        self._validation = make_examples(split.validation, prior)
+        self._validation = make_examples(split.validation, prior, frame)
         self._identity = f"{config} {split.train.sha256}"
         settle_threads()
         torch.manual_seed(int(generator(config.seed, "weights").integers(2**31)))

@@ -9,8 +9,10 @@ from typing import Final
 import numpy as np
 
 from sain_core.config import Config, option
+from sain_core.push import TOOL_RADIUS
 from sain_sim.client import Client
 from sain_sim.kinematics import Joints, Kinematics, Tips
+from sain_sim.tool_spring import ToolSpring
 from sain_sim.urdf import panda_with_stick
 
 JOINT_COUNT: Final = 7
@@ -39,6 +41,15 @@ class ArmConfig(Config):
     inertia_scale: float = option(
         20.0, "inertia of the links, as a multiple of Franka's", minimum=0.1, maximum=1000.0
     )
+    tool_stiffness: float = option(
+        0.0, "of the spring that holds the stick; 0: rigid", unit="N/m", minimum=0.0, maximum=2e4
+    )
+    tool_torque_scale: float = option(
+        0.0,
+        "joint torques that a stick on a spring may take, as a multiple of Franka's; 0: any",
+        minimum=0.0,
+        maximum=100.0,
+    )
 
 
 class PandaModel:
@@ -49,7 +60,13 @@ class PandaModel:
         self._folder = tempfile.TemporaryDirectory(prefix="sain-panda-")
         self._path = Path(self._folder.name) / "panda.urdf"
         self._path.write_text(
-            panda_with_stick(tool_radius, config.tool_length, config.inertia_scale, visuals)
+            panda_with_stick(
+                tool_radius,
+                config.tool_length,
+                config.inertia_scale,
+                visuals,
+                sprung=config.tool_stiffness > 0.0,
+            )
         )
 
     def load(self, client: Client, base_height: float) -> int:
@@ -75,17 +92,26 @@ class Arm:
         self.body = body
         self.kinematics = kinematics
         self.target = REST
+        self.spring: ToolSpring | None = None
+        self.stick = STICK_LINK
+        if config.tool_stiffness > 0.0:
+            torques = config.tool_torque_scale * STOCK_TORQUE
+            lever = (config.tool_length - 2 * TOOL_RADIUS) / 2
+            self.spring = ToolSpring(client, body, config.tool_stiffness, torques, lever)
+            self.stick = self.spring.link
 
     def set_friction(self, value: float) -> None:
         """Set the stick's friction coefficient as Bullet multiplies it."""
         self._client.changeDynamics(
-            self.body, STICK_LINK, lateralFriction=value, restitution=0.0, rollingFriction=0.0
+            self.body, self.stick, lateralFriction=value, restitution=0.0, rollingFriction=0.0
         )
 
     def place(self, joints: Joints) -> None:
         """Set the arm to joints (7,) at once, at rest, and hold it there."""
         for joint, value in enumerate(joints.tolist()):
             self._client.resetJointState(self.body, joint, value, 0.0)
+        if self.spring is not None:
+            self.spring.relax()
         self.hold(joints)
 
     def hold(self, joints: Joints) -> None:
@@ -124,8 +150,12 @@ class Arm:
         return np.array([s[0] for s in states]), np.array([s[1] for s in states])
 
     def tip(self) -> Tips:
-        """Return where the tool's tip is, (3,) [m]."""
+        """Return where the hand holds the tool's tip, (3,) [m]."""
         return self.kinematics.tips(self.joint_states()[0])
+
+    def tool(self) -> Tips:
+        """Return where the tool's tip is, (3,) [m]; a stick on a spring is not where it is held."""
+        return self.tip() if self.spring is None else self.spring.tip(self.tip())
 
     def commanded_tip(self) -> Tips:
         """Return where the tool's tip was last told to be, (3,) [m]."""

@@ -23,6 +23,7 @@ from sain_sim.shards import (
     remove_leftovers,
     write_shard,
 )
+from sain_sim.truth import RANDOMISED_TRUTH
 
 IDENTITY_FILE: Final = "collection.json"
 CARD_FILE: Final = "card.json"
@@ -105,7 +106,10 @@ def _run_episode(episode: int) -> list[Transition]:
 
 def _identity(config: CollectConfig) -> dict[str, Any]:
     """Return what makes two collections the same one; the number of episodes may grow."""
-    return {"seed": config.seed, **asdict(config.episode)}
+    settings = asdict(config.episode)
+    if config.episode.truth == RANDOMISED_TRUTH:
+        del settings["truth"]  # so that collections from before there was another go on
+    return {"seed": config.seed, **settings}
 
 
 def _claim(folder: Path, config: CollectConfig) -> None:
@@ -113,10 +117,12 @@ def _claim(folder: Path, config: CollectConfig) -> None:
     path = folder / IDENTITY_FILE
     if path.exists():
         found = json.loads(path.read_text())
-        for name, value in _identity(config).items():
-            if found.get(name) != value:
+        wanted = _identity(config)
+        for name in {**wanted, **found}:
+            if found.get(name) != wanted.get(name):
                 raise DatasetError(
-                    f"{folder} was collected with {name} = {found.get(name)!r}, not {value!r};"
+                    f"{folder} was collected with {name} = {found.get(name)!r},"
+                    f" not {wanted.get(name)!r};"
                     " use the same settings to go on, or another folder"
                 )
         return

@@ -1,4 +1,4 @@
-"""``ros2 run sain_sim collect``: a training set from the randomised world, without ROS."""
+"""``ros2 run sain_sim collect``: a training set from the randomised or the rough world."""
 
 import sys
 import time

@@ -14,11 +14,17 @@ from numpy import ndarray
 from sain_core.scene import DISK_HEIGHT, THETA, X, Y
 from sain_sim.client import Client
 from sain_sim.parameters import CUBE, FLAT
+from sain_sim.roughness import Feet, Pair
 
 FOOT_RADIUS: Final = 0.004  # [m]
 RIM_HEIGHT: Final = 0.002  # [m], of the part that touches tool and other disks
 CORE_SHARE: Final = 0.9  # of the radius: of the full-height part within the rim
 FOOT_PLACE: Final = 0.7  # distance of a foot from the centre, in radii
+REGULAR_FEET: Final[Feet] = (
+    (FOOT_PLACE, 0.0),
+    (FOOT_PLACE, 2 * pi / 3),
+    (FOOT_PLACE, 4 * pi / 3),
+)
 
 # mid disk, target, and the others in turn
 COLORS: Final = (
@@ -32,8 +38,18 @@ COLORS: Final = (
 Vector = tuple[float, float, float]
 
 
+class Build(NamedTuple):
+    """How a disk is made."""
+
+    shape: str  # one of `sain_sim.parameters.SHAPES`
+    mass: float  # [kg]
+    radius: float  # [m], half the width of a cube
+    mass_offset: Pair = (0.0, 0.0)  # [m], centre of mass in the disk's frame
+    feet: Feet = REGULAR_FEET
+
+
 class BodyState(NamedTuple):
-    """All of a rigid body's state, as Bullet gives and takes it."""
+    """All of a rigid body's state, as Bullet gives and takes it: that of its centre of mass."""
 
     position: Vector  # [m]
     orientation: tuple[float, float, float, float]  # quaternion x y z w
@@ -47,7 +63,7 @@ class Disk:
     def __init__(
         self,
         client: Client,
-        kind: tuple[str, float, float],
+        build: Build,
         state: BodyState,
         friction: float,
         color: tuple[float, ...],
@@ -56,22 +72,21 @@ class Disk:
 
         Args:
             client: the world's client.
-            kind: shape (one of `sain_sim.parameters.SHAPES`), mass [kg], and radius [m], which
-                is half the width of a cube.
+            build: what it is.
             state: where it is and how it moves.
             friction: of this body alone; Bullet multiplies those of two.
             color: red, green, blue, opacity.
         """
         self._client = client
-        shape, mass, radius = kind
-        collision, visual = disk_shapes(client, shape, radius, color)
+        self.build = build
+        collision, visual = disk_shapes(client, build, color)
         self.body = client.createMultiBody(
-            mass, collision, visual, state.position, state.orientation
+            build.mass, collision, visual, state.position, state.orientation
         )
         client.changeDynamics(
             self.body,
             -1,
-            localInertiaDiagonal=inertia(shape, mass, radius),
+            localInertiaDiagonal=inertia(build.shape, build.mass, build.radius),
             lateralFriction=friction,
             restitution=0.0,
             rollingFriction=0.0,
@@ -88,10 +103,28 @@ class Disk:
         return BodyState(*pose, *self._client.getBaseVelocity(self.body))
 
 
-def resting(client: Client, state: Float[ndarray, "8"]) -> BodyState:
-    """Return the body state of a disk's state (8,) that stands on the table at rest."""
-    orientation = client.getQuaternionFromEuler([0.0, 0.0, float(state[THETA])])
-    return BodyState((float(state[X]), float(state[Y]), DISK_HEIGHT / 2), orientation)
+def resting(
+    client: Client, state: Float[ndarray, "8"], mass_offset: Pair = (0.0, 0.0)
+) -> BodyState:
+    """Return the body state of a disk's state (8,) that stands on the table at rest.
+
+    Args:
+        client: the world's client.
+        state: of the disk; its velocities are ignored.
+        mass_offset: centre of mass in the disk's frame [m].
+    """
+    heading = float(state[THETA])
+    orientation = client.getQuaternionFromEuler([0.0, 0.0, heading])
+    x, y = turned(mass_offset, heading)
+    return BodyState((float(state[X]) + x, float(state[Y]) + y, DISK_HEIGHT / 2), orientation)
+
+
+def turned(pair: Pair, angle: float) -> Pair:
+    """Return a vector turned by an angle [rad]; what has no length stays as it is."""
+    if pair == (0.0, 0.0):
+        return pair
+    x, y = pair
+    return cos(angle) * x - sin(angle) * y, sin(angle) * x + cos(angle) * y
 
 
 def inertia(shape: str, mass: float, radius: float) -> Vector:
@@ -103,15 +136,14 @@ def inertia(shape: str, mass: float, radius: float) -> Vector:
     return across, across, mass * radius**2 / 2
 
 
-def disk_shapes(
-    client: Client, shape: str, radius: float, color: tuple[float, ...]
-) -> tuple[int, int]:
-    """Create collision and visual shape with their origin in the middle of the disk."""
+def disk_shapes(client: Client, build: Build, color: tuple[float, ...]) -> tuple[int, int]:
+    """Create collision and visual shape with their origin in the disk's centre of mass."""
+    shape, radius, (x, y) = build.shape, build.radius, build.mass_offset
     lift = 0.0 if shape == FLAT else FOOT_RADIUS  # the feet's lower halves are below the body
     kind = client.GEOM_BOX if shape == CUBE else client.GEOM_CYLINDER
     height = DISK_HEIGHT - lift
     size = [radius, radius, height / 2]
-    middle = [0.0, 0.0, lift / 2]
+    middle = [0.0 - x, 0.0 - y, lift / 2]
     visual = client.createVisualShape(
         kind,
         radius=radius,
@@ -124,8 +156,11 @@ def disk_shapes(
     bodies = [(radius, height, middle)]
     feet: list[list[float]] = []
     if shape != FLAT:
-        bodies = [(radius, RIM_HEIGHT, [0.0, 0.0, 0.0]), (CORE_SHARE * radius, height, middle)]
-        feet = _feet(radius)
+        bodies = [
+            (radius, RIM_HEIGHT, [0.0 - x, 0.0 - y, 0.0]),
+            (CORE_SHARE * radius, height, middle),
+        ]
+        feet = _feet(build)
     collision = client.createCollisionShapeArray(
         shapeTypes=[kind] * len(bodies) + [client.GEOM_SPHERE] * len(feet),
         radii=[width for width, _, _ in bodies] + [FOOT_RADIUS] * len(feet),
@@ -137,8 +172,9 @@ def disk_shapes(
     return collision, visual
 
 
-def _feet(radius: float) -> list[list[float]]:
-    """Return the feet's centres in the disk's frame [m]."""
-    place = FOOT_PLACE * radius
+def _feet(build: Build) -> list[list[float]]:
+    """Return the feet's centres about the disk's centre of mass [m]."""
     drop = FOOT_RADIUS - DISK_HEIGHT / 2
-    return [[place * cos(turn), place * sin(turn), drop] for turn in (0, 2 * pi / 3, 4 * pi / 3)]
+    x, y = build.mass_offset
+    places = ((share * build.radius, turn) for share, turn in build.feet)
+    return [[away * cos(turn) - x, away * sin(turn) - y, drop] for away, turn in places]

@@ -14,10 +14,11 @@ from sain_sim.parameters import (
     THREE_FEET,
     WorldParameters,
     nominal_parameters,
-    sample_parameters,
 )
+from sain_sim.truth import ALL, TRUTHS, TruthConfig
 
-WORLDS: Final = ("randomised", "nominal")
+NOMINAL: Final = "nominal"
+WORLDS: Final = (*TRUTHS, NOMINAL)
 DISK: Final = "disk"
 START: Final = (0.35, 0.0)  # [m], the mid disk in the paper's scene
 GAP: Final = 0.001  # [m], between mid disk and target in the paper's scene
@@ -30,6 +31,8 @@ def draw_episode(
     shapes: tuple[str, ...] = (),
     friction: float = 0.0,
     disk_shape: str = THREE_FEET,
+    lab: int = 0,
+    effects: str = ALL,
 ) -> tuple[WorldParameters, Scene]:
     """Return what an episode is made of; what is not given is drawn from the seed.
 
@@ -40,10 +43,13 @@ def draw_episode(
         shapes: "disk" or "cube", one for each disk; none: all disks.
         friction: with the table; 0: as the world has it.
         disk_shape: how a disk is built, "three_feet" or "flat".
+        lab: which rough world.
+        effects: what is rough there, as `TruthConfig` has it.
 
     Raises:
         InvalidInputError: a world or shape that does not exist, or too few or many shapes.
         OutOfRangeError: a friction that is negative.
+        ConfigError: an effect that does not exist, or feet to be moved on a flat disk.
     """
     if world not in WORLDS:
         raise InvalidInputError(f"world is {world!r}; allowed: {', '.join(WORLDS)}")
@@ -51,10 +57,10 @@ def draw_episode(
         raise OutOfRangeError(f"friction is {friction}; it must be positive, or 0 to have it drawn")
     count = 2 if scene is None else len(scene)
     built = _built(shapes, count, disk_shape)
-    if world == "nominal":
+    if world == NOMINAL:
         parameters = nominal_parameters(count)
     else:
-        parameters = sample_parameters(generator(seed, "episode"), count)
+        parameters = TruthConfig(world, effects, lab).draw(generator(seed, "episode"), count)
     parameters = replace(parameters, shapes=built, friction=friction or parameters.friction)
     if scene is None:
         return parameters, paper_start(parameters)

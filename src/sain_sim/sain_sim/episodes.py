@@ -17,7 +17,7 @@ from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.types import PushArray
 from sain_sim.outcome import PushOutcome
-from sain_sim.parameters import FLAT, THREE_FEET, WorldParameters, sample_parameters
+from sain_sim.parameters import FLAT, THREE_FEET, WorldParameters
 from sain_sim.sampling import (
     CircleSampler,
     GridSampler,
@@ -28,6 +28,7 @@ from sain_sim.sampling import (
 )
 from sain_sim.shadow import NOMINAL, TRUE, BulletPrior
 from sain_sim.shards import Transition
+from sain_sim.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world import World, WorldConfig
 
 MOVED: Final = 0.002  # [m], the paper's threshold for the target (section III-B b)
@@ -54,6 +55,7 @@ class EpisodeConfig(Config):
     floor_episodes: int = option(
         0, "repeat the pushes of the first so many episodes with the true parameters", minimum=0
     )
+    truth: TruthConfig = RANDOMISED_TRUTH
 
 
 class EpisodeRunner:
@@ -139,6 +141,7 @@ class EpisodeRunner:
             tool_friction=parameters.tool_friction,
             moved=bool(travel >= MOVED),
             duration=outcome.duration,
+            roughness=parameters.roughness.arrays(),
         )
 
     def close(self) -> None:
@@ -148,4 +151,4 @@ class EpisodeRunner:
 
 
 def _draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> WorldParameters:
-    return sample_parameters(random, config.disks, config.shape)
+    return config.truth.draw(random, config.disks, config.shape)

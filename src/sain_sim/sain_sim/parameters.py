@@ -13,6 +13,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.scene import MASS, RADIUS, make_scene
 from sain_core.types import Angles, Points, Scene
+from sain_sim.roughness import SMOOTH, Pair, Roughness
 
 NOMINAL_MASS: Final = 8.0  # [kg]
 NOMINAL_RADII: Final = (0.08, 0.06)  # [m], mid disk and target
@@ -47,6 +48,7 @@ class WorldParameters(Config):
     tool_friction: float = option(
         NOMINAL_FRICTION, "friction of the tool on a disk", minimum=0.0, maximum=1.5
     )
+    roughness: Roughness = SMOOTH
 
     def __post_init__(self) -> None:
         """Check the fields, and that they are about the same disks."""
@@ -60,11 +62,20 @@ class WorldParameters(Config):
         for shape in self.shapes:
             if shape not in SHAPES:
                 raise ConfigError(f"shape is {shape!r}; allowed: {', '.join(SHAPES)}")
+        self.roughness.check_count(self.count)
+        if self.roughness.feet and FLAT in self.shapes:
+            raise ConfigError('a disk of shape "flat" has no feet to be moved; use three_feet')
 
     @property
     def count(self) -> int:
         """The number of disks N."""
         return len(self.masses)
+
+    @property
+    def mass_offsets(self) -> tuple[Pair, ...]:
+        """Each disk's centre of mass in its frame [m]."""
+        shares = (self.roughness.mass_offset(disk) for disk in range(self.count))
+        return tuple((r * x, r * y) for r, (x, y) in zip(self.radii, shares, strict=True))
 
     def scene(self, positions: Points, headings: Angles | None = None) -> Scene:
         """Return the scene (N, 8) at rest with these disks at positions (N, 2) [m]."""

@@ -1,8 +1,8 @@
 """Transitions on disk: compressed npz shards of 1,000, each written whole or not at all."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,7 @@ class Transition(NamedTuple):
     tool_friction: float
     moved: bool  # the target moved by more than the paper's 2 mm
     duration: float  # simulated time of the push [s]
+    roughness: Mapping[str, np.ndarray] = {}  # what is rough; each stored as ``rough_NAME``
 
 
 def shard_path(folder: Path, index: int) -> Path:
@@ -42,10 +43,8 @@ def write_shard(folder: Path, index: int, transitions: Sequence[Transition]) -> 
     Raises:
         OutputError: when the folder cannot be written.
     """
-    columns = {
-        name: np.stack([np.asarray(getattr(item, name)) for item in transitions])
-        for name in Transition._fields
-    }
+    rows = [_row(item) for item in transitions]
+    columns = {name: np.stack([np.asarray(row[name]) for row in rows]) for name in rows[0]}
     path = shard_path(folder, index)
     partial = path.with_suffix(".partial")
     try:
@@ -54,6 +53,13 @@ def write_shard(folder: Path, index: int, transitions: Sequence[Transition]) -> 
         partial.replace(path)
     except OSError as error:
         raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _row(transition: Transition) -> dict[str, Any]:
+    """Return what is stored of a transition."""
+    row = transition._asdict()
+    rough = row.pop("roughness")
+    return row | {f"rough_{name}": value for name, value in rough.items()}
 
 
 def full_shards(folder: Path) -> int:

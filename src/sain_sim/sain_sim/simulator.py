@@ -11,6 +11,7 @@ from sain_sim.outcome import PushOutcome, Sample
 from sain_sim.pacing import Pacer
 from sain_sim.parameters import FLAT, THREE_FEET, WorldParameters, nominal_parameters
 from sain_sim.shadow import BulletPrior
+from sain_sim.truth import ALL, KNOWN_EFFECTS, TruthConfig
 from sain_sim.workcell import WorldConfig
 from sain_sim.world import World
 
@@ -23,6 +24,10 @@ class SimulatorConfig(Config):
 
     world: str = option(
         "randomised", "where parameters that are not given are from", choices=WORLDS
+    )
+    lab: int = option(0, "which rough world; same number, same lab", minimum=0)
+    effects: str = option(
+        ALL, f"of a rough world: all, none, or some with commas of {', '.join(KNOWN_EFFECTS)}"
     )
     seed: int = option(0, "of the episode that the simulator starts with", minimum=0)
     disk_shape: str = option(THREE_FEET, "how disks are built", choices=(THREE_FEET, FLAT))
@@ -40,6 +45,11 @@ class SimulatorConfig(Config):
         1.0, "look at the start for another simulator", unit="s", minimum=0.0, maximum=60.0
     )
     bullet: WorldConfig = WorldConfig()
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that every effect is one."""
+        super().__post_init__()
+        TruthConfig(effects=self.effects)
 
 
 @dataclass(frozen=True)
@@ -71,8 +81,16 @@ class Simulator:
         self, seed: int, world: str, scene: Scene | None, shapes: tuple[str, ...], friction: float
     ) -> Sample:
         """Start an episode as `draw_episode` draws it."""
+        config = self.config
         parameters, start = draw_episode(
-            seed, world or self.config.world, scene, shapes, friction, self.config.disk_shape
+            seed,
+            world or config.world,
+            scene,
+            shapes,
+            friction,
+            config.disk_shape,
+            config.lab,
+            config.effects,
         )
         self.world.reset(start, parameters)
         if self.shadow is not None:

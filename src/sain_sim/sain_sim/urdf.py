@@ -26,10 +26,16 @@ HAND_COLOR: Final = "0.93 0.93 0.93 1"
 END_MASS: Final = 1.31  # [kg]
 END_CENTRE: Final = 0.15  # [m], their centre of mass along the flange's axis
 END_INERTIA: Final = 0.1  # [kg m^2], what the stock URDF says of each link
+
+SPRUNG_MASS: Final = 2.0  # [kg], moves with a stick that a spring holds: some of a soft arm
+SLIDE_MASS: Final = 0.01  # [kg], between the two directions of the spring
+SLIDE_RANGE: Final = 0.16  # [m], either way: more than a push is long
 FINGER_DROP: Final = 0.0584  # [m], from hand to finger, stock URDF
 
 
-def panda_with_stick(radius: float, length: float, inertia_scale: float, visuals: bool) -> str:
+def panda_with_stick(
+    radius: float, length: float, inertia_scale: float, visuals: bool, sprung: bool = False
+) -> str:
     """Return the URDF of a Panda with a stick of this radius and length [m] below its flange.
 
     Args:
@@ -37,6 +43,7 @@ def panda_with_stick(radius: float, length: float, inertia_scale: float, visuals
         length: from the flange to the tip [m].
         inertia_scale: masses and inertias of the links, as a multiple of the stock ones.
         visuals: keep the meshes that only pictures need; without them a world builds faster.
+        sprung: let the stick slide across its axis, along two more joints.
     """
     robot = ElementTree.parse(PANDA_FOLDER / "panda.urdf").getroot()
     for tag, kept in (("link", KEPT_LINKS), ("joint", KEPT_JOINTS)):
@@ -46,10 +53,15 @@ def panda_with_stick(radius: float, length: float, inertia_scale: float, visuals
     for link in robot.findall("link"):
         _remove(link, "collision")
         if link.get("name") == LAST_LINK:
-            _extend_last_link(link, radius, length)
+            _remove(link, "inertial")
+            link.extend(_hand(radius))
+            if not sprung:
+                link.extend(_stick(FLANGE_DROP, radius, length))
         _scale_inertia(link, inertia_scale)
-        if not visuals:
-            _remove(link, "visual")
+    if sprung:
+        robot.extend(_slides(radius, length))
+    for link in [] if visuals else robot.findall("link"):
+        _remove(link, "visual")
     for mesh in robot.iter("mesh"):
         mesh.set("filename", mesh.get("filename", "").replace("package://", f"{PANDA_FOLDER}/"))
     return ElementTree.tostring(robot, encoding="unicode")
@@ -66,32 +78,58 @@ def _scale_inertia(link: ElementTree.Element, scale: float) -> None:
             value.set(name, str(scale * float(number)))
 
 
-def _extend_last_link(link: ElementTree.Element, radius: float, length: float) -> None:
-    """Replace the last link's inertia and add hand, fingers and stick to it."""
-    _remove(link, "inertial")
+def _hand(radius: float) -> ElementTree.Element:
+    """Return hand and fingers, and the inertia of all that the last link now carries."""
     finger = FLANGE_DROP + FINGER_DROP
-    shaft = length - radius  # down to the middle of the ball
-    stick = f'<geometry><cylinder radius="{radius}" length="{shaft}"/></geometry>'
-    middle = f'<origin xyz="0 0 {FLANGE_DROP + shaft / 2}"/>'
-    ball = f'<geometry><sphere radius="{radius}"/></geometry>'
-    end = f'<origin xyz="0 0 {FLANGE_DROP + shaft}"/>'
     side = radius / 2**0.5  # the hand is turned by 45 degrees about the flange's axis
-    parts = ElementTree.fromstring(f"""<parts>
-      <inertial>
-        <origin xyz="0 0 {END_CENTRE}"/><mass value="{END_MASS}"/>
-        <inertia ixx="{END_INERTIA}" ixy="0" ixz="0" iyy="{END_INERTIA}" iyz="0"
-                 izz="{END_INERTIA}"/>
-      </inertial>
+    return ElementTree.fromstring(f"""<parts>
+      {_inertial(END_MASS, END_INERTIA, END_CENTRE)}
       {_mesh("hand", (0.0, 0.0, FLANGE_DROP), -pi / 4)}
       {_mesh("finger", (side, side, finger), -pi / 4)}
       {_mesh("finger", (-side, -side, finger), 3 * pi / 4)}
+    </parts>""")
+
+
+def _stick(drop: float, radius: float, length: float) -> ElementTree.Element:
+    """Return a stick with a round end that begins so far below a link's origin [m]."""
+    shaft = length - radius  # down to the middle of the ball
+    stick = f'<geometry><cylinder radius="{radius}" length="{shaft}"/></geometry>'
+    middle = f'<origin xyz="0 0 {drop + shaft / 2}"/>'
+    ball = f'<geometry><sphere radius="{radius}"/></geometry>'
+    end = f'<origin xyz="0 0 {drop + shaft}"/>'
+    return ElementTree.fromstring(f"""<parts>
       <visual>{middle}{stick}
         <material name="stick"><color rgba="{STICK_COLOR}"/></material></visual>
       <visual>{end}{ball}
         <material name="stick"><color rgba="{STICK_COLOR}"/></material></visual>
       <collision>{end}{ball}</collision>
     </parts>""")
-    link.extend(parts)
+
+
+def _slides(radius: float, length: float) -> ElementTree.Element:
+    """Return two joints across the flange's axis and the links behind them, the stick last."""
+    limit = f'<limit lower="-{SLIDE_RANGE}" upper="{SLIDE_RANGE}" effort="1e4" velocity="10"/>'
+    parts = ElementTree.fromstring(f"""<parts>
+      <link name="slide">{_inertial(SLIDE_MASS, SLIDE_MASS / 100, 0.0)}</link>
+      <joint name="slide_x" type="prismatic">
+        <parent link="{LAST_LINK}"/><child link="slide"/>
+        <origin xyz="0 0 {FLANGE_DROP}"/><axis xyz="1 0 0"/>{limit}
+      </joint>
+      <link name="stick">{_inertial(SPRUNG_MASS, SPRUNG_MASS / 100, length / 2)}</link>
+      <joint name="slide_y" type="prismatic">
+        <parent link="slide"/><child link="stick"/><axis xyz="0 1 0"/>{limit}
+      </joint>
+    </parts>""")
+    stick = next(link for link in parts.iter("link") if link.get("name") == "stick")
+    stick.extend(_stick(0.0, radius, length))
+    return parts
+
+
+def _inertial(mass: float, inertia: float, centre: float) -> str:
+    return f"""<inertial>
+        <origin xyz="0 0 {centre}"/><mass value="{mass}"/>
+        <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/>
+      </inertial>"""
 
 
 def _mesh(name: str, position: tuple[float, float, float], yaw: float) -> str:

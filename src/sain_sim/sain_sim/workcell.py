@@ -8,7 +8,7 @@ from sain_core.errors import BlockedError
 from sain_core.feasibility import Feasibility
 from sain_core.scene import Table
 from sain_core.types import Scene
-from sain_sim.arm import STICK_LINK, Arm, ArmConfig, PandaModel
+from sain_sim.arm import Arm, ArmConfig, PandaModel
 from sain_sim.client import Client
 from sain_sim.disks import BodyState
 from sain_sim.kinematics import Joints, Kinematics
@@ -102,13 +102,14 @@ class Workcell:
         self._config = config
         table: Table = config.feasibility.table
         client.resetSimulation()
-        client.setGravity(0.0, 0.0, -GRAVITY)
+        client.setGravity(*parameters.roughness.gravity(GRAVITY))
         client.setTimeStep(config.motion.time_step)
         client.setPhysicsEngineParameter(
             deterministicOverlappingPairs=1, contactBreakingThreshold=CONTACT_BREAKING
         )
         body = model.load(client, -table.height)
-        self.arm = Arm(client, body, config.kinematics, config.arm, config.motion.time_step)
+        arm = parameters.roughness.arm(config.arm)
+        self.arm = Arm(client, body, config.kinematics, arm, config.motion.time_step)
         self.arm.place(origin.joints)
         self.stage = Stage(client, parameters, table, origin.states)
         self.arm.set_friction(self.stage.tool_friction)
@@ -143,7 +144,7 @@ class Workcell:
             time=self.time,
             joint_positions=positions,
             joint_velocities=velocities,
-            tool=self.arm.kinematics.tips(positions),
+            tool=self.arm.tool(),
             commanded_tool=self.arm.commanded_tip(),
             scene=self.observe(),
             phase=phase,
@@ -187,9 +188,12 @@ class Workcell:
             self._step(phase, watches, guarded)
 
     def _step(self, phase: str, watches: Watches, guarded: bool) -> None:
+        self.stage.before_step()
+        if self.arm.spring is not None:
+            self.arm.spring.pull()
         self._client.stepSimulation()
         self.steps += 1
-        if guarded and (disk := self.stage.touched_by(self.arm.body, STICK_LINK)):
+        if guarded and (disk := self.stage.touched_by(self.arm.body, self.arm.stick)):
             raise BlockedError(
                 f"the tool would come to touch disk {disk}; only the mid disk may be touched"
             )

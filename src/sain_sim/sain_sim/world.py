@@ -8,7 +8,7 @@ import numpy as np
 from sain_core.errors import BlockedError, StaleSceneError
 from sain_core.scene import Table, check_on_table, check_scene
 from sain_core.types import PushArray, Scene
-from sain_sim.arm import PandaModel
+from sain_sim.arm import ArmConfig, PandaModel
 from sain_sim.client import Client
 from sain_sim.disks import resting
 from sain_sim.outcome import Observer, PushOutcome, Sample, Stroke, is_idle
@@ -34,8 +34,8 @@ class World:
         """Start with the disks in a row; `reset` puts them where they belong."""
         self.config = config
         self.parameters = parameters
-        limits, table = config.feasibility.limits, config.feasibility.table
-        self._model = PandaModel(limits.tool_radius, config.arm)
+        table = config.feasibility.table
+        self._models: dict[ArmConfig, PandaModel] = {}
         self._home = config.kinematics.joints(np.array([*HOME, config.motion.raised]))
         self._client = Client()
         self._steps = 0
@@ -64,14 +64,25 @@ class World:
     def load(self, scene: Scene, parameters: WorldParameters | None = None) -> None:
         """Put the disks in a scene (N, 8) that nobody checked; overlaps get pushed apart."""
         self.parameters = parameters or self.parameters
-        self._build(Origin([resting(self._client, state) for state in scene], self._home))
+        offsets = self.parameters.mass_offsets
+        disks = zip(scene, offsets, strict=True)
+        states = [resting(self._client, state, offset) for state, offset in disks]
+        self._build(Origin(states, self._home))
         if self.config.gui:
             self._open_window()
 
     def _build(self, origin: Origin) -> None:
         self._cell = Workcell(
-            self._client, self._model, self.config, self.parameters, origin, self._steps
+            self._client, self._model(), self.config, self.parameters, origin, self._steps
         )
+
+    def _model(self) -> PandaModel:
+        """Return the arm of this world; arms are described on disk once each."""
+        arm = self.parameters.roughness.arm(self.config.arm)
+        if arm not in self._models:
+            radius = self.config.feasibility.limits.tool_radius
+            self._models[arm] = PandaModel(radius, arm)
+        return self._models[arm]
 
     @property
     def time(self) -> float:

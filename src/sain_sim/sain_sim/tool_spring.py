@@ -1,0 +1,81 @@
+"""A stick that gives way: a spring and a damper, in two directions across it, hold it to the hand.
+
+So does an arm under impedance control, or a stick in a rubber sleeve. Bullet's motors cannot be
+soft, whatever their gain; a mass on a spring can, and Bullet solves what it does in contact.
+"""
+
+from math import sqrt
+from typing import Final
+
+import numpy as np
+
+from sain_sim.client import Client
+from sain_sim.kinematics import Joints, Tips
+from sain_sim.urdf import SPRUNG_MASS
+
+SLIDES: Final = (7, 8)  # joints, and the links behind them; the stick is behind the second
+JOINTS: Final = range(9)  # the arm's and the slides
+DAMPING: Final = 1.0  # as a share of critical damping
+
+
+class ToolSpring:
+    """Pulls the stick back to where the hand holds it; forces hold for one step each."""
+
+    def __init__(
+        self, client: Client, body: int, stiffness: float, torques: Joints, lever: float
+    ) -> None:
+        """Hold the stick of a loaded arm.
+
+        Args:
+            client: whose arm it is.
+            body: the arm.
+            stiffness: of the spring [N/m].
+            torques: the most that the spring may ask of the arm's joints (7,) [N m]; zeros: any.
+            lever: from the stick's centre of mass down to where it touches [m].
+        """
+        self._client = client
+        self._torques = torques
+        self._contact = [0.0, 0.0, lever]
+        self._body = body
+        self._stiffness = stiffness
+        self._damping = DAMPING * 2.0 * sqrt(stiffness * SPRUNG_MASS)
+        self.link = SLIDES[-1]
+        zeros = [0.0, 0.0]
+        client.setJointMotorControlArray(  # PyBullet's joints start out with a brake
+            body, SLIDES, client.VELOCITY_CONTROL, targetVelocities=zeros, forces=zeros
+        )
+
+    def relax(self) -> None:
+        """Set the stick to where the hand holds it, at rest."""
+        for joint in SLIDES:
+            self._client.resetJointState(self._body, joint, 0.0, 0.0)
+
+    def pull(self) -> None:
+        """Apply the spring's force for the next step."""
+        states = self._client.getJointStates(self._body, SLIDES)
+        forces = [-self._stiffness * state[0] - self._damping * state[1] for state in states]
+        if self._torques.any():
+            forces = (self._share(np.array(forces)) * np.array(forces)).tolist()
+        self._client.setJointMotorControlArray(
+            self._body, SLIDES, self._client.TORQUE_CONTROL, forces=forces
+        )
+
+    def _share(self, forces: np.ndarray) -> float:
+        """Return which share of the spring's forces (2,) [N] the joints can bear.
+
+        What the arm's own weight takes of their torque is left out.
+        """
+        angles = [state[0] for state in self._client.getJointStates(self._body, JOINTS)]
+        rest = [0.0] * len(angles)
+        linear, _ = self._client.calculateJacobian(
+            self._body, self.link, self._contact, angles, rest, rest
+        )
+        jacobian = np.array(linear)  # (3, 9)
+        asked = np.abs(jacobian[:, :7].T @ jacobian[:, 7:] @ forces)  # (7,) [N m]
+        over = float((asked / self._torques).max())
+        return 1.0 / over if over > 1.0 else 1.0
+
+    def tip(self, held: Tips) -> Tips:
+        """Return where the tip is (3,) [m] when the hand holds it at a point (3,)."""
+        state = self._client.getLinkState(self._body, self.link, computeForwardKinematics=True)
+        return np.array([*state[4][:2], held[2]])
