@@ -86,6 +86,19 @@ class PushHistory:
             np.concatenate([self.next_scenes, next_scene[None]]),
         )
 
+    def equals(self, other: "PushHistory") -> bool:
+        """Tell whether another history tells of the same pushes, to the bit."""
+        return (
+            np.array_equal(self.scenes, other.scenes)
+            and np.array_equal(self.pushes, other.pushes)
+            and np.array_equal(self.next_scenes, other.next_scenes)
+        )
+
+    def latest(self, most: int) -> Self:
+        """Return the history of the latest pushes, at most so many."""
+        first = max(len(self) - most, 0)
+        return type(self)(self.scenes[first:], self.pushes[first:], self.next_scenes[first:])
+
 
 @runtime_checkable
 class LearningDynamics(Protocol):

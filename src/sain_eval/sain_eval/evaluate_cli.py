@@ -56,10 +56,12 @@ class Evaluate(Config):
     seed: int = option(0, "seed of the first scene; the next have the next", minimum=0)
     """Seed of the first scene; the others have the next ones."""
     controllers: str = "null,straight,planar"
-    """With commas: null, straight, random, oracle, or what MPPI plans over: planar, identity, sain
-    or the path of a checkpoint."""
+    """With commas: null, straight, random, oracle, or what MPPI plans over: planar, planar_axes,
+    identity, sain or the path of a checkpoint."""
     tolerances: str = "0.05,0.02"
     """Distances from the goal that count as success [m], with commas; played to the tightest."""
+    history: bool = True
+    """Let models learn the friction from the earlier pushes of an episode."""
     workers: int = option(1, "processes", minimum=1, maximum=256)
     """Processes that run episodes side by side; planning times mean little when cores are short."""
     pictures: int = option(0, "pictures of each controller", minimum=0)
@@ -101,7 +103,11 @@ class Evaluate(Config):
 
     def settings(self) -> dict[str, object]:
         """Return what a record depends on besides scenario, seed and controller."""
-        return {"tolerances": self.tolerance_values, "planner": dataclasses.asdict(self.planner)}
+        return {
+            "tolerances": self.tolerance_values,
+            "planner": dataclasses.asdict(self.planner),
+            "history": self.history,
+        }
 
     def jobs(self, done: set[tuple[str, int, str]]) -> list[Job]:
         """Return the episodes that are still to be run, scene by scene."""
@@ -112,6 +118,7 @@ class Evaluate(Config):
                 controller,
                 self.tolerance_values,
                 self.planner,
+                self.history,
                 self._picture(scenario, seed, controller),
             )
             for scenario in self.scenario_names
