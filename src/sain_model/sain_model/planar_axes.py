@@ -10,16 +10,16 @@ from typing import Final
 from sain_model.planar import PlanarConfig
 
 AXES: Final = PlanarConfig(
-    friction_scale=1.0189,
-    axes_yield=0.7197,
-    tool_friction=0.1209,
-    disk_friction=0.1217,
-    tool_restitution=0.002,
-    disk_restitution=0.0142,
-    foot_radius=0.7236,
-    inertia=0.4817,
-    middle_height=0.0138,
-    tool_height=0.0211,
-    disk_height=0.0205,
+    axes_yield=0.7406,
+    friction_scale=1.016,
+    tool_friction=0.1212,
+    disk_friction=0.121,
+    tool_restitution=0.0179,
+    disk_restitution=0.0017,
+    foot_radius=0.7176,
+    inertia=0.4797,
+    middle_height=0.0178,
+    tool_height=0.0196,
+    disk_height=0.0196,
 )
-"""Fitted by ``ros2 run sain_eval calibrate --axes`` (docs/model.md)."""
+"""Fitted to 1,871 pushes by ``ros2 run sain_eval calibrate --axes`` (docs/model.md)."""

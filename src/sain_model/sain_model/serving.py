@@ -25,7 +25,7 @@ PHYSICS: Final = "physics"
 class ServingConfig(Config):
     """What is served."""
 
-    model: str = option("sain", "sain, planar, identity, or the path of a checkpoint")
+    model: str = option("sain", "sain, planar, planar_axes, identity, or the path of a checkpoint")
     max_work: int = option(
         2_000_000, "largest samples x horizon x disks of a request", minimum=1, maximum=2**40
     )
