@@ -34,6 +34,7 @@ setup(
         ],
         "sain.dynamics": [
             "planar = sain_model.load:load_dynamics",
+            "planar_axes = sain_model.load:load_dynamics",
             "identity = sain_model.load:load_dynamics",
             "sain = sain_model.load:load_dynamics",
             "checkpoint = sain_model.load:load_dynamics",

@@ -6,6 +6,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from sain_core.dynamics import StepwiseRollout
 from sain_core.errors import CheckpointError, ConfigError, ErrorCode
+from sain_core.history import PushHistory
 from sain_core.push import PushLimits
 from sain_core.ros import codec
 from sain_core.scene import make_scene
@@ -68,6 +69,35 @@ def test_a_wrong_rollout_request_is_answered_with_what_is_wrong(graph, model, fi
     assert len(response.predicted) == 0
     good = graph.call(Rollout, "rollout", rollout_request(pushes(2, 2)))
     assert good.error_code == ErrorCode.OK
+
+
+def history(friction, count=3):
+    scenes, actions = np.stack([SCENE] * count), pushes(count)
+    after = PlanarPrior().step(scenes, actions, np.full(count, friction))
+    return PushHistory(scenes, actions, after)
+
+
+def test_earlier_pushes_tell_the_service_the_friction(graph, model):
+    past, sequences = history(0.18), pushes(4, 2)
+    request = rollout_request(sequences)
+    codec.fill_past(request, past)
+    response = graph.call(Rollout, "rollout", request)
+    assert (response.error_code, response.error_message) == (ErrorCode.OK, "")
+    assert response.friction == pytest.approx(0.18, rel=0.05)
+    told = StepwiseRollout(PlanarPrior().with_history(past)).rollout(SCENE, sequences)
+    np.testing.assert_array_equal(codec.decode_rollout(response, (4, 2, 2)), told)
+    without = graph.call(Rollout, "rollout", rollout_request(sequences))
+    assert without.friction == 0.12
+
+    request = PredictResidual.Request(batch=1, disks=2)
+    request.scenes, request.pushes = codec.encode_floats(SCENE), codec.encode_floats(pushes(1))
+    codec.fill_past(request, past)
+    response = graph.call(PredictResidual, "predict_residual", request)
+    assert response.friction == pytest.approx(0.18, rel=0.05)
+    request.past = 2
+    response = graph.call(PredictResidual, "predict_residual", request)
+    assert ErrorCode(response.error_code) is ErrorCode.INVALID
+    assert "past_scenes has 48 numbers; 32 were expected" in response.error_message
 
 
 def test_too_much_work_is_refused(graph, model):

@@ -36,16 +36,18 @@ class Straw:
         )
         self.scenes.publish(message)
 
-    def answer(self, push, code, message=""):
-        self.results.publish(
-            PushResult(
-                push_id=push.push_id,
-                episode_id=push.episode_id,
-                error_code=int(code),
-                error_message=message,
-                push=push,
-            )
+    def answer(self, push, code, message="", before=None, after=None):
+        result = PushResult(
+            push_id=push.push_id,
+            episode_id=push.episode_id,
+            error_code=int(code),
+            error_message=message,
+            push=push,
         )
+        if before is not None:
+            result.before.disks = codec.encode_disks(before)
+            result.after.disks = codec.encode_disks(after)
+        self.results.publish(result)
 
 
 @pytest.fixture
@@ -224,9 +226,11 @@ class Remote:
     def __init__(self, graph, answer):
         graph.bystander.create_service(Rollout, "rollout", self.on_rollout)
         self.answer, self.asked = answer, 0
+        self.pasts = []
 
     def on_rollout(self, request, response):
         self.asked += 1
+        self.pasts.append(codec.decode_past(request))
         scene, pushes = codec.decode_rollout_request(request)
         self.answer(scene, pushes, response)
         return response
@@ -268,6 +272,31 @@ def test_the_service_is_used_when_it_answers(graph, straw):
     assert (made.fallback, made.dynamics) == (False, "standing still")
     assert remote.asked >= 2
     np.testing.assert_array_equal(codec.decode_plan(made)[1], np.stack([START] * 2))
+
+
+def test_the_service_is_told_of_the_episode_s_earlier_pushes_and_of_no_others(graph, straw):
+    remote = Remote(graph, still)
+    node = remote_planner(graph)
+    graph.aim(GOAL, 1)
+    straw.show()
+    first = nth_push(graph, 1)
+    after = START.copy()
+    after[:, POSITION] += 0.01
+    straw.answer(first, ErrorCode.OK, before=START, after=after)
+    graph.wait(lambda: len(node.memory.of(1, 2)) == 1, "the result to be remembered")
+    straw.show(scene_id=2, disks=after)
+    second = nth_push(graph, 2)
+    assert {len(past) for past in remote.pasts} == {0, 1}
+    known = remote.pasts[-1]
+    np.testing.assert_array_equal(known.scenes[0], START)
+    np.testing.assert_array_equal(known.pushes[0], codec.decode_push(first))
+    np.testing.assert_array_equal(known.next_scenes[0], after)
+    straw.answer(second, ErrorCode.OK)  # a result without scenes teaches nothing
+    asked = remote.asked
+    straw.show(scene_id=3, episode_id=2)
+    nth_push(graph, 3)
+    assert {len(past) for past in remote.pasts[asked:]} == {0}
+    assert len(node.memory.of(1, 2)) == 1
 
 
 @pytest.mark.parametrize(

@@ -91,3 +91,49 @@ def test_physics_may_be_left_out_of_a_prediction_request() -> None:
 def test_a_plan_without_a_push_is_empty() -> None:
     pushes, predicted = wire.decode_plan(Message(horizon=0, disks=2, pushes=[], predicted=[]))
     assert (pushes.shape, predicted.shape) == ((0, 3), (0, 2, 8))
+
+
+def past(**values: object) -> Message:
+    numbers = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 8.0, 0.07] * 4
+    fields = {
+        "disks": 2,
+        "past": 2,
+        "past_scenes": numbers,
+        "past_pushes": [0.1] * 6,
+        "past_next": numbers,
+    }
+    return Message(**(fields | values))
+
+
+def test_the_past_is_decoded_and_may_be_empty() -> None:
+    history = wire.decode_past(past())
+    assert (len(history), history.disks) == (2, 2)
+    none = wire.decode_past(past(past=0, past_scenes=[], past_pushes=[], past_next=[]))
+    assert (len(none), none.disks) == (0, 2)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"past": 3}, "past_scenes has 32 numbers; 48 were expected"),
+        ({"past": 0}, "past_scenes has 32 numbers; 0 were expected"),
+        ({"disks": 3}, "past_scenes has 32 numbers; 48 were expected"),
+        ({"disks": 1}, "disks is 1; it must be at least 2"),
+        ({"past_pushes": [0.1] * 5}, "past_pushes has 5 numbers; 6 were expected"),
+        ({"past_pushes": [float("nan")] * 6}, r"past_pushes at \(0, 0\) is nan"),
+        ({"past_next": [0.5] * 32}, "a past push changed a mass or radius"),
+    ],
+)
+def test_a_past_that_cannot_be_is_refused(values: dict[str, object], message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        wire.decode_past(past(**values))
+
+
+def test_a_result_is_where_a_push_led() -> None:
+    before, after = (Message(disks=[disk(x=x), disk(x=1.0)]) for x in (0.1, 0.2))
+    push = Message(location=0.5, angle=0.1, length=0.05)
+    scene, action, next_scene = wire.decode_result(Message(before=before, after=after, push=push))
+    assert (scene[0, 0], next_scene[0, 0], action.tolist()) == (0.1, 0.2, [0.5, 0.1, 0.05])
+    after.disks.append(disk())
+    with pytest.raises(InvalidInputError, match="a push led from 2 disks to 3; it cannot"):
+        wire.decode_result(Message(before=before, after=after, push=push))

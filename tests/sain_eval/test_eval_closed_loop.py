@@ -33,6 +33,9 @@ class Stubborn:
     def refused(self, push):
         self.refusals += 1
 
+    def observed(self, scene, push, next_scene):
+        pass
+
 
 @pytest.mark.parametrize("case", [PAPER, ANYWHERE], ids=["paper", "anywhere"])
 def test_planning_with_the_planar_prior_brings_the_target_to_the_goal(case):
@@ -101,3 +104,23 @@ def test_a_controller_without_a_name_is_refused():
 def test_a_checkpoint_that_is_not_there_is_refused():
     with pytest.raises(SainError, match="no_such_model"):
         controller_maker("/nowhere/no_such_model.safetensors")
+
+
+def test_a_planning_controller_learns_the_friction_of_its_episode():
+    controller = controller_maker("planar", QUICK)(ANYWHERE)
+    usual = controller.model.dynamics.config.friction
+    outcome = run_episode(ANYWHERE, controller, 0.005)
+    assert len(controller.history) == len(outcome.record.pushes)
+    learned = controller.planner.model.dynamics.config.friction
+    assert abs(learned - ANYWHERE.friction) < 0.5 * abs(usual - ANYWHERE.friction)
+    assert controller.model.dynamics.config.friction == usual
+
+
+def test_each_episode_begins_without_a_past_and_one_that_must_not_learn_has_none():
+    maker = controller_maker("planar", QUICK)
+    run_episode(ANYWHERE, maker(ANYWHERE), 0.02)
+    assert maker(ANYWHERE).history is None
+    deaf = controller_maker("planar", QUICK, learns=False)(ANYWHERE)
+    run_episode(ANYWHERE, deaf, 0.02)
+    assert deaf.history is None
+    assert deaf.planner.model is deaf.model

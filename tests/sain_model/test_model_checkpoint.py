@@ -57,7 +57,12 @@ def test_what_was_saved_is_loaded_with_the_prior_it_had(
     assert isinstance(sain.prior, PlanarPrior)
     assert sain.prior.config.friction == 0.15
     card = json.loads(sain.card)
-    assert card["network"] == {"hidden": 8, "message": 4, "layers": 2}
+    assert card["network"] == {
+        "hidden": 8,
+        "message": 4,
+        "layers": 2,
+        "features": "push",
+    }
     assert card["weights_sha256"] == sain.model_hash
     scenes, pushes = random_pushes(10, 0)
     network, _, _ = load_checkpoint(checkpoint)
@@ -76,7 +81,7 @@ def test_missing(checkpoint: Path) -> None:
 
 
 def test_an_unknown_name() -> None:
-    with pytest.raises(CheckpointError, match="no dynamics 'plannar'; known: planar, identity, sa"):
+    with pytest.raises(CheckpointError, match="no dynamics 'plannar'; known: planar, planar_axes"):
         load_dynamics("plannar")
     with pytest.raises(CheckpointError, match="no prior 'bullet'"):
         load_prior("bullet")
@@ -109,7 +114,7 @@ def test_a_card_that_is_none(checkpoint: Path) -> None:
         ("feature_version", 99, "feature_version is 99; this version reads 1"),
         ("format_version", 0, "format_version is 0; this version reads 1"),
         ("weights_sha256", "0" * 64, "its card says 0000000000000000"),
-        ("prior", "bullet", "no prior 'bullet'; known: planar, identity"),
+        ("prior", "bullet", "no prior 'bullet'; known: planar, planar_axes, identity"),
         ("prior_config", {"friction": -1.0}, "PlanarConfig.friction is -1.0"),
         ("prior_config", {"frictoin": 0.1}, "frictoin"),
         ("network", {"hidden": 9, "message": 4, "layers": 2}, r"tensor \S+ has shape"),

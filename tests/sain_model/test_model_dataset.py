@@ -98,3 +98,16 @@ def test_shards_with_other_numbers_of_disks_do_not_mix(dataset: Path, tmp_path: 
     np.savez(tmp_path / "b.npz", **arrays)
     with pytest.raises(DatasetError, match="mixes numbers of disks"):
         load_transitions(tmp_path)
+
+
+def test_the_order_of_an_episode_is_that_of_its_steps(dataset: Path, tmp_path: Path) -> None:
+    arrays = dict(np.load(dataset / "shard-0.npz"))
+    count = len(arrays["episode"])
+    np.savez(tmp_path / "a.npz", **arrays)
+    np.testing.assert_array_equal(load_transitions(tmp_path / "a.npz").steps, np.arange(count))
+    steps = np.arange(count)[::-1] % 6
+    np.savez(tmp_path / "b.npz", **arrays, step=steps)
+    np.testing.assert_array_equal(load_transitions(tmp_path / "b.npz").steps, steps)
+    np.savez(tmp_path / "c.npz", **arrays, step=steps // 2)
+    with pytest.raises(DatasetError, match="episode 0 has two pushes with step"):
+        load_transitions(tmp_path / "c.npz")

@@ -27,6 +27,7 @@ from sain_core.scene import (
 )
 from sain_core.types import Pushes, Scenes
 from sain_model.planar import PlanarConfig, PlanarPrior, check_batch
+from sain_model.planar_axes import AXES
 
 BATCH = 200
 LIMITS = PushLimits()
@@ -251,3 +252,20 @@ def test_bad_input_is_refused_by_name(prior: PlanarPrior) -> None:
 def test_settings_are_checked() -> None:
     with pytest.raises(ConfigError, match=r"PlanarConfig.friction is -0.1; it must be at least"):
         PlanarConfig(friction=-0.1)
+
+
+def test_friction_along_the_axes_turns_by_quarters_and_in_their_mirror() -> None:
+    scenes, pushes = draw(2, seed=3, batch=60)
+    prior = PlanarPrior(AXES)
+    expected = prior.step(scenes, pushes)
+
+    def off(angle: float) -> float:
+        turned = prior.step(rotate_scenes(scenes, angle), rotate_pushes(pushes, angle))
+        away = turned - rotate_scenes(expected, angle)
+        return float(np.abs(away[..., POSITION]).max())
+
+    assert off(np.pi / 2) < 1e-6
+    assert off(np.pi / 4) > 1e-3
+    mirrored = prior.step(mirror_scenes(scenes), mirror_pushes(pushes))
+    away = mirrored - mirror_scenes(expected)
+    assert np.abs(away[..., POSITION]).max() < 1e-6

@@ -3,9 +3,11 @@ import pytest
 
 from sain_core.dynamics import IdentityPrior
 from sain_core.errors import InvalidInputError, ModelUnavailableError, TooMuchWorkError
+from sain_core.history import PushHistory
 from sain_core.push import PushLimits
 from sain_core.scene import make_scene, wrap_angle
 from sain_core.types import Pushes, Scenes
+from sain_model.friction import FrictionConfig
 from sain_model.network import InteractionNetwork
 from sain_model.planar import PlanarPrior
 from sain_model.sain import SainDynamics
@@ -71,3 +73,32 @@ def test_a_scene_that_cannot_exist_is_refused() -> None:
     overlapping[1, 0] = 0.45
     with pytest.raises(InvalidInputError, match="disks 0 and 1 overlap"):
         server.rollout(overlapping, PUSHES[:, None])
+
+
+def past(friction: float, pushes: int = 4) -> PushHistory:
+    scenes, actions = SCENES[:pushes], PUSHES[:pushes]
+    after = PlanarPrior().step(scenes, actions, np.full(pushes, friction))
+    return PushHistory(scenes, actions, after)
+
+
+def test_a_model_serves_what_the_past_tells() -> None:
+    sain = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", friction=FrictionConfig())
+    server = ModelServer(sain, ServingConfig(model="mine"))
+    for truth in (0.2, 0.08, 0.08):
+        history = past(truth)
+        told = sain.with_history(history)
+        np.testing.assert_array_equal(
+            server.predict(SCENES, PUSHES, history=history)[1], told.step(SCENES, PUSHES)
+        )
+        predicted = server.rollout(SCENE, PUSHES[:, None], history)
+        np.testing.assert_array_equal(predicted[:, 0], told.step(SCENES, PUSHES))
+        assert server.friction(history) == pytest.approx(truth, rel=0.05)
+    assert server.friction(None) == server.friction(PushHistory.empty()) == 0.12
+    np.testing.assert_array_equal(server.predict(SCENES, PUSHES)[1], sain.step(SCENES, PUSHES))
+
+
+def test_a_past_is_bounded_work_and_may_be_of_no_use() -> None:
+    server = ModelServer(IdentityPrior(), ServingConfig(max_work=7))
+    assert server.friction(past(0.2, pushes=3)) == 0.0
+    with pytest.raises(TooMuchWorkError, match="4 predictions of 2 disks are 8 of work"):
+        server.rollout(SCENE, PUSHES[:1, None], past(0.2))

@@ -1,4 +1,5 @@
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,9 @@ import torch
 from sain_core.errors import CheckpointError
 from sain_model import evaluate_cli, train_cli
 from sain_model.dataset import Split, load_transitions, split_by_episode
-from sain_model.evaluation import bootstrap_over_episodes, evaluate, measure
+from sain_model.evaluation import evaluate
 from sain_model.load import load_dynamics
+from sain_model.metrics import bootstrap_over_episodes, measure
 from sain_model.network import NetworkConfig
 from sain_model.planar import PlanarPrior
 from sain_model.sain import SainDynamics
@@ -100,7 +102,9 @@ def test_the_command_lines_end_in_a_checkpoint_and_a_report(dataset: Path, tmp_p
     assert card["data"]["episodes"] == {"train": 12, "validation": 2, "test": 6}
     assert sum(card["data"]["transitions"].values()) == 120
     assert card["errors"]["all"]["SAIN"]["pushes"] == card["data"]["transitions"]["test"]
-    assert load_dynamics(str(out / "sain.safetensors")).kind == "residual"
+    sain = load_dynamics(str(out / "sain.safetensors"))
+    assert isinstance(sain, SainDynamics) and sain.kind == "residual"
+    assert sain.friction is not None and asdict(sain.friction) == card["friction"]
 
     learned = tmp_path / "learned"
     assert (
@@ -121,8 +125,17 @@ def test_the_command_lines_end_in_a_checkpoint_and_a_report(dataset: Path, tmp_p
         "planar, true",
         "learned only",
         "SAIN",
+        "planar, history",
+        "its prior, history",
+        "SAIN, history",
+        "SAIN, true friction",
         "floor",
     }
+    groups = errors["by_history"]
+    assert [group["earlier"] for group in groups] == ["0", "1", "2", "3+"]
+    assert [group["pushes"] for group in groups] == [6, 6, 6, 18]
+    assert groups[0]["target_mean"]["SAIN, history"] == groups[0]["target_mean"]["SAIN"]
+    assert groups[3]["target_mean"]["SAIN, history"] != groups[3]["target_mean"]["SAIN"]
     assert errors["all"]["floor"]["target_mean"] == pytest.approx(0.1 * 2**0.5)
 
 

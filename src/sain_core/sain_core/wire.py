@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from sain_core.errors import InvalidInputError
+from sain_core.history import PushHistory
 from sain_core.push import PUSH_NAMES, PUSH_SIZE
 from sain_core.scene import STATE_NAMES, STATE_SIZE
 from sain_core.types import (
@@ -100,6 +101,35 @@ def decode_predict_request(request: Any) -> tuple[Scenes, Pushes, Scenes | None]
     if len(request.physics_next) == 0:
         return scenes, pushes, None
     return scenes, pushes, decode_floats(request.physics_next, shape, "physics_next")
+
+
+def decode_past(request: Any) -> PushHistory:
+    """Return the earlier pushes that a ``Rollout`` or ``PredictResidual`` request tells of.
+
+    Raises:
+        InvalidInputError: arrays that do not fit the dimensions, or cannot be an episode.
+    """
+    past, disks = request.past, request.disks
+    _at_least(disks, MIN_DISKS, "disks")
+    shape = (past, disks, STATE_SIZE)
+    return PushHistory(
+        decode_floats(request.past_scenes, shape, "past_scenes"),
+        decode_floats(request.past_pushes, (past, PUSH_SIZE), "past_pushes"),
+        decode_floats(request.past_next, shape, "past_next"),
+    )
+
+
+def decode_result(message: Any) -> tuple[Scene, PushArray, Scene]:
+    """Return the scene (N, 8) before a ``PushResult``, its push (3,), and the scene after it.
+
+    Raises:
+        InvalidInputError: NaN or Inf, or scenes of different numbers of disks.
+    """
+    before = decode_disks(message.before.disks, "scene before the push")
+    after = decode_disks(message.after.disks, "scene after the push")
+    if len(before) != len(after):
+        raise InvalidInputError(f"a push led from {len(before)} disks to {len(after)}; it cannot")
+    return before, decode_push(message.push), after
 
 
 def decode_rollout(response: Any, shape: tuple[int, int, int]) -> PredictedScenes:

@@ -17,7 +17,7 @@ from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, X, Y
 from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars, Scenes
 from sain_model.dataset import Transitions
-from sain_model.evaluation import position_errors, target_moved
+from sain_model.metrics import position_errors, target_moved
 from sain_model.planar import PlanarConfig, PlanarPrior
 
 # Free parameters with a step that matters, a smallest and a largest value.
@@ -33,6 +33,10 @@ FREE: Final = {
     "middle_height": (0.01, 0.0, 0.04),
     "tool_height": (0.01, 0.0, 0.05),
     "disk_height": (0.01, 0.0, 0.05),
+}
+AXES_FREE: Final = {
+    "axes_yield": (0.2, 0.1, 1.5),
+    **{name: range_ for name, range_ in FREE.items() if name != "yield_across"},
 }
 SMALL: Final = 1.0  # [mm], below which an error hardly counts
 LARGE: Final = 15.0  # [mm], beyond which it counts no more
@@ -51,6 +55,7 @@ START: Final = PlanarConfig(
     tool_height=0.02,
     disk_height=0.02,
 )
+AXES_START: Final = replace(START, axes_yield=0.7)
 
 Progress = Callable[[int, float], None]  # evaluations so far, lowest cost
 
@@ -64,6 +69,17 @@ class CalibrationConfig(Config):
     )
     evaluations: int = option(600, "most evaluations of the prior on them", minimum=1)
     seed: int = option(0, "decides which episodes are fitted to", minimum=0)
+    axes: bool = option(False, "fit the prior whose friction knows the world's axes")
+
+    @property
+    def free(self) -> dict[str, tuple[float, float, float]]:
+        """What is fitted: step, smallest and largest value of each parameter."""
+        return AXES_FREE if self.axes else FREE
+
+    @property
+    def start(self) -> PlanarConfig:
+        """What the parameters are before."""
+        return AXES_START if self.axes else START
 
 
 @dataclass(frozen=True)
@@ -118,9 +134,9 @@ def calibrate(
     part, rest = data.select(fitting & target_moved(data)), data.select(~fitting)
     if not len(part) or not len(rest):
         raise DatasetError(f"{len(data)} pushes of {len(numbers)} episodes are too few to fit")
-    best = _fit(part, config.evaluations, progress)
-    fitted = {name: float(getattr(best, name)) for name in FREE}
-    return Calibration(best, fitted, len(part), _judge(rest, best))
+    best = _fit(part, config, progress)
+    fitted = {name: float(getattr(best, name)) for name in config.free}
+    return Calibration(best, fitted, len(part), _judge(rest, config.start, best))
 
 
 def on_table(data: Transitions, table: Table) -> Mask:
@@ -136,32 +152,31 @@ def on_table(data: Transitions, table: Table) -> Mask:
     return inside
 
 
-def _fit(data: Transitions, evaluations: int, progress: Progress) -> PlanarConfig:
+def _fit(data: Transitions, config: CalibrationConfig, progress: Progress) -> PlanarConfig:
     """Return the configuration with the lowest cost that Powell's method finds."""
-    steps, lows, highs = (np.array(column) for column in zip(*FREE.values(), strict=True))
-    start = np.array([getattr(START, name) for name in FREE])
+    steps, lows, highs = (np.array(column) for column in zip(*config.free.values(), strict=True))
+    start = np.array([getattr(config.start, name) for name in config.free])
     lowest, count = np.inf, 0
+
+    def fitted(scaled: Scalars) -> PlanarConfig:
+        values = np.round(np.clip(start + scaled * steps, lows, highs), 4).tolist()
+        return replace(config.start, **dict(zip(config.free, values, strict=True)))
 
     def cost(scaled: Scalars) -> float:
         nonlocal lowest, count
-        config = _with(np.clip(start + scaled * steps, lows, highs))
-        value = _cost(data, config)
+        value = _cost(data, fitted(scaled))
         lowest, count = min(lowest, value), count + 1
         progress(count, lowest)
         return value
 
     found = minimize(
         cost,
-        np.zeros(len(FREE)),
+        np.zeros(len(start)),
         method="Powell",
         bounds=list(zip((lows - start) / steps, (highs - start) / steps, strict=True)),
-        options={"maxfev": evaluations, "xtol": 0.05, "ftol": 3e-4},
+        options={"maxfev": config.evaluations, "xtol": 0.05, "ftol": 3e-4},
     )
-    return _with(np.clip(start + found.x * steps, lows, highs))
-
-
-def _with(values: Scalars) -> PlanarConfig:
-    return replace(START, **dict(zip(FREE, np.round(values, 4).tolist(), strict=True)))
+    return fitted(found.x)
 
 
 def _cost(data: Transitions, config: PlanarConfig) -> float:
@@ -172,9 +187,11 @@ def _cost(data: Transitions, config: PlanarConfig) -> float:
     return float((np.sqrt(SMALL**2 + off**2) + 0.02 * off**2).mean())
 
 
-def _judge(data: Transitions, fitted: PlanarConfig) -> dict[str, dict[str, Accuracy]]:
+def _judge(
+    data: Transitions, start: PlanarConfig, fitted: PlanarConfig
+) -> dict[str, dict[str, Accuracy]]:
     predictions = {
-        "before": PlanarPrior(START).step(data.scenes, data.pushes, data.friction),
+        "before": PlanarPrior(start).step(data.scenes, data.pushes, data.friction),
         "fitted": PlanarPrior(fitted).step(data.scenes, data.pushes, data.friction),
         "in use": PlanarPrior().step(data.scenes, data.pushes, data.friction),
         "floor": data.floor_next,

@@ -91,6 +91,7 @@ class _Episode:
             self.controller.refused(decision.push)
             return scene
         self.refusals_in_a_row = 0
+        self.controller.observed(scene, decision.push, after)
         self.pushes.append(
             PushRecord(
                 decision.push, scene, decision.predicted, None, after, decision.planning_time

@@ -9,6 +9,7 @@ import numpy as np
 from sain_core.dynamics import Dynamics, as_rollout
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
+from sain_core.history import PushHistory, informed_rollout
 from sain_core.push import LOCATION
 from sain_core.scene import MID, POSITION, wrap_angle
 from sain_core.types import PushArray, Scene
@@ -46,6 +47,10 @@ class Controller(Protocol):
         """Take note that the world refused this push (3,): nothing has moved."""
         ...
 
+    def observed(self, scene: Scene, push: PushArray, next_scene: Scene) -> None:
+        """Take note that a push (3,) led from one settled scene (N, 8) to another."""
+        ...
+
 
 class NullController:
     """Does nothing: what a scene is worth by itself."""
@@ -56,6 +61,9 @@ class NullController:
 
     def refused(self, push: PushArray) -> None:
         """Never happens."""
+
+    def observed(self, scene: Scene, push: PushArray, next_scene: Scene) -> None:
+        """Learn nothing."""
 
 
 class StraightController:
@@ -77,6 +85,9 @@ class StraightController:
         """Stop: it has no second idea."""
         raise NoPushError(f"the straight push at {push[LOCATION]:.2f} rad was refused")
 
+    def observed(self, scene: Scene, push: PushArray, next_scene: Scene) -> None:
+        """Learn nothing."""
+
 
 class RandomController:
     """Pushes from anywhere to anywhere, as long as it is permitted."""
@@ -96,13 +107,25 @@ class RandomController:
     def refused(self, push: PushArray) -> None:
         """Draw again."""
 
+    def observed(self, scene: Scene, push: PushArray, next_scene: Scene) -> None:
+        """Learn nothing."""
+
 
 class PlanningController:
-    """MPPI over a dynamics model."""
+    """MPPI over a dynamics model, which learns from the episode's pushes what no scene shows."""
 
-    def __init__(self, dynamics: Dynamics, config: PlannerConfig, feasibility: Feasibility) -> None:
-        """Plan with this model."""
-        self.planner = Planner(as_rollout(dynamics), config, feasibility)
+    def __init__(
+        self,
+        dynamics: Dynamics,
+        config: PlannerConfig,
+        feasibility: Feasibility,
+        learns: bool = True,
+    ) -> None:
+        """Plan with this model; `learns`: let it know the episode's earlier pushes."""
+        self.model = as_rollout(dynamics)
+        self.planner = Planner(self.model, config, feasibility)
+        self.learns = learns
+        self.history: PushHistory | None = None
 
     def decide(self, scene: Scene, goal: Goal, random: np.random.Generator) -> Decision:
         """Plan and take the first push."""
@@ -113,20 +136,31 @@ class PlanningController:
         """Plan again without pushes like this one."""
         self.planner.refuse(push)
 
+    def observed(self, scene: Scene, push: PushArray, next_scene: Scene) -> None:
+        """Plan from now on with a model that knows of this push."""
+        if self.learns:
+            past = self.history or PushHistory.empty(len(scene))
+            self.history = past.then(scene, push, next_scene)
+            self.planner.model = informed_rollout(self.model, self.history)
+
 
 ControllerMaker = Callable[[ScenarioScene], Controller]
 
 
 def controller_maker(
-    name: str, config: PlannerConfig | None = None, feasibility: Feasibility | None = None
+    name: str,
+    config: PlannerConfig | None = None,
+    feasibility: Feasibility | None = None,
+    learns: bool = True,
 ) -> ControllerMaker:
     """Return what makes a fresh controller for each scene; models are loaded once, here.
 
     Args:
         name: null, straight, random, oracle, or a dynamics that `load_dynamics` knows (planar,
-            identity, sain, a checkpoint's path). The oracle is told the scene's true friction.
+            planar_axes, identity, sain, a checkpoint's path). The oracle is told the true friction.
         config: how to plan.
         feasibility: what the arm can do.
+        learns: whether a model is told the episode's earlier pushes; the oracle never is.
 
     Raises:
         ConfigError: an empty name.
@@ -143,7 +177,7 @@ def controller_maker(
         return lambda scene: RandomController(feasibility)
     if name == ORACLE:
         return lambda scene: PlanningController(
-            PlanarPrior(PlanarConfig(friction=scene.friction)), config, feasibility
+            PlanarPrior(PlanarConfig(friction=scene.friction)), config, feasibility, learns=False
         )
     dynamics = load_dynamics(name)
-    return lambda scene: PlanningController(dynamics, config, feasibility)
+    return lambda scene: PlanningController(dynamics, config, feasibility, learns)

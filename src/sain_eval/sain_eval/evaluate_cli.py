@@ -57,10 +57,12 @@ class Evaluate(Config):
     seed: int = option(0, "seed of the first scene; the next have the next", minimum=0)
     """Seed of the first scene; the others have the next ones."""
     controllers: str = "null,straight,planar"
-    """With commas: null, straight, random, oracle, or what MPPI plans over: planar, identity, sain
-    or the path of a checkpoint."""
+    """With commas: null, straight, random, oracle, or what MPPI plans over: planar, planar_axes,
+    identity, sain or the path of a checkpoint."""
     tolerances: str = "0.05,0.02"
     """Distances from the goal that count as success [m], with commas; played to the tightest."""
+    history: bool = True
+    """Let models learn the friction from the earlier pushes of an episode."""
     workers: int = option(1, "processes", minimum=1, maximum=256)
     """Processes that run episodes side by side; planning times mean little when cores are short."""
     pictures: int = option(0, "pictures of each controller", minimum=0)
@@ -107,6 +109,7 @@ class Evaluate(Config):
         settings: dict[str, object] = {
             "tolerances": self.tolerance_values,
             "planner": dataclasses.asdict(self.planner),
+            "history": self.history,
         }
         if self.truth != RANDOMISED_TRUTH:
             settings["truth"] = dataclasses.asdict(self.truth)
@@ -121,6 +124,7 @@ class Evaluate(Config):
                 controller,
                 self.tolerance_values,
                 self.planner,
+                self.history,
                 self._picture(scenario, seed, controller),
                 self.truth,
             )

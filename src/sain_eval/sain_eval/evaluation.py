@@ -28,6 +28,7 @@ class Job:
     controller: str
     tolerances: tuple[float, ...]  # [m]; the controller plays to the tightest
     planner: PlannerConfig
+    history: bool = True  # whether a model is told the episode's earlier pushes
     picture: Path | None = None  # where to draw it
     truth: TruthConfig = RANDOMISED_TRUTH
 
@@ -35,7 +36,7 @@ class Job:
 def run_job(job: Job) -> list[SceneRecord]:
     """Run one episode and judge it at each tolerance."""
     case = SCENARIOS[job.scenario].scene(job.seed).within(job.truth)
-    controller = _maker(job.controller, job.planner)(case)
+    controller = _maker(job.controller, job.planner, job.history)(case)
     outcome = run_episode(case, controller, min(job.tolerances))
     if job.picture is not None:
         _draw(job, outcome, job.picture)
@@ -68,9 +69,9 @@ def run_jobs(jobs: Sequence[Job], workers: int) -> Iterator[list[SceneRecord]]:
 
 
 @cache
-def _maker(controller: str, planner: PlannerConfig) -> ControllerMaker:
+def _maker(controller: str, planner: PlannerConfig, history: bool) -> ControllerMaker:
     """Load each model once in a process."""
-    return controller_maker(controller, planner)
+    return controller_maker(controller, planner, learns=history)
 
 
 def _draw(job: Job, outcome: EpisodeOutcome, path: Path) -> None:

@@ -40,6 +40,7 @@ class Physics(NamedTuple):
     disk_restitution: float
     friction_scale: float
     yield_across: float
+    axes_yield: float
     middle_height: float
     tool_height: float
     disk_height: float

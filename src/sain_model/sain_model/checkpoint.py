@@ -35,6 +35,8 @@ class Card:
         prior: name of the prior that it corrects, as in `sain_model.load.load_dynamics`.
         prior_config: its parameters, so that a later calibration does not change this model.
         network: size of the network.
+        friction: how friction is inferred from an episode's earlier pushes; None: the model was
+            trained without them, and knows the nominal friction alone.
         data: what it was trained on: path, SHA-256, transitions, episodes, split.
         training: settings, seed, epochs done, losses.
         errors: errors on the held-out episodes [mm], for it and what it is compared with.
@@ -47,6 +49,7 @@ class Card:
     prior: str
     prior_config: dict[str, Any]
     network: dict[str, Any]
+    friction: dict[str, Any] | None = None
     data: dict[str, Any] = field(default_factory=dict)
     training: dict[str, Any] = field(default_factory=dict)
     errors: dict[str, Any] = field(default_factory=dict)

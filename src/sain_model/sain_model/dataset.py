@@ -20,6 +20,8 @@ STATES: Final = ("state", "physics_next", "next_state")
 NEEDED: Final = (*STATES, "action", "episode")
 FLOOR: Final = "floor_next"  # the same push once more in a world set to the observed state
 FRICTION: Final = "friction"
+STEP: Final = "step"  # a push's place in its episode
+NO_STEP: Final = -1  # where a shard does not tell
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class Transitions:
         physics_next: the nominal world's prediction, the paper's f_p.
         next_scenes: after the push.
         episodes: which episode each belongs to.
+        steps: its place in the episode: the order of the data where no ``step`` is given.
         friction: the true friction with the table; NaN where it is not known.
         floor_next: the same push repeated in a world set to the observed state; NaN likewise.
         sha256: of all arrays that are needed.
@@ -42,6 +45,7 @@ class Transitions:
     physics_next: Scenes
     next_scenes: Scenes
     episodes: Int[ndarray, "M"]
+    steps: Int[ndarray, "M"]
     friction: Scalars
     floor_next: Scenes
     sha256: str
@@ -58,6 +62,7 @@ class Transitions:
             self.physics_next[rows],
             self.next_scenes[rows],
             self.episodes[rows],
+            self.steps[rows],
             self.friction[rows],
             self.floor_next[rows],
             self.sha256,
@@ -71,6 +76,7 @@ class Transitions:
             mirror_scenes(self.physics_next),
             mirror_scenes(self.next_scenes),
             self.episodes,
+            self.steps,
             self.friction,
             mirror_scenes(self.floor_next),
             self.sha256,
@@ -110,6 +116,7 @@ def load_transitions(path: Path) -> Transitions:
         arrays["physics_next"],
         arrays["next_state"],
         arrays["episode"],
+        _steps(path, arrays["episode"], arrays[STEP]),
         arrays[FRICTION],
         arrays[FLOOR],
         digest.hexdigest(),
@@ -178,8 +185,10 @@ def _read_shard(path: Path) -> dict[str, ndarray]:
     unknown = np.full(count, np.nan)
     shard_arrays = {key: _states(path, key, arrays[key], count) for key in STATES}
     shard_arrays["action"] = _numbers(path, "action", arrays["action"], (count, PUSH_SIZE))
-    shard_arrays["episode"] = _episodes(path, arrays["episode"], count)
+    shard_arrays["episode"] = _integers(path, "episode", arrays["episode"], count)
     shard_arrays[FRICTION] = np.asarray(arrays.get(FRICTION, unknown), dtype=np.float64)
+    steps = arrays.get(STEP, np.full(count, NO_STEP))
+    shard_arrays[STEP] = _integers(path, STEP, steps, count)
     if shard_arrays[FRICTION].shape != (count,):
         shape = shard_arrays[FRICTION].shape
         raise DatasetError(f"{path}: friction has shape {shape}; it should be ({count},)")
@@ -211,7 +220,22 @@ def _numbers(path: Path, key: str, values: ndarray, shape: tuple[int, ...]) -> n
     return numbers
 
 
-def _episodes(path: Path, values: ndarray, count: int) -> Int[ndarray, "M"]:
+def _integers(path: Path, key: str, values: ndarray, count: int) -> Int[ndarray, "M"]:
     if values.shape != (count,) or values.dtype.kind not in "iu":
-        raise DatasetError(f"{path}: episode is {values.dtype} {values.shape}; integers ({count},)")
+        raise DatasetError(f"{path}: {key} is {values.dtype} {values.shape}; integers ({count},)")
     return values.astype(np.int64)
+
+
+def _steps(path: Path, episodes: ndarray, steps: ndarray) -> Int[ndarray, "M"]:
+    """Return the place of each push in its episode; by the order of the data where none tells."""
+    if (steps == NO_STEP).any():
+        return np.arange(len(steps))
+    order = np.lexsort((steps, episodes))
+    same = (np.diff(episodes[order]) == 0) & (np.diff(steps[order]) == 0)
+    if same.any():
+        row = order[int(np.argmax(same))]
+        raise DatasetError(
+            f"{path}: episode {episodes[row]} has two pushes with step {steps[row]}; each needs"
+            " its own"
+        )
+    return steps

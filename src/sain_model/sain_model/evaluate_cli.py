@@ -14,7 +14,7 @@ from rich.console import Console
 from sain_core.errors import SainError
 from sain_model.checkpoint import Card, load_checkpoint, write_whole
 from sain_model.dataset import Transitions, load_transitions, split_by_episode
-from sain_model.error_table import error_table
+from sain_model.error_table import error_table, history_table
 from sain_model.evaluation import evaluate
 from sain_model.load import load_sain, shipped_checkpoint
 
@@ -72,6 +72,7 @@ def run(command: EvaluateCommand, console: Console) -> None:
     write_whole(command.out, (json.dumps(report, indent=2) + "\n").encode())
     for part in ("all", "target_moved"):
         console.print(error_table(errors, part))
+    console.print(history_table(errors))
     for name, share in errors["reducible_error_removed"].items():
         console.print(f"{name}: {100 * share:.0f} % of the reducible error removed")
     console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")

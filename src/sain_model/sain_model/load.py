@@ -1,6 +1,6 @@
 """Dynamics by name: what command lines, parameters and nodes say when they mean a model."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
@@ -8,11 +8,14 @@ from typing import Any, Final
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import CheckpointError, ConfigError
 from sain_model.checkpoint import SUFFIX, card_path, load_checkpoint
+from sain_model.friction import FrictionConfig
 from sain_model.planar import PlanarConfig, PlanarPrior
+from sain_model.planar_axes import AXES
 from sain_model.sain import IDENTITY, SainDynamics
 
 PLANAR: Final = "planar"
-PRIORS: Final = (PLANAR, IDENTITY)
+PLANAR_AXES: Final = "planar_axes"
+PRIORS: Final = (PLANAR, PLANAR_AXES, IDENTITY)
 SHIPPED: Final = "sain"
 
 
@@ -20,8 +23,8 @@ def load_dynamics(name: str) -> Dynamics:
     """Return a dynamics by its name.
 
     Args:
-        name: ``planar`` or ``identity``: that prior; ``sain``: the checkpoint that comes with
-            this package; anything else: the path of a checkpoint.
+        name: ``planar``, ``planar_axes`` or ``identity``: that prior; ``sain``: the checkpoint
+            that comes with this package; anything else: the path of a checkpoint.
 
     Raises:
         CheckpointError: no prior of that name, and no sound checkpoint at that path.
@@ -42,9 +45,10 @@ def load_prior(name: str, settings: dict[str, Any] | None = None) -> Dynamics:
     Raises:
         CheckpointError: there is none of that name, or it has no such settings.
     """
-    if name == PLANAR:
+    if name in (PLANAR, PLANAR_AXES):
+        usual = PlanarConfig() if name == PLANAR else AXES
         try:
-            return PlanarPrior(PlanarConfig(**(settings or {})))
+            return PlanarPrior(replace(usual, **(settings or {})))
         except (TypeError, ConfigError) as error:
             raise CheckpointError(f"settings of the planar prior: {error}") from error
     if name == IDENTITY:
@@ -66,9 +70,17 @@ def load_sain(path: Path) -> SainDynamics:
     network, card, text = load_checkpoint(path)
     try:
         prior = load_prior(card.prior, card.prior_config)
+        friction = _friction(card.friction)
     except CheckpointError as error:
         raise CheckpointError(f"{card_path(path)}: {error}") from error
-    return SainDynamics(network, prior, card.prior, card.weights_sha256, text)
+    return SainDynamics(network, prior, card.prior, card.weights_sha256, text, friction)
+
+
+def _friction(settings: dict[str, Any] | None) -> FrictionConfig | None:
+    try:
+        return None if settings is None else FrictionConfig(**settings)
+    except (TypeError, ConfigError) as error:
+        raise CheckpointError(f"friction: {error}") from error
 
 
 def shipped_checkpoint() -> Path:

@@ -4,17 +4,19 @@ It is the fast f_p of the paper's equation 2 that can sit inside every rollout. 
 mass and radius that the scene states and, unless told better, the nominal friction.
 """
 
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, Self
 
 import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError
+from sain_core.history import PushHistory
 from sain_core.push import PUSH_SIZE, TOOL_RADIUS
 from sain_core.scene import MASS, MID, POSITION, RADIUS, STATE_NAMES, STATE_SIZE, TARGET
 from sain_core.types import Mask, Pushes, Scalars, Scenes
 from sain_model.body_kernels import Physics
+from sain_model.friction import FrictionFilter
 from sain_model.planar_kernels import push_scenes
 
 NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
@@ -50,6 +52,13 @@ class PlanarConfig(Config):
         " gives way to where a foot is lighter to move",
         minimum=0.1,
         maximum=1.0,
+    )
+    axes_yield: float = option(
+        0.0,
+        "above 0, in place of `yield_across`: a solver weighs a foot's friction along the world's x"
+        " and y by how hard the foot is to move that way, 1 / (1 + this x its share across)",
+        minimum=0.0,
+        maximum=5.0,
     )
     tool_friction: float = option(0.1211, "between tool and disk", minimum=0.0, maximum=2.0)
     disk_friction: float = option(0.1254, "between two disks", minimum=0.0, maximum=2.0)
@@ -104,6 +113,15 @@ class PlanarPrior:
         """Simulate with these physics."""
         self.config = config
         self._physics = config.physics()
+
+    def at(self, friction: float) -> Self:
+        """Return this prior with another friction between disks and table."""
+        return type(self)(replace(self.config, friction=friction))
+
+    def with_history(self, history: PushHistory) -> Self:
+        """Return this prior with the friction that an episode's earlier pushes tell of."""
+        belief = FrictionFilter(self, self.config.friction).infer(history)
+        return self.at(belief.mean)
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).

@@ -7,10 +7,13 @@ import torch
 
 from sain_core.dynamics import Dynamics
 from sain_core.errors import InvalidInputError
+from sain_core.history import PushHistory
 from sain_core.push import LENGTH
-from sain_core.types import Pushes, Scenes
+from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.features import apply_residual, make_features
+from sain_model.friction import FrictionConfig, FrictionFilter
 from sain_model.network import InteractionNetwork
+from sain_model.planar import PlanarPrior
 from sain_model.threads import settle_threads
 
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
@@ -28,6 +31,8 @@ class SainDynamics:
         kind: ``residual``, or ``learned`` when the prior is the identity.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.
+        friction: how it infers friction from an episode's earlier pushes; None: it was not
+            trained to.
     """
 
     def __init__(
@@ -37,6 +42,7 @@ class SainDynamics:
         prior_name: str,
         model_hash: str = "",
         card: str = "",
+        friction: FrictionConfig | None = None,
     ) -> None:
         """Correct this prior with this network."""
         self.network = network.eval()
@@ -45,9 +51,52 @@ class SainDynamics:
         self.kind = LEARNED if prior_name == IDENTITY else RESIDUAL
         self.model_hash = model_hash
         self.card = card
+        self.friction = friction
 
-    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8)."""
+    @property
+    def filter(self) -> FrictionFilter | None:
+        """What infers the friction that the prior is told; None: this model learns nothing."""
+        if self.friction is None or not isinstance(self.prior, PlanarPrior):
+            return None
+        return FrictionFilter(self.prior, self.prior.config.friction, self.friction)
+
+    def with_history(self, history: PushHistory) -> "SainDynamics":
+        """Return this model on the friction that an episode's earlier pushes tell of.
+
+        It is the model itself without pushes, and where it was not trained to learn from them.
+        """
+        friction = self.filter
+        if friction is None or len(history) == 0:
+            return self
+        return self.at(friction.infer(history).mean)
+
+    def at(self, friction: float) -> "SainDynamics":
+        """Return this model with its prior told this friction.
+
+        Raises:
+            InvalidInputError: the prior knows no friction.
+        """
+        if not isinstance(self.prior, PlanarPrior):
+            raise InvalidInputError(f"the prior {self.prior_name!r} knows no friction")
+        return SainDynamics(
+            self.network,
+            self.prior.at(friction),
+            self.prior_name,
+            self.model_hash,
+            self.card,
+            self.friction,
+        )
+
+    def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
+
+        Args:
+            scenes: settled scenes.
+            pushes: one a scene.
+            friction: with the table (B,), where it is known and the prior can be told.
+        """
+        if friction is not None and isinstance(self.prior, PlanarPrior):
+            return self.correct(scenes, pushes, self.prior.step(scenes, pushes, friction))
         return self.correct(scenes, pushes, self.prior.step(scenes, pushes))
 
     def correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:

@@ -8,8 +8,10 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics, as_rollout
 from sain_core.errors import ModelUnavailableError, TooMuchWorkError
+from sain_core.history import PushHistory, informed
 from sain_core.scene import THETA, check_scene, make_scene, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_model.planar import PlanarPrior
 from sain_model.sain import SainDynamics
 
 WARM_UP_SCENE: Final = make_scene(
@@ -23,7 +25,7 @@ PHYSICS: Final = "physics"
 class ServingConfig(Config):
     """What is served."""
 
-    model: str = option("sain", "sain, planar, identity, or the path of a checkpoint")
+    model: str = option("sain", "sain, planar, planar_axes, identity, or the path of a checkpoint")
     max_work: int = option(
         2_000_000, "largest samples x horizon x disks of a request", minimum=1, maximum=2**40
     )
@@ -55,12 +57,35 @@ class ModelServer:
         """Serve this dynamics. It is run once here, so that no request waits for compilation."""
         self.config = config
         self.description = describe(config.model, dynamics)
-        self._dynamics = dynamics
-        self._rollout = as_rollout(dynamics)
-        self._rollout.rollout(WARM_UP_SCENE, WARM_UP_PUSHES)
+        self._usual = dynamics
+        self._learned: tuple[PushHistory, Dynamics] | None = None
+        as_rollout(dynamics).rollout(WARM_UP_SCENE, WARM_UP_PUSHES)
 
-    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+    def knowing(self, history: PushHistory | None) -> Dynamics:
+        """Return the model that an episode's earlier pushes speak for; the latest is kept.
+
+        Raises:
+            TooMuchWorkError: more pushes than the limit of work allows.
+        """
+        if history is None or len(history) == 0:
+            return self._usual
+        self._check_work(len(history), history.disks)
+        if self._learned is None or not self._learned[0].equals(history):
+            self._learned = history, informed(self._usual, history)
+        return self._learned[1]
+
+    def friction(self, history: PushHistory | None) -> float:
+        """Return the friction that a prediction rests on; 0: the model knows none."""
+        dynamics = self.knowing(history)
+        prior = dynamics.prior if isinstance(dynamics, SainDynamics) else dynamics
+        return prior.config.friction if isinstance(prior, PlanarPrior) else 0.0
+
+    def rollout(
+        self, scene: Scene, pushes: PushSequences, history: PushHistory | None = None
+    ) -> PredictedScenes:
         """Predict (K, H, N, 8) for push sequences (K, H, 3) from a scene (N, 8).
+
+        `history` are the earlier pushes of the scene's episode, where they are known.
 
         Raises:
             InvalidInputError: a scene that cannot exist.
@@ -69,10 +94,14 @@ class ModelServer:
         """
         check_scene(scene)
         self._check_work(pushes.shape[0] * pushes.shape[1], len(scene))
-        return self._finite(self._rollout.rollout(scene, pushes))
+        return self._finite(as_rollout(self.knowing(history)).rollout(scene, pushes))
 
     def predict(
-        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes | None = None
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        physics_next: Scenes | None = None,
+        history: PushHistory | None = None,
     ) -> tuple[Scenes, Scenes]:
         """Predict where pushes (B, 3) lead from scenes (B, N, 8).
 
@@ -80,6 +109,7 @@ class ModelServer:
             scenes: settled scenes.
             pushes: one a scene.
             physics_next: (B, N, 8), what to correct; None: what the model's own prior predicts.
+            history: the earlier pushes of the episode of all these scenes, where they are known.
 
         Returns:
             The residual (B, N, 8), angles wrapped, and the next state (B, N, 8).
@@ -92,13 +122,14 @@ class ModelServer:
         for scene in scenes:
             check_scene(scene)
         self._check_work(len(scenes), scenes.shape[1])
-        if not isinstance(self._dynamics, SainDynamics):  # physics alone corrects nothing
+        dynamics = self.knowing(history)
+        if not isinstance(dynamics, SainDynamics):  # physics alone corrects nothing
             if physics_next is None:
-                physics_next = self._dynamics.step(scenes, pushes)
+                physics_next = dynamics.step(scenes, pushes)
             return np.zeros_like(physics_next), self._finite(physics_next)
         if physics_next is None:
-            physics_next = self._dynamics.prior.step(scenes, pushes)
-        next_state = self._finite(self._dynamics.correct(scenes, pushes, physics_next))
+            physics_next = dynamics.prior.step(scenes, pushes)
+        next_state = self._finite(dynamics.correct(scenes, pushes, physics_next))
         residual = next_state - physics_next
         residual[..., THETA] = wrap_angle(residual[..., THETA])
         return residual, next_state

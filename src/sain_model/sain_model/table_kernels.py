@@ -57,14 +57,18 @@ def _rub_feet(feet, vx, vy, turn, cos, sin, slowing, physics):
         cos: of the heading.
         sin: of the heading.
         slowing: what friction takes from a foot that slides [m/s].
-        physics: for `yield_across`.
+        physics: for `yield_across` and `axes_yield`.
     """
     for foot in range(FEET):
         # A foot moves with the centre and, as the disk turns, across the arm that it stands on.
         # Friction never turns a foot back: below `slowing` it falls linearly.
         x, y = vx - turn * sin, vy + turn * cos
-        less = (1.0 - physics.yield_across) * (cos * y - sin * x)
-        x, y = x + less * sin, y - less * cos
+        if physics.axes_yield > 0.0:
+            x /= 1.0 + physics.axes_yield * sin * sin
+            y /= 1.0 + physics.axes_yield * cos * cos
+        else:
+            less = (1.0 - physics.yield_across) * (cos * y - sin * x)
+            x, y = x + less * sin, y - less * cos
         share = slowing / max(np.sqrt(x * x + y * y), slowing)
         feet[foot, 0], feet[foot, 1] = share * x, share * y
         feet[foot, 2], feet[foot, 3] = cos, sin

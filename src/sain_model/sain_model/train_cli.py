@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy
+import numpy as np
 import torch
 import tyro
 from rich.console import Console
@@ -25,12 +25,15 @@ from sain_model.dataset import (
     load_transitions,
     split_by_episode,
 )
-from sain_model.error_table import error_table
+from sain_model.error_table import error_table, history_table
 from sain_model.evaluation import evaluate
-from sain_model.load import PLANAR, load_prior, prior_settings
+from sain_model.friction import FrictionConfig, FrictionFilter
+from sain_model.friction_noise import fit_noise
+from sain_model.load import load_prior, prior_settings
 from sain_model.loss_plot import save_loss_curve
-from sain_model.sain import LEARNED, SainDynamics
-from sain_model.training import History, Trainer, TrainingConfig
+from sain_model.planar import PlanarPrior
+from sain_model.sain import IDENTITY, LEARNED, SainDynamics
+from sain_model.training import NOTHING, History, Trainer, TrainingConfig
 
 
 @dataclass(frozen=True)
@@ -80,21 +83,36 @@ def train(command: TrainCommand, console: Console) -> Path:
     if config.transitions:
         split = limit_training(split, config.transitions)
     write_whole(command.out / "config.json", _settings(command).encode())
-    settings = {"friction": config.prior_friction} if config.prior == PLANAR else None
+    settings = {"friction": config.prior_friction} if config.prior != IDENTITY else None
     prior = load_prior(config.prior, settings)
-    trainer = Trainer(split, prior, config, command.out)
+    friction = None if config.history == NOTHING else make_filter(prior, split.train)
+    trainer = Trainer(split, prior, config, command.out, friction)
     with EpochBar(console, config.epochs, trainer.epoch) as advance:
         trainer.run(advance)
     save_loss_curve(command.out / "loss.png", trainer.history)
-    sain = SainDynamics(trainer.network, prior, config.prior)
+    infers = friction.config if friction else None
+    sain = SainDynamics(trainer.network, prior, config.prior, friction=infers)
     errors = _errors(split.test, sain)
-    card = make_card(command, data, split, trainer.history, errors, prior)
+    card = make_card(command, data, split, trainer.history, errors, sain)
     path = command.out / f"{command.name}.safetensors"
     save_checkpoint(path, trainer.network, card)
     for part in ("all", "target_moved"):
         console.print(error_table(errors, part))
+    console.print(history_table(errors))
     console.print(f"{path}: epoch {trainer.history.best + 1} of {config.epochs}")
     return path
+
+
+def make_filter(prior: Dynamics, data: Transitions) -> FrictionFilter | None:
+    """Return what infers friction for a prior, its noise fitted where the truth is known.
+
+    None for a prior that knows no friction.
+    """
+    if not isinstance(prior, PlanarPrior):
+        return None
+    known = np.isfinite(data.friction).all()
+    config = fit_noise(prior, data) if known else FrictionConfig()
+    return FrictionFilter(prior, prior.config.friction, config)
 
 
 def make_card(
@@ -103,20 +121,21 @@ def make_card(
     split: Split,
     history: History,
     errors: dict[str, Any],
-    prior: Dynamics,
+    sain: SainDynamics,
 ) -> Card:
     """Return the card of what was trained."""
     config = command.training
     parts = {"train": split.train, "validation": split.validation, "test": split.test}
     return Card(
         prior=config.prior,
-        prior_config=prior_settings(prior),
+        prior_config=prior_settings(sain.prior),
         network=asdict(config.network),
+        friction=asdict(sain.friction) if sain.friction else None,
         data={
             "path": str(command.dataset),
             "sha256": data.sha256,
             "transitions": {name: len(part) for name, part in parts.items()},
-            "episodes": {name: len(numpy.unique(part.episodes)) for name, part in parts.items()},
+            "episodes": {name: len(np.unique(part.episodes)) for name, part in parts.items()},
         },
         training={
             **asdict(config),
@@ -128,7 +147,7 @@ def make_card(
         versions={
             "python": platform.python_version(),
             "torch": torch.__version__,
-            "numpy": numpy.__version__,
+            "numpy": np.__version__,
         },
         command=_command_line(),
     )

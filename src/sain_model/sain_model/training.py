@@ -14,13 +14,18 @@ from torch import Tensor
 from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics
 from sain_core.errors import CheckpointError
-from sain_core.scene import VELOCITY
 from sain_core.seeding import generator
 from sain_model.checkpoint import write_torch
-from sain_model.dataset import Split, Transitions
-from sain_model.features import PUSH_FRAME, make_features, true_residual
+from sain_model.dataset import Split
+from sain_model.examples import Examples, training_examples
+from sain_model.features import PUSH_FRAME
+from sain_model.friction import FrictionFilter
 from sain_model.network import InteractionNetwork, NetworkConfig
 from sain_model.threads import settle_threads
+
+NOTHING: Final = "none"
+EARLIER: Final = "earlier"
+EPISODE: Final = "episode"
 
 
 @dataclass(frozen=True)
@@ -49,27 +54,21 @@ class TrainingConfig(Config):
         0.1, "share of the episodes that choose the best epoch", minimum=0.01, maximum=0.5
     )
     test: float = option(0.15, "share of the episodes held out", minimum=0.01, maximum=0.5)
-    prior: str = option("planar", "what is corrected", choices=("planar", "identity"))
+    prior: str = option(
+        "planar", "what is corrected", choices=("planar", "planar_axes", "identity")
+    )
+    history: str = option(
+        EPISODE,
+        "what shows the prior the friction in training: nothing, the episode's earlier pushes, or"
+        " all its others; the identity prior has no friction to be told",
+        choices=(NOTHING, EARLIER, EPISODE),
+    )
     prior_friction: float = option(
         0.12, "friction that the planar prior assumes", minimum=0.01, maximum=1.0
     )
     transitions: int = option(0, "learn from so many transitions only; 0: from all", minimum=0)
     network: NetworkConfig = NetworkConfig()
     loss: LossConfig = LossConfig()
-
-
-@dataclass(frozen=True)
-class Examples:
-    """Network inputs and what it should say, for M pushes."""
-
-    disks: Float[Tensor, "M N D"]
-    relations: Float[Tensor, "M E R"]
-    residual: Float[Tensor, "M N 3"]
-    velocity: Float[Tensor, "M N 3"]  # error of the prior's velocity, which no network changes
-
-    def __len__(self) -> int:
-        """Return the number of pushes M."""
-        return len(self.disks)
 
 
 @dataclass
@@ -83,20 +82,6 @@ class History:
     def best(self) -> int:
         """The epoch (from 0) with the lowest validation loss."""
         return int(np.argmin(self.validation))
-
-
-def make_examples(data: Transitions, prior: Dynamics, frame: str = PUSH_FRAME) -> Examples:
-    """Return inputs and outputs for these transitions on a prior."""
-    physics_next = prior.step(data.scenes, data.pushes)
-    features = make_features(data.scenes, data.pushes, physics_next, frame)
-    velocity = data.next_scenes[..., VELOCITY] - physics_next[..., VELOCITY]
-    arrays = (
-        features.disks,
-        features.relations,
-        true_residual(data.next_scenes, data.pushes, physics_next),
-        velocity,
-    )
-    return Examples(*(torch.from_numpy(array.astype(np.float32)) for array in arrays))
 
 
 def mixed_loss(
@@ -124,8 +109,22 @@ class Trainer:
 
     STATE: Final = "training.pt"
 
-    def __init__(self, split: Split, prior: Dynamics, config: TrainingConfig, folder: Path) -> None:
+    def __init__(
+        self,
+        split: Split,
+        prior: Dynamics,
+        config: TrainingConfig,
+        folder: Path,
+        friction: FrictionFilter | None = None,
+    ) -> None:
         """Prepare the data; go on from the folder's state when one is there.
+
+        Args:
+            split: what to learn from, and what to choose the best epoch by.
+            prior: what is corrected.
+            config: how.
+            folder: of the state.
+            friction: infers the friction that the prior is told; None: it is the nominal one.
 
         Raises:
             CheckpointError: the state in the folder is damaged or of other settings or data.
@@ -133,13 +132,15 @@ class Trainer:
         self.config = config
         self.history = History()
         self._folder = folder
+        random = generator(config.seed, "history") if config.history == EARLIER else None
         frame = config.network.features
-        self._train = make_examples(split.train, prior, frame)
-        if config.mirror and frame == PUSH_FRAME:
-            mirrored = make_examples(split.train.mirrored(), prior)
-            self._train = _join(self._train, mirrored)
-        self._validation = make_examples(split.validation, prior, frame)
-        self._identity = f"{config} {split.train.sha256}"
+        mirror = config.mirror and frame == PUSH_FRAME  # a tilted table in a mirror is another one
+        self._train = training_examples(split.train, prior, friction, mirror, random, frame)
+        self._validation = training_examples(
+            split.validation, prior, friction, False, random, frame
+        )
+        about = f"{friction.config} {friction.nominal}" if friction else ""
+        self._identity = f"{config} {split.train.sha256} {about}"
         settle_threads()
         torch.manual_seed(int(generator(config.seed, "weights").integers(2**31)))
         self.network = InteractionNetwork(config.network)
@@ -222,12 +223,3 @@ class Trainer:
 
 def _copy(network: InteractionNetwork) -> dict[str, Tensor]:
     return {name: value.clone() for name, value in network.state_dict().items()}
-
-
-def _join(first: Examples, second: Examples) -> Examples:
-    return Examples(
-        torch.cat([first.disks, second.disks]),
-        torch.cat([first.relations, second.relations]),
-        torch.cat([first.residual, second.residual]),
-        torch.cat([first.velocity, second.velocity]),
-    )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from sain_core.dynamics import RolloutModel
 from sain_core.errors import SainError
 from sain_core.feasibility import Feasibility
+from sain_core.history import PushHistory
 from sain_core.seeding import generator
 from sain_mppi.config import PlannerConfig
 from sain_mppi.fallback import FallbackRollout
@@ -44,8 +45,12 @@ class Decider:
         self._seed = seed
         self._task: Task | None = None
 
-    def decide(self, job: Job) -> Decision:
+    def decide(self, job: Job, history: PushHistory | None = None) -> Decision:
         """Plan a job; the same seed, job and history give the same plan.
+
+        Args:
+            job: what to decide on.
+            history: the earlier pushes of the episode; None: not known.
 
         Raises:
             CancelledError: `cancel` was called.
@@ -55,6 +60,7 @@ class Decider:
         if job.task is not self._task:
             self._planner.reset()
             self._task = job.task
+        self._model.inform(history or PushHistory.empty(len(job.view.scene)))
         names = (job.task.goal_id, *job.view.key, job.attempt)
         random = generator(self._seed, "plan", *names)
         result = self._planner.plan(job.view.scene, job.task.goal, random)

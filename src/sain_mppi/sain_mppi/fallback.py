@@ -7,6 +7,7 @@ import numpy as np
 
 from sain_core.dynamics import RolloutModel
 from sain_core.errors import CancelledError, ModelUnavailableError, SainError
+from sain_core.history import PushHistory, informed_rollout
 from sain_core.types import PredictedScenes, PushSequences, Scene
 
 logger = logging.getLogger(__name__)
@@ -21,10 +22,14 @@ class FallbackRollout:
 
     def __init__(self, model: RolloutModel, physics: RolloutModel) -> None:
         """Ask this model, or else this physics."""
-        self._model = model
-        self._physics = physics
+        self._models = model, physics
+        self._model, self._physics = model, physics
         self._cancelled = Event()
         self.failure: SainError | None = None
+
+    def inform(self, history: PushHistory) -> None:
+        """Let model and physics learn from the episode's earlier pushes, and from no others."""
+        self._model, self._physics = (informed_rollout(model, history) for model in self._models)
 
     def begin(self) -> None:
         """Begin a new plan: the model gets another chance."""

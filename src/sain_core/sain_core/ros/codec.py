@@ -11,6 +11,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
+from sain_core.history import PushHistory
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
 from sain_core.types import Points, PushArray, Pushes, Scene, Scenes
@@ -18,22 +19,27 @@ from sain_core.wire import (
     decode_disks,
     decode_floats,
     decode_goal,
+    decode_past,
     decode_plan,
     decode_predict_request,
     decode_push,
+    decode_result,
     decode_rollout,
     decode_rollout_request,
 )
 from sain_interfaces.msg import DiskState, Goal, Plan, Push
 from sain_interfaces.msg import Scene as SceneMessage
+from sain_interfaces.srv import PredictResidual, Rollout
 
 __all__ = [
     "decode_disks",
     "decode_floats",
     "decode_goal",
+    "decode_past",
     "decode_plan",
     "decode_predict_request",
     "decode_push",
+    "decode_result",
     "decode_rollout",
     "decode_rollout_request",
     "encode_disks",
@@ -42,6 +48,7 @@ __all__ = [
     "encode_push",
     "encode_scene",
     "encode_time",
+    "fill_past",
     "fill_plan",
     "header",
 ]
@@ -119,6 +126,14 @@ def encode_goal(
         tolerance=tolerance,
         max_pushes=max_pushes,
     )
+
+
+def fill_past(request: Rollout.Request | PredictResidual.Request, history: PushHistory) -> None:
+    """Put an episode's earlier pushes into a request about scenes with as many disks."""
+    request.past = len(history)
+    request.past_scenes = encode_floats(history.scenes)
+    request.past_pushes = encode_floats(history.pushes)
+    request.past_next = encode_floats(history.next_scenes)
 
 
 def fill_plan(message: Plan, pushes: Pushes, predicted: Scenes) -> None:

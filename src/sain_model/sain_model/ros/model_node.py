@@ -38,7 +38,9 @@ class ModelNode(Node):
     def _on_rollout(self, request: Rollout.Request, response: Rollout.Response) -> Rollout.Response:
         def work() -> None:
             scene, pushes = codec.decode_rollout_request(request)
-            response.predicted = codec.encode_floats(self.server.rollout(scene, pushes))
+            past = codec.decode_past(request)
+            response.predicted = codec.encode_floats(self.server.rollout(scene, pushes, past))
+            response.friction = self.server.friction(past)
 
         return self._answer(work, response)
 
@@ -46,7 +48,9 @@ class ModelNode(Node):
         self, request: PredictResidual.Request, response: PredictResidual.Response
     ) -> PredictResidual.Response:
         def work() -> None:
-            residual, next_state = self.server.predict(*codec.decode_predict_request(request))
+            asked, past = codec.decode_predict_request(request), codec.decode_past(request)
+            residual, next_state = self.server.predict(*asked, past)
+            response.friction = self.server.friction(past)
             response.residual = codec.encode_floats(residual)
             response.next_state = codec.encode_floats(next_state)
 

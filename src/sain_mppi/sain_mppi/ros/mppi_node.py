@@ -22,6 +22,7 @@ from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Goal, Plan, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_mppi.deciding import Decider, Decision
+from sain_mppi.memory import EpisodeMemory
 from sain_mppi.pursuit import Job, Pursuit, Task, Verdict, View
 from sain_mppi.ros.markers import plan_markers
 from sain_mppi.ros.plan_message import STATUS, plan_of_decision, plan_of_job, plan_of_task, summary
@@ -44,6 +45,7 @@ class MppiNode(Node):
         self.decider = Decider(model, physics, config.planner, config.feasibility, config.seed)
         self.pursuit = Pursuit(config.pursuit, config.feasibility.table)
         self.worker = Worker(self, "planning")
+        self.memory = EpisodeMemory()
         self.running: Job | None = None
         self.sent: dict[int, Decision] = {}
         self.push_ids, self.plan_ids = push_ids(), count(1)
@@ -82,6 +84,8 @@ class MppiNode(Node):
         self._go_on()
 
     def _on_result(self, message: PushResult) -> None:
+        if message.error_code == ErrorCode.OK:
+            self._remember(message)
         again = self.pursuit.answered(message.push_id, message.error_code)
         decision = self.sent.pop(message.push_id, None)
         if decision is None or message.error_code == ErrorCode.OK:
@@ -89,6 +93,13 @@ class MppiNode(Node):
         self.get_logger().warning(f"push {message.push_id} refused: {message.error_message}")
         self.worker.submit(lambda: self.decider.refused(decision, again), Future.result)
         self._go_on()
+
+    def _remember(self, message: PushResult) -> None:
+        """Learn from a push that was executed, whoever sent it."""
+        try:
+            self.memory.add(message.episode_id, *codec.decode_result(message))
+        except SainError as error:
+            self.get_logger().warning(f"nothing is learned of push {message.push_id}: {error}")
 
     def _go_on(self) -> None:
         """Start on what is to be decided next; end what is no longer wanted."""
@@ -103,7 +114,8 @@ class MppiNode(Node):
         if verdict is Verdict.PLAN:
             self.running = job
             self.decider.begin()
-            self.worker.submit(lambda: self.decider.decide(job), self._on_decided)
+            past = self.memory.of(job.view.episode_id, len(job.view.scene))
+            self.worker.submit(lambda: self.decider.decide(job, past), self._on_decided)
         elif verdict is Verdict.GIVE_UP:
             error = NoPushError(f"{job.attempt} pushes in a row were refused from this scene")
             self._publish(plan_of_job(job, Plan.NO_PUSH, error))

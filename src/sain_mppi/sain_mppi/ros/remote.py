@@ -1,10 +1,12 @@
 """A model behind the rollout service, to be called from a thread that may wait."""
 
 from threading import Event
+from typing import Self
 
 from rclpy.node import Node
 
 from sain_core.errors import ErrorCode, InvalidInputError, ModelUnavailableError
+from sain_core.history import PushHistory
 from sain_core.ros import codec
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_interfaces.srv import Rollout
@@ -19,6 +21,12 @@ class RemoteRollout:
         self._name = node.resolve_service_name("rollout")
         self._timeout_s = timeout_s
         self.model = ""
+        self._history: PushHistory | None = None
+
+    def with_history(self, history: PushHistory) -> Self:
+        """Send these earlier pushes of the episode along from now on; return itself."""
+        self._history = history
+        return self
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
         """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8).
@@ -30,6 +38,8 @@ class RemoteRollout:
         request = Rollout.Request(samples=samples, horizon=horizon, disks=len(scene))
         request.scene = codec.encode_floats(scene)
         request.pushes = codec.encode_floats(pushes)
+        if self._history is not None and self._history.disks == len(scene):
+            codec.fill_past(request, self._history)
         response = self._ask(request)
         if response.error_code != ErrorCode.OK:
             raise ModelUnavailableError(f"the model refused: {response.error_message}")

@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+
+from sain_core.dynamics import IdentityPrior, StepwiseRollout
+from sain_core.errors import InvalidInputError
+from sain_core.history import PushHistory, informed, informed_rollout
+from sain_core.scene import MASS, RADIUS
+from sain_core.types import Scenes
+
+SCENE = np.zeros((2, 8))
+SCENE[:, MASS], SCENE[:, RADIUS] = 8.0, 0.07
+PUSH = np.array([0.1, 0.2, 0.05])
+
+
+def history(pushes: int) -> PushHistory:
+    scenes = np.stack([SCENE] * pushes)
+    return PushHistory(scenes, np.stack([PUSH] * pushes), scenes.copy())
+
+
+class Counting(IdentityPrior):
+    """Knows how many pushes it was told of."""
+
+    def __init__(self, told: int = 0) -> None:
+        self.told = told
+
+    def with_history(self, history: PushHistory) -> "Counting":
+        return Counting(len(history))
+
+
+def test_a_history_grows_push_by_push_and_leaves_the_old_one_as_it_was() -> None:
+    begun = PushHistory.empty(2)
+    after = SCENE.copy()
+    after[1, 0] = 0.3
+    grown = begun.then(SCENE, PUSH, after).then(after, 2 * PUSH, SCENE)
+    assert (len(begun), len(grown), grown.disks) == (0, 2, 2)
+    np.testing.assert_array_equal(grown.pushes, [PUSH, 2 * PUSH])
+    np.testing.assert_array_equal(grown.scenes, [SCENE, after])
+    np.testing.assert_array_equal(grown.next_scenes, [after, SCENE])
+
+
+@pytest.mark.parametrize(
+    ("field", "change", "text"),
+    [
+        ("scenes", lambda a: a[:, :1], r"past scenes have shape \(P, N, 8\) with N >= 2, not"),
+        ("pushes", lambda a: a[:-1], r"past pushes have shape \(3, 3\), not \(2, 3\)"),
+        ("next_scenes", lambda a: a[:, [0, 1, 1]], r"past next_scenes have shape \(3, 2, 8\), no"),
+        ("pushes", lambda a: a * np.nan, r"past pushes\[0, 0\] is NaN or Inf"),
+        ("next_scenes", lambda a: a + np.inf, r"past next_scenes\[0, 0, 0\] is NaN or Inf"),
+        ("scenes", lambda a: a * 0.0, "mass or radius that is not positive"),
+        ("next_scenes", lambda a: a + 0.01, "a past push changed a mass or radius"),
+    ],
+)
+def test_what_cannot_be_an_episode_is_refused(field: str, change: object, text: str) -> None:
+    good = history(3)
+    arrays = {name: getattr(good, name) for name in ("scenes", "pushes", "next_scenes")}
+    with pytest.raises(InvalidInputError, match=text):
+        PushHistory(**{**arrays, field: change(arrays[field])})  # type: ignore[operator]
+
+
+def test_a_push_of_another_number_of_disks_does_not_belong_to_it() -> None:
+    three = np.concatenate([SCENE, SCENE[1:]])
+    with pytest.raises(InvalidInputError, match=r"scene has shape \(3, 8\); its past has \(2, 8"):
+        history(1).then(three, PUSH, three)
+
+
+def test_what_can_learn_is_told_and_what_cannot_stays() -> None:
+    deaf = IdentityPrior()
+    assert informed(deaf, history(2)) is deaf
+    told = informed(Counting(), history(2))
+    assert isinstance(told, Counting) and told.told == 2
+
+
+def test_a_stepwise_rollout_passes_on_what_it_is_told() -> None:
+    told = informed_rollout(StepwiseRollout(Counting()), history(3))
+    assert isinstance(told, StepwiseRollout) and isinstance(told.dynamics, Counting)
+    assert told.dynamics.told == 3
+
+    class Deaf:
+        def rollout(self, scene: Scenes, pushes: Scenes) -> Scenes:
+            return scene
+
+    deaf = Deaf()
+    assert informed_rollout(deaf, history(1)) is deaf
