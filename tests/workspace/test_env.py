@@ -302,7 +302,8 @@ def test_a_second_run_waits_for_the_first(make_checkout, tmp_path):
 
 def start_set_up(checkout: Path, python: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [checkout / "env", "true"],
+        # nohup and a shell's & have signals ignored, which a shell that inherits it cannot undo
+        ["env", "--default-signal=INT,HUP", checkout / "env", "true"],
         env={**os.environ, "SAIN_PYTHON": python},
         stderr=subprocess.PIPE,
         text=True,
