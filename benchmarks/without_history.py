@@ -2,11 +2,11 @@
 
     ./env python -m benchmarks.without_history data/randomised
 
-No scene shows the friction, so a model that sees nothing else can at best answer with the point that
-is nearest, on average, to what comes of all frictions of the randomised world. Here the simulator
-itself answers so: with the true masses and radii, at frictions spread evenly over the range, and
-with the geometric median of where the target ends. No network that sees one scene does better on
-average, whatever its size; what it lacks is in the pushes before.
+No scene shows the friction, so a model that sees nothing else can at best answer with the point
+that is nearest, on average, to what comes of all frictions of the randomised world. Here the
+simulator itself answers so: with the true masses and radii, at frictions spread evenly over the
+range, and with the geometric median of where the target ends. No network that sees one scene does
+better on average, whatever its size; what it lacks is in the pushes before.
 """
 
 from dataclasses import dataclass
@@ -74,7 +74,7 @@ def best_answers(data: Transitions, count: int) -> np.ndarray:
 
 
 def geometric_median(points: np.ndarray) -> np.ndarray:
-    """Return the point (2,) with the least mean distance to points (K, 2), by Weiszfeld's method."""
+    """Return the point (2,) nearest on average to points (K, 2), by Weiszfeld's method."""
     middle = points.mean(axis=0)
     for _ in range(ROUNDS):
         weights = 1.0 / np.maximum(np.linalg.norm(points - middle, axis=1), 1e-9)

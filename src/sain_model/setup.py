@@ -31,6 +31,7 @@ setup(
             "model_node = sain_model.ros.model_node:main",
             "train = sain_model.train_cli:main",
             "evaluate = sain_model.evaluate_cli:main",
+            "learning_curve = sain_model.learning_curve_cli:main",
         ],
         "sain.dynamics": [
             "planar = sain_model.load:load_dynamics",

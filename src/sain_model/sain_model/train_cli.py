@@ -15,7 +15,6 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from sain_core.dynamics import Dynamics
 from sain_core.errors import SainError
 from sain_model.checkpoint import Card, save_checkpoint, write_whole
 from sain_model.dataset import (
@@ -27,11 +26,9 @@ from sain_model.dataset import (
 )
 from sain_model.error_table import error_table, history_table
 from sain_model.evaluation import evaluate
-from sain_model.friction import FrictionConfig, FrictionFilter
-from sain_model.friction_noise import fit_noise
+from sain_model.friction_noise import make_filter
 from sain_model.load import load_prior, prior_settings
 from sain_model.loss_plot import save_loss_curve
-from sain_model.planar import PlanarPrior
 from sain_model.sain import IDENTITY, LEARNED, SainDynamics
 from sain_model.training import NOTHING, History, Trainer, TrainingConfig
 
@@ -101,18 +98,6 @@ def train(command: TrainCommand, console: Console) -> Path:
     console.print(history_table(errors))
     console.print(f"{path}: epoch {trainer.history.best + 1} of {config.epochs}")
     return path
-
-
-def make_filter(prior: Dynamics, data: Transitions) -> FrictionFilter | None:
-    """Return what infers friction for a prior, its noise fitted where the truth is known.
-
-    None for a prior that knows no friction.
-    """
-    if not isinstance(prior, PlanarPrior):
-        return None
-    known = np.isfinite(data.friction).all()
-    config = fit_noise(prior, data) if known else FrictionConfig()
-    return FrictionFilter(prior, prior.config.friction, config)
 
 
 def make_card(

@@ -1,0 +1,67 @@
+"""The picture of learning curves: error over the number of transitions learned from."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from sain_model.checkpoint import write_whole
+from sain_model.learning_curve import Point
+from sain_model.metrics import BULLET, FLOOR, LEARNED, SAIN
+
+COLORS: Final = {LEARNED: "#8a5fb0", SAIN: "#e8762c", "SAIN, history": "#b8420f"}
+GREYS: Final = ("#555555", "#777777", "#999999", "#bbbbbb")
+LABELS: Final = {BULLET: "Bullet, nominal (f_p)"}
+
+
+def save_curves(path: Path, points: Sequence[Point]) -> None:
+    """Write a PNG with a curve and its 95 % band for each network, and a line for each physics."""
+    figure = Figure(figsize=(7.5, 4.5), layout="constrained")
+    axes = figure.subplots()
+    networks = [point for point in points if point.transitions]
+    sizes = sorted({point.transitions for point in networks})
+    for name in dict.fromkeys(point.name for point in networks):
+        _draw_network(axes, [point for point in networks if point.name == name])
+    physics = [point for point in points if not point.transitions]
+    for point, color in zip(physics, GREYS, strict=False):
+        _draw_physics(axes, point, color, sizes[-1])
+    axes.set(xscale="log", yscale="log", xlabel="transitions learned from")
+    axes.set_ylabel("target's mean error after one push [mm]")
+    axes.set_xticks(sizes, [f"{size:,}" for size in sizes])
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: _leading(value)))
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, loc="upper right", fontsize=9)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=130, format="png")
+    write_whole(path, buffer.getvalue())
+
+
+def _draw_network(axes: Axes, points: Sequence[Point]) -> None:
+    points = sorted(points, key=lambda point: point.transitions)
+    sizes = [point.transitions for point in points]
+    color = COLORS.get(points[0].name, "#333333")
+    axes.plot(sizes, [point.mean for point in points], "o-", color=color, label=points[0].name)
+    lows, highs = [point.low for point in points], [point.high for point in points]
+    axes.fill_between(sizes, lows, highs, color=color, alpha=0.15, linewidth=0)
+
+
+def _draw_physics(axes: Axes, point: Point, color: str, right: int) -> None:
+    style = ":" if point.name == FLOOR else "--"
+    axes.axhline(point.mean, color=color, linestyle=style, linewidth=1.2, zorder=1)
+    label = LABELS.get(point.name, point.name)
+    axes.annotate(
+        label, (right, point.mean), (0, 3), textcoords="offset points", ha="right", fontsize=8,
+        color=color,
+    )  # fmt: skip
+
+
+def _leading(value: float) -> str:
+    """Label 2 and 5 of each power of ten alone."""
+    return f"{value:g}" if f"{value:e}"[0] in "25" else ""

@@ -1,0 +1,125 @@
+"""``ros2 run sain_model learning_curve``: how many transitions a network needs."""
+
+import json
+import shlex
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import torch
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from sain_core.errors import SainError
+from sain_model.checkpoint import write_whole
+from sain_model.curve_plot import save_curves
+from sain_model.dataset import load_transitions, split_by_episode
+from sain_model.learning_curve import Point, learning_curve
+from sain_model.training import TrainingConfig
+
+
+@dataclass(frozen=True)
+class LearningCurveCommand:
+    """What to learn from, and how much of it."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """A shard *.npz, or a folder of them."""
+    out: Path
+    """Folder for curves.json, curves.md, curves.png and the state. Run again to go on."""
+    sizes: tuple[int, ...] = (100, 300, 1000, 3000)
+    """Numbers of transitions to train on."""
+    steps: int = 4000
+    """Steps of the optimiser for every network."""
+    training: TrainingConfig = TrainingConfig()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Train on more and more transitions, with a prior and without; compare held-out errors."""
+    torch.set_num_threads(1)
+    console = Console()
+    command = tyro.cli(
+        LearningCurveCommand,
+        prog="learning_curve",
+        description=main.__doc__,
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes,),
+    )
+    try:
+        run(command, console)
+    except SainError as error:
+        Console(stderr=True).print(f"[red]error:[/] {error}", highlight=False)
+        return 1
+    except KeyboardInterrupt:
+        console.print("stopped; the same command goes on from the last whole epoch")
+        return 130
+    return 0
+
+
+def run(command: LearningCurveCommand, console: Console) -> None:
+    """Train, measure, print the table, write JSON, Markdown and picture.
+
+    Raises:
+        DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
+    """
+    config = command.training
+    data = load_transitions(command.dataset)
+    split = split_by_episode(data, config.seed, config.validation, config.test)
+    sizes = tuple(sorted(set(command.sizes)))
+
+    def tell(prior: str, size: int) -> None:
+        console.print(f"training on {size} transitions, prior {prior}")
+
+    points = learning_curve(split, config, sizes, command.steps, command.out / "state", tell)
+    report = {
+        "dataset": {"path": str(command.dataset), "sha256": data.sha256},
+        "held_out": len(split.test),
+        "training": asdict(config),
+        "steps": command.steps,
+        "command": shlex.join(["ros2", "run", "sain_model", "learning_curve", *sys.argv[1:]]),
+        "points": [asdict(point) for point in points],
+    }
+    write_whole(command.out / "curves.json", (json.dumps(report, indent=2) + "\n").encode())
+    write_whole(command.out / "curves.md", markdown(points).encode())
+    save_curves(command.out / "curves.png", points)
+    console.print(_table(points, len(split.test)))
+    console.print(f"written to {command.out}")
+
+
+def markdown(points: list[Point]) -> str:
+    """Return the points as a table in Markdown."""
+    header, *rows = _cells(points)
+    lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _table(points: list[Point], pushes: int) -> Table:
+    header, *rows = _cells(points)
+    title = f"Target's mean error \\[mm] on {pushes} held-out pushes"
+    table = Table(title=title, title_justify="left")
+    for column, name in enumerate(header):
+        table.add_column(name, justify="right" if column else "left")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _cells(points: list[Point]) -> list[list[str]]:
+    """Return header and rows: a column for each number of transitions, one for physics alone."""
+    sizes = sorted({point.transitions for point in points})
+    known = {(point.name, point.transitions): point for point in points}
+    header = ["predictor", *(f"{size:,}" if size else "none" for size in sizes)]
+    names = dict.fromkeys(point.name for point in points)
+    return [
+        header,
+        *([name, *(_cell(known.get((name, size))) for size in sizes)] for name in names),
+    ]
+
+
+def _cell(point: Point | None) -> str:
+    return f"{point.mean:.2f} [{point.low:.2f}, {point.high:.2f}]" if point else ""
+
+
+if __name__ == "__main__":
+    sys.exit(main())
