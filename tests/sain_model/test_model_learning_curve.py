@@ -26,9 +26,8 @@ def test_every_size_is_learned_from_with_physics_and_without(split: Split, tmp_p
     measured = {(point.name, point.transitions) for point in points}
     networks = {"learned only", "SAIN", "SAIN, history"}
     assert {(name, size) for name in networks for size in SIZES} < measured
-    assert {"bullet, nominal", "planar, measured", "floor"} < {
-        n for n, size in measured if not size
-    }
+    physics = {name for name, size in measured if not size}
+    assert {"bullet, nominal", "planar, measured", "floor"} < physics
     for point in points:
         assert 0.0 <= point.low <= point.mean <= point.high, point
     # the fixture's truth is the planar prior but for a few millimetres

@@ -7,7 +7,7 @@ from typing import Final
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, NullLocator
 
 from sain_model.checkpoint import write_whole
 from sain_model.learning_curve import Point
@@ -15,7 +15,7 @@ from sain_model.metrics import BULLET, FLOOR, LEARNED, SAIN
 
 COLORS: Final = {LEARNED: "#8a5fb0", SAIN: "#e8762c", "SAIN, history": "#b8420f"}
 GREYS: Final = ("#555555", "#777777", "#999999", "#bbbbbb")
-LABELS: Final = {BULLET: "Bullet, nominal (f_p)"}
+LABELS: Final = {BULLET: "Bullet, nominal\n(f_p)"}
 
 
 def save_curves(path: Path, points: Sequence[Point]) -> None:
@@ -28,16 +28,16 @@ def save_curves(path: Path, points: Sequence[Point]) -> None:
         _draw_network(axes, [point for point in networks if point.name == name])
     physics = [point for point in points if not point.transitions]
     for point, color in zip(physics, GREYS, strict=False):
-        _draw_physics(axes, point, color, sizes[-1])
+        _draw_physics(axes, point, color)
     axes.set(xscale="log", yscale="log", xlabel="transitions learned from")
     axes.set_ylabel("target's mean error after one push [mm]")
     axes.set_xticks(sizes, [f"{size:,}" for size in sizes])
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: _leading(value)))
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, loc="upper right", fontsize=9)
+    axes.legend(frameon=False, loc="best", fontsize=9)
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=130, format="png")
     write_whole(path, buffer.getvalue())
@@ -52,14 +52,19 @@ def _draw_network(axes: Axes, points: Sequence[Point]) -> None:
     axes.fill_between(sizes, lows, highs, color=color, alpha=0.15, linewidth=0)
 
 
-def _draw_physics(axes: Axes, point: Point, color: str, right: int) -> None:
+def _draw_physics(axes: Axes, point: Point, color: str) -> None:
     style = ":" if point.name == FLOOR else "--"
     axes.axhline(point.mean, color=color, linestyle=style, linewidth=1.2, zorder=1)
-    label = LABELS.get(point.name, point.name)
     axes.annotate(
-        label, (right, point.mean), (0, 3), textcoords="offset points", ha="right", fontsize=8,
+        LABELS.get(point.name, point.name),
+        (1.0, point.mean),
+        (4, 0),
+        xycoords=axes.get_yaxis_transform(),
+        textcoords="offset points",
+        va="center",
+        fontsize=8,
         color=color,
-    )  # fmt: skip
+    )
 
 
 def _leading(value: float) -> str:

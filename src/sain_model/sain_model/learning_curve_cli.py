@@ -3,6 +3,7 @@
 import json
 import shlex
 import sys
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
@@ -89,13 +90,13 @@ def run(command: LearningCurveCommand, console: Console) -> None:
 
 def markdown(points: list[Point]) -> str:
     """Return the points as a table in Markdown."""
-    header, *rows = _cells(points)
+    header, *rows = _cells(points, _interval)
     lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def _table(points: list[Point], pushes: int) -> Table:
-    header, *rows = _cells(points)
+    header, *rows = _cells(points, _mean)
     title = f"Target's mean error \\[mm] on {pushes} held-out pushes"
     table = Table(title=title, title_justify="left")
     for column, name in enumerate(header):
@@ -105,7 +106,7 @@ def _table(points: list[Point], pushes: int) -> Table:
     return table
 
 
-def _cells(points: list[Point]) -> list[list[str]]:
+def _cells(points: list[Point], write: Callable[[Point], str]) -> list[list[str]]:
     """Return header and rows: a column for each number of transitions, one for physics alone."""
     sizes = sorted({point.transitions for point in points})
     known = {(point.name, point.transitions): point for point in points}
@@ -113,12 +114,19 @@ def _cells(points: list[Point]) -> list[list[str]]:
     names = dict.fromkeys(point.name for point in points)
     return [
         header,
-        *([name, *(_cell(known.get((name, size))) for size in sizes)] for name in names),
+        *(
+            [name, *(write(known[name, size]) if (name, size) in known else "" for size in sizes)]
+            for name in names
+        ),
     ]
 
 
-def _cell(point: Point | None) -> str:
-    return f"{point.mean:.2f} [{point.low:.2f}, {point.high:.2f}]" if point else ""
+def _mean(point: Point) -> str:
+    return f"{point.mean:.2f}"
+
+
+def _interval(point: Point) -> str:
+    return f"{point.mean:.2f} [{point.low:.2f}, {point.high:.2f}]"
 
 
 if __name__ == "__main__":
