@@ -22,9 +22,11 @@ setup(
         "numpy",
         "rich",
         "safetensors",
+        "scipy",
         "torch",
         "tyro",
     ],
+    extras_require={"tensorboard": ["tensorboardX"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -10,12 +10,14 @@ from sain_core.errors import CheckpointError
 from sain_model import evaluate_cli, train_cli
 from sain_model.dataset import Split, load_transitions, split_by_episode
 from sain_model.evaluation import evaluate
+from sain_model.examples import Examples
 from sain_model.load import load_dynamics
+from sain_model.loss import LossConfig, mixed_loss
 from sain_model.metrics import bootstrap_over_episodes, measure
 from sain_model.network import NetworkConfig
 from sain_model.planar import PlanarPrior
 from sain_model.sain import SainDynamics
-from sain_model.training import Examples, LossConfig, Trainer, TrainingConfig, mixed_loss
+from sain_model.training import Trainer, TrainingConfig
 
 SMALL = NetworkConfig(hidden=32, message=8)
 

@@ -37,10 +37,11 @@ class Card:
         network: size of the network.
         friction: how friction is inferred from an episode's earlier pushes; None: the model was
             trained without them, and knows the nominal friction alone.
+        intervals: regions about its predictions, fitted to the validation episodes; None: not.
         data: what it was trained on: path, SHA-256, transitions, episodes, split.
         training: settings, seed, epochs done, losses.
         errors: errors on the held-out episodes [mm], for it and what it is compared with.
-        versions: of Python, torch, numpy and this project.
+        versions: of Python, its packages, this project, system and processor.
         command: the command line that made it.
         weights_sha256: of the safetensors file.
         feature_version: of `sain_model.features`.
@@ -50,6 +51,7 @@ class Card:
     prior_config: dict[str, Any]
     network: dict[str, Any]
     friction: dict[str, Any] | None = None
+    intervals: dict[str, Any] | None = None
     data: dict[str, Any] = field(default_factory=dict)
     training: dict[str, Any] = field(default_factory=dict)
     errors: dict[str, Any] = field(default_factory=dict)

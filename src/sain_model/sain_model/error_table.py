@@ -41,6 +41,31 @@ def history_table(errors: dict[str, Any]) -> Table:
     return table
 
 
+def interval_table(intervals: dict[str, Any]) -> Table:
+    """Return what `sain_model.coverage.measure_intervals` found of the target as a table."""
+    ranks = intervals["target"]["rank_correlation"]
+    told = ", ".join(f"{name} {rank:.2f}" for name, rank in ranks.items() if rank is not None)
+    table = Table(
+        title=f"{100 * intervals['level']:.0f} % regions of the target; {intervals['members']}"
+        f" members; rank correlation with the error: {told}",
+        title_justify="left",
+    )
+    table.add_column("pushes")
+    for column in ("number", "held \\[%]", "95 %", "error \\[mm]", "spread", "radius"):
+        table.add_column(column, justify="right")
+    for name, part in intervals["target"]["parts"].items():
+        table.add_row(
+            name,
+            str(part["pushes"]),
+            f"{100 * part['coverage']:.1f}",
+            f"{100 * part['coverage_low']:.0f}-{100 * part['coverage_high']:.0f}",
+            f"{part['error_mean']:.3f}",
+            f"{part['spread_mean']:.3f}",
+            f"{part['radius_median']:.3f}",
+        )
+    return table
+
+
 def _history_cell(group: dict[str, Any], name: str) -> str:
     mean = group["target_mean"].get(name)
     share = group.get("removed", {}).get(name)

@@ -10,11 +10,12 @@ from typing import Annotated
 import torch
 import tyro
 from rich.console import Console
+from rich.markup import escape
 
 from sain_core.errors import SainError
 from sain_model.checkpoint import Card, load_checkpoint, write_whole
 from sain_model.dataset import Transitions, load_transitions, split_by_episode
-from sain_model.error_table import error_table, history_table
+from sain_model.error_table import error_table, history_table, interval_table
 from sain_model.evaluation import evaluate
 from sain_model.load import load_sain, shipped_checkpoint
 
@@ -43,7 +44,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         run(command, console)
     except SainError as error:
-        Console(stderr=True).print(f"[red]error:[/] {error}", highlight=False)
+        Console(stderr=True).print(f"[red]error:[/] {escape(str(error))}", highlight=False)
         return 1
     return 0
 
@@ -73,6 +74,8 @@ def run(command: EvaluateCommand, console: Console) -> None:
     for part in ("all", "target_moved"):
         console.print(error_table(errors, part))
     console.print(history_table(errors))
+    for intervals in errors["intervals"].values():
+        console.print(interval_table(intervals))
     for name, share in errors["reducible_error_removed"].items():
         console.print(f"{name}: {100 * share:.0f} % of the reducible error removed")
     console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")

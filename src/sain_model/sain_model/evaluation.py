@@ -8,6 +8,7 @@ import numpy as np
 from sain_core.dynamics import Dynamics
 from sain_core.scene import TARGET
 from sain_core.types import Scenes
+from sain_model.coverage import measure_intervals
 from sain_model.dataset import Transitions
 from sain_model.evaluation_history import errors_by_history, predict_with_history
 from sain_model.metrics import (
@@ -21,6 +22,7 @@ from sain_model.metrics import (
     target_moved,
 )
 from sain_model.planar import PlanarPrior
+from sain_model.sain import SainDynamics
 
 
 def evaluate(
@@ -51,6 +53,11 @@ def evaluate(
                 result[part][name] = asdict(errors)
     result["by_history"] = errors_by_history(data, predictions)
     result["reducible_error_removed"] = _shares(data, predictions)
+    result["intervals"] = {
+        name: measure_intervals(model, data, seed)
+        for name, model in ((LEARNED, learned), (SAIN, sain))
+        if isinstance(model, SainDynamics) and model.intervals is not None
+    }
     return result
 
 

@@ -9,6 +9,7 @@ from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import CheckpointError, ConfigError
 from sain_model.checkpoint import SUFFIX, card_path, load_checkpoint
 from sain_model.friction import FrictionConfig
+from sain_model.intervals import Intervals
 from sain_model.planar import PlanarConfig, PlanarPrior
 from sain_model.planar_axes import AXES
 from sain_model.sain import IDENTITY, SainDynamics
@@ -71,9 +72,10 @@ def load_sain(path: Path) -> SainDynamics:
     try:
         prior = load_prior(card.prior, card.prior_config)
         friction = _friction(card.friction)
+        intervals = _intervals(card.intervals)
     except CheckpointError as error:
         raise CheckpointError(f"{card_path(path)}: {error}") from error
-    return SainDynamics(network, prior, card.prior, card.weights_sha256, text, friction)
+    return SainDynamics(network, prior, card.prior, card.weights_sha256, text, friction, intervals)
 
 
 def _friction(settings: dict[str, Any] | None) -> FrictionConfig | None:
@@ -81,6 +83,13 @@ def _friction(settings: dict[str, Any] | None) -> FrictionConfig | None:
         return None if settings is None else FrictionConfig(**settings)
     except (TypeError, ConfigError) as error:
         raise CheckpointError(f"friction: {error}") from error
+
+
+def _intervals(settings: dict[str, Any] | None) -> Intervals | None:
+    try:
+        return None if settings is None else Intervals.from_card(settings)
+    except (TypeError, KeyError, ConfigError) as error:
+        raise CheckpointError(f"intervals: {error}") from error
 
 
 def shipped_checkpoint() -> Path:

@@ -1,12 +1,14 @@
 """The interaction network of the paper's section II-C: f_rel over pairs, f_dyn over disks."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from sain_core.config import Config, option
+from sain_core.seeding import generator
 from sain_model.features import (
     DISK_FEATURES,
     FRAMES,
@@ -17,6 +19,7 @@ from sain_model.features import (
     TURN_SCALE,
     WORLD_FRAME,
 )
+from sain_model.members import make_linear
 from sain_model.place_features import PLACE_FEATURES
 
 OUTPUTS = 3  # dx, dy, dtheta
@@ -33,6 +36,9 @@ class NetworkConfig(Config):
     features: str = option(
         PUSH_FRAME, "what it sees: scenes as the push sees them, or the world too", choices=FRAMES
     )
+    members: int = option(
+        1, "networks in the ensemble, each with weights of its own", minimum=1, maximum=64
+    )
 
     @property
     def disk_features(self) -> int:
@@ -41,7 +47,10 @@ class NetworkConfig(Config):
 
 
 class InteractionNetwork(nn.Module):
-    """Predicts what the prior gets wrong, for each of any number of disks."""
+    """Predicts what the prior gets wrong, for each of any number of disks.
+
+    It may be an ensemble: M networks side by side, whose mean it predicts.
+    """
 
     def __init__(self, config: NetworkConfig = NetworkConfig()) -> None:
         """Build it so that it starts out by leaving the prior as it is."""
@@ -49,10 +58,8 @@ class InteractionNetwork(nn.Module):
         self.config = config
         self.relation = _perceptron(RELATION_FEATURES, config.message, config)
         self.dynamics = _perceptron(config.disk_features + config.message, OUTPUTS, config)
-        last = self.dynamics[-1]
-        assert isinstance(last, nn.Linear)
-        nn.init.zeros_(last.weight)
-        nn.init.zeros_(last.bias)
+        for parameter in self.dynamics[-1].parameters():
+            nn.init.zeros_(parameter)
         self.register_buffer(
             "unit", torch.tensor([POSITION_UNIT, POSITION_UNIT, TURN_SCALE]), persistent=False
         )
@@ -61,19 +68,48 @@ class InteractionNetwork(nn.Module):
         self, disks: Float[Tensor, "B N D"], relations: Float[Tensor, "B E R"]
     ) -> Float[Tensor, "B N 3"]:
         """Return the residual of each disk: dx, dy [m] in the push frame, dtheta [rad]."""
-        batch, count, _ = disks.shape
+        mean: Tensor = self.each(disks, relations).mean(dim=0)
+        return mean
+
+    def each(
+        self, disks: Float[Tensor, "*M B N D"], relations: Float[Tensor, "*M B E R"]
+    ) -> Float[Tensor, "M B N 3"]:
+        """Return every member's residual, of the same inputs or each of its own (M, ...)."""
+        if disks.ndim == 3:
+            disks = disks.expand(self.config.members, *disks.shape)
+            relations = relations.expand(self.config.members, *relations.shape)
+        members, batch, count, _ = disks.shape
         # Disks far apart tell each other nothing, so that more of them change nothing either.
         gaps = torch.minimum(relations[..., GAP_BEFORE], relations[..., GAP_AFTER])
-        effects = self.relation(relations) * (1.0 - gaps).unsqueeze(-1)  # (B, E, message)
-        effects = effects.view(batch, count, count - 1, -1).sum(dim=2)  # (B, N, message)
+        effects = self.relation(relations) * (1.0 - gaps).unsqueeze(-1)  # (M, B, E, message)
+        effects = effects.view(members, batch, count, count - 1, -1).sum(dim=3)
         output: Tensor = self.dynamics(torch.cat([disks, effects], dim=-1)) * self.unit
         return output
+
+
+def new_network(config: NetworkConfig, seed: int) -> InteractionNetwork:
+    """Return a network with weights drawn from a seed; each member's by themselves."""
+    alone = replace(config, members=1)
+    networks = []
+    for member in range(config.members):
+        path = ("weights",) if member == 0 else ("weights", "member", member)
+        torch.manual_seed(int(generator(seed, *path).integers(2**31)))
+        networks.append(InteractionNetwork(alone))
+    return networks[0] if config.members == 1 else ensemble(networks)
+
+
+def ensemble(networks: Sequence[InteractionNetwork]) -> InteractionNetwork:
+    """Return the ensemble of networks of one size."""
+    joined = InteractionNetwork(replace(networks[0].config, members=len(networks)))
+    states = [network.state_dict() for network in networks]
+    joined.load_state_dict({name: torch.stack([s[name] for s in states]) for name in states[0]})
+    return joined
 
 
 def _perceptron(inputs: int, outputs: int, config: NetworkConfig) -> nn.Sequential:
     modules: list[nn.Module] = []
     width = inputs
     for _ in range(config.layers):
-        modules += [nn.Linear(width, config.hidden), nn.SiLU()]
+        modules += [make_linear(config.members, width, config.hidden), nn.SiLU()]
         width = config.hidden
-    return nn.Sequential(*modules, nn.Linear(width, outputs))
+    return nn.Sequential(*modules, make_linear(config.members, width, outputs))

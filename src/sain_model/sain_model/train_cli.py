@@ -1,19 +1,19 @@
 """``ros2 run sain_model train``: learn the residual of a prior from collected transitions."""
 
+import argparse
 import json
-import platform
 import shlex
 import sys
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field, make_dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.markup import escape
 
 from sain_core.errors import SainError
 from sain_model.checkpoint import Card, save_checkpoint, write_whole
@@ -24,11 +24,16 @@ from sain_model.dataset import (
     load_transitions,
     split_by_episode,
 )
-from sain_model.error_table import error_table, history_table
+from sain_model.environment import environment
+from sain_model.epoch_bar import EpochBar
+from sain_model.error_table import error_table, history_table, interval_table
 from sain_model.evaluation import evaluate
+from sain_model.event_log import EventLog
 from sain_model.friction_noise import make_filter
+from sain_model.interval_fit import fit_intervals
 from sain_model.load import load_prior, prior_settings
 from sain_model.loss_plot import save_loss_curve
+from sain_model.presets import PRESETS
 from sain_model.sain import IDENTITY, LEARNED, SainDynamics
 from sain_model.training import NOTHING, History, Trainer, TrainingConfig
 
@@ -43,6 +48,10 @@ class TrainCommand:
     """Folder for checkpoint, card, loss curve and settings. Run again to go on after a stop."""
     name: str = "sain"
     """Name of the checkpoint."""
+    preset: Literal["default", "paper", "paper-epochs", "paper-steps"] = "default"
+    """Settings to start from: ours, or the paper's in one of its readings (docs/training.md)."""
+    tensorboard: bool = False
+    """Write the losses for TensorBoard too; needs the extra sain_model[tensorboard]."""
     training: TrainingConfig = TrainingConfig()
 
 
@@ -50,22 +59,36 @@ def main(arguments: list[str] | None = None) -> int:
     """Train the interaction network on the residual of a prior."""
     torch.set_num_threads(1)
     console = Console()
-    command = tyro.cli(
-        TrainCommand,
-        prog="train",
-        description=main.__doc__,
-        args=arguments,
-        config=(tyro.conf.OmitArgPrefixes,),
-    )
+    command = parse(arguments)
     try:
         train(command, console)
     except SainError as error:
-        Console(stderr=True).print(f"[red]error:[/] {error}", highlight=False)
+        Console(stderr=True).print(f"[red]error:[/] {escape(str(error))}", highlight=False)
         return 1
     except KeyboardInterrupt:
         console.print("stopped; the same command goes on from the last whole epoch")
         return 130
     return 0
+
+
+def parse(arguments: list[str] | None = None) -> TrainCommand:
+    """Return what a command line asks for; what it says itself goes before its preset."""
+    scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    scout.add_argument("--preset", default="default")
+    preset = scout.parse_known_args(arguments)[0].preset
+    training = field(default=PRESETS.get(preset, TrainingConfig()))
+    return tyro.cli(
+        make_dataclass(
+            "TrainCommand",
+            [("training", TrainingConfig, training)],
+            bases=(TrainCommand,),
+            frozen=True,
+        ),
+        prog="train",
+        description=main.__doc__,
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes,),
+    )
 
 
 def train(command: TrainCommand, console: Console) -> Path:
@@ -79,16 +102,16 @@ def train(command: TrainCommand, console: Console) -> Path:
     split = split_by_episode(data, config.seed, config.validation, config.test)
     if config.transitions:
         split = limit_training(split, config.transitions)
-    write_whole(command.out / "config.json", _settings(command).encode())
     settings = {"friction": config.prior_friction} if config.prior != IDENTITY else None
     prior = load_prior(config.prior, settings)
     friction = None if config.history == NOTHING else make_filter(prior, split.train)
     trainer = Trainer(split, prior, config, command.out, friction)
-    with EpochBar(console, config.epochs, trainer.epoch) as advance:
-        trainer.run(advance)
+    write_whole(command.out / "config.json", _settings(command, data).encode())
+    _run(trainer, command, console)
     save_loss_curve(command.out / "loss.png", trainer.history)
     infers = friction.config if friction else None
     sain = SainDynamics(trainer.network, prior, config.prior, friction=infers)
+    sain.intervals = fit_intervals(sain, split.validation)
     errors = _errors(split.test, sain)
     card = make_card(command, data, split, trainer.history, errors, sain)
     path = command.out / f"{command.name}.safetensors"
@@ -96,8 +119,26 @@ def train(command: TrainCommand, console: Console) -> Path:
     for part in ("all", "target_moved"):
         console.print(error_table(errors, part))
     console.print(history_table(errors))
-    console.print(f"{path}: epoch {trainer.history.best + 1} of {config.epochs}")
+    for intervals in errors["intervals"].values():
+        console.print(interval_table(intervals))
+    console.print(f"{path}: epoch {trainer.history.best + 1} of {len(trainer.history.train)}")
     return path
+
+
+def _run(trainer: Trainer, command: TrainCommand, console: Console) -> None:
+    """Train to the end while the terminal, and TensorBoard where it is asked for, show it."""
+    with ExitStack() as stack:
+        followers = []
+        if command.tensorboard:
+            followers.append(stack.enter_context(EventLog(command.out, trainer.epoch)))
+        bar = EpochBar(console, command.training.epochs, trainer.epoch)
+        followers.append(stack.enter_context(bar))
+
+        def advance(epoch: int, history: History) -> None:
+            for follow in followers:
+                follow(epoch, history)
+
+        trainer.run(advance)
 
 
 def make_card(
@@ -116,6 +157,7 @@ def make_card(
         prior_config=prior_settings(sain.prior),
         network=asdict(config.network),
         friction=asdict(sain.friction) if sain.friction else None,
+        intervals=asdict(sain.intervals) if sain.intervals else None,
         data={
             "path": str(command.dataset),
             "sha256": data.sha256,
@@ -124,16 +166,13 @@ def make_card(
         },
         training={
             **asdict(config),
+            "epochs_done": len(history.train),
             "best_epoch": history.best + 1,
             "train_loss": history.train[history.best],
             "validation_loss": history.validation[history.best],
         },
         errors=errors,
-        versions={
-            "python": platform.python_version(),
-            "torch": torch.__version__,
-            "numpy": np.__version__,
-        },
+        versions=environment(),
         command=_command_line(),
     )
 
@@ -144,41 +183,19 @@ def _errors(test: Transitions, sain: SainDynamics) -> dict[str, Any]:
     return evaluate(test, sain=sain)
 
 
-def _settings(command: TrainCommand) -> str:
-    return json.dumps(asdict(command), indent=2, default=str) + "\n"
+def _settings(command: TrainCommand, data: Transitions) -> str:
+    """Return what is to be done with what, as it stands beside the checkpoint from the start."""
+    settings = {
+        **asdict(command),
+        "data_sha256": data.sha256,
+        "environment": environment(),
+        "command": _command_line(),
+    }
+    return json.dumps(settings, indent=2, default=str) + "\n"
 
 
 def _command_line() -> str:
     return shlex.join(["ros2", "run", "sain_model", "train", *sys.argv[1:]])
-
-
-class EpochBar:
-    """A bar over epochs with the losses and the time left."""
-
-    def __init__(self, console: Console, epochs: int, done: int) -> None:
-        self._bar = Progress(
-            TextColumn("epoch"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[losses]}, left"),
-            TimeRemainingColumn(),
-            console=console,
-        )
-        self._task = self._bar.add_task("train", total=epochs, completed=done, losses="starting")
-
-    def __enter__(self) -> Callable[[int, History], None]:
-        self._bar.start()
-        return self._advance
-
-    def _advance(self, epoch: int, history: History) -> None:
-        losses = (
-            f"training {history.train[-1]:.3f}, validation {history.validation[-1]:.3f},"
-            f" best {history.validation[history.best]:.3f}"
-        )
-        self._bar.update(self._task, completed=epoch, losses=losses)
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
 
 
 if __name__ == "__main__":

@@ -8,19 +8,21 @@ from typing import Any, Final
 
 import numpy as np
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
 from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics
 from sain_core.errors import CheckpointError
 from sain_core.seeding import generator
+from sain_model.batches import BOOTSTRAP, ORDER, Batches
 from sain_model.checkpoint import write_torch
 from sain_model.dataset import Split
-from sain_model.examples import Examples, training_examples
+from sain_model.descent import DescentConfig
+from sain_model.examples import training_examples
 from sain_model.features import PUSH_FRAME
 from sain_model.friction import FrictionFilter
-from sain_model.network import InteractionNetwork, NetworkConfig
+from sain_model.loss import LossConfig, mixed_loss
+from sain_model.network import InteractionNetwork, NetworkConfig, new_network
 from sain_model.threads import settle_threads
 
 NOTHING: Final = "none"
@@ -29,24 +31,25 @@ EPISODE: Final = "episode"
 
 
 @dataclass(frozen=True)
-class LossConfig(Config):
-    """The mixed loss of Algorithm 1, line 17, each term in units of a scale."""
-
-    robust: bool = option(True, "Huber's loss: beyond a scale an error counts linearly")
-    position_scale: float = option(0.001, "of position errors", unit="m", minimum=1e-6)
-    velocity_scale: float = option(0.1, "of velocity errors", unit="m/s", minimum=1e-6)
-    heading_scale: float = option(0.05, "of errors of sin and cos of the heading", minimum=1e-6)
-
-
-@dataclass(frozen=True)
 class TrainingConfig(Config):
     """How a network is trained."""
 
     seed: int = option(0, "same seed, data and settings: same weights", minimum=0)
     epochs: int = option(40, "passes over the data", minimum=1)
+    epoch_steps: int = option(0, "steps in an epoch; 0: as many as one pass takes", minimum=0)
+    validate_every: int = option(1, "epochs from one look at validation to the next", minimum=1)
+    patience: int = option(
+        0, "stop after so many epochs without a better validation loss; 0: never", minimum=0
+    )
     batch: int = option(128, "pushes in a step of the optimiser", minimum=1)
-    learning_rate: float = option(2e-3, "at the start; falls to 0 along a cosine", minimum=1e-7)
-    weight_decay: float = option(0.1, "of AdamW, the paper's lambda", minimum=0.0)
+    learning_rate: float = option(2e-3, "at the start", minimum=1e-7)
+    weight_decay: float = option(0.1, "of the optimiser, the paper's lambda", minimum=0.0)
+    diversity: str = option(
+        ORDER,
+        "each member of an ensemble learns from all pushes in an order of its own, or from"
+        " episodes drawn with replacement",
+        choices=(ORDER, BOOTSTRAP),
+    )
     mirror: bool = option(
         True, "learn every push in a mirror too, except in the frame of the world"
     )
@@ -69,11 +72,15 @@ class TrainingConfig(Config):
     transitions: int = option(0, "learn from so many transitions only; 0: from all", minimum=0)
     network: NetworkConfig = NetworkConfig()
     loss: LossConfig = LossConfig()
+    descent: DescentConfig = DescentConfig()
 
 
 @dataclass
 class History:
-    """Losses after each epoch, and which epoch was best."""
+    """Losses after each epoch, and which epoch was best.
+
+    An epoch that was not validated has the last loss that was, or infinity before the first.
+    """
 
     train: list[float] = field(default_factory=list)
     validation: list[float] = field(default_factory=list)
@@ -84,28 +91,8 @@ class History:
         return int(np.argmin(self.validation))
 
 
-def mixed_loss(
-    predicted: Float[Tensor, "B N 3"], examples: Examples, rows: Tensor, config: LossConfig
-) -> Tensor:
-    """Return Algorithm 1's loss of a batch: position, velocity, sine and cosine of the heading.
-
-    It is a function of what is left of the residual alone: distances do not depend on the frame,
-    and |sin a - sin b|^2 + |cos a - cos b|^2 = 2 - 2 cos(a - b).
-    """
-    missing = examples.residual[rows] - predicted
-    squares = [
-        (missing[..., :2] / config.position_scale).square().sum(-1),
-        (examples.velocity[rows] / config.velocity_scale).square().sum(-1),
-        (2.0 - 2.0 * torch.cos(missing[..., 2])) / config.heading_scale**2,
-    ]
-    if config.robust:
-        squares = [2.0 * (torch.sqrt(1.0 + square) - 1.0) for square in squares]
-    total: Tensor = squares[0] + squares[1] + squares[2]
-    return total.mean()
-
-
 class Trainer:
-    """Trains one network; what it does depends on data, settings and seed alone."""
+    """Trains a network or an ensemble; what it does depends on data, settings and seed alone."""
 
     STATE: Final = "training.pt"
 
@@ -142,10 +129,17 @@ class Trainer:
         about = f"{friction.config} {friction.nominal}" if friction else ""
         self._identity = f"{config} {split.train.sha256} {about}"
         settle_threads()
-        torch.manual_seed(int(generator(config.seed, "weights").integers(2**31)))
-        self.network = InteractionNetwork(config.network)
-        self._optimizer = torch.optim.AdamW(
-            self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
+        self.network = new_network(config.network, config.seed)
+        self._optimizer = config.descent.make(
+            self.network.parameters(), config.learning_rate, config.weight_decay
+        )
+        self._batches = Batches(
+            config.seed,
+            config.batch,
+            np.tile(split.train.episodes, len(self._train) // len(split.train)),  # and mirrored
+            config.network.members,
+            config.diversity,
+            config.epoch_steps,
         )
         self._best: dict[str, Tensor] = _copy(self.network)
         if (folder / self.STATE).exists():
@@ -156,37 +150,49 @@ class Trainer:
         """How many epochs are done."""
         return len(self.history.train)
 
+    @property
+    def finished(self) -> bool:
+        """Whether all epochs are done, or the last ones brought nothing."""
+        waited = self.epoch - 1 - self.history.best if self.epoch else 0
+        patience = self.config.patience
+        return self.epoch >= self.config.epochs or 0 < patience <= waited
+
     def run(self, progress: Callable[[int, History], None] = lambda epoch, history: None) -> None:
         """Train to the last epoch and take the weights of the best one."""
-        while self.epoch < self.config.epochs:
-            self.history.train.append(self._run_epoch(self.epoch))
-            self.history.validation.append(self._validate())
-            if self.history.best == self.epoch - 1:
+        while not self.finished:
+            epoch = self.epoch
+            self.history.train.append(self._run_epoch(epoch))
+            self.history.validation.append(self._validation_loss(epoch))
+            if self.history.best == epoch:
                 self._best = _copy(self.network)
             self._save()
             progress(self.epoch, self.history)
         self.network.load_state_dict(self._best)
 
     def _run_epoch(self, epoch: int) -> float:
-        config = self.config
-        rate = 0.5 * config.learning_rate * (1.0 + math.cos(math.pi * epoch / config.epochs))
-        for group in self._optimizer.param_groups:
-            group["lr"] = rate
-        order = torch.from_numpy(
-            generator(config.seed, "epoch", epoch).permutation(len(self._train))
-        )
-        total = 0.0
+        config, examples = self.config, self._train
+        total, seen = 0.0, 0
         self.network.train()
-        for rows in order.split(config.batch):
-            predicted = self.network(self._train.disks[rows], self._train.relations[rows])
-            loss = mixed_loss(predicted, self._train, rows, config.loss)
+        for place, rows in enumerate(self._batches.epoch(epoch)):  # (M, b), own rows of each member
+            self._set_rate(epoch, epoch * self._batches.steps + place)
+            predicted = self.network.each(examples.disks[rows], examples.relations[rows])
+            losses = mixed_loss(predicted, examples, rows, config.loss)  # (M,)
             self._optimizer.zero_grad()
-            loss.backward()
+            losses.sum().backward()  # so that each member learns as if it were alone
             self._optimizer.step()
-            total += loss.item() * len(rows)
-        return total / len(self._train)
+            total += losses.mean().item() * rows.shape[1]
+            seen += rows.shape[1]
+        return total / seen
 
-    def _validate(self) -> float:
+    def _set_rate(self, epoch: int, step: int) -> None:
+        share = self.config.descent.rate(epoch, self.config.epochs, step)
+        for group in self._optimizer.param_groups:
+            group["lr"] = share * self.config.learning_rate
+
+    def _validation_loss(self, epoch: int) -> float:
+        """Return the loss of the members' mean, of now or of when it was last looked at."""
+        if (epoch + 1) % self.config.validate_every and epoch + 1 < self.config.epochs:
+            return self.history.validation[-1] if epoch else math.inf
         data = self._validation
         self.network.eval()
         with torch.inference_mode():
