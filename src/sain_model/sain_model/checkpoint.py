@@ -37,6 +37,8 @@ class Card:
         network: size of the network.
         friction: how friction is inferred from an episode's earlier pushes; None: the model was
             trained without them, and knows the nominal friction alone.
+        kind: one of `sain_model.sain.KINDS`; empty on cards from before there was "recurrent".
+        rollouts: how it was trained on rollouts of its own predictions; None: it was not.
         data: what it was trained on: path, SHA-256, transitions, episodes, split.
         training: settings, seed, epochs done, losses.
         errors: errors on the held-out episodes [mm], for it and what it is compared with.
@@ -50,6 +52,8 @@ class Card:
     prior_config: dict[str, Any]
     network: dict[str, Any]
     friction: dict[str, Any] | None = None
+    kind: str = ""
+    rollouts: dict[str, Any] | None = None
     data: dict[str, Any] = field(default_factory=dict)
     training: dict[str, Any] = field(default_factory=dict)
     errors: dict[str, Any] = field(default_factory=dict)

@@ -11,6 +11,8 @@ from sain_model.checkpoint import SUFFIX, card_path, load_checkpoint
 from sain_model.friction import FrictionConfig
 from sain_model.planar import PlanarConfig, PlanarPrior
 from sain_model.planar_axes import AXES
+from sain_model.recurrent import PhysicsChain
+from sain_model.rollouts import PHYSICS, RolloutConfig
 from sain_model.sain import IDENTITY, SainDynamics
 
 PLANAR: Final = "planar"
@@ -71,9 +73,24 @@ def load_sain(path: Path) -> SainDynamics:
     try:
         prior = load_prior(card.prior, card.prior_config)
         friction = _friction(card.friction)
+        rollouts = _rollouts(card.rollouts)
     except CheckpointError as error:
         raise CheckpointError(f"{card_path(path)}: {error}") from error
-    return SainDynamics(network, prior, card.prior, card.weights_sha256, text, friction)
+    return sain_class(rollouts)(
+        network, prior, card.prior, card.weights_sha256, text, friction, rollouts is not None
+    )
+
+
+def sain_class(rollouts: RolloutConfig | None) -> type[SainDynamics]:
+    """Return the class that is rolled out as a network was trained; None: on single pushes."""
+    return PhysicsChain if rollouts and rollouts.chain == PHYSICS else SainDynamics
+
+
+def _rollouts(settings: dict[str, Any] | None) -> RolloutConfig | None:
+    try:
+        return None if settings is None else RolloutConfig(**settings)
+    except (TypeError, ConfigError) as error:
+        raise CheckpointError(f"rollouts: {error}") from error
 
 
 def _friction(settings: dict[str, Any] | None) -> FrictionConfig | None:

@@ -19,7 +19,8 @@ from sain_model.threads import settle_threads
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
 IDENTITY: Final = "identity"
 RESIDUAL: Final = "residual"  # Fig. 1c, equation 2
-KINDS: Final = (LEARNED, RESIDUAL)
+RECURRENT: Final = "recurrent"  # Fig. 1d, equations 3 and 4: trained on its own rollouts
+KINDS: Final = (LEARNED, RESIDUAL, RECURRENT)
 
 
 class SainDynamics:
@@ -28,11 +29,12 @@ class SainDynamics:
     Attributes:
         prior: f_p.
         prior_name: its name for `sain_model.load.load_dynamics`.
-        kind: ``residual``, or ``learned`` when the prior is the identity.
+        kind: ``residual`` or ``recurrent``, or ``learned`` when the prior is the identity.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.
         friction: how it infers friction from an episode's earlier pushes; None: it was not
             trained to.
+        recurrent: whether it was trained on rollouts of its own predictions.
     """
 
     def __init__(
@@ -43,12 +45,15 @@ class SainDynamics:
         model_hash: str = "",
         card: str = "",
         friction: FrictionConfig | None = None,
+        recurrent: bool = False,
     ) -> None:
         """Correct this prior with this network."""
         self.network = network.eval()
         self.prior = prior
         self.prior_name = prior_name
-        self.kind = LEARNED if prior_name == IDENTITY else RESIDUAL
+        self.recurrent = recurrent
+        on_physics = RECURRENT if recurrent else RESIDUAL
+        self.kind = LEARNED if prior_name == IDENTITY else on_physics
         self.model_hash = model_hash
         self.card = card
         self.friction = friction
@@ -78,13 +83,14 @@ class SainDynamics:
         """
         if not isinstance(self.prior, PlanarPrior):
             raise InvalidInputError(f"the prior {self.prior_name!r} knows no friction")
-        return SainDynamics(
+        return type(self)(
             self.network,
             self.prior.at(friction),
             self.prior_name,
             self.model_hash,
             self.card,
             self.friction,
+            self.recurrent,
         )
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:

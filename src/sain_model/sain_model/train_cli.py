@@ -29,9 +29,12 @@ from sain_model.error_table import error_table, history_table
 from sain_model.evaluation import evaluate
 from sain_model.friction import FrictionConfig, FrictionFilter
 from sain_model.friction_noise import fit_noise
-from sain_model.load import load_prior, prior_settings
+from sain_model.load import load_prior, prior_settings, sain_class
 from sain_model.loss_plot import save_loss_curve
+from sain_model.open_loop import card_errors
 from sain_model.planar import PlanarPrior
+from sain_model.rollout_training import RolloutTrainer
+from sain_model.rollouts import RolloutConfig
 from sain_model.sain import IDENTITY, LEARNED, SainDynamics
 from sain_model.training import NOTHING, History, Trainer, TrainingConfig
 
@@ -47,6 +50,7 @@ class TrainCommand:
     name: str = "sain"
     """Name of the checkpoint."""
     training: TrainingConfig = TrainingConfig()
+    rollout: RolloutConfig = RolloutConfig()
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -90,8 +94,18 @@ def train(command: TrainCommand, console: Console) -> Path:
     with EpochBar(console, config.epochs, trainer.epoch) as advance:
         trainer.run(advance)
     save_loss_curve(command.out / "loss.png", trainer.history)
+    rollouts = command.rollout if command.rollout.wanted else None
+    if rollouts:
+        learner = RolloutTrainer(
+            trainer.network, split, prior, rollouts, config, command.out, friction
+        )
+        with EpochBar(console, rollouts.rollout_epochs, learner.epoch) as advance:
+            learner.run(advance)
+        save_loss_curve(command.out / "rollout_loss.png", learner.history)
     infers = friction.config if friction else None
-    sain = SainDynamics(trainer.network, prior, config.prior, friction=infers)
+    sain = sain_class(rollouts)(
+        trainer.network, prior, config.prior, friction=infers, recurrent=rollouts is not None
+    )
     errors = _errors(split.test, sain)
     card = make_card(command, data, split, trainer.history, errors, sain)
     path = command.out / f"{command.name}.safetensors"
@@ -131,6 +145,8 @@ def make_card(
         prior_config=prior_settings(sain.prior),
         network=asdict(config.network),
         friction=asdict(sain.friction) if sain.friction else None,
+        kind=sain.kind,
+        rollouts=asdict(command.rollout) if sain.recurrent else None,
         data={
             "path": str(command.dataset),
             "sha256": data.sha256,
@@ -154,9 +170,8 @@ def make_card(
 
 
 def _errors(test: Transitions, sain: SainDynamics) -> dict[str, Any]:
-    if sain.kind == LEARNED:
-        return evaluate(test, learned=sain)
-    return evaluate(test, sain=sain)
+    errors = evaluate(test, learned=sain) if sain.kind == LEARNED else evaluate(test, sain=sain)
+    return {**errors, "open_loop": card_errors(test, sain)}
 
 
 def _settings(command: TrainCommand) -> str:
