@@ -98,8 +98,8 @@ def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
 def test_coverage_is_counted(dataset: Path, tmp_path: Path) -> None:
     data = load_transitions(dataset)
     wide, none = IntervalConfig(factors=(1e6,)), IntervalConfig(noise=1e-9, factors=(1e-3,))
-    sain = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar")
-    sain.intervals = Intervals(mid=wide, target=none)
+    intervals = Intervals(mid=wide, target=none)
+    sain = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", intervals=intervals)
     found = measure_intervals(sain, data, seed=0)
     assert found["mid"]["parts"]["all"]["coverage"] == 1.0
     exact = np.all(sain.step(data.scenes, data.pushes)[:, 1, :2] == data.next_scenes[:, 1, :2], -1)

@@ -38,6 +38,8 @@ class Card:
         friction: how friction is inferred from an episode's earlier pushes; None: the model was
             trained without them, and knows the nominal friction alone.
         intervals: regions about its predictions, fitted to the validation episodes; None: not.
+        kind: one of `sain_model.sain.KINDS`; empty on cards from before there was "recurrent".
+        rollouts: how it was trained on rollouts of its own predictions; None: it was not.
         data: what it was trained on: path, SHA-256, transitions, episodes, split.
         training: settings, seed, epochs done, losses.
         errors: errors on the held-out episodes [mm], for it and what it is compared with.
@@ -52,6 +54,8 @@ class Card:
     network: dict[str, Any]
     friction: dict[str, Any] | None = None
     intervals: dict[str, Any] | None = None
+    kind: str = ""
+    rollouts: dict[str, Any] | None = None
     data: dict[str, Any] = field(default_factory=dict)
     training: dict[str, Any] = field(default_factory=dict)
     errors: dict[str, Any] = field(default_factory=dict)

@@ -7,17 +7,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import torch
 import tyro
 from rich.console import Console
 from rich.markup import escape
 
-from sain_core.errors import SainError
+from sain_core.errors import DatasetError, SainError
 from sain_model.checkpoint import Card, load_checkpoint, write_whole
 from sain_model.dataset import Transitions, load_transitions, split_by_episode
 from sain_model.error_table import error_table, history_table, interval_table
 from sain_model.evaluation import evaluate
 from sain_model.load import load_sain, shipped_checkpoint
+from sain_model.metrics import LEARNED
+from sain_model.open_loop import RECURRENT_SAIN, RESIDUAL_SAIN, STEPS
+from sain_model.open_loop_report import report_open_loop
+from sain_model.sain import RECURRENT, RESIDUAL, SainDynamics
 
 
 @dataclass(frozen=True)
@@ -30,14 +35,18 @@ class EvaluateCommand:
     """The checkpoint; without it the one that comes with the package."""
     learned: Path | None = None
     """A checkpoint of kind "learned", trained with --prior identity, to stand beside it."""
+    recurrent: Path | None = None
+    """A checkpoint of kind "recurrent", trained with --steps-ahead, to stand beside it."""
+    open_loop: tuple[int, ...] = STEPS
+    """After how many pushes errors of rollouts are taken; none: no rollouts."""
     out: Path = Path("evaluation.json")
-    """Where the errors are written."""
+    """Where the errors are written; open loops also beside it, as a table and a picture."""
     seed: int = 0
     """Of the bootstrap."""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Report one-step errors of every kind of dynamics on episodes held out of training."""
+    """Report errors of every kind of dynamics, one push and many ahead, on episodes held out."""
     torch.set_num_threads(1)
     console = Console()
     command = tyro.cli(EvaluateCommand, prog="evaluate", description=main.__doc__, args=arguments)
@@ -60,12 +69,18 @@ def run(command: EvaluateCommand, console: Console) -> None:
     _, card, _ = load_checkpoint(path)
     learned = load_sain(command.learned) if command.learned else None
     data = load_transitions(command.dataset)
-    held_out = unseen(data, card)
+    beside = [path for path in (command.learned, command.recurrent) if path]
+    held_out = unseen(data, card, *(load_checkpoint(path)[1] for path in beside))
     errors = evaluate(held_out, sain, learned, command.seed)
+    if command.open_loop:
+        errors["open_loop"] = report_open_loop(
+            command.out, held_out, _models(command, sain, learned), command.seed, command.open_loop
+        )
     report = {
         "dataset": {"path": str(command.dataset), "sha256": data.sha256},
         "checkpoint": {"path": str(path), "sha256": card.weights_sha256},
         "learned": str(command.learned) if command.learned else None,
+        "recurrent": str(command.recurrent) if command.recurrent else None,
         "seed": command.seed,
         "command": shlex.join(["ros2", "run", "sain_model", "evaluate", *sys.argv[1:]]),
         **errors,
@@ -82,12 +97,33 @@ def run(command: EvaluateCommand, console: Console) -> None:
     console.print(f"written to {command.out}")
 
 
-def unseen(data: Transitions, card: Card) -> Transitions:
-    """Return what the checkpoint was not trained on: its test episodes, or all of other data."""
-    if data.sha256 != card.data.get("sha256"):
-        return data
-    training = card.training
-    return split_by_episode(data, training["seed"], training["validation"], training["test"]).test
+def _models(
+    command: EvaluateCommand, sain: SainDynamics, learned: SainDynamics | None
+) -> dict[str, SainDynamics]:
+    """Return the models to roll out, by name."""
+    models = {} if learned is None else {LEARNED: learned}
+    names = {RECURRENT: RECURRENT_SAIN, RESIDUAL: RESIDUAL_SAIN}
+    models[names.get(sain.kind, sain.kind)] = sain
+    if command.recurrent:
+        models[RECURRENT_SAIN] = load_sain(command.recurrent)
+    return models
+
+
+def unseen(data: Transitions, *cards: Card) -> Transitions:
+    """Return what no checkpoint was trained on: their test episodes, or all of other data.
+
+    Raises:
+        DatasetError: between them they have seen every episode.
+    """
+    held_out = np.ones(len(data), dtype=bool)
+    for card in cards:
+        if data.sha256 == card.data.get("sha256"):
+            used = card.training
+            test = split_by_episode(data, used["seed"], used["validation"], used["test"]).test
+            held_out &= np.isin(data.episodes, test.episodes)
+    if not held_out.any():
+        raise DatasetError("these checkpoints were trained on all episodes between them")
+    return data if held_out.all() else data.select(held_out)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,8 @@ from sain_model.friction import FrictionConfig
 from sain_model.intervals import Intervals
 from sain_model.planar import PlanarConfig, PlanarPrior
 from sain_model.planar_axes import AXES
+from sain_model.recurrent import PhysicsChain
+from sain_model.rollouts import PHYSICS, RolloutConfig
 from sain_model.sain import IDENTITY, SainDynamics
 
 PLANAR: Final = "planar"
@@ -73,9 +75,31 @@ def load_sain(path: Path) -> SainDynamics:
         prior = load_prior(card.prior, card.prior_config)
         friction = _friction(card.friction)
         intervals = _intervals(card.intervals)
+        rollouts = _rollouts(card.rollouts)
     except CheckpointError as error:
         raise CheckpointError(f"{card_path(path)}: {error}") from error
-    return SainDynamics(network, prior, card.prior, card.weights_sha256, text, friction, intervals)
+    return sain_class(rollouts)(
+        network,
+        prior,
+        card.prior,
+        card.weights_sha256,
+        text,
+        friction,
+        intervals,
+        recurrent=rollouts is not None,
+    )
+
+
+def sain_class(rollouts: RolloutConfig | None) -> type[SainDynamics]:
+    """Return the class that is rolled out as a network was trained; None: on single pushes."""
+    return PhysicsChain if rollouts and rollouts.chain == PHYSICS else SainDynamics
+
+
+def _rollouts(settings: dict[str, Any] | None) -> RolloutConfig | None:
+    try:
+        return None if settings is None else RolloutConfig(**settings)
+    except (TypeError, ConfigError) as error:
+        raise CheckpointError(f"rollouts: {error}") from error
 
 
 def _friction(settings: dict[str, Any] | None) -> FrictionConfig | None:

@@ -1,7 +1,7 @@
 """SAIN as a `Dynamics`: a prior and the network that corrects it."""
 
-from dataclasses import replace
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, Self
 
 import numpy as np
 import torch
@@ -25,46 +25,55 @@ from sain_model.threads import settle_threads
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
 IDENTITY: Final = "identity"
 RESIDUAL: Final = "residual"  # Fig. 1c, equation 2
-KINDS: Final = (LEARNED, RESIDUAL)
+RECURRENT: Final = "recurrent"  # Fig. 1d, equations 3 and 4: trained on its own rollouts
+KINDS: Final = (LEARNED, RESIDUAL, RECURRENT)
 
 
+@dataclass(frozen=True, eq=False)
 class SainDynamics:
     """s' = f_p(s, a) + f_theta(f_p(s, a), s, a), the paper's equation 2.
 
     Attributes:
         prior: f_p.
         prior_name: its name for `sain_model.load.load_dynamics`.
-        kind: ``residual``, or ``learned`` when the prior is the identity.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.
         friction: how it infers friction from an episode's earlier pushes; None: it was not
             trained to.
         intervals: the regions of its predictions; None: they were not fitted.
-        doubt: standard deviation of the logarithm of the friction that its prior is told.
+        told_doubt: standard deviation of the logarithm of the friction that its prior is told;
+            None: nobody told it any.
+        recurrent: whether it was trained on rollouts of its own predictions.
     """
 
-    def __init__(
-        self,
-        network: InteractionNetwork,
-        prior: Dynamics,
-        prior_name: str,
-        model_hash: str = "",
-        card: str = "",
-        friction: FrictionConfig | None = None,
-        intervals: Intervals | None = None,
-        doubt: float | None = None,
-    ) -> None:
-        """Correct this prior with this network; no `doubt`: that of before the first push."""
-        self.network = network.eval()
-        self.prior = prior
-        self.prior_name = prior_name
-        self.kind = LEARNED if prior_name == IDENTITY else RESIDUAL
-        self.model_hash = model_hash
-        self.card = card
-        self.friction = friction
-        self.intervals = intervals
+    network: InteractionNetwork
+    prior: Dynamics
+    prior_name: str
+    model_hash: str = ""
+    card: str = ""
+    friction: FrictionConfig | None = None
+    intervals: Intervals | None = None
+    told_doubt: float | None = None
+    recurrent: bool = False
+
+    def __post_init__(self) -> None:
+        """Stop whatever a network does in training alone."""
+        self.network.eval()
+
+    @property
+    def kind(self) -> str:
+        """One of `KINDS`: ``learned`` when the prior is the identity."""
+        if self.prior_name == IDENTITY:
+            return LEARNED
+        return RECURRENT if self.recurrent else RESIDUAL
+
+    @property
+    def doubt(self) -> float:
+        """Standard deviation of the logarithm of the friction; at first, how wide it is drawn."""
+        if self.told_doubt is not None:
+            return self.told_doubt
         usual = self.filter
-        self.doubt = doubt if doubt is not None else usual.start().spread if usual else 0.0
+        return usual.start().spread if usual else 0.0
 
     @property
     def filter(self) -> FrictionFilter | None:
@@ -73,7 +82,7 @@ class SainDynamics:
             return None
         return FrictionFilter(self.prior, self.prior.config.friction, self.friction)
 
-    def with_history(self, history: PushHistory) -> "SainDynamics":
+    def with_history(self, history: PushHistory) -> Self:
         """Return this model on the friction that an episode's earlier pushes tell of.
 
         It is the model itself without pushes, and where it was not trained to learn from them.
@@ -84,7 +93,7 @@ class SainDynamics:
         belief = friction.infer(history)
         return self.at(belief.mean, belief.spread)
 
-    def at(self, friction: float, doubt: float = 0.0) -> "SainDynamics":
+    def at(self, friction: float, doubt: float = 0.0) -> Self:
         """Return this model with its prior told this friction, and how far that may be off.
 
         Raises:
@@ -92,16 +101,7 @@ class SainDynamics:
         """
         if not isinstance(self.prior, PlanarPrior):
             raise InvalidInputError(f"the prior {self.prior_name!r} knows no friction")
-        return SainDynamics(
-            self.network,
-            self.prior.at(friction),
-            self.prior_name,
-            self.model_hash,
-            self.card,
-            self.friction,
-            self.intervals,
-            doubt,
-        )
+        return replace(self, prior=self.prior.at(friction), told_doubt=doubt)
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).

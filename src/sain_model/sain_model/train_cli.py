@@ -5,7 +5,7 @@ import json
 import shlex
 import sys
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field, make_dataclass
+from dataclasses import asdict, dataclass, field, make_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -31,9 +31,12 @@ from sain_model.evaluation import evaluate
 from sain_model.event_log import EventLog
 from sain_model.friction_noise import make_filter
 from sain_model.interval_fit import fit_intervals
-from sain_model.load import load_prior, prior_settings
+from sain_model.load import load_prior, prior_settings, sain_class
 from sain_model.loss_plot import save_loss_curve
+from sain_model.open_loop import card_errors
 from sain_model.presets import PRESETS
+from sain_model.rollout_training import RolloutTrainer
+from sain_model.rollouts import RolloutConfig
 from sain_model.sain import IDENTITY, LEARNED, SainDynamics
 from sain_model.training import NOTHING, History, Trainer, TrainingConfig
 
@@ -53,6 +56,7 @@ class TrainCommand:
     tensorboard: bool = False
     """Write the losses for TensorBoard too; needs the extra sain_model[tensorboard]."""
     training: TrainingConfig = TrainingConfig()
+    rollout: RolloutConfig = RolloutConfig()
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -109,9 +113,19 @@ def train(command: TrainCommand, console: Console) -> Path:
     write_whole(command.out / "config.json", _settings(command, data).encode())
     _run(trainer, command, console)
     save_loss_curve(command.out / "loss.png", trainer.history)
+    rollouts = command.rollout if command.rollout.wanted else None
+    if rollouts:
+        learner = RolloutTrainer(
+            trainer.network, split, prior, rollouts, config, command.out, friction
+        )
+        with EpochBar(console, rollouts.rollout_epochs, learner.epoch) as advance:
+            learner.run(advance)
+        save_loss_curve(command.out / "rollout_loss.png", learner.history)
     infers = friction.config if friction else None
-    sain = SainDynamics(trainer.network, prior, config.prior, friction=infers)
-    sain.intervals = fit_intervals(sain, split.validation)
+    sain = sain_class(rollouts)(
+        trainer.network, prior, config.prior, friction=infers, recurrent=rollouts is not None
+    )
+    sain = replace(sain, intervals=fit_intervals(sain, split.validation))
     errors = _errors(split.test, sain)
     card = make_card(command, data, split, trainer.history, errors, sain)
     path = command.out / f"{command.name}.safetensors"
@@ -158,6 +172,8 @@ def make_card(
         network=asdict(config.network),
         friction=asdict(sain.friction) if sain.friction else None,
         intervals=asdict(sain.intervals) if sain.intervals else None,
+        kind=sain.kind,
+        rollouts=asdict(command.rollout) if sain.recurrent else None,
         data={
             "path": str(command.dataset),
             "sha256": data.sha256,
@@ -178,9 +194,8 @@ def make_card(
 
 
 def _errors(test: Transitions, sain: SainDynamics) -> dict[str, Any]:
-    if sain.kind == LEARNED:
-        return evaluate(test, learned=sain)
-    return evaluate(test, sain=sain)
+    errors = evaluate(test, learned=sain) if sain.kind == LEARNED else evaluate(test, sain=sain)
+    return {**errors, "open_loop": card_errors(test, sain)}
 
 
 def _settings(command: TrainCommand, data: Transitions) -> str:

@@ -1,0 +1,57 @@
+"""Episodes whose truth is the planar prior plus a residual that depends on nothing random."""
+
+from pathlib import Path
+
+import numpy as np
+
+from sain_core.push import PushLimits
+from sain_core.scene import POSITION, make_scene, unit
+from sain_core.types import Pushes, Scenes
+from sain_model.dataset import Transitions, load_transitions
+from sain_model.planar import PlanarPrior
+
+EPISODES, PUSHES = 16, 6
+EVERY = np.arange(EPISODES * PUSHES)
+
+
+def truth(scenes: Scenes, pushes: Pushes) -> Scenes:
+    """Return the prior's prediction with whatever moved carried on by a tenth, and 2 mm to +y."""
+    predicted = PlanarPrior().step(scenes, pushes)
+    way = predicted[..., POSITION] - scenes[..., POSITION]
+    moved = np.linalg.norm(way, axis=-1, keepdims=True) > 1e-3
+    predicted[..., POSITION] += moved * (0.1 * way + np.array([0.0, 0.002]))
+    return predicted
+
+
+def make_episodes(folder: Path, kept: np.ndarray = EVERY) -> Path:
+    """Write a shard of episodes of successive pushes: these rows, in this order."""
+    random = np.random.default_rng(5)
+    bearings = random.uniform(-np.pi, np.pi, EPISODES)
+    targets = np.array([0.45, 0.0]) + 0.145 * unit(bearings)
+    middle = np.array([0.45, 0.0])
+    kinds = np.array([8.0, 8.0]), np.array([0.08, 0.06])
+    scenes = np.stack([make_scene(np.stack([middle, target]), *kinds) for target in targets])
+    rows = []
+    for _ in range(PUSHES):
+        pushes = PushLimits().sample(random, EPISODES)
+        rows.append((scenes, pushes, PlanarPrior().step(scenes, pushes), truth(scenes, pushes)))
+        scenes = rows[-1][3]
+    arrays = [np.stack(part, axis=1) for part in zip(*rows, strict=True)]  # (episodes, pushes, ..)
+    flat = [array.reshape(EPISODES * PUSHES, -1) for array in arrays]
+    folder.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(
+        folder / "shard-0.npz",
+        state=flat[0][kept],
+        action=flat[1][kept],
+        physics_next=flat[2][kept],
+        next_state=flat[3][kept],
+        episode=(kept // PUSHES),
+        step=(kept % PUSHES),
+        friction=np.full(len(kept), 0.12),
+    )
+    return folder
+
+
+def load_episodes(folder: Path, kept: np.ndarray = EVERY) -> Transitions:
+    """Return what `make_episodes` writes."""
+    return load_transitions(make_episodes(folder, kept))
