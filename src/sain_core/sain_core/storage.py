@@ -21,6 +21,9 @@ from sain_core.errors import DatasetError, OutputError
 
 PARTIAL: Final = ".partial"  # suffix of what is not whole yet
 ZIP_MAGIC: Final = b"PK\x03\x04"
+ZIP_END: Final = b"PK\x05\x06"  # begins the last record, which may have a comment
+ZIP_COUNT: Final = 10  # from there to the number of entries, two bytes
+ZIP_TAIL: Final = 22 + 65535  # the most bytes from there to the end
 DAMAGE: Final = (
     OSError,
     ValueError,
@@ -48,6 +51,8 @@ def read_arrays(path: Path) -> dict[str, ndarray]:
             if file.read(len(ZIP_MAGIC)) != ZIP_MAGIC:  # numpy would take it for a pickle
                 raise DatasetError(f"{path} is not a whole .npz file: it does not begin as one")
         with np.load(path, allow_pickle=False) as archive:
+            if len(archive.files) != _entries(path):
+                raise DatasetError(f"{path} is not a whole .npz file: an array has got lost")
             return {name: archive[name] for name in archive.files}
     except FileNotFoundError:
         raise DatasetError(f"{path} does not exist") from None
@@ -55,6 +60,20 @@ def read_arrays(path: Path) -> dict[str, ndarray]:
         if isinstance(error, DatasetError):
             raise
         raise DatasetError(f"{path} is not a whole .npz file: {error}") from error
+
+
+def _entries(path: Path) -> int:
+    """Return how many files the end of a zip archive says are in it.
+
+    Python's `zipfile` does not look: where the length of an entry's comment is damaged, it takes
+    the entries after it for the comment.
+    """
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(size - ZIP_TAIL, 0))
+        tail = file.read()
+    place = tail.rfind(ZIP_END)
+    return int(struct.unpack_from("<H", tail, place + ZIP_COUNT)[0]) if place >= 0 else -1
 
 
 def write_arrays(path: Path, arrays: Mapping[str, ndarray]) -> None:

@@ -11,7 +11,7 @@ import torch
 import tyro
 from rich.console import Console
 
-from sain_core.errors import SainError
+from sain_core.errors import DatasetError, SainError
 from sain_model.checkpoint import Card, load_checkpoint, write_whole
 from sain_model.dataset import Transitions, load_transitions, split_by_episode
 from sain_model.error_table import error_table, history_table
@@ -80,10 +80,23 @@ def run(command: EvaluateCommand, console: Console) -> None:
 
 
 def unseen(data: Transitions, card: Card) -> Transitions:
-    """Return what the checkpoint was not trained on: its test episodes, or all of other data."""
+    """Return what the checkpoint was not trained on: its test episodes, or all of other data.
+
+    Raises:
+        DatasetError: it learned from this data, and nothing of it was held out by itself.
+    """
+    if data.sha256 in card.data.get("sources", ()):
+        raise DatasetError(
+            f"the checkpoint learned from this data among others ({card.data['path']}); evaluate it"
+            " on episodes collected with another seed"
+        )
     if data.sha256 != card.data.get("sha256"):
         return data
     training = card.training
+    if not training["test"]:
+        raise DatasetError(
+            "the checkpoint learned from all of this data (test 0); evaluate it on other episodes"
+        )
     return split_by_episode(data, training["seed"], training["validation"], training["test"]).test
 
 

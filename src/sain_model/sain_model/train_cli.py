@@ -18,19 +18,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from sain_core.dynamics import Dynamics
 from sain_core.errors import SainError
 from sain_model.checkpoint import Card, save_checkpoint, write_whole
-from sain_model.dataset import (
-    Split,
-    Transitions,
-    limit_training,
-    load_transitions,
-    split_by_episode,
-)
+from sain_model.dataset import Split, Transitions, limit_training
 from sain_model.error_table import error_table, history_table
 from sain_model.evaluation import evaluate
 from sain_model.friction import FrictionConfig, FrictionFilter
 from sain_model.friction_noise import fit_noise
 from sain_model.load import load_prior, prior_settings
 from sain_model.loss_plot import save_loss_curve
+from sain_model.mixed import MixedSplit, MixedTransitions, load_datasets, split_datasets
 from sain_model.planar import PlanarPrior
 from sain_model.sain import IDENTITY, LEARNED, SainDynamics
 from sain_model.training import NOTHING, History, Trainer, TrainingConfig
@@ -40,8 +35,8 @@ from sain_model.training import NOTHING, History, Trainer, TrainingConfig
 class TrainCommand:
     """What to learn from, and where to."""
 
-    dataset: Annotated[Path, tyro.conf.Positional]
-    """A shard *.npz, or a folder of them."""
+    dataset: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Shards *.npz or folders of them, one or more, also with different numbers of disks."""
     out: Path
     """Folder for checkpoint, card, loss curve and settings. Run again to go on after a stop."""
     name: str = "sain"
@@ -78,8 +73,8 @@ def train(command: TrainCommand, console: Console) -> Path:
         DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
     """
     config = command.training
-    data = load_transitions(command.dataset)
-    split = split_by_episode(data, config.seed, config.validation, config.test)
+    data = load_datasets(command.dataset)
+    split = split_datasets(data, config.seed, config.validation, config.test)
     if config.transitions:
         split = limit_training(split, config.transitions)
     write_whole(command.out / "config.json", _settings(command).encode())
@@ -92,7 +87,7 @@ def train(command: TrainCommand, console: Console) -> Path:
     save_loss_curve(command.out / "loss.png", trainer.history)
     infers = friction.config if friction else None
     sain = SainDynamics(trainer.network, prior, config.prior, friction=infers)
-    errors = _errors(split.test, sain)
+    errors = _held_out_errors(split, sain)
     card = make_card(command, data, split, trainer.history, errors, sain)
     path = command.out / f"{command.name}.safetensors"
     save_checkpoint(path, trainer.network, card)
@@ -103,13 +98,14 @@ def train(command: TrainCommand, console: Console) -> Path:
     return path
 
 
-def make_filter(prior: Dynamics, data: Transitions) -> FrictionFilter | None:
+def make_filter(prior: Dynamics, train: Transitions | MixedTransitions) -> FrictionFilter | None:
     """Return what infers friction for a prior, its noise fitted where the truth is known.
 
-    None for a prior that knows no friction.
+    None for a prior that knows no friction. Noise is fitted to the part with the most pushes.
     """
     if not isinstance(prior, PlanarPrior):
         return None
+    data = max(train.parts, key=len)
     known = np.isfinite(data.friction).all()
     config = fit_noise(prior, data) if known else FrictionConfig()
     return FrictionFilter(prior, prior.config.friction, config)
@@ -117,8 +113,8 @@ def make_filter(prior: Dynamics, data: Transitions) -> FrictionFilter | None:
 
 def make_card(
     command: TrainCommand,
-    data: Transitions,
-    split: Split,
+    data: Transitions | MixedTransitions,
+    split: Split | MixedSplit,
     history: History,
     errors: dict[str, Any],
     sain: SainDynamics,
@@ -132,8 +128,9 @@ def make_card(
         network=asdict(config.network),
         friction=asdict(sain.friction) if sain.friction else None,
         data={
-            "path": str(command.dataset),
+            "path": " ".join(map(str, command.dataset)),
             "sha256": data.sha256,
+            "sources": list(data.sources),
             "transitions": {name: len(part) for name, part in parts.items()},
             "episodes": {name: len(np.unique(part.episodes)) for name, part in parts.items()},
         },
@@ -151,6 +148,20 @@ def make_card(
         },
         command=_command_line(),
     )
+
+
+def _held_out_errors(split: Split | MixedSplit, sain: SainDynamics) -> dict[str, Any]:
+    """Return the errors on what was held out, or else on what chose the epoch.
+
+    Where numbers of disks differ: those with the fewest disks, and all under "by_disks".
+    """
+    held_out = split.test if len(split.test) else split.validation
+    errors = {part.disks: _errors(part, sain) for part in held_out.parts}
+    result = dict(errors[min(errors)])
+    result["held_out"] = "test" if len(split.test) else "validation"
+    if len(errors) > 1:
+        result["by_disks"] = {str(disks): part for disks, part in errors.items()}
+    return result
 
 
 def _errors(test: Transitions, sain: SainDynamics) -> dict[str, Any]:

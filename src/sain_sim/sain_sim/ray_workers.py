@@ -1,22 +1,31 @@
 """Episodes on a Ray cluster. Ray is an optional extra: nothing else imports it."""
 
+import functools
+import hashlib
 import logging
 import os
 import platform
+import secrets
+import socket
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
+from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
+import sain_core
+import sain_sim
 from sain_core.errors import ConfigError, SainError
 from sain_sim.episodes import EpisodeConfig, EpisodeResult, EpisodeRunner
 
 LOCAL: Final = "local"
+AUTO: Final = "auto"
+KNOCK_SECONDS: Final = 10.0
 RETRIES: Final = 2  # of an episode whose worker died
 STORE_BYTES: Final = 100_000_000  # for results on their way; an episode has a few thousand
-MADE_BY: Final = ("sain_sim", "numpy", "pybullet")  # what decides about the bytes
+INSTALL: Final = 'pip install "sain_sim[ray]", or pip install ray'
 
 
 @contextmanager
@@ -32,12 +41,12 @@ def ray_cluster(address: str, workers: int) -> Iterator[ModuleType]:
     Raises:
         ConfigError: Ray is not installed, nothing answers, or the cluster is too small.
     """
-    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
-    try:
-        import ray
-    except ImportError:
-        raise ConfigError('--ray needs Ray, which is not installed: pip install "ray"') from None
-    with tempfile.TemporaryDirectory(prefix="sain-ray-", ignore_cleanup_errors=True) as folder:
+    _knock(address)
+    with (
+        tempfile.TemporaryDirectory(prefix="sain-ray-", ignore_cleanup_errors=True) as folder,
+        _variables(_environment(address, folder)),
+    ):
+        ray = _import_ray()
         try:
             ray.init(**_settings(address, workers, folder))
             cpus = int(ray.cluster_resources().get("CPU", 0))
@@ -46,12 +55,64 @@ def ray_cluster(address: str, workers: int) -> Iterator[ModuleType]:
                     f"workers is {workers}; each needs a CPU, and the cluster has {cpus}"
                 )
             yield ray
-        except (ConnectionError, TimeoutError, ValueError) as error:
+        except (ConnectionError, TimeoutError, ValueError, RuntimeError) as error:
             if isinstance(error, SainError):
                 raise
             raise ConfigError(f"no Ray cluster at {address!r}: {error}") from error
         finally:
             ray.shutdown()
+
+
+def _knock(address: str) -> None:
+    """Raise `ConfigError` when nothing listens at HOST:PORT; Ray would try for minutes."""
+    if address in (LOCAL, AUTO):
+        return
+    host, _, port = address.rpartition(":")
+    try:
+        socket.create_connection((host, int(port)), timeout=KNOCK_SECONDS).close()
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"no Ray cluster at {address!r}: {error}; give HOST:PORT, {AUTO} or {LOCAL}"
+        ) from error
+
+
+def _import_ray() -> ModuleType:
+    try:
+        import ray
+    except ImportError:
+        raise ConfigError(f"--ray needs Ray, which is not installed: {INSTALL}") from None
+    return ray
+
+
+def _environment(address: str, folder: str) -> dict[str, str]:
+    """Return the variables that Ray reads: it reports to no one; a local one is for us alone."""
+    silent = {"RAY_USAGE_STATS_ENABLED": "0"}
+    if address != LOCAL:
+        return silent
+    # The first is, in spite of its name, what keeps any system's Ray on the loopback address;
+    # without a token of ours Ray would write one to ~/.ray.
+    alone = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0", "RAY_AUTH_MODE": "token"}
+    return {**silent, **alone, "RAY_AUTH_TOKEN": _token(), "TMPDIR": folder}
+
+
+@contextmanager
+def _variables(values: dict[str, str]) -> Iterator[None]:
+    """Set environment variables for a while; the processes of a local cluster inherit them."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@functools.cache
+def _token() -> str:
+    return secrets.token_hex(32)
 
 
 def _settings(address: str, workers: int, folder: str) -> dict[str, Any]:
@@ -71,15 +132,25 @@ def _settings(address: str, workers: int, folder: str) -> dict[str, Any]:
 
 
 def software() -> dict[str, str]:
-    """Return the versions of what decides about the bytes of an episode."""
-    return {"python": platform.python_version(), **{name: version(name) for name in MADE_BY}}
+    """Return what decides about the bytes of an episode."""
+    sources = hashlib.sha256()
+    for package in (sain_core, sain_sim):
+        assert package.__file__ is not None
+        for path in sorted(Path(package.__file__).parent.rglob("*.py")):
+            sources.update(path.read_bytes())
+    return {
+        "python": platform.python_version(),
+        "numpy": version("numpy"),
+        "pybullet": version("pybullet"),
+        "sain": sources.hexdigest()[:12],
+    }
 
 
 class RayRunner(EpisodeRunner):
     """An `EpisodeRunner` that also tells which software it runs on."""
 
     def software(self) -> dict[str, str]:
-        """Return the versions of what decides about the bytes of an episode."""
+        """Return what decides about the bytes of an episode."""
         return software()
 
 

@@ -6,6 +6,7 @@ Whoever runs them, they come back in order: what is written does not depend on i
 import logging
 import multiprocessing
 import signal
+import sys
 from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import suppress
@@ -149,6 +150,7 @@ class ProcessCrew:
 def _serve(pipe: connection.Connection, seed: int, config: EpisodeConfig) -> None:
     """Run the episodes that come through a pipe until it closes, as it does when its owner dies."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the owner, who ends us
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # clears up
     runner = EpisodeRunner(seed, config)
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
