@@ -68,6 +68,13 @@ def setup_arguments(package: str) -> dict[str, object]:
     return arguments
 
 
+def requirements_of(package: str) -> set[str]:
+    """The distributions that a package needs, those of its optional extras too."""
+    arguments = setup_arguments(package)
+    extras = arguments.get("extras_require", {}).values()
+    return {*arguments["install_requires"], *(name for names in extras for name in names)}
+
+
 def console_scripts(package: str) -> dict[str, str]:
     """Executable -> module:function."""
     lines = setup_arguments(package).get("entry_points", {}).get("console_scripts", [])

@@ -14,6 +14,7 @@ from tests.workspace.source_tree import (
     depends,
     imports_of,
     manifest,
+    requirements_of,
     setup_arguments,
 )
 
@@ -82,7 +83,7 @@ def test_ros_imports_are_declared(package):
 def test_other_imports_are_declared(package):
     modules = {i.module for i in imports_of(package)} - set(sys.stdlib_module_names)
     used = {DISTRIBUTION_OF.get(m, m) for m in modules if not ROS_MODULE.fullmatch(m)}
-    assert set(setup_arguments(package)["install_requires"]) == used
+    assert requirements_of(package) == used
 
 
 @pytest.mark.parametrize(("package", "name", "target"), SCRIPTS)

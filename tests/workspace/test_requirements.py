@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.workspace.source_tree import PYTHON_PACKAGES, setup_arguments
+from tests.workspace.source_tree import PYTHON_PACKAGES, requirements_of
 
 REQUIREMENTS = Path(__file__).resolve().parents[2] / "requirements"
 LOCKS = {kind: REQUIREMENTS / f"lock-3.11-{kind}.txt" for kind in ("ros", "python")}
@@ -46,7 +46,7 @@ def test_what_a_package_needs_is_pinned(package):
     pinned = {
         name for file in ("ros.in", "python.in", "torch.txt") for name in pins(REQUIREMENTS / file)
     }
-    assert set(setup_arguments(package)["install_requires"]) <= pinned
+    assert requirements_of(package) <= pinned
 
 
 @pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="the locks are for Python 3.11")
