@@ -99,6 +99,11 @@ class Disk:
         )
         client.resetBaseVelocity(self.body, state.velocity, state.spin)
 
+    def place(self) -> Vector:
+        """Return where the centre of mass is [m]."""
+        position: Vector = self._client.getBasePositionAndOrientation(self.body)[0]
+        return position
+
     def state(self) -> BodyState:
         """Return where the body is and how it moves."""
         pose = self._client.getBasePositionAndOrientation(self.body)

@@ -67,7 +67,7 @@ class Stage:
         if not self._roughness.patches:
             return
         for table, disk in zip(self.tables, self.disks, strict=True):
-            x, y, _ = disk.state().position
+            x, y, _ = disk.place()
             factor = self._roughness.friction_factor(x, y)
             self._client.changeDynamics(table, -1, lateralFriction=self.table_friction * factor)
 
@@ -139,8 +139,8 @@ class Stage:
 
     def touched_by(self, body: int, link: int) -> int | None:
         """Return the first disk but the mid disk that a body's link touches, if any."""
-        for index, disk in enumerate(self.disks[1:], start=1):
-            for contact in self._client.getContactPoints(body, disk.body, link):
+        for index in range(1, len(self.disks)):
+            for contact in self._client.getContactPoints(body, self.disks[index].body, link):
                 distance, force = contact[8], contact[9]
                 if distance <= 0.0 or force > 0.0:
                     return index
