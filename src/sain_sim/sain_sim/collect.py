@@ -159,7 +159,7 @@ def _summary(config: CollectConfig, done: Collected) -> dict[str, Any]:
         "episodes": config.episodes,
         "transitions": len(data["episode"]),
         "moved": int(data["moved"].sum()),
-        "pushes": {"drawn": done.tally.drawn, "valid": done.tally.valid, **asdict(done.tally)},
+        "tally": {"drawn": done.tally.drawn, "valid": done.tally.valid, **asdict(done.tally)},
         "shard_size": SHARD_SIZE,
         "fields": {name: list(values.shape[1:]) for name, values in data.items()},
     }
