@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from sain_model.dataset import (
     load_transitions,
     split_by_episode,
 )
+from sain_model.evaluate_cli import main as evaluate
 from sain_model.examples import make_examples, training_examples
 from sain_model.friction import FrictionFilter
 from sain_model.mixed import MixedSplit, MixedTransitions, load_datasets, split_datasets
@@ -178,3 +180,25 @@ def test_a_select_keeps_the_order_of_the_parts(folders) -> None:
     picked = data.select(rows)
     np.testing.assert_array_equal(picked.episodes, data.episodes[rows])
     assert replace(picked, parts=picked.parts[:1]).select(np.zeros(60, bool)).parts == ()
+
+
+def test_without_a_test_part_the_card_says_what_its_errors_are_of(
+    dataset, tmp_path, capsys
+) -> None:
+    arguments = [str(dataset), "--out", str(tmp_path), "--epochs", "1", "--history", "none"]
+    assert train([*arguments, "--validation", "0.2", "--test", "0"]) == 0
+    card = json.loads((tmp_path / "sain.json").read_text())
+    assert card["data"]["episodes"] == {"train": 16, "validation": 4, "test": 0}
+    assert card["errors"]["held_out"] == "validation" and card["errors"]["episodes"] == 4
+    capsys.readouterr()
+    assert evaluate([str(dataset), "--checkpoint", str(tmp_path / "sain.safetensors")]) == 1
+    assert "learned from all of this data" in "".join(capsys.readouterr())
+
+
+def test_what_was_learned_from_among_others_is_not_evaluated_on(folders, tmp_path, capsys) -> None:
+    arguments = [*map(str, folders), "--out", str(tmp_path), "--epochs", "1", "--history", "none"]
+    assert train(arguments) == 0
+    capsys.readouterr()
+    checkpoint = ["--checkpoint", str(tmp_path / "sain.safetensors")]
+    assert evaluate([str(folders[1]), *checkpoint]) == 1
+    assert "learned from this data among others" in " ".join(capsys.readouterr().err.split())
