@@ -15,6 +15,7 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=["jaxtyping", "numpy", "pybullet", "rich", "tyro"],
+    extras_require={"ray": ["ray"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -5,14 +5,15 @@ import numpy as np
 import pytest
 
 import sain_sim.collect as collection
+import sain_sim.shards
 from sain_core.errors import ConfigError, DatasetError, OutputError
 from sain_core.push import PaperGrid
-from sain_core.scene import POSITION, TARGET, surface_gaps
+from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
 from sain_core.seeding import generator
 from sain_sim.collect import CollectConfig, collect
 from sain_sim.collect_cli import main
 from sain_sim.episodes import EpisodeConfig
-from sain_sim.parameters import sample_parameters
+from sain_sim.parameters import CUBE, RANGES, THREE_FEET, WIDE, sample_parameters
 from sain_sim.sampling import GridSampler, StartConfig, draw_start
 from sain_sim.shards import load_shards, shard_path
 from sain_sim.workcell import WorldConfig
@@ -28,7 +29,7 @@ def collected(tmp_path_factory):
         patch.setattr(collection, "SHARD_SIZE", 5)
         patch.setattr("sain_sim.shards.SHARD_SIZE", 5)
         config = CollectConfig(out=folder, episodes=4, seed=3, episode=SHORT)
-        yield config, collect(config)
+        yield config, collect(config).transitions
 
 
 def content(folder) -> dict[str, bytes]:
@@ -60,7 +61,7 @@ def test_workers_and_a_kill_change_no_byte(collected, tmp_path):
     config, total = collected
     whole = content(config.out)
     two = dataclasses.replace(config, out=tmp_path / "two", workers=2)
-    assert collect(two) == total
+    assert collect(two).transitions == total
     assert content(two.out) == whole
 
     class KilledError(Exception):
@@ -75,7 +76,7 @@ def test_workers_and_a_kill_change_no_byte(collected, tmp_path):
         collect(cut, kill)
     assert shard_path(cut.out, 0).exists() and not (cut.out / "card.json").exists()
     (cut.out / "shard-00001.partial").write_bytes(b"half")
-    assert collect(cut) == total
+    assert collect(cut).transitions == total
     assert content(cut.out) == whole
 
 
@@ -85,6 +86,84 @@ def test_another_collection_in_the_folder_is_left_alone(collected):
     with pytest.raises(DatasetError, match="was collected with seed = 3, not 4"):
         collect(dataclasses.replace(config, seed=4))
     assert content(config.out) == whole
+
+
+def test_a_full_disk_keeps_what_is_whole_and_the_collection_goes_on(collected, tmp_path):
+    config, total = collected
+    full = dataclasses.replace(config, out=tmp_path)
+
+    def no_space(path, arrays):
+        raise OutputError(f"cannot write {path}: No space left on device")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sain_sim.shards.write_arrays", no_space)
+        with pytest.raises(OutputError, match=r"shard-00000\.npz: No space left"):
+            collect(full)
+    with pytest.MonkeyPatch.context() as patch:
+        write, path = sain_sim.shards.write_arrays, shard_path(tmp_path, 1)
+        patch.setattr(
+            "sain_sim.shards.write_arrays",
+            lambda to, arrays: no_space(to, arrays) if to == path else write(to, arrays),
+        )
+        with pytest.raises(OutputError, match=r"shard-00001\.npz: No space left"):
+            collect(full)
+    first = shard_path(tmp_path, 0).read_bytes()
+    assert first == shard_path(config.out, 0).read_bytes()
+    assert collect(full).transitions == total
+    assert content(tmp_path) == content(config.out)
+
+
+def test_a_damaged_shard_is_named_and_left_alone(collected, tmp_path):
+    config, _ = collected
+    for name, data in content(config.out).items():
+        (tmp_path / name).write_bytes(data)
+    shard = shard_path(tmp_path, 0)
+    damaged = bytearray(shard.read_bytes())
+    damaged[len(damaged) // 2] ^= 4
+    shard.write_bytes(damaged)
+    with pytest.raises(DatasetError, match=r"shard-00000\.npz is not a whole .* delete it to have"):
+        collect(dataclasses.replace(config, out=tmp_path))
+    assert shard.read_bytes() == damaged
+    (tmp_path / "collection.json").write_text("{")
+    with pytest.raises(DatasetError, match=r"collection\.json is damaged"):
+        collect(dataclasses.replace(config, out=tmp_path))
+
+
+def test_wide_parameters_and_a_cube_for_a_target(tmp_path):
+    episode = EpisodeConfig(disks=3, pushes=3, target="cube", parameters="wide")
+    done = collect(CollectConfig(tmp_path, 3, seed=2, episode=episode))
+    data = load_shards(tmp_path)
+    assert done.transitions == len(data["cubes"]) > 0
+    assert (data["cubes"] == [False, True, False]).all()
+    identity = json.loads((tmp_path / "collection.json").read_text())
+    assert identity["target"] == "cube" and identity["parameters"] == "wide"
+    assert (data["masses"] < 7.0).any() or (data["masses"] > 9.0).any()
+
+
+def test_wide_parameters_are_the_ranges_to_generalise_to():
+    drawn = [sample_parameters(generator(0, i), 3, ranges=RANGES[WIDE]) for i in range(500)]
+    masses, radii = (np.array([getattr(p, name) for p in drawn]) for name in ("masses", "radii"))
+    friction = np.array([p.friction for p in drawn])
+    spans = [(masses, 5.0, 12.0), (friction, 0.05, 0.35)]
+    spans += [(radii[:, 0], 0.8 * 0.08, 1.2 * 0.08), (radii[:, 1:], 0.8 * 0.06, 1.2 * 0.06)]
+    for values, low, high in spans:
+        assert low <= values.min() < low + 0.05 * (high - low)
+        assert high - 0.05 * (high - low) < values.max() <= high
+
+
+def test_a_cube_starts_with_a_side_to_the_mid_disk_and_room_for_its_corners():
+    table = WorldConfig().feasibility.table
+    for seed in range(30):
+        random = generator(seed, "start")
+        drawn = sample_parameters(random, 3)
+        cube = dataclasses.replace(drawn, shapes=(THREE_FEET, CUBE, THREE_FEET))
+        scene = draw_start(random, cube, StartConfig(), table)
+        corners = cube.radii[TARGET] * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+        turn = scene[TARGET, THETA]
+        turned = corners @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        for disk in (0, 2):
+            away = np.linalg.norm(scene[TARGET, POSITION] + turned - scene[disk, POSITION], axis=-1)
+            assert away.min() > cube.radii[disk]
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
@@ -97,7 +176,7 @@ def test_missing_and_damaged_shards_are_named(tmp_path):
     with pytest.raises(DatasetError, match="holds no shards"):
         load_shards(tmp_path)
     shard_path(tmp_path, 0).write_bytes(b"PK not a zip")
-    with pytest.raises(DatasetError, match=r"shard-00000\.npz is damaged"):
+    with pytest.raises(DatasetError, match=r"shard-00000\.npz is not a whole \.npz"):
         load_shards(tmp_path)
 
 

@@ -51,7 +51,11 @@ def test_shapes_become_the_way_disks_are_built() -> None:
 @pytest.mark.parametrize(
     ("arguments", "error", "text"),
     [
-        ({"world": "mars"}, InvalidInputError, "world is 'mars'; allowed: randomised, nominal"),
+        (
+            {"world": "mars"},
+            InvalidInputError,
+            "world is 'mars'; allowed: randomised, rough",
+        ),
         ({"friction": -0.1}, OutOfRangeError, "friction is -0.1; it must be positive"),
         ({"friction": float("nan")}, OutOfRangeError, "friction is nan"),
         ({"shapes": ("disk",)}, InvalidInputError, "1 shapes are given for 3 disks"),

@@ -60,7 +60,7 @@ def test_parameters_that_make_no_world_are_refused(fields, message):
 def test_bullet_knows_the_mass_and_inertia_of_a_uniform_body(shape):
     client = Client()
     scene = nominal_parameters().scene(np.array([[0.4, 0.0], [0.6, 0.0]]))
-    disk = Disk(client, Build(shape, 7.5, 0.08), resting(client, scene[0]), 0.3, (1, 1, 1, 1))
+    disk = Disk(client, Build(shape, 7.5, 0.08), resting(client, scene[0]), 0.3)
     told = client.getDynamicsInfo(disk.body, -1)
     assert told[0] == 7.5
     assert np.allclose(told[2], inertia(shape, 7.5, 0.08))

@@ -110,7 +110,7 @@ def _data(command: Calibrate, console: Console) -> Transitions:
     folder = command.out / "data"
     episode = EpisodeConfig(floor_episodes=command.episodes)
     config = CollectConfig(
-        folder, command.episodes, command.collection_seed, command.workers, episode
+        folder, command.episodes, command.collection_seed, command.workers, episode=episode
     )
     with _bar(console) as bar:
         task = bar.add_task("collect", total=command.episodes, cost=float("nan"))

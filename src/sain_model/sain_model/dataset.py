@@ -1,27 +1,20 @@
 """Transitions (s, a, f_p(s, a), s') from disk, and their split by episode."""
 
 import hashlib
-import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, Self
+from typing import Self
 
 import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError
-from sain_core.push import PUSH_SIZE, mirror_pushes
-from sain_core.scene import MASS, RADIUS, STATE_SIZE, mirror_scenes
+from sain_core.push import mirror_pushes
+from sain_core.scene import mirror_scenes
 from sain_core.seeding import generator
 from sain_core.types import Mask, Pushes, Scalars, Scenes
-
-STATES: Final = ("state", "physics_next", "next_state")
-NEEDED: Final = (*STATES, "action", "episode")
-FLOOR: Final = "floor_next"  # the same push once more in a world set to the observed state
-FRICTION: Final = "friction"
-STEP: Final = "step"  # a push's place in its episode
-NO_STEP: Final = -1  # where a shard does not tell
+from sain_model.shard import FLOOR, FRICTION, NEEDED, NO_STEP, STEP, read_shard
 
 
 @dataclass(frozen=True)
@@ -38,6 +31,7 @@ class Transitions:
         friction: the true friction with the table; NaN where it is not known.
         floor_next: the same push repeated in a world set to the observed state; NaN likewise.
         sha256: of all arrays that are needed.
+        sources: SHA-256 of each folder that it was put together from; empty: it is one folder.
     """
 
     scenes: Scenes
@@ -49,37 +43,45 @@ class Transitions:
     friction: Scalars
     floor_next: Scenes
     sha256: str
+    sources: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of pushes M."""
         return len(self.pushes)
 
+    @property
+    def disks(self) -> int:
+        """The number of disks N in every scene."""
+        return int(self.scenes.shape[1])
+
+    @property
+    def parts(self) -> tuple[Self, ...]:
+        """These transitions, as the only part of a data set with one number of disks."""
+        return (self,)
+
     def select(self, rows: Mask) -> Self:
         """Return the pushes that a mask (M,) picks."""
-        return type(self)(
-            self.scenes[rows],
-            self.pushes[rows],
-            self.physics_next[rows],
-            self.next_scenes[rows],
-            self.episodes[rows],
-            self.steps[rows],
-            self.friction[rows],
-            self.floor_next[rows],
-            self.sha256,
+        return replace(
+            self,
+            scenes=self.scenes[rows],
+            pushes=self.pushes[rows],
+            physics_next=self.physics_next[rows],
+            next_scenes=self.next_scenes[rows],
+            episodes=self.episodes[rows],
+            steps=self.steps[rows],
+            friction=self.friction[rows],
+            floor_next=self.floor_next[rows],
         )
 
     def mirrored(self) -> Self:
         """Return what would have happened in a mirror: the same physics."""
-        return type(self)(
-            mirror_scenes(self.scenes),
-            mirror_pushes(self.pushes),
-            mirror_scenes(self.physics_next),
-            mirror_scenes(self.next_scenes),
-            self.episodes,
-            self.steps,
-            self.friction,
-            mirror_scenes(self.floor_next),
-            self.sha256,
+        return replace(
+            self,
+            scenes=mirror_scenes(self.scenes),
+            pushes=mirror_pushes(self.pushes),
+            physics_next=mirror_scenes(self.physics_next),
+            next_scenes=mirror_scenes(self.next_scenes),
+            floor_next=mirror_scenes(self.floor_next),
         )
 
 
@@ -99,14 +101,24 @@ def load_transitions(path: Path) -> Transitions:
         DatasetError: nothing there, a damaged shard, a missing key, arrays that do not fit
             together, NaN or Inf, or shards with different numbers of disks.
     """
+    shards = read_shards(path)
+    counts = {name: shard["state"].shape[1] for name, shard in shards.items()}
+    if len(set(counts.values())) > 1:
+        raise DatasetError(f"{path} mixes numbers of disks: {counts}; use one folder for each")
+    return from_shards(path, list(shards.values()))
+
+
+def read_shards(path: Path) -> dict[str, dict[str, ndarray]]:
+    """Return the arrays of each shard by its name, in the order of names; see `read_shard`."""
     shards = sorted(path.glob("*.npz")) if path.is_dir() else [path]
     if not shards:
         raise DatasetError(f"{path} holds no shards *.npz")
-    parts = [_read_shard(shard) for shard in shards]
-    counts = {shard.name: part["state"].shape[1] for shard, part in zip(shards, parts, strict=True)}
-    if len(set(counts.values())) > 1:
-        raise DatasetError(f"{path} mixes numbers of disks: {counts}; use one folder for each")
-    arrays = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    return {shard.name: read_shard(shard) for shard in shards}
+
+
+def from_shards(path: Path, shards: list[dict[str, ndarray]]) -> Transitions:
+    """Return the transitions of shards with one number of disks; the path is for messages."""
+    arrays = {key: np.concatenate([shard[key] for shard in shards]) for key in shards[0]}
     digest = hashlib.sha256()
     for key in NEEDED:
         digest.update(np.ascontiguousarray(arrays[key]).tobytes())
@@ -127,35 +139,45 @@ def split_by_episode(data: Transitions, seed: int, validation: float, test: floa
     """Split transitions so that no episode is in two parts.
 
     Args:
-        data: at least three episodes.
+        data: pushes of at least as many episodes as there are parts.
         seed: decides which episodes go where.
         validation: share of the episodes to choose the best epoch by.
-        test: share of the episodes held out for the card.
+        test: share of the episodes held out for the card; 0: none are, and training and
+            validation share all, 90 to 10 or 80 to 20 in the paper.
 
     Raises:
-        DatasetError: too few episodes for three parts.
+        DatasetError: too few episodes for the parts.
     """
-    episodes = np.unique(data.episodes)
-    held = [max(round(share * len(episodes)), 1) for share in (validation, test)]
-    if len(episodes) <= sum(held):
-        raise DatasetError(f"{len(episodes)} episodes are too few to train, validate and test")
-    shuffled = generator(seed, "split").permutation(episodes)
-    test_part, validation_part = shuffled[: held[1]], shuffled[held[1] : sum(held)]
-    in_test = np.isin(data.episodes, test_part)
-    in_validation = np.isin(data.episodes, validation_part)
+    in_validation, in_test = draw_parts(data.episodes, seed, validation, test)
     return Split(
         data.select(~(in_test | in_validation)), data.select(in_validation), data.select(in_test)
     )
 
 
-def limit_training(split: Split, transitions: int) -> Split:
+def draw_parts(
+    labels: Int[ndarray, "M"], seed: int, validation: float, test: float
+) -> tuple[Mask, Mask]:
+    """Return which rows (M,) are for validation, and which for the test; see `split_by_episode`."""
+    episodes = np.unique(labels)
+    held = [max(round(share * len(episodes)), 1) if share else 0 for share in (validation, test)]
+    if len(episodes) <= sum(held):
+        wanted = "train, validate and test" if test else "train and validate"
+        raise DatasetError(f"{len(episodes)} episodes are too few to {wanted}")
+    shuffled = generator(seed, "split").permutation(episodes)
+    in_test = np.isin(labels, shuffled[: held[1]])
+    return np.isin(labels, shuffled[held[1] : sum(held)]), in_test
+
+
+def limit_training(split: object, transitions: int) -> Split:
     """Return a split with so many transitions to train on, and as small a share to validate on.
 
     Episodes are taken in order, the last one in part; what is held out stays whole.
 
     Raises:
-        DatasetError: there are not that many.
+        DatasetError: there are not that many, or numbers of disks differ.
     """
+    if not isinstance(split, Split):
+        raise DatasetError("--transitions needs data with one number of disks")
     count = len(split.train)
     if transitions > count:
         raise DatasetError(
@@ -167,63 +189,6 @@ def limit_training(split: Split, transitions: int) -> Split:
         split.validation.select(np.arange(len(split.validation)) < validated),
         split.test,
     )
-
-
-def _read_shard(path: Path) -> dict[str, ndarray]:
-    """Read and check one shard; states come back as (M, N, 8)."""
-    try:
-        with np.load(path, allow_pickle=False) as shard:
-            arrays = {key: shard[key] for key in shard.files}
-    except FileNotFoundError:
-        raise DatasetError(f"{path} does not exist") from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise DatasetError(f"{path} is not a whole .npz file: {error}") from error
-    missing = [key for key in NEEDED if key not in arrays]
-    if missing:
-        raise DatasetError(f"{path} lacks {', '.join(missing)}; it holds {sorted(arrays)}")
-    count = len(arrays["action"])
-    unknown = np.full(count, np.nan)
-    shard_arrays = {key: _states(path, key, arrays[key], count) for key in STATES}
-    shard_arrays["action"] = _numbers(path, "action", arrays["action"], (count, PUSH_SIZE))
-    shard_arrays["episode"] = _integers(path, "episode", arrays["episode"], count)
-    shard_arrays[FRICTION] = np.asarray(arrays.get(FRICTION, unknown), dtype=np.float64)
-    steps = arrays.get(STEP, np.full(count, NO_STEP))
-    shard_arrays[STEP] = _integers(path, STEP, steps, count)
-    if shard_arrays[FRICTION].shape != (count,):
-        shape = shard_arrays[FRICTION].shape
-        raise DatasetError(f"{path}: friction has shape {shape}; it should be ({count},)")
-    shape = shard_arrays["state"].shape
-    repeats = arrays.get(FLOOR, np.full(shape, np.nan))
-    shard_arrays[FLOOR] = np.asarray(repeats, dtype=np.float64).reshape(shape)
-    if (shard_arrays["state"][..., [MASS, RADIUS]] <= 0.0).any():
-        raise DatasetError(f"{path}: state has a mass or radius that is not positive")
-    return shard_arrays
-
-
-def _states(path: Path, key: str, values: ndarray, count: int) -> Scenes:
-    if values.ndim not in (2, 3) or values.size % (STATE_SIZE * max(count, 1)):
-        raise DatasetError(f"{path}: {key} has shape {values.shape}; it should be ({count}, N * 8)")
-    disks = values.size // (STATE_SIZE * max(count, 1))
-    if disks < 2:
-        raise DatasetError(f"{path}: {key} has {disks} disks; it needs 2 or more")
-    flat = _numbers(path, key, values.reshape(len(values), -1), (count, disks * STATE_SIZE))
-    return flat.reshape(count, disks, STATE_SIZE)
-
-
-def _numbers(path: Path, key: str, values: ndarray, shape: tuple[int, ...]) -> ndarray:
-    if values.shape != shape:
-        raise DatasetError(f"{path}: {key} has shape {values.shape}; it should be {shape}")
-    numbers = np.asarray(values, dtype=np.float64)
-    if not np.isfinite(numbers).all():
-        row = int(np.argwhere(~np.isfinite(numbers))[0][0])
-        raise DatasetError(f"{path}: row {row} of {key} holds NaN or Inf")
-    return numbers
-
-
-def _integers(path: Path, key: str, values: ndarray, count: int) -> Int[ndarray, "M"]:
-    if values.shape != (count,) or values.dtype.kind not in "iu":
-        raise DatasetError(f"{path}: {key} is {values.dtype} {values.shape}; integers ({count},)")
-    return values.astype(np.int64)
 
 
 def _steps(path: Path, episodes: ndarray, steps: ndarray) -> Int[ndarray, "M"]:

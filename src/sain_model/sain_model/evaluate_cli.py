@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from sain_core.errors import DatasetError, SainError
+from sain_core.types import Mask
 from sain_model.checkpoint import Card, load_checkpoint, write_whole
 from sain_model.dataset import Transitions, load_transitions, split_by_episode
 from sain_model.error_table import error_table, history_table, interval_table
@@ -113,17 +114,33 @@ def unseen(data: Transitions, *cards: Card) -> Transitions:
     """Return what no checkpoint was trained on: their test episodes, or all of other data.
 
     Raises:
-        DatasetError: between them they have seen every episode.
+        DatasetError: one has learned from this data and held nothing of it out by itself, or
+            between them they have seen every episode.
     """
     held_out = np.ones(len(data), dtype=bool)
     for card in cards:
-        if data.sha256 == card.data.get("sha256"):
-            used = card.training
-            test = split_by_episode(data, used["seed"], used["validation"], used["test"]).test
-            held_out &= np.isin(data.episodes, test.episodes)
+        held_out &= _held_out(data, card)
     if not held_out.any():
         raise DatasetError("these checkpoints were trained on all episodes between them")
     return data if held_out.all() else data.select(held_out)
+
+
+def _held_out(data: Transitions, card: Card) -> Mask:
+    """Tell which pushes (M,) a checkpoint was not trained on."""
+    if data.sha256 in card.data.get("sources", ()):
+        raise DatasetError(
+            f"the checkpoint learned from this data among others ({card.data['path']}); evaluate it"
+            " on episodes collected with another seed"
+        )
+    if data.sha256 != card.data.get("sha256"):
+        return np.ones(len(data), dtype=bool)
+    training = card.training
+    if not training["test"]:
+        raise DatasetError(
+            "the checkpoint learned from all of this data (test 0); evaluate it on other episodes"
+        )
+    split = split_by_episode(data, training["seed"], training["validation"], training["test"])
+    return np.asarray(np.isin(data.episodes, split.test.episodes))
 
 
 if __name__ == "__main__":

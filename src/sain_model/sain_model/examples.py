@@ -1,6 +1,7 @@
 """What a network learns from: its inputs and what it should say, for pushes on a prior."""
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
@@ -8,13 +9,22 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn import functional
 
 from sain_core.dynamics import Dynamics
 from sain_core.scene import VELOCITY
 from sain_core.types import Scalars
 from sain_model.dataset import Transitions
-from sain_model.features import PUSH_FRAME, make_features, true_residual
+from sain_model.features import (
+    GAP_AFTER,
+    GAP_BEFORE,
+    PUSH_FRAME,
+    make_features,
+    relation_ends,
+    true_residual,
+)
 from sain_model.friction import FrictionFilter
+from sain_model.mixed import MixedTransitions
 from sain_model.planar import PlanarPrior
 
 
@@ -30,6 +40,28 @@ class Examples:
     def __len__(self) -> int:
         """Return the number of pushes M."""
         return len(self.disks)
+
+    def padded(self, disks: int) -> Self:
+        """Return examples with so many disks, those that are missing far from all others.
+
+        A disk that is far away tells others nothing, to the bit (`InteractionNetwork`): the
+        network says the same of the disks that exist. Of the others it should say zero.
+        """
+        count = self.disks.shape[1]
+        if count == disks:
+            return self
+        receiver, sender = relation_ends(disks)
+        exist = torch.from_numpy((receiver < count) & (sender < count))
+        relations = self.relations.new_zeros(len(self), len(exist), self.relations.shape[2])
+        relations[..., [GAP_BEFORE, GAP_AFTER]] = 1.0
+        relations[:, exist] = self.relations
+        missing = (0, 0, 0, disks - count)
+        return type(self)(
+            functional.pad(self.disks, missing),
+            relations,
+            functional.pad(self.residual, missing),
+            functional.pad(self.velocity, missing),
+        )
 
     def and_then(self, others: Self) -> Self:
         """Return these examples and others."""
@@ -68,17 +100,17 @@ def make_examples(
 
 
 def training_examples(
-    data: Transitions,
+    data: Transitions | MixedTransitions,
     prior: Dynamics,
     friction: FrictionFilter | None,
     mirror: bool,
     random: np.random.Generator | None = None,
     frame: str = PUSH_FRAME,
 ) -> Examples:
-    """Return what to learn from: the pushes and, if wanted, their mirror images.
+    """Return what to learn from: the pushes and, if wanted, their mirror images after them.
 
     Args:
-        data: M pushes.
+        data: M pushes; where numbers of disks differ, all examples are `Examples.padded`.
         prior: what is corrected.
         friction: infers the friction that the prior is told; None: it is the nominal one.
         mirror: whether to add the mirror images.
@@ -86,9 +118,24 @@ def training_examples(
             this draws how many; else what all *other* pushes of the episode show.
         frame: what the inputs know of the world (`sain_model.features`).
     """
-    views = [data, data.mirrored()] if mirror else [data]
+    disks = max(part.disks for part in data.parts)
+    told = [_teller(part, friction, random) for part in data.parts]
+    return functools.reduce(
+        Examples.and_then,
+        (
+            make_examples(part.mirrored() if image else part, prior, tell(), frame).padded(disks)
+            for image in ((False, True) if mirror else (False,))
+            for part, tell in zip(data.parts, told, strict=True)
+        ),
+    )
+
+
+def _teller(
+    data: Transitions, friction: FrictionFilter | None, random: np.random.Generator | None
+) -> Callable[[], Scalars | None]:
+    """Return what says, each time anew, which friction (M,) the prior is told."""
     if friction is None:
-        return _joined([make_examples(view, prior, None, frame) for view in views])
+        return lambda: None
     likelihood = friction.log_likelihood(data.scenes, data.pushes, data.next_scenes)
 
     def told() -> Scalars:
@@ -98,8 +145,4 @@ def training_examples(
         fewer = random.integers(known.pushes + 1)
         return friction.earlier(likelihood, data.episodes, data.steps, fewer).mean
 
-    return _joined([make_examples(view, prior, told(), frame) for view in views])
-
-
-def _joined(examples: list[Examples]) -> Examples:
-    return functools.reduce(Examples.and_then, examples)
+    return told

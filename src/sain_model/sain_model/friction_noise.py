@@ -12,19 +12,21 @@ from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError
 from sain_model.dataset import Transitions
 from sain_model.friction import EpisodeFriction, FrictionConfig, FrictionFilter, ways
+from sain_model.mixed import MixedTransitions
 from sain_model.planar import PlanarPrior
 
 NOISES: Final = (0.0001, 0.0002, 0.0003, 0.0005, 0.001, 0.002)  # [m]
 SHARES: Final = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1)
 
 
-def make_filter(prior: Dynamics, data: Transitions) -> FrictionFilter | None:
+def make_filter(prior: Dynamics, train: Transitions | MixedTransitions) -> FrictionFilter | None:
     """Return what infers friction for a prior, its noise fitted where the truth is known.
 
-    None for a prior that knows no friction.
+    None for a prior that knows no friction. Noise is fitted to the part with the most pushes.
     """
     if not isinstance(prior, PlanarPrior):
         return None
+    data = max(train.parts, key=len)
     known = np.isfinite(data.friction).all()
     config = fit_noise(prior, data) if known else FrictionConfig()
     return FrictionFilter(prior, prior.config.friction, config)

@@ -15,15 +15,9 @@ import tyro
 from rich.console import Console
 from rich.markup import escape
 
-from sain_core.errors import SainError
+from sain_core.errors import DatasetError, SainError
 from sain_model.checkpoint import Card, save_checkpoint, write_whole
-from sain_model.dataset import (
-    Split,
-    Transitions,
-    limit_training,
-    load_transitions,
-    split_by_episode,
-)
+from sain_model.dataset import Split, Transitions, limit_training
 from sain_model.environment import environment
 from sain_model.epoch_bar import EpochBar
 from sain_model.error_table import error_table, history_table, interval_table
@@ -33,6 +27,7 @@ from sain_model.friction_noise import make_filter
 from sain_model.interval_fit import fit_intervals
 from sain_model.load import load_prior, prior_settings, sain_class
 from sain_model.loss_plot import save_loss_curve
+from sain_model.mixed import MixedSplit, MixedTransitions, load_datasets, split_datasets
 from sain_model.open_loop import card_errors
 from sain_model.presets import PRESETS
 from sain_model.rollout_training import RolloutTrainer
@@ -45,8 +40,8 @@ from sain_model.training import NOTHING, History, Trainer, TrainingConfig
 class TrainCommand:
     """What to learn from, and where to."""
 
-    dataset: Annotated[Path, tyro.conf.Positional]
-    """A shard *.npz, or a folder of them."""
+    dataset: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Shards *.npz or folders of them, one or more, also with different numbers of disks."""
     out: Path
     """Folder for checkpoint, card, loss curve and settings. Run again to go on after a stop."""
     name: str = "sain"
@@ -102,10 +97,35 @@ def train(command: TrainCommand, console: Console) -> Path:
         DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
     """
     config = command.training
-    data = load_transitions(command.dataset)
-    split = split_by_episode(data, config.seed, config.validation, config.test)
+    data = load_datasets(command.dataset)
+    split = split_datasets(data, config.seed, config.validation, config.test)
     if config.transitions:
         split = limit_training(split, config.transitions)
+    sain, history = learn(command, data, split, console)
+    errors = _held_out_errors(split, sain)
+    card = make_card(command, data, split, history, errors, sain)
+    path = command.out / f"{command.name}.safetensors"
+    save_checkpoint(path, sain.network, card)
+    for part in ("all", "target_moved"):
+        console.print(error_table(errors, part))
+    console.print(history_table(errors))
+    for intervals in errors["intervals"].values():
+        console.print(interval_table(intervals))
+    console.print(f"{path}: epoch {history.best + 1} of {len(history.train)}")
+    return path
+
+
+def learn(
+    command: TrainCommand,
+    data: Transitions | MixedTransitions,
+    split: Split | MixedSplit,
+    console: Console,
+) -> tuple[SainDynamics, History]:
+    """Train on single pushes, then on rollouts if wanted, and fit the regions of predictions."""
+    config = command.training
+    rollouts = command.rollout if command.rollout.wanted else None
+    if rollouts and not isinstance(split, Split):
+        raise DatasetError("--steps-ahead needs data with one number of disks")
     settings = {"friction": config.prior_friction} if config.prior != IDENTITY else None
     prior = load_prior(config.prior, settings)
     friction = None if config.history == NOTHING else make_filter(prior, split.train)
@@ -113,8 +133,7 @@ def train(command: TrainCommand, console: Console) -> Path:
     write_whole(command.out / "config.json", _settings(command, data).encode())
     _run(trainer, command, console)
     save_loss_curve(command.out / "loss.png", trainer.history)
-    rollouts = command.rollout if command.rollout.wanted else None
-    if rollouts:
+    if rollouts and isinstance(split, Split):
         learner = RolloutTrainer(
             trainer.network, split, prior, rollouts, config, command.out, friction
         )
@@ -125,18 +144,8 @@ def train(command: TrainCommand, console: Console) -> Path:
     sain = sain_class(rollouts)(
         trainer.network, prior, config.prior, friction=infers, recurrent=rollouts is not None
     )
-    sain = replace(sain, intervals=fit_intervals(sain, split.validation))
-    errors = _errors(split.test, sain)
-    card = make_card(command, data, split, trainer.history, errors, sain)
-    path = command.out / f"{command.name}.safetensors"
-    save_checkpoint(path, trainer.network, card)
-    for part in ("all", "target_moved"):
-        console.print(error_table(errors, part))
-    console.print(history_table(errors))
-    for intervals in errors["intervals"].values():
-        console.print(interval_table(intervals))
-    console.print(f"{path}: epoch {trainer.history.best + 1} of {len(trainer.history.train)}")
-    return path
+    intervals = fit_intervals(sain, split.validation.parts[0])
+    return replace(sain, intervals=intervals), trainer.history
 
 
 def _run(trainer: Trainer, command: TrainCommand, console: Console) -> None:
@@ -157,8 +166,8 @@ def _run(trainer: Trainer, command: TrainCommand, console: Console) -> None:
 
 def make_card(
     command: TrainCommand,
-    data: Transitions,
-    split: Split,
+    data: Transitions | MixedTransitions,
+    split: Split | MixedSplit,
     history: History,
     errors: dict[str, Any],
     sain: SainDynamics,
@@ -175,8 +184,9 @@ def make_card(
         kind=sain.kind,
         rollouts=asdict(command.rollout) if sain.recurrent else None,
         data={
-            "path": str(command.dataset),
+            "path": " ".join(map(str, command.dataset)),
             "sha256": data.sha256,
+            "sources": list(data.sources),
             "transitions": {name: len(part) for name, part in parts.items()},
             "episodes": {name: len(np.unique(part.episodes)) for name, part in parts.items()},
         },
@@ -193,12 +203,26 @@ def make_card(
     )
 
 
+def _held_out_errors(split: Split | MixedSplit, sain: SainDynamics) -> dict[str, Any]:
+    """Return the errors on what was held out, or else on what chose the epoch.
+
+    Where numbers of disks differ: those with the fewest disks, and all under "by_disks".
+    """
+    held_out = split.test if len(split.test) else split.validation
+    errors = {part.disks: _errors(part, sain) for part in held_out.parts}
+    result = dict(errors[min(errors)])
+    result["held_out"] = "test" if len(split.test) else "validation"
+    if len(errors) > 1:
+        result["by_disks"] = {str(disks): part for disks, part in errors.items()}
+    return result
+
+
 def _errors(test: Transitions, sain: SainDynamics) -> dict[str, Any]:
     errors = evaluate(test, learned=sain) if sain.kind == LEARNED else evaluate(test, sain=sain)
     return {**errors, "open_loop": card_errors(test, sain)}
 
 
-def _settings(command: TrainCommand, data: Transitions) -> str:
+def _settings(command: TrainCommand, data: Transitions | MixedTransitions) -> str:
     """Return what is to be done with what, as it stands beside the checkpoint from the start."""
     settings = {
         **asdict(command),

@@ -22,6 +22,7 @@ from sain_model.examples import training_examples
 from sain_model.features import PUSH_FRAME
 from sain_model.friction import FrictionFilter
 from sain_model.loss import LossConfig, mixed_loss
+from sain_model.mixed import MixedSplit
 from sain_model.network import InteractionNetwork, NetworkConfig, new_network
 from sain_model.threads import settle_threads
 
@@ -56,7 +57,12 @@ class TrainingConfig(Config):
     validation: float = option(
         0.1, "share of the episodes that choose the best epoch", minimum=0.01, maximum=0.5
     )
-    test: float = option(0.15, "share of the episodes held out", minimum=0.01, maximum=0.5)
+    test: float = option(
+        0.15,
+        "share of the episodes held out; 0: none, training and validation share all",
+        minimum=0.0,
+        maximum=0.5,
+    )
     prior: str = option(
         "planar", "what is corrected", choices=("planar", "planar_axes", "identity")
     )
@@ -98,7 +104,7 @@ class Trainer:
 
     def __init__(
         self,
-        split: Split,
+        split: Split | MixedSplit,
         prior: Dynamics,
         config: TrainingConfig,
         folder: Path,

@@ -20,6 +20,9 @@ STICK_LINK: Final = 6  # the stick is part of the last link
 JOINT_NAMES: Final = tuple(f"panda_joint{index}" for index in range(1, JOINT_COUNT + 1))
 STOCK_TORQUE: Final = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # [N m], Franka
 REST: Final = np.zeros(JOINT_COUNT)
+JOINTS: Final = range(JOINT_COUNT)
+AT_REST: Final = [0.0] * JOINT_COUNT
+UNIT_GAINS: Final = [1.0] * JOINT_COUNT
 
 
 @dataclass(frozen=True)
@@ -116,7 +119,7 @@ class Arm:
 
     def hold(self, joints: Joints) -> None:
         """Command the arm to rest at joints (7,)."""
-        self._control(joints, REST)
+        self._control(joints.tolist(), AT_REST)
         self.target = joints
 
     def follow(self, joints: Joints) -> Iterator[int]:
@@ -126,22 +129,23 @@ class Arm:
         that leaves the gain only disturbances to undo.
         """
         speeds = np.diff(joints, axis=0) / self._time_step  # (T - 1, 7)
-        for step, speed in enumerate(speeds):
-            self._control(joints[step], speed)
+        commands = zip(joints[:-1].tolist(), speeds.tolist(), strict=True)
+        for step, command in enumerate(commands):
+            self._control(*command)
             self.target = joints[step + 1]
             yield step
         self.hold(joints[-1])
 
-    def _control(self, joints: Joints, speeds: Joints) -> None:
+    def _control(self, joints: list[float], speeds: list[float]) -> None:
         self._client.setJointMotorControlArray(
             self.body,
-            range(JOINT_COUNT),
+            JOINTS,
             self._client.POSITION_CONTROL,
-            targetPositions=joints.tolist(),
-            targetVelocities=speeds.tolist(),
+            targetPositions=joints,
+            targetVelocities=speeds,
             forces=self._torques,
             positionGains=self._gains,
-            velocityGains=[1.0] * JOINT_COUNT,
+            velocityGains=UNIT_GAINS,
         )
 
     def joint_states(self) -> tuple[Joints, Joints]:

@@ -34,6 +34,7 @@ COLORS: Final = (
     (0.62, 0.50, 0.74, 1.0),
     (0.80, 0.70, 0.36, 1.0),
 )
+UNSEEN: Final = [0.001, 0.001, 0.001]  # [m], half the sides of a shape that is never drawn
 
 Vector = tuple[float, float, float]
 
@@ -66,7 +67,6 @@ class Disk:
         build: Build,
         state: BodyState,
         friction: float,
-        color: tuple[float, ...],
     ) -> None:
         """Make a disk.
 
@@ -75,13 +75,15 @@ class Disk:
             build: what it is.
             state: where it is and how it moves.
             friction: of this body alone; Bullet multiplies those of two.
-            color: red, green, blue, opacity.
         """
         self._client = client
         self.build = build
-        collision, visual = disk_shapes(client, build, color)
         self.body = client.createMultiBody(
-            build.mass, collision, visual, state.position, state.orientation
+            build.mass,
+            collision_shape(client, build),
+            unseen_shape(client),
+            state.position,
+            state.orientation,
         )
         client.changeDynamics(
             self.body,
@@ -96,6 +98,11 @@ class Disk:
             activationState=client.ACTIVATION_STATE_DISABLE_SLEEPING,
         )
         client.resetBaseVelocity(self.body, state.velocity, state.spin)
+
+    def place(self) -> Vector:
+        """Return where the centre of mass is [m]."""
+        position: Vector = self._client.getBasePositionAndOrientation(self.body)[0]
+        return position
 
     def state(self) -> BodyState:
         """Return where the body is and how it moves."""
@@ -136,23 +143,22 @@ def inertia(shape: str, mass: float, radius: float) -> Vector:
     return across, across, mass * radius**2 / 2
 
 
-def disk_shapes(client: Client, build: Build, color: tuple[float, ...]) -> tuple[int, int]:
-    """Create collision and visual shape with their origin in the disk's centre of mass."""
+def unseen_shape(client: Client) -> int:
+    """Create the visual shape of a body that no one looks at; pictures have a scene of their own.
+
+    Told of none, Bullet makes one of every collision shape, which takes longer than all the rest.
+    """
+    shape: int = client.createVisualShape(client.GEOM_BOX, halfExtents=UNSEEN)
+    return shape
+
+
+def collision_shape(client: Client, build: Build) -> int:
+    """Create the collision shape of a disk with its origin in the disk's centre of mass."""
     shape, radius, (x, y) = build.shape, build.radius, build.mass_offset
     lift = 0.0 if shape == FLAT else FOOT_RADIUS  # the feet's lower halves are below the body
     kind = client.GEOM_BOX if shape == CUBE else client.GEOM_CYLINDER
     height = DISK_HEIGHT - lift
-    size = [radius, radius, height / 2]
     middle = [0.0 - x, 0.0 - y, lift / 2]
-    visual = client.createVisualShape(
-        kind,
-        radius=radius,
-        length=height,
-        halfExtents=size,
-        rgbaColor=color,
-        specularColor=[0.25, 0.25, 0.25],
-        visualFramePosition=middle,
-    )
     bodies = [(radius, height, middle)]
     feet: list[list[float]] = []
     if shape != FLAT:
@@ -161,7 +167,7 @@ def disk_shapes(client: Client, build: Build, color: tuple[float, ...]) -> tuple
             (CORE_SHARE * radius, height, middle),
         ]
         feet = _feet(build)
-    collision = client.createCollisionShapeArray(
+    collision: int = client.createCollisionShapeArray(
         shapeTypes=[kind] * len(bodies) + [client.GEOM_SPHERE] * len(feet),
         radii=[width for width, _, _ in bodies] + [FOOT_RADIUS] * len(feet),
         lengths=[tall for _, tall, _ in bodies] + [0.0] * len(feet),
@@ -169,7 +175,7 @@ def disk_shapes(client: Client, build: Build, color: tuple[float, ...]) -> tuple
         + [[0.0, 0.0, 0.0]] * len(feet),
         collisionFramePositions=[place for _, _, place in bodies] + feet,
     )
-    return collision, visual
+    return collision
 
 
 def _feet(build: Build) -> list[list[float]]:

@@ -80,10 +80,12 @@ class Kinematics:
         joints[..., 3] = lean - reach
         joints[..., 5] = reach
         joints[..., 6] = pi / 4
-        for joint, low, high in zip(range(7), LOWER_LIMITS, UPPER_LIMITS, strict=True):
-            inside = (joints[..., joint] >= low) & (joints[..., joint] <= high)
+        inside = (joints >= LOWER_LIMITS) & (joints <= UPPER_LIMITS)  # (..., 7)
+        if not inside.all():
+            joint = int(np.argwhere(~inside)[0][-1])
+            low, high = LOWER_LIMITS[joint], UPPER_LIMITS[joint]
             reason = f"joint {joint + 1} would leave [{low}, {high}] rad"
-            _require(inside, tips, reason)
+            _require(inside[..., joint], tips, reason)
         return joints
 
     @property

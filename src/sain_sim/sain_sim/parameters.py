@@ -5,7 +5,7 @@ one between disks and table. Rims and tool keep its nominal value.
 """
 
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
@@ -21,6 +21,23 @@ NOMINAL_FRICTION: Final = 0.12
 MASS_RANGE: Final = (7.0, 9.0)  # [kg]
 RADIUS_RANGES: Final = ((0.075, 0.085), (0.055, 0.065))  # [m]
 FRICTION_RANGE: Final = (0.08, 0.20)
+
+
+class Ranges(NamedTuple):
+    """What the parameters of an episode are drawn from, evenly."""
+
+    mass: Pair  # [kg]
+    radii: tuple[Pair, Pair]  # [m], of the mid disk, and of the target and all further ones
+    friction: Pair  # with the table
+
+
+PAPER: Final = "paper"
+WIDE: Final = "wide"
+RANGES: Final = {
+    PAPER: Ranges(MASS_RANGE, RADIUS_RANGES, FRICTION_RANGE),
+    # Far outside of what is trained on; radii are the nominal ones give or take 20 %.
+    WIDE: Ranges((5.0, 12.0), ((0.064, 0.096), (0.048, 0.072)), (0.05, 0.35)),
+}
 
 THREE_FEET: Final = "three_feet"  # a disk on three small spheres: sound contact with the table
 FLAT: Final = "flat"  # a plain cylinder, as in the paper
@@ -72,6 +89,11 @@ class WorldParameters(Config):
         return len(self.masses)
 
     @property
+    def cubes(self) -> tuple[bool, ...]:
+        """Which of the disks (N,) are cubes."""
+        return tuple(shape == CUBE for shape in self.shapes)
+
+    @property
     def mass_offsets(self) -> tuple[Pair, ...]:
         """Each disk's centre of mass in its frame [m]."""
         shares = (self.roughness.mass_offset(disk) for disk in range(self.count))
@@ -109,12 +131,15 @@ def nominal_parameters(
 
 
 def sample_parameters(
-    generator: np.random.Generator, count: int = 2, shape: str = THREE_FEET
+    generator: np.random.Generator,
+    count: int = 2,
+    shape: str = THREE_FEET,
+    ranges: Ranges = RANGES[PAPER],
 ) -> WorldParameters:
     """Draw the paper's randomised world with N = count disks; further ones like the target."""
     return WorldParameters(
-        masses=tuple(generator.uniform(*MASS_RANGE, count).tolist()),
-        radii=tuple(float(generator.uniform(*RADIUS_RANGES[min(i, 1)])) for i in range(count)),
+        masses=tuple(generator.uniform(*ranges.mass, count).tolist()),
+        radii=tuple(float(generator.uniform(*ranges.radii[min(i, 1)])) for i in range(count)),
         shapes=(shape,) * count,
-        friction=float(generator.uniform(*FRICTION_RANGE)),
+        friction=float(generator.uniform(*ranges.friction)),
     )

@@ -10,7 +10,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.push import PaperGrid, PushLimits
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, surface_gaps, unit, wrap_angle
-from sain_core.types import PushArray, Scene
+from sain_core.types import Mask, PushArray, Scene
 from sain_sim.parameters import WorldParameters
 
 PLACING_TRIES: Final = 1000
@@ -37,10 +37,13 @@ def draw_start(
 ) -> Scene:
     """Draw a start (N, 8): target at any bearing about the mid disk, others where there is room.
 
+    A target that is a cube turns a side to the mid disk, and gets room for its corners.
+
     Raises:
         ConfigError: when the disks find no room.
     """
     radii = np.array(parameters.radii)
+    cubes = np.array(parameters.cubes)
     for _ in range(PLACING_TRIES):
         mid = np.array([generator.uniform(*config.x_range), generator.uniform(*config.y_range)])
         touching = generator.uniform() < config.touching
@@ -49,12 +52,22 @@ def draw_start(
         target = mid + (radii[MID] + radii[TARGET] + gap) * unit(np.asarray(bearing))
         others = mid + generator.uniform(-config.spread, config.spread, (parameters.count - 2, 2))
         headings = generator.uniform(-pi, pi, parameters.count)
+        headings[TARGET] = bearing if cubes[TARGET] else headings[TARGET]
         scene = parameters.scene(np.vstack([mid, target, others]), headings)
-        if surface_gaps(scene).min() >= 0.0 and wholly_on(scene, table):
+        if _least_gap(scene, cubes) >= 0.0 and wholly_on(scene, table):
             return scene
     raise ConfigError(
         f"no room for {parameters.count} disks in {PLACING_TRIES} tries; enlarge spread"
     )
+
+
+def _least_gap(scene: Scene, cubes: Mask) -> float:
+    """Return the smallest gap of a scene (N, 8) with these cubes (N,), whose corners reach out."""
+    gaps = surface_gaps(scene)
+    reach = np.where(cubes, (2**0.5 - 1.0) * scene[:, RADIUS], 0.0)
+    corners = reach[:, None] + reach
+    corners[[MID, TARGET], [TARGET, MID]] = 0.0  # these face each other
+    return float((gaps - corners).min())
 
 
 def wholly_on(scene: Scene, table: Table) -> bool:

@@ -6,7 +6,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from sain_core.errors import DatasetError, OutputError
+from sain_core.errors import DatasetError
+from sain_core.storage import PARTIAL, read_arrays, write_arrays
 
 SHARD_SIZE: Final = 1000  # transitions, as in the paper (section III-B c)
 
@@ -30,6 +31,7 @@ class Transition(NamedTuple):
     moved: bool  # the target moved by more than the paper's 2 mm
     duration: float  # simulated time of the push [s]
     roughness: Mapping[str, np.ndarray] = {}  # what is rough; each stored as ``rough_NAME``
+    cubes: np.ndarray | None = None  # (N,) which disks are cubes; stored where one is
 
 
 def shard_path(folder: Path, index: int) -> Path:
@@ -38,27 +40,22 @@ def shard_path(folder: Path, index: int) -> Path:
 
 
 def write_shard(folder: Path, index: int, transitions: Sequence[Transition]) -> None:
-    """Write a shard under a temporary name, then rename it.
+    """Write a shard: whole, or not at all.
 
     Raises:
-        OutputError: when the folder cannot be written.
+        OutputError: when the folder cannot be written, or the disk is full.
     """
     rows = [_row(item) for item in transitions]
     columns = {name: np.stack([np.asarray(row[name]) for row in rows]) for name in rows[0]}
-    path = shard_path(folder, index)
-    partial = path.with_suffix(".partial")
-    try:
-        with partial.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **columns)
-        partial.replace(path)
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
+    write_arrays(shard_path(folder, index), columns)
 
 
 def _row(transition: Transition) -> dict[str, Any]:
     """Return what is stored of a transition."""
     row = transition._asdict()
     rough = row.pop("roughness")
+    if row["cubes"] is None:
+        del row["cubes"]
     return row | {f"rough_{name}": value for name, value in rough.items()}
 
 
@@ -72,8 +69,8 @@ def full_shards(folder: Path) -> int:
 
 def last_transition(folder: Path, index: int) -> tuple[int, int]:
     """Return episode and step of the last transition in the index-th shard."""
-    with np.load(shard_path(folder, index)) as shard:
-        return int(shard["episode"][-1]), int(shard["step"][-1])
+    shard = _load(shard_path(folder, index))
+    return int(shard["episode"][-1]), int(shard["step"][-1])
 
 
 def load_shards(folder: Path) -> dict[str, np.ndarray]:
@@ -95,13 +92,16 @@ def _size(path: Path) -> int:
 
 def _load(path: Path) -> dict[str, np.ndarray]:
     try:
-        with np.load(path) as shard:
-            return dict(shard)
-    except (OSError, ValueError, EOFError) as error:
-        raise DatasetError(f"{path} is damaged: {error}; delete it to have it made anew") from error
+        arrays = read_arrays(path)
+    except DatasetError as error:
+        raise DatasetError(f"{error}; delete it to have it made anew") from error
+    missing = {"episode", "step", "state"} - arrays.keys()
+    if missing:
+        raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}; no collection made it")
+    return arrays
 
 
 def remove_leftovers(folder: Path) -> None:
     """Delete what a killed run left half-written."""
-    for path in folder.glob("*.partial"):
+    for path in folder.glob(f"*{PARTIAL}"):
         path.unlink()

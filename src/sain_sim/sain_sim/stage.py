@@ -18,11 +18,9 @@ from sain_core.scene import (
 )
 from sain_core.types import Mask, Scene
 from sain_sim.client import Client
-from sain_sim.disks import COLORS, REGULAR_FEET, BodyState, Build, Disk, turned
+from sain_sim.disks import REGULAR_FEET, BodyState, Build, Disk, turned, unseen_shape
 from sain_sim.parameters import WorldParameters
 
-TABLE_COLOR: Final = (0.87, 0.84, 0.79, 1.0)
-FLOOR_COLOR: Final = (0.93, 0.94, 0.95, 1.0)
 FLOOR_SIZE: Final = 3.0  # [m], half its side
 FLOOR_THICKNESS: Final = 0.05  # [m]
 TABLE_GROUP: Final = 8  # first bit of the collision groups of tables that are one disk's alone
@@ -54,8 +52,8 @@ class Stage:
         self.tables = self._build_tables(table, parameters)
         self.floor = self._build_floor(table)
         self.disks = [
-            Disk(client, build, state, friction, COLORS[index % len(COLORS)])
-            for index, (build, state) in enumerate(zip(_builds(parameters), states, strict=True))
+            Disk(client, build, state, friction)
+            for build, state in zip(_builds(parameters), states, strict=True)
         ]
         if len(self.tables) > 1:
             self._part_tables()
@@ -69,7 +67,7 @@ class Stage:
         if not self._roughness.patches:
             return
         for table, disk in zip(self.tables, self.disks, strict=True):
-            x, y, _ = disk.state().position
+            x, y, _ = disk.place()
             factor = self._roughness.friction_factor(x, y)
             self._client.changeDynamics(table, -1, lateralFriction=self.table_friction * factor)
 
@@ -98,7 +96,7 @@ class Stage:
             max(table.height, FLOOR_THICKNESS) / 2,
         ]
         middle = [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2, -half[2]]
-        body = _box(self._client, half, middle, TABLE_COLOR)
+        body = _box(self._client, half, middle)
         self._client.changeDynamics(body, -1, lateralFriction=self.table_friction, restitution=0.0)
         if self._roughness.grain != 1.0:
             across = self._roughness.grain**0.5  # the mean of both directions stays what it is
@@ -109,7 +107,7 @@ class Stage:
         """Build the floor at the height of the arm's base; it catches what falls."""
         drop = max(table.height, FLOOR_THICKNESS)
         half = [FLOOR_SIZE, FLOOR_SIZE, FLOOR_THICKNESS / 2]
-        body = _box(self._client, half, [0.0, 0.0, -drop - FLOOR_THICKNESS / 2], FLOOR_COLOR)
+        body = _box(self._client, half, [0.0, 0.0, -drop - FLOOR_THICKNESS / 2])
         self._client.changeDynamics(body, -1, lateralFriction=1.0, restitution=0.0)
         return body
 
@@ -130,15 +128,19 @@ class Stage:
 
     def still(self) -> bool:
         """Tell whether every disk on the table is settled; what fell off does not count."""
-        scene = self.scene(self.states())
+        states = self.states()
+        scene = self.scene(states)
         slow = np.hypot(scene[:, VX], scene[:, VY]) < SETTLED_SPEED
         slow &= np.abs(scene[:, OMEGA]) < SETTLED_SPIN
-        return bool((slow | self.fallen()).all())
+        return all(
+            settled or state.position[2] < FALLEN_HEIGHT
+            for settled, state in zip(slow, states, strict=True)
+        )
 
     def touched_by(self, body: int, link: int) -> int | None:
         """Return the first disk but the mid disk that a body's link touches, if any."""
-        for index, disk in enumerate(self.disks[1:], start=1):
-            for contact in self._client.getContactPoints(body, disk.body, link):
+        for index in range(1, len(self.disks)):
+            for contact in self._client.getContactPoints(body, self.disks[index].body, link):
                 distance, force = contact[8], contact[9]
                 if distance <= 0.0 or force > 0.0:
                     return index
@@ -152,13 +154,11 @@ def _builds(parameters: WorldParameters) -> list[Build]:
     return [Build(*row) for row in zip(*columns, parameters.mass_offsets, feet, strict=True)]
 
 
-def _box(client: Client, half: list[float], middle: list[float], color: tuple[float, ...]) -> int:
+def _box(client: Client, half: list[float], middle: list[float]) -> int:
     body: int = client.createMultiBody(
         baseMass=0.0,
         baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_BOX, halfExtents=half),
-        baseVisualShapeIndex=client.createVisualShape(
-            client.GEOM_BOX, halfExtents=half, rgbaColor=color, specularColor=[0.05, 0.05, 0.05]
-        ),
+        baseVisualShapeIndex=unseen_shape(client),
         basePosition=middle,
     )
     return body

@@ -15,6 +15,7 @@ from sain_sim.urdf import SPRUNG_MASS
 
 SLIDES: Final = (7, 8)  # joints, and the links behind them; the stick is behind the second
 JOINTS: Final = range(9)  # the arm's and the slides
+REST: Final = [0.0] * len(JOINTS)
 DAMPING: Final = 1.0  # as a share of critical damping
 
 
@@ -35,6 +36,7 @@ class ToolSpring:
         """
         self._client = client
         self._torques = torques
+        self._limited = bool(torques.any())
         self._contact = [0.0, 0.0, lever]
         self._body = body
         self._stiffness = stiffness
@@ -52,23 +54,25 @@ class ToolSpring:
 
     def pull(self) -> None:
         """Apply the spring's force for the next step."""
-        states = self._client.getJointStates(self._body, SLIDES)
-        forces = [-self._stiffness * state[0] - self._damping * state[1] for state in states]
-        if self._torques.any():
-            forces = (self._share(np.array(forces)) * np.array(forces)).tolist()
+        states = self._client.getJointStates(self._body, JOINTS)
+        forces = [
+            -self._stiffness * states[slide][0] - self._damping * states[slide][1]
+            for slide in SLIDES
+        ]
+        if self._limited:
+            asked = np.array(forces)
+            forces = (self._share(asked, [state[0] for state in states]) * asked).tolist()
         self._client.setJointMotorControlArray(
             self._body, SLIDES, self._client.TORQUE_CONTROL, forces=forces
         )
 
-    def _share(self, forces: np.ndarray) -> float:
+    def _share(self, forces: np.ndarray, angles: list[float]) -> float:
         """Return which share of the spring's forces (2,) [N] the joints can bear.
 
         What the arm's own weight takes of their torque is left out.
         """
-        angles = [state[0] for state in self._client.getJointStates(self._body, JOINTS)]
-        rest = [0.0] * len(angles)
         linear, _ = self._client.calculateJacobian(
-            self._body, self.link, self._contact, angles, rest, rest
+            self._body, self.link, self._contact, angles, REST, REST
         )
         jacobian = np.array(linear)  # (3, 9)
         asked = np.abs(jacobian[:, :7].T @ jacobian[:, 7:] @ forces)  # (7,) [N m]

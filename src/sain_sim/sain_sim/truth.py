@@ -8,7 +8,15 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
-from sain_sim.parameters import FRICTION_RANGE, THREE_FEET, WorldParameters, sample_parameters
+from sain_sim.parameters import (
+    FRICTION_RANGE,
+    PAPER,
+    RANGES,
+    THREE_FEET,
+    Ranges,
+    WorldParameters,
+    sample_parameters,
+)
 from sain_sim.roughness import EFFECTS, RIM_FRICTION, RIMS, draw_roughness
 
 RANDOMISED: Final = "randomised"
@@ -54,10 +62,14 @@ class TruthConfig(Config):
         return tuple(dict.fromkeys(names))
 
     def draw(
-        self, random: np.random.Generator, count: int = 2, shape: str = THREE_FEET
+        self,
+        random: np.random.Generator,
+        count: int = 2,
+        shape: str = THREE_FEET,
+        ranges: Ranges = RANGES[PAPER],
     ) -> WorldParameters:
         """Draw the parameters of one episode with N = count disks."""
-        return self.roughen(sample_parameters(random, count, shape))
+        return self.roughen(sample_parameters(random, count, shape, ranges))
 
     def roughen(self, parameters: WorldParameters) -> WorldParameters:
         """Return these disks in this world; a randomised one leaves them as they are."""

@@ -30,6 +30,8 @@ END_INERTIA: Final = 0.1  # [kg m^2], what the stock URDF says of each link
 SPRUNG_MASS: Final = 2.0  # [kg], moves with a stick that a spring holds: some of a soft arm
 SLIDE_MASS: Final = 0.01  # [kg], between the two directions of the spring
 SLIDE_RANGE: Final = 0.16  # [m], either way: more than a push is long
+# Told of nothing to be seen, Bullet makes a mesh of what collides, which takes its time.
+UNSEEN: Final = '<visual><geometry><box size="0.002 0.002 0.002"/></geometry></visual>'
 FINGER_DROP: Final = 0.0584  # [m], from hand to finger, stock URDF
 
 
@@ -60,8 +62,8 @@ def panda_with_stick(
         _scale_inertia(link, inertia_scale)
     if sprung:
         robot.extend(_slides(radius, length))
-    for link in [] if visuals else robot.findall("link"):
-        _remove(link, "visual")
+    if not visuals:
+        _hide(robot)
     for mesh in robot.iter("mesh"):
         mesh.set("filename", mesh.get("filename", "").replace("package://", f"{PANDA_FOLDER}/"))
     return ElementTree.tostring(robot, encoding="unicode")
@@ -70,6 +72,13 @@ def panda_with_stick(
 def _remove(parent: ElementTree.Element, tag: str) -> None:
     for child in parent.findall(tag):
         parent.remove(child)
+
+
+def _hide(robot: ElementTree.Element) -> None:
+    for link in robot.findall("link"):
+        _remove(link, "visual")
+        if link.find("collision") is not None:
+            link.append(ElementTree.fromstring(UNSEEN))
 
 
 def _scale_inertia(link: ElementTree.Element, scale: float) -> None:

@@ -197,8 +197,7 @@ class Workcell:
             raise BlockedError(
                 f"the tool would come to touch disk {disk}; only the mid disk may be touched"
             )
-        due = [watch for watch in watches if self.steps % watch.every == 0]
-        if due:
+        if watches and (due := [watch for watch in watches if self.steps % watch.every == 0]):
             sample = self.sample(phase)
             for watch in due:
                 watch.observer(sample)

@@ -110,6 +110,10 @@ class World:
             UnreachableError: a pose on the way, with the reason.
             BlockedError: another disk is in the tool's way.
         """
+        return self._plan(push)[0]
+
+    def _plan(self, push: PushArray) -> tuple[Stroke, Route | None]:
+        """Return the tool's way for a push (3,) and the joints along it; see `check`."""
         feasibility = self.config.feasibility
         feasibility.limits.check(push)
         scene = self.observe()
@@ -117,11 +121,11 @@ class World:
         if not self._cell.stage.still():
             raise StaleSceneError("the disks still move; a push needs a settled scene")
         stroke = Stroke.of_push(scene, push, feasibility.limits)
-        if not is_idle(push):
-            check_reach(scene, push, feasibility)
-            check_gap(scene, push, feasibility)
-            self._route(stroke)
-        return stroke
+        if is_idle(push):
+            return stroke, None
+        check_reach(scene, push, feasibility)
+        check_gap(scene, push, feasibility)
+        return stroke, self._route(stroke)
 
     def push(self, push: PushArray, on_step: Observer | None = None, every: int = 1) -> PushOutcome:
         """Carry out one push (3,) and wait until everything is at rest.
@@ -136,11 +140,11 @@ class World:
             SainError: as `check`; and BlockedError when the tool would come to touch another
                 disk. Nothing has moved then, to the last bit.
         """
-        stroke = self.check(push)
-        if is_idle(push):
+        _, route = self._plan(push)
+        if route is None:
             scene = self.observe()
             return PushOutcome(scene, scene.copy(), 0.0, True, self._cell.stage.fallen())
-        return self.carry_out(stroke, on_step, every)
+        return self._perform(route, self._watches(on_step, every), guarded=True)
 
     def carry_out(
         self,
@@ -161,9 +165,10 @@ class World:
             UnreachableError: a pose on the way.
             BlockedError: only when guarded.
         """
-        route = self._route(stroke)
+        return self._perform(self._route(stroke), self._watches(on_step, every), guarded)
+
+    def _perform(self, route: Route, watches: Watches, guarded: bool) -> PushOutcome:
         before, origin = self.observe(), self._cell.now
-        watches = self._watches(on_step, every)
         if guarded and watches:  # look ahead
             self._attempt(origin, route, (), guarded)
             self._build(origin)
@@ -194,13 +199,14 @@ class World:
         motion, arm = self.config.motion, self._cell.arm
         tips = motion.stroke(stroke.start, stroke.end)
         above_start, above_end = (np.array([*tip[:2], motion.raised]) for tip in tips[[0, -1]])
-        joints = arm.kinematics.joints
-        return Route(
-            approach=joints(motion.arc(arm.tip(), above_start)),
-            lower=joints(motion.line(above_start, tips[0])),
-            stroke=joints(tips),
-            lift=joints(motion.line(tips[-1], above_end)),
+        ways = (
+            motion.arc(arm.tip(), above_start),
+            motion.line(above_start, tips[0]),
+            tips,
+            motion.line(tips[-1], above_end),
         )
+        ends = np.cumsum([len(way) for way in ways[:-1]])
+        return Route(*np.split(arm.kinematics.joints(np.concatenate(ways)), ends))
 
     def _watches(self, observer: Observer | None, every: int) -> Watches:
         """Return everyone who looks: the observer, if any, and the window, if any."""

@@ -1,0 +1,116 @@
+"""Files that are whole or not there: arrays as compressed npz, and how damage is told.
+
+A shard is a zip archive: every array in it has a CRC-32, which is checked as it is read, and
+nothing in it is ever unpickled. What zlib and the zip format raise when bits have flipped is many
+things; here all of them become one `DatasetError` that names the file.
+"""
+
+import contextlib
+import os
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import IO, Final
+
+import numpy as np
+from numpy import ndarray
+
+from sain_core.errors import DatasetError, OutputError
+
+PARTIAL: Final = ".partial"  # suffix of what is not whole yet
+ZIP_MAGIC: Final = b"PK\x03\x04"
+ZIP_END: Final = b"PK\x05\x06"  # begins the last record, which may have a comment
+ZIP_COUNT: Final = 10  # from there to the number of entries, two bytes
+ZIP_TAIL: Final = 22 + 65535  # the most bytes from there to the end
+DAMAGE: Final = (
+    OSError,
+    ValueError,
+    EOFError,
+    KeyError,
+    OverflowError,
+    NotImplementedError,  # a compression method that does not exist
+    RuntimeError,  # "encrypted"
+    MemoryError,
+    SyntaxError,  # numpy's own header
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+)
+
+
+def read_arrays(path: Path) -> dict[str, ndarray]:
+    """Read every array of an npz file.
+
+    Raises:
+        DatasetError: it does not exist, is truncated, or a bit of it has flipped.
+    """
+    try:
+        with path.open("rb") as file:
+            if file.read(len(ZIP_MAGIC)) != ZIP_MAGIC:  # numpy would take it for a pickle
+                raise DatasetError(f"{path} is not a whole .npz file: it does not begin as one")
+        with np.load(path, allow_pickle=False) as archive:
+            if len(archive.files) != _entries(path):
+                raise DatasetError(f"{path} is not a whole .npz file: an array has got lost")
+            return {name: archive[name] for name in archive.files}
+    except FileNotFoundError:
+        raise DatasetError(f"{path} does not exist") from None
+    except DAMAGE as error:
+        if isinstance(error, DatasetError):
+            raise
+        raise DatasetError(f"{path} is not a whole .npz file: {error}") from error
+
+
+def _entries(path: Path) -> int:
+    """Return how many files the end of a zip archive says are in it.
+
+    Python's `zipfile` does not look: where the length of an entry's comment is damaged, it takes
+    the entries after it for the comment.
+    """
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(size - ZIP_TAIL, 0))
+        tail = file.read()
+    place = tail.rfind(ZIP_END)
+    return int(struct.unpack_from("<H", tail, place + ZIP_COUNT)[0]) if place >= 0 else -1
+
+
+def write_arrays(path: Path, arrays: Mapping[str, ndarray]) -> None:
+    """Write arrays as a compressed npz file: whole, or not at all.
+
+    Raises:
+        OutputError: the folder cannot be written, or the disk is full.
+    """
+
+    def write(file: IO[bytes]) -> None:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+
+    write_file(path, write)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file: whole, or not at all; raises `OutputError`."""
+    write_file(path, lambda file: file.write(text.encode()))
+
+
+def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
+    """Let write fill a file of a temporary name, and rename it when it is safe on the disk.
+
+    What was at the path before stays whole until then.
+
+    Raises:
+        OutputError: the folder cannot be made or written, or the disk is full.
+    """
+    partial = path.with_suffix(PARTIAL)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            partial.unlink()
+        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error

@@ -1,0 +1,107 @@
+"""What became of the pushes that a collection drew, counted episode by episode."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, BinaryIO, Final, Self
+
+from sain_core.errors import BlockedError, OutputError, SainError, UnreachableError
+from sain_core.storage import write_text
+
+JOURNAL_FILE: Final = "episodes.jsonl"
+
+
+@dataclass
+class Tally:
+    """Counts of pushes; each push that was drawn is in one of the groups, and in one only."""
+
+    episodes: int = 0
+    unreachable: int = 0  # refused: the arm cannot take a pose on the way
+    blocked: int = 0  # refused: the tool would touch another disk than the mid disk
+    refused: int = 0  # for another reason
+    edge: int = 0  # ended its episode: a disk over the table's edge, or not settled
+    missed: int = 0  # the target did not move at all
+    short: int = 0  # the target moved by less than 2 mm
+    moved: int = 0  # the target moved by 2 mm or more
+    stuck: int = 0  # episodes (not pushes) that ended early: no push that was tried was possible
+
+    @property
+    def drawn(self) -> int:
+        """All pushes that were tried."""
+        return self.unreachable + self.blocked + self.refused + self.edge + self.valid
+
+    @property
+    def valid(self) -> int:
+        """The pushes that make a transition; the paper's filter keeps ``moved`` of them."""
+        return self.missed + self.short + self.moved
+
+    def refuse(self, error: SainError) -> None:
+        """Count a push that was refused."""
+        if isinstance(error, UnreachableError):
+            self.unreachable += 1
+        elif isinstance(error, BlockedError):
+            self.blocked += 1
+        else:
+            self.refused += 1
+
+    def __add__(self, other: Self) -> Self:
+        """Return the counts of both."""
+        names = [item.name for item in fields(self)]
+        return type(self)(*(getattr(self, name) + getattr(other, name) for name in names))
+
+
+class Journal:
+    """A line for each episode in ``episodes.jsonl``, so that a killed collection knows its counts.
+
+    A line is written when its episode is done, before the shards that hold its transitions are
+    full: it never lags behind them.
+    """
+
+    def __init__(self, folder: Path, first: int) -> None:
+        """Keep what is known of the episodes before the first one to come.
+
+        Raises:
+            OutputError: the folder cannot be written.
+        """
+        self._path = folder / JOURNAL_FILE
+        known = [line for line in _lines(self._path) if line["episode"] < first]
+        self.total = sum((_tally(line) for line in known), Tally())
+        write_text(self._path, "".join(json.dumps(line) + "\n" for line in known))
+        self._file: BinaryIO = self._path.open("ab", buffering=0)
+
+    def add(self, episode: int, tally: Tally) -> None:
+        """Write down what became of an episode's pushes.
+
+        Raises:
+            OutputError: the disk is full.
+        """
+        self.total += tally
+        line = json.dumps({"episode": episode, **asdict(tally)}).encode() + b"\n"
+        try:
+            if self._file.write(line) != len(line):
+                raise OutputError(f"cannot write {self._path}: the disk is full")
+        except OSError as error:
+            if isinstance(error, OutputError):
+                raise
+            raise OutputError(f"cannot write {self._path}: {error.strerror or error}") from error
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+
+def _lines(path: Path) -> Iterable[dict[str, Any]]:
+    """Return the whole lines of a journal; what a kill left half-written ends it."""
+    for line in path.read_text(errors="replace").splitlines() if path.exists() else []:
+        try:
+            content = json.loads(line)
+        except ValueError:
+            return
+        if not isinstance(content, dict) or not isinstance(content.get("episode"), int):
+            return
+        yield content
+
+
+def _tally(line: dict[str, Any]) -> Tally:
+    return Tally(**{item.name: int(line.get(item.name, 0)) for item in fields(Tally)})
