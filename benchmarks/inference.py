@@ -3,7 +3,8 @@
 A rollout of K = 1024, H = 15, N = 2 in this process, beside its prior alone, beside PyTorch step by
 step, and the share of the machine's measured matrix-multiply peak that the network part reaches.
 Then a batch of 1,024 single pushes over DDS, asked of a node in a process of its own, beside the
-same call in this one. Times are the shortest of many, taken in turns; load is the machine's.
+same call in this one. Times are the shortest of many, taken in turns. Processor time hardly depends
+on who else uses the machine; the load average says whether anybody did.
 """
 
 import os
@@ -68,6 +69,16 @@ def fastest(works: dict[str, Callable[[], object]], repeats: int) -> dict[str, f
     return {name: min(values[1:]) for name, values in times.items()}
 
 
+def processor_time(work: Callable[[], object], repeats: int) -> float:
+    """Return the shortest time [s] that a call takes of all cores together."""
+    times = []
+    for _ in range(repeats):
+        begun = time.process_time()
+        work()
+        times.append(time.process_time() - begun)
+    return min(times)
+
+
 def peak(threads: int, size: int = 1024) -> Callable[[], object]:
     """Return a multiplication of large matrices in single precision, on so many threads."""
     left, right = torch.rand(size, size), torch.rand(size, size)
@@ -114,10 +125,12 @@ def rollouts(sain: SainDynamics, options: Options) -> list[Figure]:
         },
         options.repeats,
     )
+    cores = processor_time(lambda: sain.rollout(scene, sequences), options.repeats)
     work = multiplications(sain, len(scene)) * len(pushes)
     most = 2.0 * 1024**3 / times["peak"]
     return [
         Figure(f"rollout on {threads} cores", 1e3 * times["rollout"], "ms", at_most=60.0),
+        Figure("processor time of it, all cores", 1e3 * cores, "ms"),
         Figure("its prior alone, step by step", 1e3 * times["prior"], "ms"),
         Figure("its network alone, features included", 1e3 * times["network"], "ms"),
         Figure("PyTorch step by step / rollout", times["reference"] / times["rollout"], "times"),

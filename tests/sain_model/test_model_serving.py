@@ -129,16 +129,12 @@ def test_a_push_that_no_arm_could_make_is_refused() -> None:
     server = ModelServer(IdentityPrior(), ServingConfig())
     pushes = PUSHES.copy()
     pushes[3, 2] = 1e9
-    with pytest.raises(
-        OutOfRangeError, match=r"length of push \(3,\) is 1000000000.0; allowed: 0 to"
-    ):
+    with pytest.raises(OutOfRangeError, match=r"length of push \(3,\) is 1000000000.0; allo"):
         server.predict(SCENES, pushes)
     with pytest.raises(OutOfRangeError, match=r"length of push \(1, 1\)"):
         server.rollout(SCENE, pushes.reshape(3, 2, 3))
     pushes[3] = 0.0, -3.0, 0.1
-    with pytest.raises(
-        OutOfRangeError, match=r"angle of push \(3,\) is -3.0; allowed: -1.571 to 1.5"
-    ):
+    with pytest.raises(OutOfRangeError, match=r"angle of push \(3,\) is -3.0; allowed: -1.57"):
         server.predict(SCENES, pushes)
 
 

@@ -48,7 +48,7 @@ def make_network_work(disks, relation_inputs, disk_inputs, widest):
         np.zeros((disks, LANES)),
         np.zeros((disks, disk_inputs, LANES), np.float32),
         np.zeros((disks * (disks - 1), relation_inputs, LANES), np.float32),
-        np.zeros((2, widest, LANES), np.float32),
+        np.empty((2, widest, LANES), np.float32),
         np.zeros((disks, 3, LANES)),
     )
 
