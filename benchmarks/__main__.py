@@ -6,7 +6,7 @@ import sys
 
 import benchmarks
 
-HELPERS = {"__main__", "report"}
+HELPERS = {"__main__", "report", "wire"}
 
 
 def main() -> int:

@@ -25,8 +25,8 @@ Made by `tools/parameters.py` from the dataclasses that hold the defaults; a tes
 current.
 
 Set them with `--ros-args -p name:=value` or `--params-file FILE`. They are read at the start and
-read-only from then on. An unknown name or a value that is not allowed stops the node with one line
-that says what was probably meant.
+read-only from then on, but for those marked *live*, which may be changed at any time. An unknown
+name or a value that is not allowed stops the node with one line that says what was probably meant.
 """
 TABLE_HEAD = "| parameter | default | allowed | meaning |\n| --- | --- | --- | --- |\n"
 
@@ -50,6 +50,7 @@ def rows(settings: Config, prefix: str) -> list[tuple[str, str, str, str]]:
             continue
         unit = f" [{about['unit']}]" if about.get("unit") else ""
         meaning = about.get("description", "").replace("|", "\\|")
+        meaning = f"*live*: {meaning}" if about.get("live") else meaning
         found.append(
             (f"`{prefix}{item.name}`", f"`{shown(value)}`", allowed(about), meaning + unit)
         )

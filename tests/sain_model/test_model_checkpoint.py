@@ -143,3 +143,27 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
         save_checkpoint(blocker / "m.safetensors", InteractionNetwork(), Card("identity", {}, {}))
     with pytest.raises(CheckpointError, match=r"name ends in .safetensors"):
         save_checkpoint(tmp_path / "m.pt", InteractionNetwork(), Card("identity", {}, {}))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("prior_config", {"friction": "0.1"}, "friction is '0.1'; it must be of type float"),
+        ("prior_config", {"speed": True}, "speed is True; it must be of type float"),
+        ("friction", {"points": 6.5}, "points is 6.5; it must be of type int"),
+    ],
+)
+def test_settings_of_the_wrong_type(
+    checkpoint: Path, field: str, value: object, message: str
+) -> None:
+    edit_card(checkpoint, **{field: value})
+    refused(checkpoint, message)
+
+
+def test_weights_of_another_precision(checkpoint: Path) -> None:
+    tensors = safetensors.torch.load_file(checkpoint)
+    tensors["dynamics.0.bias"] = tensors["dynamics.0.bias"].to(torch.float8_e4m3fn)
+    rewrite(checkpoint, safetensors.torch.save(tensors))
+    refused(
+        checkpoint, "tensor dynamics.0.bias is of type torch.float8_e4m3fn; it must be torch.fl"
+    )

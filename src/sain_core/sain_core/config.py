@@ -27,14 +27,19 @@ def option(
     minimum: float | None = None,
     maximum: float | None = None,
     choices: tuple[Any, ...] | None = None,
+    live: bool = False,
 ) -> T:
-    """Declare a field of a `Config` with its unit, meaning and allowed values."""
+    """Declare a field of a `Config` with its unit, meaning and allowed values.
+
+    A `live` one is a ROS parameter that may be changed while its node runs.
+    """
     about = {
         "description": description,
         "unit": unit,
         "minimum": minimum,
         "maximum": maximum,
         "choices": choices,
+        "live": live,
     }
     return field(default=default, metadata=about)
 

@@ -6,7 +6,7 @@ travel relative to lambda. ``length`` L in [0, 0.15] m: the tool's travel from i
 where its surface stands `PushLimits.clearance` off the contact point. L = 0 moves nothing.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import pi
 from typing import Final
 
@@ -71,6 +71,27 @@ class PushLimits(Config):
         angle = generator.uniform(-self.max_angle, self.max_angle, count)
         length = generator.uniform(0.0, self.max_length, count)
         return np.stack([-location, angle, length], axis=-1)  # -[-pi, pi) is (-pi, pi]
+
+
+def check_predictable(pushes: Pushes) -> Pushes:
+    """Return pushes (..., 3) that a model may be asked about: any that `PushLimits` could allow.
+
+    Raises:
+        OutOfRangeError: naming the first that is longer or slants more than any arm's limits may.
+    """
+    bounds = {item.name: item.metadata["maximum"] for item in fields(PushLimits)}
+    for column, low, high in (
+        (ANGLE, -bounds["max_angle"], bounds["max_angle"]),
+        (LENGTH, 0.0, bounds["max_length"]),
+    ):
+        wrong = (pushes[..., column] < low) | (pushes[..., column] > high)
+        if wrong.any():
+            where = tuple(int(index) for index in np.argwhere(wrong)[0])
+            raise OutOfRangeError(
+                f"{PUSH_NAMES[column]} of push {where} is {pushes[where][column]};"
+                f" allowed: {low:.4g} to {high:.4g}"
+            )
+    return pushes
 
 
 def push_direction(pushes: Pushes) -> Angles:

@@ -104,6 +104,24 @@ def check_scene(scene: Scene, table: Table | None = None) -> Scene:
     return scene
 
 
+def check_scenes(scenes: Scenes) -> Scenes:
+    """Return scenes (B, N, 8) when each can exist; a thousand in a fraction of a millisecond.
+
+    Raises:
+        InvalidInputError: as `check_scene`, for the first that cannot.
+    """
+    bad = ~np.isfinite(scenes).all(axis=(1, 2))
+    bad |= (scenes[..., MASS:] <= 0.0).any(axis=(1, 2))
+    for first in range(1, scenes.shape[1]):
+        for second in range(first):
+            apart = scenes[:, first, POSITION] - scenes[:, second, POSITION]
+            rims = scenes[:, first, RADIUS] + scenes[:, second, RADIUS] - OVERLAP_TOLERANCE
+            bad |= (apart**2).sum(axis=-1) < np.maximum(rims, 0.0) ** 2
+    for scene in scenes[bad]:
+        check_scene(scene)
+    return scenes
+
+
 def _check_overlap(scene: Scene) -> None:
     gaps = surface_gaps(scene)
     if (gaps < -OVERLAP_TOLERANCE).any():

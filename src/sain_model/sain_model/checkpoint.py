@@ -194,6 +194,9 @@ def _fill(path: Path, content: bytes, card: Card) -> InteractionNetwork:
             raise CheckpointError(
                 f"{path}: tensor {name} has shape {found}; the network on its card needs {right}"
             )
+        if tensors[name].dtype != expected[name].dtype:
+            kinds = f"{tensors[name].dtype}; it must be {expected[name].dtype}"
+            raise CheckpointError(f"{path}: tensor {name} is of type {kinds}")
         if not tensors[name].isfinite().all():
             raise CheckpointError(f"{path}: tensor {name} holds NaN or Inf; it must be finite")
     network.load_state_dict(tensors)

@@ -30,17 +30,25 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compile(function)
 
 
+def compiled_apart(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a kernel that is called and not copied to where it is used: it compiles once."""
+    return _compile(function, inline=False)
+
+
 def compiled_parallel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel whose `prange` loops run on all of Numba's threads."""
-    return _compile(function, parallel=True)
+    return _compile(function, parallel=True, inline=False)
 
 
-def _compile(function: Callable[..., Any], parallel: bool = False) -> Callable[..., Any]:
+def _compile(
+    function: Callable[..., Any], parallel: bool = False, inline: bool = True
+) -> Callable[..., Any]:
     keep_kernels_apart()
     compiled_function: Callable[..., Any] = numba.njit(
         cache=True,
         parallel=parallel,
-        forceinline=not parallel,
+        nogil=True,
+        forceinline=inline,
         error_model="numpy",
         fastmath={"contract", "arcp"},
     )(function)
@@ -49,10 +57,15 @@ def _compile(function: Callable[..., Any], parallel: bool = False) -> Callable[.
 
 @functools.cache
 def _sources_hash() -> str:
-    sources = sorted(Path(__file__).parent.glob("*_kernels.py"))
-    core = Path(sain_core.__path__[0])
+    here, core = Path(__file__).parent, Path(sain_core.__path__[0])
+    columns = [
+        core / "scene.py",
+        core / "push.py",
+        here / "features.py",
+        here / "place_features.py",
+    ]
     digest = hashlib.sha256()
-    for path in [*sources, core / "scene.py", core / "push.py"]:  # columns and constants
+    for path in [Path(__file__), *sorted(here.glob("*_kernels.py")), *columns]:  # and constants
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

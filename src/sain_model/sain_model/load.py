@@ -3,10 +3,11 @@
 from dataclasses import asdict, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_type_hints
 
+from sain_core.config import Config
 from sain_core.dynamics import Dynamics, IdentityPrior
-from sain_core.errors import CheckpointError, ConfigError
+from sain_core.errors import CheckpointError
 from sain_model.checkpoint import SUFFIX, card_path, load_checkpoint
 from sain_model.friction import FrictionConfig
 from sain_model.intervals import Intervals
@@ -51,8 +52,8 @@ def load_prior(name: str, settings: dict[str, Any] | None = None) -> Dynamics:
     if name in (PLANAR, PLANAR_AXES):
         usual = PlanarConfig() if name == PLANAR else AXES
         try:
-            return PlanarPrior(replace(usual, **(settings or {})))
-        except (TypeError, ConfigError) as error:
+            return PlanarPrior(replace(usual, **_typed(PlanarConfig, settings or {})))
+        except (TypeError, ValueError) as error:  # ConfigError is one
             raise CheckpointError(f"settings of the planar prior: {error}") from error
     if name == IDENTITY:
         return IdentityPrior()
@@ -97,23 +98,37 @@ def sain_class(rollouts: RolloutConfig | None) -> type[SainDynamics]:
 
 def _rollouts(settings: dict[str, Any] | None) -> RolloutConfig | None:
     try:
-        return None if settings is None else RolloutConfig(**settings)
-    except (TypeError, ConfigError) as error:
+        return None if settings is None else RolloutConfig(**_typed(RolloutConfig, settings))
+    except (TypeError, ValueError) as error:
         raise CheckpointError(f"rollouts: {error}") from error
 
 
 def _friction(settings: dict[str, Any] | None) -> FrictionConfig | None:
     try:
-        return None if settings is None else FrictionConfig(**settings)
-    except (TypeError, ConfigError) as error:
+        return None if settings is None else FrictionConfig(**_typed(FrictionConfig, settings))
+    except (TypeError, ValueError) as error:
         raise CheckpointError(f"friction: {error}") from error
 
 
 def _intervals(settings: dict[str, Any] | None) -> Intervals | None:
     try:
         return None if settings is None else Intervals.from_card(settings)
-    except (TypeError, KeyError, ConfigError) as error:
+    except (TypeError, KeyError, ValueError) as error:
         raise CheckpointError(f"intervals: {error}") from error
+
+
+def _typed(kind: type[Config], settings: dict[str, Any]) -> dict[str, Any]:
+    """Return settings that come from outside when their values are of the right types.
+
+    Raises:
+        TypeError: naming the one that is not.
+    """
+    right = get_type_hints(kind)
+    for name, value in dict(settings).items():
+        allowed = (int, float) if right.get(name) is float else (right.get(name, object),)
+        if isinstance(value, bool) or not isinstance(value, allowed):
+            raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
+    return settings
 
 
 def shipped_checkpoint() -> Path:

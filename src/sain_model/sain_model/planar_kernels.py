@@ -26,7 +26,7 @@ from sain_model.body_kernels import (
     rim_speed,
     unload,
 )
-from sain_model.compiling import compiled, compiled_parallel
+from sain_model.compiling import compiled, compiled_apart, compiled_parallel
 from sain_model.contact_kernels import note_tilt, prepare_contacts, separate, solve, survey
 from sain_model.table_kernels import rub
 from sain_model.tool_kernels import make_profile, time_of, tool_speed, travelled, until_kink
@@ -161,7 +161,7 @@ def touches_another(work):
     return False
 
 
-@compiled
+@compiled_apart
 def push_scene(disks, push, friction, start, physics, work):
     """Carry out one push in place; say whether the tool touched a disk other than the mid."""
     load(disks, push, start, physics, work)

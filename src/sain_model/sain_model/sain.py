@@ -1,26 +1,29 @@
 """SAIN as a `Dynamics`: a prior and the network that corrects it."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, Self
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from numpy import ndarray
-from torch import Tensor
 
-from sain_core.dynamics import Dynamics
+from sain_core.dynamics import Dynamics, StepwiseRollout
 from sain_core.errors import InvalidInputError
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH
 from sain_core.scene import POSITION
-from sain_core.types import Pushes, Scalars, Scenes
-from sain_model.features import apply_residual, make_features
+from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
+from sain_model.compiled_network import CompiledNetwork
+from sain_model.devices import CPU
+from sain_model.features import make_features
 from sain_model.friction import FrictionConfig, FrictionFilter
 from sain_model.intervals import Intervals, Prediction
 from sain_model.network import InteractionNetwork
-from sain_model.planar import PlanarPrior
+from sain_model.planar import PlanarPrior, check_batch
 from sain_model.threads import settle_threads
+from sain_model.torch_network import TorchNetwork
 
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
 IDENTITY: Final = "identity"
@@ -44,6 +47,7 @@ class SainDynamics:
         told_doubt: standard deviation of the logarithm of the friction that its prior is told;
             None: nobody told it any.
         recurrent: whether it was trained on rollouts of its own predictions.
+        device: what the network runs on, ``cpu`` or ``cuda``. The prior stays on the CPU.
     """
 
     network: InteractionNetwork
@@ -55,10 +59,22 @@ class SainDynamics:
     intervals: Intervals | None = None
     told_doubt: float | None = None
     recurrent: bool = False
+    device: str = CPU
 
     def __post_init__(self) -> None:
         """Stop whatever a network does in training alone."""
         self.network.eval()
+
+    @cached_property
+    def _forward(self) -> CompiledNetwork | TorchNetwork:
+        """The network as it runs here; its weights are read at the first prediction."""
+        if self.device == CPU:
+            return CompiledNetwork(self.network)
+        return TorchNetwork(self.network, self.device)
+
+    def on(self, device: str) -> Self:
+        """Return this model with its network on a device, ``cpu`` or ``cuda``."""
+        return replace(self, device=device)
 
     @property
     def kind(self) -> str:
@@ -151,35 +167,44 @@ class SainDynamics:
             InvalidInputError: arrays that do not fit together.
         """
         check_prediction(scenes, physics_next)
-        inputs = self._inputs(scenes, pushes, physics_next)
-        with torch.inference_mode():
-            residual = self.network(*inputs).numpy().astype(np.float64)
-        corrected = apply_residual(physics_next, pushes, residual)
-        idle = pushes[:, LENGTH] == 0.0
-        corrected[idle] = physics_next[idle]
-        return corrected
+        return self._forward.correct(scenes, pushes, physics_next)
+
+    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8).
+
+        As `StepwiseRollout` does; on a planar prior and the CPU in one go, several times faster.
+
+        Raises:
+            InvalidInputError: wrong shapes, NaN or Inf, or a mass or radius that is not positive.
+        """
+        forward = self._forward
+        if not isinstance(self.prior, PlanarPrior) or not isinstance(forward, CompiledNetwork):
+            return StepwiseRollout(self).rollout(scene, pushes)
+        flat = pushes.reshape(-1, pushes.shape[-1])
+        check_batch(np.broadcast_to(scene, (len(flat), *scene.shape)), flat)
+        return forward.rollout(self.prior, scene, pushes)
 
     def _physics(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None) -> Scenes:
         if friction is not None and isinstance(self.prior, PlanarPrior):
             return self.prior.step(scenes, pushes, friction)
         return self.prior.step(scenes, pushes)
 
-    def _inputs(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> list[Tensor]:
-        features = make_features(scenes, pushes, physics_next, self.network.config.features)
-        settle_threads()
-        arrays = (features.disks, features.relations)
-        return [torch.from_numpy(array.astype(np.float32)) for array in arrays]
-
     def _members_spread(
         self, scenes: Scenes, pushes: Pushes, physics_next: Scenes
     ) -> Float[ndarray, "B N"]:
         """Return the standard deviation of the members' places [m]; 0 for a lone network."""
-        with torch.inference_mode():
-            each = self.network.each(*self._inputs(scenes, pushes, physics_next))[..., :2]
-        if len(each) == 1:
+        if self.network.config.members == 1:
             return np.zeros(scenes.shape[:2])
+        settle_threads()
+        features = make_features(scenes, pushes, physics_next, self.network.config.features)
+        inputs = [
+            torch.from_numpy(array.astype(np.float32)).to(self.device)
+            for array in (features.disks, features.relations)
+        ]
+        with torch.inference_mode():
+            each = self.network.to(self.device).each(*inputs)[..., :2]
         variance = each.double().var(dim=0).sum(dim=-1)  # (B, N), in any frame
-        return np.where(pushes[:, LENGTH, None] == 0.0, 0.0, variance.sqrt().numpy())
+        return np.where(pushes[:, LENGTH, None] == 0.0, 0.0, variance.sqrt().cpu().numpy())
 
     def _friction_spread(
         self, scenes: Scenes, pushes: Pushes, friction: Scalars | None, doubt: Scalars

@@ -9,8 +9,11 @@ from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics, as_rollout
 from sain_core.errors import ModelUnavailableError, TooMuchWorkError
 from sain_core.history import PushHistory, informed
-from sain_core.scene import THETA, check_scene, make_scene, wrap_angle
+from sain_core.push import check_predictable
+from sain_core.scene import THETA, check_scene, check_scenes, make_scene, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_model.devices import AUTO, CPU, DEVICES, choose_device
+from sain_model.friction import FrictionFilter
 from sain_model.planar import PlanarPrior
 from sain_model.sain import SainDynamics
 
@@ -25,10 +28,19 @@ PHYSICS: Final = "physics"
 class ServingConfig(Config):
     """What is served."""
 
-    model: str = option("sain", "sain, planar, planar_axes, identity, or the path of a checkpoint")
+    model: str = option(
+        "sain", "sain, planar, planar_axes, identity, or the path of a checkpoint", live=True
+    )
+    device: str = option(
+        AUTO, "what the network runs on; auto: a GPU where there is one", choices=DEVICES
+    )
     max_work: int = option(
         2_000_000, "largest samples x horizon x disks of a request", minimum=1, maximum=2**40
     )
+    max_disks: int = option(
+        32, "most disks of a scene: pairs grow with the square", minimum=2, maximum=1024
+    )
+    max_queue: int = option(1000, "requests that may wait; further ones are refused", minimum=1)
 
 
 @dataclass(frozen=True)
@@ -41,6 +53,7 @@ class Description:
         prior: the physics below it; for a pure prior its own name.
         model_hash: SHA-256 of the weights; empty for a pure prior.
         card: the checkpoint's JSON card; empty for a pure prior.
+        device: what the network runs on.
     """
 
     model: str
@@ -48,18 +61,34 @@ class Description:
     prior: str
     model_hash: str
     card: str
+    device: str
 
 
 class ModelServer:
     """One model, asked for single pushes in a batch or for whole sequences."""
 
     def __init__(self, dynamics: Dynamics, config: ServingConfig) -> None:
-        """Serve this dynamics. It is run once here, so that no request waits for compilation."""
+        """Serve this dynamics, on the device that the settings choose.
+
+        Raises:
+            ConfigError: a GPU is wanted and there is none.
+        """
+        device = choose_device(config.device)
+        if isinstance(dynamics, SainDynamics):
+            dynamics = dynamics.on(device)
         self.config = config
         self.description = describe(config.model, dynamics)
         self._usual = dynamics
         self._learned: tuple[PushHistory, Dynamics] | None = None
-        as_rollout(dynamics).rollout(WARM_UP_SCENE, WARM_UP_PUSHES)
+
+    def try_out(self) -> None:
+        """Answer requests of both kinds, so that none from outside waits for compilation.
+
+        Raises:
+            ModelUnavailableError: the model predicts NaN or Inf.
+        """
+        self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES)
+        self.predict(np.stack([WARM_UP_SCENE] * len(WARM_UP_PUSHES)), WARM_UP_PUSHES[:, 0])
 
     def knowing(self, history: PushHistory | None) -> Dynamics:
         """Return the model that an episode's earlier pushes speak for; the latest is kept.
@@ -69,7 +98,7 @@ class ModelServer:
         """
         if history is None or len(history) == 0:
             return self._usual
-        self._check_work(len(history), history.disks)
+        self._check_work(len(history) * self._frictions(), history.disks)
         if self._learned is None or not self._learned[0].equals(history):
             self._learned = history, informed(self._usual, history)
         return self._learned[1]
@@ -89,11 +118,13 @@ class ModelServer:
 
         Raises:
             InvalidInputError: a scene that cannot exist.
-            TooMuchWorkError: K x H x N is above the limit.
+            OutOfRangeError: a push that no arm's limits could allow.
+            TooMuchWorkError: K x H x N is above the limit, or N alone.
             ModelUnavailableError: the model predicts NaN or Inf.
         """
-        check_scene(scene)
         self._check_work(pushes.shape[0] * pushes.shape[1], len(scene))
+        check_scene(scene)
+        check_predictable(pushes)
         return self._finite(as_rollout(self.knowing(history)).rollout(scene, pushes))
 
     def predict(
@@ -116,12 +147,13 @@ class ModelServer:
 
         Raises:
             InvalidInputError: a scene that cannot exist.
-            TooMuchWorkError: B x N is above the limit.
+            OutOfRangeError: a push that no arm's limits could allow.
+            TooMuchWorkError: B x N is above the limit, or N alone.
             ModelUnavailableError: the model predicts NaN or Inf.
         """
-        for scene in scenes:
-            check_scene(scene)
         self._check_work(len(scenes), scenes.shape[1])
+        check_scenes(scenes)
+        check_predictable(pushes)
         dynamics = self.knowing(history)
         if not isinstance(dynamics, SainDynamics):  # physics alone corrects nothing
             if physics_next is None:
@@ -139,7 +171,18 @@ class ModelServer:
             raise ModelUnavailableError(f"model {self.config.model!r} predicts NaN or Inf")
         return predicted
 
+    def _frictions(self) -> int:
+        """Return how many predictions a past push costs: one at each friction looked at."""
+        if isinstance(self._usual, PlanarPrior):
+            return len(FrictionFilter(self._usual, self._usual.config.friction).grid)
+        friction = self._usual.filter if isinstance(self._usual, SainDynamics) else None
+        return 1 if friction is None else len(friction.grid)
+
     def _check_work(self, predictions: int, disks: int) -> None:
+        if disks > self.config.max_disks:
+            raise TooMuchWorkError(
+                f"scenes of {disks} disks; at most {self.config.max_disks} are accepted"
+            )
         work = predictions * disks
         if work > self.config.max_work:
             raise TooMuchWorkError(
@@ -152,6 +195,11 @@ def describe(name: str, dynamics: Dynamics) -> Description:
     """Return what a dynamics of this name is."""
     if isinstance(dynamics, SainDynamics):
         return Description(
-            name, dynamics.kind, dynamics.prior_name, dynamics.model_hash, dynamics.card
+            name,
+            dynamics.kind,
+            dynamics.prior_name,
+            dynamics.model_hash,
+            dynamics.card,
+            dynamics.device,
         )
-    return Description(name, PHYSICS, name, "", "")
+    return Description(name, PHYSICS, name, "", "", CPU)

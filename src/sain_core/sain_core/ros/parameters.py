@@ -1,8 +1,8 @@
 """ROS parameters made from `Config` dataclasses, so that a default stands in one place only.
 
 A nested config becomes a prefix: ``planner.samples``. Parameters are read at the start and
-read-only from then on. `rclpy` ignores an override that nobody declares, in silence; here it
-stops the node and names what was probably meant.
+read-only from then on, but for those that are declared `live`. `rclpy` ignores an override that
+nobody declares, in silence; here it stops the node and names what was probably meant.
 """
 
 import dataclasses
@@ -107,7 +107,7 @@ def _descriptor(item: "dataclasses.Field[Any]", kind: Any) -> ParameterDescripto
     descriptor = ParameterDescriptor(
         description=f"{about.get('description', '')}{unit}",
         additional_constraints=f"one of {', '.join(map(str, choices))}" if choices else "",
-        read_only=True,
+        read_only=not about.get("live", False),
         dynamic_typing=get_origin(kind) is tuple,  # an empty list has no type of its own
     )
     low, high = about.get("minimum"), about.get("maximum")

@@ -17,3 +17,12 @@ LATCHED = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 """Goals: who joins late gets the last one."""
+
+SERVICE = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=100,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+"""Requests and answers of a service that may be asked faster than it answers: at ROS's own depth of
+10 the middleware drops what more comes in a burst, in silence."""

@@ -1,14 +1,22 @@
 """Work that must not block the executor: one thread, with the outcome handed back to the node."""
 
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Generator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
 T = TypeVar("T")
 Outcome = tuple["Future[Any]", Callable[["Future[Any]"], None]]
+
+
+class _Turn:
+    """Lets a coroutine wait until the executor has seen to something else."""
+
+    def __await__(self) -> Generator[None, None, None]:
+        yield
 
 
 class Worker:
@@ -22,7 +30,8 @@ class Worker:
         """Start the thread."""
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix=name)
         self._outcomes: SimpleQueue[Outcome] = SimpleQueue()
-        self._guard = node.create_guard_condition(self._hand_back)
+        group = MutuallyExclusiveCallbackGroup()  # no coroutine of the node's own bars the way
+        self._guard = node.create_guard_condition(self._hand_back, group)
         self._pending: set[Future[Any]] = set()
         self._closed = False
 
@@ -32,9 +41,29 @@ class Worker:
         self._pending.add(future)
         future.add_done_callback(lambda done: self._finished(done, then))
 
+    async def run(self, job: Callable[[], T]) -> "Future[T]":
+        """Run a job, with the executor free meanwhile; return its future, done.
+
+        For callbacks that are coroutines, in a reentrant group: in another kind, the first one
+        bars all others until it is done.
+        """
+        future = self._pool.submit(job)
+        self._pending.add(future)
+        future.add_done_callback(self._wake)
+        while not future.done():
+            await _Turn()
+        self._pending.discard(future)
+        return future
+
     def call(self, job: Callable[[], T]) -> T:
         """Run a job and wait for it: for short ones that the executor cannot go on without."""
         return self._pool.submit(job).result()
+
+    def wait(self, job: Callable[[], T]) -> "Future[T]":
+        """Run a job and wait for it, as `call`; return its future, done, whether well or not."""
+        future = self._pool.submit(job)
+        wait([future])
+        return future
 
     def close(self, last: Callable[[], None] | None = None) -> None:
         """Drop what has not begun, wait for what has, then run one last job on the thread."""
@@ -50,6 +79,10 @@ class Worker:
     def _finished(self, future: "Future[Any]", then: Callable[["Future[Any]"], None]) -> None:
         if not self._closed:
             self._outcomes.put((future, then))
+            self._guard.trigger()
+
+    def _wake(self, _: "Future[Any]") -> None:
+        if not self._closed:
             self._guard.trigger()
 
     def _hand_back(self) -> None:

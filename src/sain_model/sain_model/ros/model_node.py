@@ -1,98 +1,197 @@
 """The model as a service: single pushes in a batch, or whole sequences in one call."""
 
+import traceback
 from collections.abc import Callable
 from dataclasses import asdict
 from time import perf_counter
 from typing import Any, TypeVar
 
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
-from sain_core.errors import ErrorCode, SainError, error_reply
+from sain_core.errors import BusyError, ErrorCode, SainError, error_reply
 from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
 from sain_core.ros.node_main import NAMESPACE, node_main
 from sain_core.ros.parameters import read_parameters
-from sain_interfaces.srv import DescribeModel, PredictResidual, Rollout
+from sain_core.ros.qos import SERVICE
+from sain_core.ros.worker import Worker
+from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
+from sain_model.latency import ServiceRecord
+from sain_model.live import LiveModel
 from sain_model.serving import ModelServer, ServingConfig
 
 Response = TypeVar("Response", PredictResidual.Response, Rollout.Response)
+REPORT_PERIOD = 1.0  # [s]
 
 
 class ModelNode(Node):
-    """Serves one model. An error is an answer like any other, and the service goes on."""
+    """Serves one model at a time. An error is an answer like any other, and the service goes on.
+
+    One thread answers requests, one after another; another one loads what is to be served next;
+    the executor's takes requests and swaps models. It waits for neither, but when the standard
+    parameter service asks for a model: that must be told the outcome in the same breath.
+    """
 
     def __init__(self, **options: Any) -> None:
         """Load the model and run it once."""
         super().__init__("model_node", namespace=NAMESPACE, **options)
         config = read_parameters(self, ServingConfig)
-        self.server = ModelServer(load_dynamics(config.model), config)
-        self.requests = self.failures = 0
-        self.longest = 0.0
+        self.worker, self.loader = Worker(self, "serving"), Worker(self, "loading")
+        self.live = self.worker.call(lambda: LiveModel(load_dynamics, config))
+        self.prepared: ModelServer | None = None
+        self.record = ServiceRecord()
+        self.status, self.message = OK, "serving"
+        self.create_timer(REPORT_PERIOD, self._report)
         self.diagnostics = Diagnostics(self)
-        self.create_service(PredictResidual, "predict_residual", self._on_predict)
-        self.create_service(Rollout, "rollout", self._on_rollout)
-        self.create_service(DescribeModel, "describe_model", self._on_describe)
+        self._offer()
         self.get_logger().info(f"ready: serves {config.model}")
 
-    def _on_rollout(self, request: Rollout.Request, response: Rollout.Response) -> Rollout.Response:
-        def work() -> None:
+    def _offer(self) -> None:
+        group = ReentrantCallbackGroup()
+        for kind, name, callback in (
+            (PredictResidual, "predict_residual", self._on_predict),
+            (Rollout, "rollout", self._on_rollout),
+            (DescribeModel, "describe_model", self._on_describe),
+            (LoadModel, "load_model", self._on_load),
+        ):
+            self.create_service(kind, name, callback, qos_profile=SERVICE, callback_group=group)
+        self.add_on_set_parameters_callback(self._on_set_parameters)
+        self.add_post_set_parameters_callback(self._after_set_parameters)
+
+    async def _on_rollout(
+        self, request: Rollout.Request, response: Rollout.Response
+    ) -> Rollout.Response:
+        def work(server: ModelServer) -> None:
             scene, pushes = codec.decode_rollout_request(request)
             past = codec.decode_past(request)
-            response.predicted = codec.encode_floats(self.server.rollout(scene, pushes, past))
-            response.friction = self.server.friction(past)
+            response.predicted = codec.encode_floats(server.rollout(scene, pushes, past))
+            response.friction = server.friction(past)
 
-        return self._answer(work, response)
+        return await self._answer(work, response)
 
-    def _on_predict(
+    async def _on_predict(
         self, request: PredictResidual.Request, response: PredictResidual.Response
     ) -> PredictResidual.Response:
-        def work() -> None:
+        def work(server: ModelServer) -> None:
             asked, past = codec.decode_predict_request(request), codec.decode_past(request)
-            residual, next_state = self.server.predict(*asked, past)
-            response.friction = self.server.friction(past)
+            residual, next_state = server.predict(*asked, past)
+            response.friction = server.friction(past)
             response.residual = codec.encode_floats(residual)
             response.next_state = codec.encode_floats(next_state)
 
-        return self._answer(work, response)
+        return await self._answer(work, response)
 
     def _on_describe(
         self, request: DescribeModel.Request, response: DescribeModel.Response
     ) -> DescribeModel.Response:
-        for name, value in asdict(self.server.description).items():
+        server = self.live.current
+        for name, value in asdict(server.description).items():
             setattr(response, name, value)
-        response.max_work = self.server.config.max_work
+        response.max_work, response.max_disks = server.config.max_work, server.config.max_disks
         response.error_code = int(ErrorCode.OK)
         return response
 
-    def _answer(self, work: Callable[[], None], response: Response) -> Response:
-        """Do the work and fill in what every answer has."""
-        begun = perf_counter()
-        try:
-            work()
+    async def _on_load(
+        self, request: LoadModel.Request, response: LoadModel.Response
+    ) -> LoadModel.Response:
+        done = await self.loader.run(lambda: self.live.prepare(request.model))
+        error = done.exception()
+        if error is None:
+            self.prepared = done.result()
+            self.set_parameters([Parameter("model", value=request.model)])
             response.error_code = int(ErrorCode.OK)
-        except SainError as error:
-            self.failures += 1
-            response.error_code, response.error_message = error_reply(error)
-        response.compute_time = perf_counter() - begun
-        response.model = self.server.description.model
-        response.model_hash = self.server.description.model_hash
-        self._report(response)
+        else:
+            response.error_code, response.error_message = self._refusal(error)
+        described = self.live.current.description
+        response.model, response.model_hash = described.model, described.model_hash
         return response
 
-    def _report(self, response: Response) -> None:
-        self.requests += 1
-        self.longest = max(self.longest, response.compute_time)
-        well = response.error_code == ErrorCode.OK
+    def _on_set_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Load a model that the parameter names, unless `load_model` has done so already."""
+        names = [str(one.value) for one in parameters if one.name == "model"]
+        if not names or self.prepared is not None:
+            return SetParametersResult(successful=True)
+        done = self.loader.wait(lambda: self.live.prepare(names[-1]))
+        error = done.exception()
+        if error is not None:
+            reason = self._refusal(error)[1]
+            return SetParametersResult(successful=False, reason=reason)
+        self.prepared = done.result()
+        return SetParametersResult(successful=True)
+
+    def _after_set_parameters(self, parameters: list[Parameter]) -> None:
+        if self.prepared is not None:
+            self.live.serve(self.prepared)
+            self.prepared = None
+            described = self.live.current.description
+            self.get_logger().info(f"serves {described.model} now, {described.model_hash[:16]}")
+            self._report()
+
+    def _refusal(self, error: BaseException) -> tuple[int, str]:
+        code, message = error_reply(error)
+        self.get_logger().warning(f"goes on serving {self.live.current.config.model}: {message}")
+        self._log_defect(error)
+        return code, message
+
+    async def _answer(self, work: Callable[[ModelServer], None], response: Response) -> Response:
+        """Do the work on the thread for it, and fill in what every answer has."""
+        taken, error = perf_counter(), self._overload()
+        self.record.take()
+        if error is None:
+            done = await self.worker.run(lambda: self._compute(work, response))
+            error = done.exception()
+        if error is None:
+            response.error_code = int(ErrorCode.OK)
+        else:
+            response.error_code, response.error_message = error_reply(error)
+            self._log_defect(error)
+        self.record.answer(perf_counter() - taken, well=error is None)
+        self.status = OK if error is None else WARN
+        self.message = "serving" if error is None else f"refused: {response.error_message}"
+        self._report()
+        return response
+
+    def _overload(self) -> BaseException | None:
+        waiting, most = self.record.queue, self.live.current.config.max_queue
+        if waiting < most:
+            return None
+        return BusyError(f"{waiting} requests are waiting already; at most {most} may")
+
+    def _compute(self, work: Callable[[ModelServer], None], response: Response) -> None:
+        """Answer with the model that is served now, whatever is served when it is done."""
+        begun, server = perf_counter(), self.live.current
+        response.model = server.description.model
+        response.model_hash = server.description.model_hash
+        try:
+            work(server)
+        finally:
+            response.compute_time = perf_counter() - begun
+
+    def _log_defect(self, error: BaseException) -> None:
+        """Leave a trace of what should never happen; a `SainError` tells enough by itself."""
+        if not isinstance(error, SainError):
+            self.get_logger().error("".join(traceback.format_exception(error)))
+
+    def _report(self) -> None:
+        described = self.live.current.description
         self.diagnostics.set(
-            OK if well else WARN,
-            "serving" if well else f"refused: {response.error_message}",
-            model=response.model,
-            requests=self.requests,
-            failures=self.failures,
-            last_ms=f"{1e3 * response.compute_time:.1f}",
-            longest_ms=f"{1e3 * self.longest:.1f}",
+            self.status,
+            self.message,
+            model=described.model,
+            model_hash=described.model_hash[:16],
+            device=described.device,
+            **self.record.summary(),
         )
+
+    def destroy_node(self) -> None:
+        """Finish what was begun."""
+        self.loader.close()
+        self.worker.close()
+        super().destroy_node()
 
 
 def main() -> None:

@@ -1,0 +1,185 @@
+"""How fast SAIN predicts: ``./env python -m benchmarks.inference``.
+
+A rollout of K = 1024, H = 15, N = 2 in this process, beside its prior alone, beside PyTorch step by
+step, and the share of the machine's measured matrix-multiply peak that the network part reaches.
+Then a batch of 1,024 single pushes over DDS, asked of a node in a process of its own, beside the
+same call in this one. Times are the shortest of many, taken in turns. Processor time hardly depends
+on who else uses the machine; the load average says whether anybody did.
+"""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numba
+import numpy as np
+import torch
+import tyro
+
+from benchmarks.planar_prior import draw
+from benchmarks.report import Figure, report
+from sain_core.dynamics import StepwiseRollout
+from sain_core.types import Pushes, Scenes
+from sain_model.load import load_dynamics
+from sain_model.sain import SainDynamics
+from sain_model.serving import ModelServer, ServingConfig
+from sain_model.torch_network import TorchNetwork
+
+SAMPLES, HORIZON, BATCH = 1024, 15, 1024
+
+
+@dataclass(frozen=True)
+class Options:
+    """How much to measure."""
+
+    model: str = "sain"
+    """name or checkpoint; a network on the planar prior"""
+    repeats: int = 30
+    """calls of each, of which the fastest counts"""
+    seed: int = 0
+    """of scenes and pushes"""
+    wire: bool = True
+    """also over DDS: needs the middleware, and starts a model node"""
+    out: Path | None = None
+    """write the figures to this JSON file"""
+
+
+class Reference:
+    """SAIN step by step, its network run by PyTorch."""
+
+    def __init__(self, sain: SainDynamics) -> None:
+        self.prior, self.network = sain.prior, TorchNetwork(sain.network, "cpu")
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        return self.network.correct(scenes, pushes, self.prior.step(scenes, pushes))
+
+
+def fastest(works: dict[str, Callable[[], object]], repeats: int) -> dict[str, float]:
+    """Return the shortest wall-clock time [s] of each, taken in turns; the first is not counted."""
+    times: dict[str, list[float]] = {name: [] for name in works}
+    for _ in range(repeats + 1):
+        for name, work in works.items():
+            begun = time.perf_counter()
+            work()
+            times[name].append(time.perf_counter() - begun)
+    return {name: min(values[1:]) for name, values in times.items()}
+
+
+def processor_time(work: Callable[[], object], repeats: int) -> float:
+    """Return the shortest time [s] that a call takes of all cores together."""
+    times = []
+    for _ in range(repeats):
+        begun = time.process_time()
+        work()
+        times.append(time.process_time() - begun)
+    return min(times)
+
+
+def peak(threads: int, size: int = 1024) -> Callable[[], object]:
+    """Return a multiplication of large matrices in single precision, on so many threads."""
+    left, right = torch.rand(size, size), torch.rand(size, size)
+
+    def multiply() -> None:
+        torch.set_num_threads(threads)
+        torch.mm(left, right)
+        torch.set_num_threads(1)
+
+    return multiply
+
+
+def multiplications(sain: SainDynamics, disks: int) -> float:
+    """Return the floating-point operations of the network's products for one push."""
+
+    def of(part: torch.nn.Module) -> float:
+        return 2.0 * sum(
+            value.numel() for name, value in part.named_parameters() if "weight" in name
+        )
+
+    pairs = disks * (disks - 1)
+    return pairs * of(sain.network.relation) + disks * of(sain.network.dynamics)
+
+
+def rollouts(sain: SainDynamics, options: Options) -> list[Figure]:
+    """Measure rollouts in this process."""
+    threads = numba.get_num_threads()
+    scenes, pushes = draw(SAMPLES * HORIZON, options.seed)
+    scene, sequences = scenes[0], pushes.reshape(SAMPLES, HORIZON, 3)
+    predicted = sain.rollout(scene, sequences)
+    before = np.concatenate(  # every scene that the rollout corrects a prediction for
+        [np.broadcast_to(scene, (SAMPLES, 1, *scene.shape)), predicted[:, :-1]], axis=1
+    ).reshape(-1, *scene.shape)
+    physics = sain.prior.step(before, pushes)
+    reference = Reference(sain)
+    far = np.abs(StepwiseRollout(reference).rollout(scene, sequences) - predicted)[..., :2].max()
+    times = fastest(
+        {
+            "rollout": lambda: sain.rollout(scene, sequences),
+            "prior": lambda: StepwiseRollout(sain.prior).rollout(scene, sequences),
+            "network": lambda: sain.correct(before, pushes, physics),
+            "reference": lambda: StepwiseRollout(reference).rollout(scene, sequences),
+            "peak": peak(threads),
+        },
+        options.repeats,
+    )
+    cores = processor_time(lambda: sain.rollout(scene, sequences), options.repeats)
+    work = multiplications(sain, len(scene)) * len(pushes)
+    most = 2.0 * 1024**3 / times["peak"]
+    return [
+        Figure(f"rollout on {threads} cores", 1e3 * times["rollout"], "ms", at_most=60.0),
+        Figure("processor time of it, all cores", 1e3 * cores, "ms"),
+        Figure("its prior alone, step by step", 1e3 * times["prior"], "ms"),
+        Figure("its network alone, features included", 1e3 * times["network"], "ms"),
+        Figure("PyTorch step by step / rollout", times["reference"] / times["rollout"], "times"),
+        Figure("difference of the two", 1e9 * far, "nm", at_most=1000.0),
+        Figure("matrix-multiply peak", 1e-9 * most, "GFLOP/s"),
+        Figure("share of it, network and features", work / times["network"] / most, ""),
+    ]
+
+
+def wire(options: Options) -> list[Figure]:
+    """Measure `predict_residual` over DDS, with the node in a process of its own."""
+    from benchmarks.wire import Asker  # needs the middleware; the rest does not
+
+    scenes, pushes = draw(BATCH, options.seed)
+    server = ModelServer(load_dynamics(options.model), ServingConfig(model=options.model))
+    command = ["ros2", "run", "sain_model", "model_node", "--ros-args", "-p"]
+    node = subprocess.Popen([*command, f"model:={options.model}"], stderr=subprocess.DEVNULL)
+    try:
+        with Asker(scenes, pushes) as asker:
+            expected, found = server.predict(scenes, pushes)[1], asker.ask()
+            if found.tobytes() != expected.tobytes():
+                sys.exit("the node's answer is not that of this process")
+            times = fastest(
+                {"wire": asker.ask, "process": lambda: server.predict(scenes, pushes)},
+                3 * options.repeats,
+            )
+    finally:
+        node.terminate()
+        node.wait()
+    return [
+        Figure(f"predict_residual, B = {BATCH}, in process", 1e3 * times["process"], "ms"),
+        Figure("over DDS, encoding and decoding included", 1e3 * times["wire"], "ms"),
+        Figure("over DDS / in process", times["wire"] / times["process"], "", at_most=1.5),
+    ]
+
+
+def main() -> None:
+    """Measure how fast SAIN predicts."""
+    options = tyro.cli(Options, description=main.__doc__)
+    sain = load_dynamics(options.model)
+    if not isinstance(sain, SainDynamics):
+        sys.exit(f"{options.model} has no network")
+    figures = rollouts(sain, options)
+    if options.wire:
+        figures += wire(options)
+    figures.append(Figure("load average meanwhile", os.getloadavg()[0], ""))
+    title = f"Inference, K = {SAMPLES}, H = {HORIZON}, N = 2"
+    report(title, figures, options.out)
+
+
+if __name__ == "__main__":
+    main()

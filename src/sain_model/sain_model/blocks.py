@@ -1,0 +1,37 @@
+"""Compiled work in blocks, on as many threads as Numba's: who is free takes the next block.
+
+The kernels let go of Python's lock, so that Python's own threads can run them side by side. What
+a block computes does not depend on who computes it. Against Numba's own parallel loops this takes
+a third of the time to compile, and a core that is busy with something else gets fewer blocks.
+"""
+
+import functools
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
+
+
+def run_blocks(work: Callable[[int], None], total: int, size: int) -> None:
+    """Call `work` with the first number of each block: 0, size, 2 size, ... below `total`."""
+    blocks = iter(range(0, total, size))  # a thread takes the next one under Python's lock
+
+    def take() -> None:
+        for first in blocks:
+            work(first)
+
+    helpers = min(numba.get_num_threads(), -(-total // size)) - 1
+    helping = [_pool().submit(take) for _ in range(helpers)]
+    take()
+    for helper in helping:
+        if not helper.cancel():  # on a busy machine it may not have begun, and there is no need
+            helper.result()
+
+
+@functools.cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(numba.config.NUMBA_NUM_THREADS, "sain-blocks")  # type: ignore[attr-defined]
+
+
+os.register_at_fork(after_in_child=_pool.cache_clear)  # a child process has none of the threads

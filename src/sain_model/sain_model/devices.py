@@ -1,0 +1,26 @@
+"""Where a network runs: on a GPU when there is one, on the CPU otherwise, or as one says."""
+
+from typing import Final
+
+import torch
+
+from sain_core.errors import ConfigError
+
+AUTO: Final = "auto"
+CPU: Final = "cpu"
+CUDA: Final = "cuda"
+DEVICES: Final = (AUTO, CPU, CUDA)
+
+
+def choose_device(wanted: str) -> str:
+    """Return the device, ``cpu`` or ``cuda``, for what is wanted, one of `DEVICES`.
+
+    Raises:
+        ConfigError: a GPU is wanted and PyTorch finds none, or no such device is known.
+    """
+    if wanted not in DEVICES:
+        raise ConfigError(f"device is {wanted!r}; allowed: {', '.join(DEVICES)}")
+    found = torch.cuda.is_available()
+    if wanted == CUDA and not found:
+        raise ConfigError("device is 'cuda', but PyTorch finds no GPU; 'auto' would take the CPU")
+    return CPU if wanted == CPU or not found else CUDA

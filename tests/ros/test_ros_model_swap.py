@@ -1,0 +1,313 @@
+"""Another model while requests come in: none is lost, none gets a mixture, no bad one is served."""
+
+import hashlib
+import json
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+
+from sain_core.dynamics import IdentityPrior, StepwiseRollout
+from sain_core.errors import ErrorCode
+from sain_core.push import PushLimits
+from sain_core.ros import codec
+from sain_core.ros.qos import SERVICE
+from sain_core.scene import make_scene
+from sain_core.types import Pushes, Scenes
+from sain_interfaces.srv import DescribeModel, LoadModel, Rollout
+from sain_model.checkpoint import Card, card_path, save_checkpoint
+from sain_model.load import load_dynamics
+from sain_model.network import InteractionNetwork, NetworkConfig
+from sain_model.ros import model_node
+from sain_model.ros.model_node import ModelNode
+
+SCENE = make_scene(
+    np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
+)
+SEQUENCES = PushLimits().sample(np.random.default_rng(0), 40).reshape(20, 2, 3)
+
+
+def make_checkpoint(path: Path, seed: int) -> str:
+    torch.manual_seed(seed)
+    network = InteractionNetwork(NetworkConfig(hidden=8, message=4))
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.add_(0.3 * torch.randn_like(parameter))
+    save_checkpoint(path, network, Card("planar", {}, {}))
+    return str(path)
+
+
+@pytest.fixture
+def first(tmp_path: Path) -> str:
+    return make_checkpoint(tmp_path / "first.safetensors", 1)
+
+
+@pytest.fixture
+def second(tmp_path: Path) -> str:
+    return make_checkpoint(tmp_path / "second.safetensors", 2)
+
+
+def request() -> Rollout.Request:
+    made = Rollout.Request(samples=20, horizon=2, disks=2)
+    made.scene, made.pushes = codec.encode_floats(SCENE), codec.encode_floats(SEQUENCES)
+    return made
+
+
+def answers_of(*paths: str) -> dict[str, bytes]:
+    """Return what each checkpoint answers, by its hash."""
+    models = [load_dynamics(path) for path in paths]
+    return {
+        model.model_hash: StepwiseRollout(model).rollout(SCENE, SEQUENCES).tobytes()
+        for model in models
+    }
+
+
+class Stream:
+    """Asks the same again and again, so many requests at a time."""
+
+    def __init__(self, graph: Any, width: int) -> None:
+        self.graph = graph
+        self.client = graph.bystander.create_client(Rollout, "rollout", qos_profile=SERVICE)
+        graph.wait(self.client.service_is_ready, "the service")
+        self.asked: list[Any] = []  # futures, in the order of asking
+        self.answered: list[Rollout.Response] = []  # in the order of the answers
+        self.open = True
+        for _ in range(width):
+            self.ask()
+
+    def ask(self) -> None:
+        self.asked.append(self.client.call_async(request()))
+        self.asked[-1].add_done_callback(self.take)
+
+    def take(self, future: Any) -> None:
+        self.answered.append(future.result())
+        if self.open:
+            self.ask()
+
+    def run(self, more: int) -> None:
+        """Let so many more be answered."""
+        until = len(self.answered) + more
+        self.graph.wait(lambda: len(self.answered) >= until, f"answer {until}")
+
+    def finish(self) -> None:
+        self.open = False
+        everything = len(self.asked)
+        self.graph.wait(lambda: len(self.answered) == everything, f"all {everything} answers")
+
+
+def set_model(graph: Any, name: str) -> Any:
+    asked = SetParameters.Request(parameters=[Parameter("model", value=name).to_parameter_msg()])
+    return graph.call(SetParameters, "model_node/set_parameters", asked).results[0]
+
+
+def test_a_stream_of_requests_goes_on_through_swaps(graph, first, second):
+    node = graph.start(ModelNode, model=first)
+    expected = answers_of(first, second)
+    assert len(set(expected.values())) == 2
+    stream = Stream(graph, 30)  # more at a time than the middleware keeps by default
+    for path in (second, first, second):
+        stream.run(5)
+        loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model=path))
+        assert (loaded.error_code, loaded.error_message) == (ErrorCode.OK, "")
+        assert (loaded.model, loaded.model_hash) == (path, load_dynamics(path).model_hash)
+        assert node.get_parameter("model").value == path
+    stream.run(5)
+    assert set_model(graph, first).successful
+    stream.run(40)
+    stream.finish()
+    for answer in stream.answered:
+        assert answer.error_code == ErrorCode.OK
+        predicted = codec.decode_rollout(answer, (20, 2, 2))
+        assert predicted.tobytes() == expected[answer.model_hash]
+    assert {answer.model_hash for answer in stream.answered} == set(expected)
+    described = graph.call(DescribeModel, "describe_model", DescribeModel.Request())
+    assert (described.model, described.model_hash) == (first, load_dynamics(first).model_hash)
+    assert json.loads(described.card)["weights_sha256"] == described.model_hash
+
+
+class Slow:
+    """Predicts when it may."""
+
+    def __init__(self) -> None:
+        self.begun, self.may = Event(), Event()
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        self.begun.set()
+        assert self.may.wait(60)
+        return scenes + 1.0
+
+
+def test_what_was_begun_is_finished_by_the_same_model(graph, monkeypatch):
+    slow = Slow()
+    slow.may.set()  # for its start
+    models: dict[str, Any] = {"slow": slow, "fast": IdentityPrior()}
+    monkeypatch.setattr(model_node, "load_dynamics", models.__getitem__)
+    graph.start(ModelNode, model="slow")
+    graph.listen("/diagnostics", DiagnosticArray)
+    slow.may.clear()
+    slow.begun.clear()
+    stream = Stream(graph, 1)
+    stream.open = False
+    graph.wait(slow.begun.is_set, "the first request")
+    loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model="fast"))
+    assert loaded.model == "fast"
+    stream.ask()
+    stream.ask()
+
+    def queue() -> set[str]:
+        arrays = graph.heard["/diagnostics"]
+        return {p.value for a in arrays for p in a.status[0].values if p.key == "queue"}
+
+    graph.wait(lambda: "3" in queue(), "three requests in the queue")
+    assert stream.answered == []
+    slow.may.set()
+    stream.finish()
+    answers = [future.result() for future in stream.asked]
+    assert [answer.model for answer in answers] == ["slow", "fast", "fast"]
+    moved = [answer.predicted[0] - SCENE[0, 0] for answer in answers]
+    assert moved == pytest.approx([1.0, 0.0, 0.0])
+
+
+def test_more_requests_than_may_wait_are_refused(graph, monkeypatch):
+    slow = Slow()
+    slow.may.set()
+    monkeypatch.setattr(model_node, "load_dynamics", lambda name: slow)
+    graph.start(ModelNode, model="slow", max_queue=2)
+    slow.may.clear()
+    stream = Stream(graph, 4)
+    stream.open = False
+    stream.run(2)
+    assert {answer.error_code for answer in stream.answered} == {ErrorCode.BUSY}
+    assert "2 requests are waiting already" in stream.answered[0].error_message
+    slow.may.set()
+    stream.finish()
+    assert [answer.error_code for answer in stream.answered[2:]] == [ErrorCode.OK] * 2
+
+
+def test_requests_are_answered_while_a_model_loads(graph, monkeypatch):
+    may = Event()
+
+    def load(name: str) -> IdentityPrior:
+        assert name == "now" or may.wait(60)
+        return IdentityPrior()
+
+    monkeypatch.setattr(model_node, "load_dynamics", load)
+    graph.start(ModelNode, model="now")
+    client = graph.bystander.create_client(LoadModel, "load_model")
+    graph.wait(client.service_is_ready, "the service")
+    loading = client.call_async(LoadModel.Request(model="later"))
+    answers = [graph.call(Rollout, "rollout", request()) for _ in range(3)]
+    assert [answer.model for answer in answers] == ["now"] * 3
+    assert not loading.done()
+    may.set()
+    graph.wait(loading.done, "the model")
+    assert graph.call(Rollout, "rollout", request()).model == "later"
+
+
+class Canary:
+    """Leaves a trace when it is unpickled."""
+
+    def __init__(self, trace: Path) -> None:
+        self.trace = trace
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return Path.touch, (self.trace,)
+
+
+def edit_card(path: Path, **changes: object) -> None:
+    card = json.loads(card_path(path).read_text())
+    card_path(path).write_text(json.dumps(card | changes))
+
+
+def rewrite(path: Path, content: bytes) -> None:
+    """Replace the weights, and let the card vouch for them."""
+    path.write_bytes(content)
+    edit_card(path, weights_sha256=hashlib.sha256(content).hexdigest())
+
+
+SPOILED: dict[str, tuple[Callable[[Path], object], str]] = {
+    "missing": (Path.unlink, "does not exist"),
+    "cardless": (lambda path: card_path(path).unlink(), "does not exist"),
+    "truncated": (lambda path: path.write_bytes(path.read_bytes()[:-50]), "truncated, changed"),
+    "cut": (lambda path: rewrite(path, path.read_bytes()[:-50]), "not a safetensors file"),
+    "text": (lambda path: rewrite(path, b"not a checkpoint"), "not a safetensors file"),
+    "pickle": (
+        lambda path: rewrite(path, pickle.dumps(Canary(path.with_name("trace")))),
+        "not a safetensors file",
+    ),
+    "torch": (
+        lambda path: torch.save(Canary(path.with_name("trace")), path),
+        "truncated, changed",
+    ),
+    "width": (
+        lambda path: edit_card(path, network={"hidden": 16, "message": 4, "layers": 2}),
+        "has shape",
+    ),
+    "architecture": (
+        lambda path: edit_card(path, architecture="transformer"),
+        "architecture is 'transformer'",
+    ),
+    "features": (lambda path: edit_card(path, feature_version=99), "feature_version is 99"),
+    "nesting": (lambda path: card_path(path).write_text("[" * 100_000), ""),
+}
+
+
+@pytest.mark.parametrize("kind", sorted(SPOILED))
+def test_a_bad_checkpoint_is_refused_and_the_old_one_goes_on(graph, first, tmp_path, kind):
+    spoil, reason = SPOILED[kind]
+    node = graph.start(ModelNode, model=first)
+    bad = tmp_path / "bad.safetensors"
+    make_checkpoint(bad, 3)
+    spoil(bad)
+    loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model=str(bad)))
+    assert loaded.error_code in {ErrorCode.CHECKPOINT, ErrorCode.INTERNAL}
+    assert (loaded.error_code == ErrorCode.INTERNAL) == (kind == "nesting")
+    assert reason in loaded.error_message
+    assert (loaded.model, loaded.model_hash) == (first, load_dynamics(first).model_hash)
+    result = set_model(graph, str(bad))
+    assert not result.successful
+    assert reason in result.reason
+    assert node.get_parameter("model").value == first
+    answer = graph.call(Rollout, "rollout", request())
+    predicted = codec.decode_rollout(answer, (20, 2, 2))
+    assert predicted.tobytes() == answers_of(first)[answer.model_hash]
+    assert not (tmp_path / "trace").exists()
+
+
+def test_the_canary_sings_where_it_is_unpickled(tmp_path):
+    pickle.loads(pickle.dumps(Canary(tmp_path / "trace")))
+    assert (tmp_path / "trace").exists()
+
+
+def test_a_model_of_no_known_name_and_one_that_predicts_nan_are_refused(graph, monkeypatch):
+    class Broken:
+        def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+            return np.full_like(scenes, np.nan)
+
+    graph.start(ModelNode, model="planar")
+    loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model="planer"))
+    assert ErrorCode(loaded.error_code) is ErrorCode.CONFIG
+    assert "did you mean 'planar'" in loaded.error_message
+    node = graph.nodes[-1]
+    monkeypatch.setattr(node.live, "_load", lambda name: Broken())
+    loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model="broken"))
+    assert ErrorCode(loaded.error_code) is ErrorCode.MODEL_UNAVAILABLE
+    assert "predicts NaN or Inf" in loaded.error_message
+    assert graph.call(Rollout, "rollout", request()).model == "planar"
+
+
+def test_other_parameters_stay_as_they_are(graph):
+    graph.start(ModelNode, model="planar")
+    parameter = Parameter("max_work", value=7).to_parameter_msg()
+    asked = SetParameters.Request(parameters=[parameter])
+    result = graph.call(SetParameters, "model_node/set_parameters", asked).results[0]
+    assert not result.successful
+    assert "read-only" in result.reason
