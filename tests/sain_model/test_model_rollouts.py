@@ -56,7 +56,8 @@ def test_a_rollout_of_one_push_is_a_step(data: Transitions) -> None:
         with torch.inference_mode():
             learned = roll(sain.network, windows, sain.prior, config)[:, 0].numpy()
         learned[..., 2] = wrap_angle(learned[..., 2])
-        np.testing.assert_allclose(learned, stepped[..., POSE], atol=1e-6)  # kernels and PyTorch, float32
+        # one is PyTorch's forward pass, the other the kernels', both in single precision
+        np.testing.assert_allclose(learned, stepped[..., POSE], atol=1e-6)
         rolled = as_rollout(sain).rollout(data.scenes[0], data.pushes[:1, None])
         np.testing.assert_allclose(rolled[0, 0], stepped[0], atol=1e-6)
 
