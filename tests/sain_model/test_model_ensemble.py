@@ -56,6 +56,8 @@ def test_an_ensemble_in_one_call_is_its_members_one_by_one(disks: int) -> None:
         torch.testing.assert_close(together.each(*shared), alone, atol=1e-6, rtol=1e-5)
         torch.testing.assert_close(together(*shared), alone.mean(0), atol=1e-6, rtol=1e-5)
         torch.testing.assert_close(together.each(*inputs), own, atol=1e-6, rtol=1e-5)
+        many = [part[:1].expand(1100, *part.shape[1:]) for part in shared]  # more than a chunk
+        torch.testing.assert_close(together(*many)[-1], alone.mean(0)[0], atol=1e-6, rtol=1e-5)
     assert (alone[0] - alone[1]).abs().max() > 1e-3
 
 

@@ -23,6 +23,7 @@ from sain_model.members import make_linear
 from sain_model.place_features import PLACE_FEATURES
 
 OUTPUTS = 3  # dx, dy, dtheta
+CHUNK = 512  # pushes at a time in an ensemble: what all its members make of them fits the cache
 POSITION_UNIT = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE
 
 
@@ -68,8 +69,10 @@ class InteractionNetwork(nn.Module):
         self, disks: Float[Tensor, "B N D"], relations: Float[Tensor, "B E R"]
     ) -> Float[Tensor, "B N 3"]:
         """Return the residual of each disk: dx, dy [m] in the push frame, dtheta [rad]."""
-        mean: Tensor = self.each(disks, relations).mean(dim=0)
-        return mean
+        if self.config.members == 1:
+            return self.each(disks, relations)[0]
+        parts = zip(disks.split(CHUNK), relations.split(CHUNK), strict=True)
+        return torch.cat([self.each(*part).mean(dim=0) for part in parts])
 
     def each(
         self, disks: Float[Tensor, "*M B N D"], relations: Float[Tensor, "*M B E R"]

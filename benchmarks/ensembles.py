@@ -1,0 +1,174 @@
+"""What an ensemble is worth: its errors, how often its regions hold, what its disagreement tells.
+
+./env python -m benchmarks.ensembles data/rough --features world --batch 64 --epochs 85 \
+    --history none --transitions 3000 --out runs/ensembles/rough
+./env python -m benchmarks.ensembles data/randomised --prior planar_axes --position-scale 0.0002 \
+    --heading-scale 0.01 --epochs 60 --hidden 128 --weight-decay 0.01 --transitions 3000 \
+    --outside data/wide --out runs/ensembles/randomised
+
+For each seed, of the split and of the weights: one network, an ensemble whose members see the data
+in different orders, and one whose members see different episodes. Run it again to go on after a
+stop.
+"""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+import tyro
+from rich.console import Console
+
+from benchmarks.rough_world import ratio
+from sain_core.dynamics import Dynamics
+from sain_core.scene import TARGET
+from sain_model.batches import BOOTSTRAP, ORDER
+from sain_model.checkpoint import write_whole
+from sain_model.coverage import measure_intervals
+from sain_model.dataset import (
+    Split,
+    Transitions,
+    limit_training,
+    load_transitions,
+    split_by_episode,
+)
+from sain_model.interval_fit import fit_intervals, predict_with_history
+from sain_model.load import load_prior
+from sain_model.metrics import position_errors
+from sain_model.sain import SainDynamics
+from sain_model.train_cli import make_filter
+from sain_model.training import NOTHING, Trainer, TrainingConfig
+
+PATIENCES = (3, 5, 10, 20)
+
+
+@dataclass(frozen=True)
+class Command:
+    """What to train on, and how."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """A collection."""
+    out: Path
+    """Folder of the states and of the report."""
+    outside: Path | None = None
+    """A collection outside of the training ranges."""
+    size: int = 5
+    """Members of the ensembles."""
+    seeds: tuple[int, ...] = (0, 1, 2)
+    """Of splits and trainings."""
+    training: TrainingConfig = TrainingConfig()
+
+
+def main() -> None:
+    """Train, measure, and print a table."""
+    torch.set_num_threads(1)
+    command = tyro.cli(Command, description=main.__doc__, config=(tyro.conf.OmitArgPrefixes,))
+    data = load_transitions(command.dataset)
+    outside = load_transitions(command.outside) if command.outside else None
+    rows = []
+    for seed in command.seeds:
+        config = replace(command.training, seed=seed)
+        split = split_by_episode(data, seed, config.validation, config.test)
+        if config.transitions:
+            split = limit_training(split, config.transitions)
+        alone: np.ndarray | None = None
+        for members, diversity in ((1, ORDER), (command.size, ORDER), (command.size, BOOTSTRAP)):
+            row, errors = measure(command, with_members(config, members, diversity), split, outside)
+            alone = errors if alone is None else alone
+            row["to one network"] = ratio(errors, alone, split.test.episodes)
+            rows.append(row)
+            show(row)
+            report = {"dataset": str(command.dataset), "sha256": data.sha256, "rows": rows}
+            write_whole(command.out / "report.json", (json.dumps(report, indent=2) + "\n").encode())
+
+
+def with_members(config: TrainingConfig, members: int, diversity: str) -> TrainingConfig:
+    """Return settings of so many members."""
+    network = replace(config.network, members=members)
+    return replace(config, network=network, diversity=diversity)
+
+
+def measure(
+    command: Command, config: TrainingConfig, split: Split, outside: Transitions | None
+) -> tuple[dict[str, Any], np.ndarray]:
+    """Train one model; return what was found of it and its target errors (M,) [mm] on test."""
+    members, diversity = config.network.members, config.diversity
+    folder = command.out / f"{members}-{diversity}-{config.seed}"
+    prior = load_prior(config.prior, {"friction": config.prior_friction})
+    sain, validation, seconds = trained(config, split, prior, folder)
+    errors = target_errors(sain, split.test)
+    row: dict[str, Any] = {
+        "members": members,
+        "diversity": diversity,
+        "seed": config.seed,
+        "seconds": seconds,
+        "target_mean": float(errors.mean()),
+        "intervals": measure_intervals(sain, split.test, config.seed),
+        "early_stop": {patience: stopped(validation, patience) for patience in PATIENCES},
+    }
+    if outside is not None:
+        row["outside"] = measure_intervals(sain, outside, config.seed)
+        row["outside_mean"] = float(target_errors(sain, outside).mean())
+    return row, errors
+
+
+def trained(
+    config: TrainingConfig, split: Split, prior: Dynamics, folder: Path
+) -> tuple[SainDynamics, list[float], float]:
+    """Return the model, its validation losses, and the processor time of its training [s]."""
+    friction = None if config.history == NOTHING else make_filter(prior, split.train)
+    trainer = Trainer(split, prior, config, folder, friction)
+    begun = time.process_time()
+    trainer.run()
+    seconds = time.process_time() - begun
+    infers = friction.config if friction else None
+    sain = SainDynamics(trainer.network, prior, config.prior, friction=infers)
+    sain.intervals = fit_intervals(sain, split.validation)
+    return sain, trainer.history.validation, seconds
+
+
+def target_errors(sain: SainDynamics, data: Transitions) -> np.ndarray:
+    """Return how far off the target is predicted with the episode's earlier pushes, (M,) [mm]."""
+    return position_errors(predict_with_history(sain, data).mean, data.next_scenes, TARGET)
+
+
+def stopped(validation: list[float], patience: int) -> tuple[float, float]:
+    """Return which share of the epochs patience saves, and the share of loss that it costs."""
+    best = 0
+    for epoch, loss in enumerate(validation):
+        best = epoch if loss < validation[best] else best
+        if epoch - best >= patience:
+            break
+    return 1.0 - (epoch + 1) / len(validation), validation[best] / min(validation) - 1.0
+
+
+def show(row: dict[str, Any]) -> None:
+    """Print one model's row."""
+    target = row["intervals"]["target"]
+    parts: dict[str, Any] = target["parts"]
+    held: Callable[[str], str] = lambda name: f"{100 * parts[name]['coverage']:.1f}"  # noqa: E731
+    thirds = " / ".join(held(name) for name in parts if name.endswith("by spread"))
+    ranks = target["rank_correlation"]
+    told = ", ".join(f"{name} {value:.2f}" for name, value in ranks.items() if value is not None)
+    low, high = row["to one network"][1:]
+    Console(width=160, highlight=False).print(
+        f"{row['members']} {row['diversity']} seed {row['seed']}: {row['target_mean']:.4f} mm"
+        f" ({row['to one network'][0]:.3f} [{low:.3f}, {high:.3f}]), {row['seconds']:.0f} s;"
+        f" held {held('all')} % ({thirds}); rank {told}",
+    )
+    if "outside" in row:
+        far = row["outside"]["target"]
+        Console(width=160, highlight=False).print(
+            f"  outside: {row['outside_mean']:.3f} mm, held"
+            f" {100 * far['parts']['all']['coverage']:.1f} %, spread"
+            f" {far['parts']['all']['spread_mean']:.3f} mm where it was"
+            f" {parts['all']['spread_mean']:.3f}; rank {far['rank_correlation']}"
+        )
+
+
+if __name__ == "__main__":
+    main()
