@@ -5,7 +5,7 @@ import platform
 import shlex
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -31,6 +31,7 @@ from sain_model.friction import FrictionConfig, FrictionFilter
 from sain_model.friction_noise import fit_noise
 from sain_model.load import load_prior, prior_settings, sain_class
 from sain_model.loss_plot import save_loss_curve
+from sain_model.network import InteractionNetwork
 from sain_model.open_loop import card_errors
 from sain_model.planar import PlanarPrior
 from sain_model.rollout_training import RolloutTrainer
@@ -96,18 +97,15 @@ def train(command: TrainCommand, console: Console) -> Path:
     save_loss_curve(command.out / "loss.png", trainer.history)
     rollouts = command.rollout if command.rollout.wanted else None
     if rollouts:
-        learner = RolloutTrainer(
-            trainer.network, split, prior, rollouts, config, command.out, friction
-        )
-        with EpochBar(console, rollouts.rollout_epochs, learner.epoch) as advance:
-            learner.run(advance)
-        save_loss_curve(command.out / "rollout_loss.png", learner.history)
+        after = learn_rollouts(command, trainer.network, split, prior, friction, console)
     infers = friction.config if friction else None
     sain = sain_class(rollouts)(
         trainer.network, prior, config.prior, friction=infers, recurrent=rollouts is not None
     )
     errors = _errors(split.test, sain)
     card = make_card(command, data, split, trainer.history, errors, sain)
+    if rollouts:
+        card = replace(card, training={**card.training, "rollouts": _best_losses(after)})
     path = command.out / f"{command.name}.safetensors"
     save_checkpoint(path, trainer.network, card)
     for part in ("all", "target_moved"):
@@ -115,6 +113,23 @@ def train(command: TrainCommand, console: Console) -> Path:
     console.print(history_table(errors))
     console.print(f"{path}: epoch {trainer.history.best + 1} of {config.epochs}")
     return path
+
+
+def learn_rollouts(
+    command: TrainCommand,
+    network: InteractionNetwork,
+    split: Split,
+    prior: Dynamics,
+    friction: FrictionFilter | None,
+    console: Console,
+) -> History:
+    """Go on with a network that has learned from single pushes; return the losses."""
+    config, out = command.rollout, command.out
+    trainer = RolloutTrainer(network, split, prior, config, command.training, out, friction)
+    with EpochBar(console, config.rollout_epochs, trainer.epoch) as advance:
+        trainer.run(advance)
+    save_loss_curve(out / "rollout_loss.png", trainer.history)
+    return trainer.history
 
 
 def make_filter(prior: Dynamics, data: Transitions) -> FrictionFilter | None:
@@ -155,9 +170,7 @@ def make_card(
         },
         training={
             **asdict(config),
-            "best_epoch": history.best + 1,
-            "train_loss": history.train[history.best],
-            "validation_loss": history.validation[history.best],
+            **_best_losses(history),
         },
         errors=errors,
         versions={
@@ -167,6 +180,14 @@ def make_card(
         },
         command=_command_line(),
     )
+
+
+def _best_losses(history: History) -> dict[str, float]:
+    return {
+        "best_epoch": history.best + 1,
+        "train_loss": history.train[history.best],
+        "validation_loss": history.validation[history.best],
+    }
 
 
 def _errors(test: Transitions, sain: SainDynamics) -> dict[str, Any]:
