@@ -125,6 +125,7 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
         shown = card["errors"]["open_loop"]["5"]
         assert shown["windows"] == 10  # 5 episodes of 6 pushes held out
     assert card["rollouts"]["steps_ahead"] == 3
+    assert card["training"]["rollouts"]["best_epoch"] in (1, 2)
     assert (tmp_path / "recurrent" / "rollout_loss.png").exists()
 
     out = tmp_path / "errors.json"

@@ -66,7 +66,7 @@ def _draw(axes: Axes, loop: OpenLoop, rows: np.ndarray, steps: int, disk: int, s
         axes.plot(places, mean, color=colour, linewidth=2.4)
         axes.fill_between(places, low, high, color=colour, alpha=0.15, linewidth=0)
         ends.append((mean[-1], label, colour))
-    axes.set_xlim(1, 1 + 1.35 * max(steps - 1, 1))
+    axes.set_xlim(1, 1 + 1.5 * max(steps - 1, 1))
     axes.set_ylim(bottom=0)
     axes.set_xticks([1, *range(5, steps + 1, 5)])
     axes.grid(axis="y", alpha=0.25)

@@ -84,11 +84,11 @@ class RolloutTrainer:
         """Prepare the windows; go on from the folder's state when one is there.
 
         Args:
-            network: to start from; it is trained in place.
-            split: what to learn from, and what to choose the best epoch by.
+            network: to start from; trained in place.
+            split: what to learn from, and to choose the best epoch by.
             prior: what is corrected.
             config: how to roll out.
-            training: how the network learned from single pushes: seed, decay and loss stay.
+            training: how it learned from single pushes: seed, decay and loss stay.
             folder: of the state.
             friction: infers the friction that the prior is told; None: it is the nominal one.
 
@@ -96,16 +96,13 @@ class RolloutTrainer:
             CheckpointError: the state in the folder is damaged or of other settings or data.
         """
         self.network = network
-        self.config = config
-        self.history = History()
-        self._training = training
-        self._prior = prior
-        self._folder = folder
+        self.config, self.history = config, History()
+        self._training, self._prior, self._folder = training, prior, folder
         mirror = training.mirror and network.config.features == PUSH_FRAME
         self._train = make_lessons(split.train, config.steps_ahead, friction, mirror)
         self._validation = make_lessons(split.validation, config.steps_ahead, friction, False)
-        about = f"{friction.config} {friction.nominal}" if friction else ""
-        self._identity = f"{config} {training} {split.train.sha256} {about}"
+        told = f"{friction.config} {friction.nominal}" if friction else ""
+        self._identity = f"{config} {training} {split.train.sha256} {told}"
         settle_threads()
         self._optimizer = torch.optim.AdamW(
             network.parameters(), config.rollout_rate, weight_decay=training.weight_decay

@@ -101,9 +101,10 @@ def train(command: TrainCommand, console: Console) -> Path:
     split = split_datasets(data, config.seed, config.validation, config.test)
     if config.transitions:
         split = limit_training(split, config.transitions)
-    sain, history = learn(command, data, split, console)
+    learned = learn(command, data, split, console)
+    sain, history = learned.sain, learned.history
     errors = _held_out_errors(split, sain)
-    card = make_card(command, data, split, history, errors, sain)
+    card = make_card(command, data, split, learned, errors)
     path = command.out / f"{command.name}.safetensors"
     save_checkpoint(path, sain.network, card)
     for part in ("all", "target_moved"):
@@ -115,12 +116,27 @@ def train(command: TrainCommand, console: Console) -> Path:
     return path
 
 
+@dataclass(frozen=True)
+class Learned:
+    """What a training gives.
+
+    Attributes:
+        sain: the model, with the regions of its predictions.
+        history: losses on single pushes.
+        rollouts: losses on rollouts afterwards; None: it did not learn from any.
+    """
+
+    sain: SainDynamics
+    history: History
+    rollouts: History | None
+
+
 def learn(
     command: TrainCommand,
     data: Transitions | MixedTransitions,
     split: Split | MixedSplit,
     console: Console,
-) -> tuple[SainDynamics, History]:
+) -> Learned:
     """Train on single pushes, then on rollouts if wanted, and fit the regions of predictions."""
     config = command.training
     rollouts = command.rollout if command.rollout.wanted else None
@@ -133,6 +149,7 @@ def learn(
     write_whole(command.out / "config.json", _settings(command, data).encode())
     _run(trainer, command, console)
     save_loss_curve(command.out / "loss.png", trainer.history)
+    after = None
     if rollouts and isinstance(split, Split):
         learner = RolloutTrainer(
             trainer.network, split, prior, rollouts, config, command.out, friction
@@ -140,12 +157,13 @@ def learn(
         with EpochBar(console, rollouts.rollout_epochs, learner.epoch) as advance:
             learner.run(advance)
         save_loss_curve(command.out / "rollout_loss.png", learner.history)
+        after = learner.history
     infers = friction.config if friction else None
     sain = sain_class(rollouts)(
         trainer.network, prior, config.prior, friction=infers, recurrent=rollouts is not None
     )
     intervals = fit_intervals(sain, split.validation.parts[0])
-    return replace(sain, intervals=intervals), trainer.history
+    return Learned(replace(sain, intervals=intervals), trainer.history, after)
 
 
 def _run(trainer: Trainer, command: TrainCommand, console: Console) -> None:
@@ -168,13 +186,15 @@ def make_card(
     command: TrainCommand,
     data: Transitions | MixedTransitions,
     split: Split | MixedSplit,
-    history: History,
+    learned: Learned,
     errors: dict[str, Any],
-    sain: SainDynamics,
 ) -> Card:
     """Return the card of what was trained."""
-    config = command.training
+    config, sain = command.training, learned.sain
     parts = {"train": split.train, "validation": split.validation, "test": split.test}
+    training = {**asdict(config), **_losses(learned.history)}
+    if learned.rollouts:
+        training["rollouts"] = _losses(learned.rollouts)
     return Card(
         prior=config.prior,
         prior_config=prior_settings(sain.prior),
@@ -190,17 +210,20 @@ def make_card(
             "transitions": {name: len(part) for name, part in parts.items()},
             "episodes": {name: len(np.unique(part.episodes)) for name, part in parts.items()},
         },
-        training={
-            **asdict(config),
-            "epochs_done": len(history.train),
-            "best_epoch": history.best + 1,
-            "train_loss": history.train[history.best],
-            "validation_loss": history.validation[history.best],
-        },
+        training=training,
         errors=errors,
         versions=environment(),
         command=_command_line(),
     )
+
+
+def _losses(history: History) -> dict[str, float]:
+    return {
+        "epochs_done": len(history.train),
+        "best_epoch": history.best + 1,
+        "train_loss": history.train[history.best],
+        "validation_loss": history.validation[history.best],
+    }
 
 
 def _held_out_errors(split: Split | MixedSplit, sain: SainDynamics) -> dict[str, Any]:

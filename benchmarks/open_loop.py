@@ -1,0 +1,203 @@
+"""What limits open loops: Bullet rolled out, and the truth itself with a model's errors.
+
+ros2 run sain_sim collect --world rough --seed 2 --episodes 240 --pushes 20 --out data/rough_open
+./env python -m benchmarks.open_loop data/rough_open --learned L --residual R --recurrent C
+
+Everything over the same windows: the first of 15 pushes of every episode that has as many. Three
+of the rows need the simulator:
+
+* Bullet with measured masses and radii, the best physics that knows nothing of the lab.
+* The truth's own world, set to each scene it predicted: what rounding and warm starts cost.
+* That world with an error added after every push, drawn from the residual model's own errors after
+  single pushes on these data (of pushes that moved the target, or of those that did not), in
+  full and halved. Independent errors, no bias, perfect physics: what is left is how pushes multiply
+  an error.
+"""
+
+import contextlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import torch
+import tyro
+from numpy import ndarray
+from rich.console import Console
+from rich.progress import track
+
+from sain_core.dynamics import Dynamics
+from sain_core.errors import SainError
+from sain_core.scene import POSITION, TARGET
+from sain_core.seeding import generator
+from sain_core.types import PushArray, Scene
+from sain_model.checkpoint import write_whole
+from sain_model.dataset import Transitions, load_transitions
+from sain_model.features import apply_residual, true_residual
+from sain_model.load import load_sain
+from sain_model.metrics import LEARNED, MOVED, bootstrap_over_episodes, position_errors
+from sain_model.open_loop import RECURRENT_SAIN, RESIDUAL_SAIN, predict_open_loop
+from sain_model.windows import Windows, make_windows
+from sain_sim.parameters import WorldParameters
+from sain_sim.shadow import MEASURED, TRUE, BulletPrior
+from sain_sim.truth import TruthConfig
+from sain_sim.world import WorldConfig
+
+Predict = Callable[[Scene, PushArray], Scene]
+
+
+@dataclass(frozen=True)
+class Command:
+    """What to roll out on what."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """A collection that no model was trained on."""
+    residual: Path
+    """A checkpoint of kind "residual"; its errors are those added to the truth."""
+    learned: Path | None = None
+    """A checkpoint of kind "learned"."""
+    recurrent: Path | None = None
+    """A checkpoint of kind "recurrent"."""
+    steps: int = 15
+    """Pushes of a window."""
+    most: int = 100
+    """Windows at most."""
+    scales: tuple[float, ...] = (0.0, 0.5, 1.0)
+    """Times the model's errors that are added to the truth."""
+    seed: int = 0
+    """Of the errors drawn and of the bootstrap."""
+    out: Path | None = None
+    """Where the figures are written as JSON."""
+
+
+def main() -> None:
+    """Print mean target errors after 1, 5, 10 and 15 pushes."""
+    torch.set_num_threads(1)
+    command = tyro.cli(Command, description=__doc__)
+    data = load_transitions(command.dataset)
+    windows = first_windows(data, command)
+    predictions = model_predictions(data, windows, command)
+    with BulletPrior(MEASURED) as bullet:
+        predictions["bullet, measured"] = roll(windows, lambda window: bullet.predict)
+    predictions |= truths_with_errors(data, windows, command)
+    report = summary(windows, predictions, command.seed)
+    print(f"{len(windows)} windows of as many episodes\n")
+    show(report)
+    if command.out:
+        write_whole(command.out, (json.dumps(report, indent=2) + "\n").encode())
+
+
+def first_windows(data: Transitions, command: Command) -> Windows:
+    """Return the first window of every episode that has one."""
+    windows = make_windows(data, command.steps, whole=True)
+    _, first = np.unique(windows.episodes, return_index=True)
+    starts = data.steps[windows.rows[first, 0]] == 0
+    return windows.select(first[starts][: command.most])
+
+
+def model_predictions(data: Transitions, windows: Windows, command: Command) -> dict[str, ndarray]:
+    """Return what planar physics and the models say over these windows."""
+    paths = {
+        LEARNED: command.learned,
+        RESIDUAL_SAIN: command.residual,
+        RECURRENT_SAIN: command.recurrent,
+    }
+    models: dict[str, Dynamics] = {name: load_sain(path) for name, path in paths.items() if path}
+    loop = predict_open_loop(data.select(np.isin(data.episodes, windows.episodes)), models)
+    at_start = np.flatnonzero(
+        (loop.earlier == 0) & np.isin(loop.windows.episodes, windows.episodes)
+    )
+    order = at_start[np.argsort(loop.windows.episodes[at_start])]
+    return {
+        name: predicted[order]
+        for name, predicted in loop.predictions.items()
+        if "history" not in name and np.isfinite(predicted[order]).all()
+    }
+
+
+def truths_with_errors(data: Transitions, windows: Windows, command: Command) -> dict[str, ndarray]:
+    """Return rollouts of the truth's own world with a model's errors added after every push."""
+    sain = load_sain(command.residual)
+    predicted = sain.step(data.scenes, data.pushes)
+    errors = true_residual(data.next_scenes, data.pushes, predicted)
+    moved = target_moves(data.scenes, predicted)
+    groups = {flag: errors[moved == flag] for flag in (False, True)}
+    found = {}
+    for scale in command.scales:
+
+        def predictor(window: int, scale: float = scale) -> Predict:
+            random = generator(command.seed, "errors", window)
+            episode = int(windows.episodes[window])
+            truth = BulletPrior(TRUE, WorldConfig(), parameters(command.dataset, episode))
+
+            def predict(scene: Scene, push: PushArray) -> Scene:
+                after = truth.predict(scene, push)
+                group = groups[bool(target_moves(scene[None], after[None])[0])]
+                error = scale * group[random.integers(len(group))]
+                return apply_residual(after[None], push[None], error[None])[0]
+
+            return predict
+
+        found[f"truth + {scale:g} x errors of single pushes"] = roll(windows, predictor)
+    return found
+
+
+def parameters(dataset: Path, episode: int) -> WorldParameters:
+    """Return what an episode of a collection was made of."""
+    settings = json.loads((dataset / "collection.json").read_text())
+    truth = TruthConfig(**settings.get("truth", {}))
+    random = generator(settings["seed"], "episode", episode)
+    return truth.draw(random, settings["disks"], settings["shape"])
+
+
+def target_moves(scenes: ndarray, after: ndarray) -> ndarray:
+    """Tell which targets (M,) moved by more than the paper's threshold."""
+    way = after[:, TARGET, POSITION] - scenes[:, TARGET, POSITION]
+    return np.asarray(np.linalg.norm(way, axis=-1) > MOVED)
+
+
+def roll(windows: Windows, predictor: Callable[[int], Predict]) -> ndarray:
+    """Return rollouts (W, T, N, 8) of what predicts one push.
+
+    A push that the arm cannot carry out in the predicted scene moves nothing: a world refuses it.
+    """
+    predicted = np.empty_like(windows.next_scenes)
+    for window in track(range(len(windows)), console=Console(stderr=True)):
+        predict, scene = predictor(window), windows.scenes[window]
+        for step, push in enumerate(windows.pushes[window]):
+            with contextlib.suppress(SainError):
+                scene = predict(scene, push)
+            predicted[window, step] = scene
+    return predicted
+
+
+def summary(
+    windows: Windows, predictions: dict[str, ndarray], seed: int
+) -> dict[str, dict[str, list[float]]]:
+    """Return mean target errors [mm] after some pushes, with 95 % intervals over episodes."""
+    report: dict[str, dict[str, list[float]]] = {}
+    for name, predicted in predictions.items():
+        report[name] = {}
+        for step in (1, 5, 10, windows.steps):
+            said, truth = predicted[:, step - 1], windows.next_scenes[:, step - 1]
+            errors = position_errors(said, truth, TARGET)
+            interval = bootstrap_over_episodes(errors, windows.episodes, seed)
+            report[name][str(step)] = [float(errors.mean()), *interval]
+    return report
+
+
+def show(report: dict[str, dict[str, list[float]]]) -> None:
+    """Print the report as a table in Markdown."""
+    console = Console(width=160, highlight=False)
+    steps = list(next(iter(report.values())))
+    console.print(f"| target mean, mm, after | {' | '.join(f'{step} pushes' for step in steps)} |")
+    console.print(f"| --- |{' ---: |' * len(steps)}")
+    for name, rows in report.items():
+        cells = ["{:.2f} [{:.2f}, {:.2f}]".format(*row) for row in rows.values()]
+        console.print(f"| {name} | {' | '.join(cells)} |", markup=False)
+
+
+if __name__ == "__main__":
+    main()
