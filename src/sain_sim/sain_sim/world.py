@@ -147,11 +147,7 @@ class World:
         return self._perform(route, self._watches(on_step, every), guarded=True)
 
     def carry_out(
-        self,
-        stroke: Stroke,
-        on_step: Observer | None = None,
-        every: int = 1,
-        guarded: bool = True,
+        self, stroke: Stroke, on_step: Observer | None = None, every: int = 1, guarded: bool = True
     ) -> PushOutcome:
         """Move the tool along a stroke, wherever that leads.
 
@@ -161,9 +157,7 @@ class World:
             every: as in `push`.
             guarded: refuse when the tool would touch another disk than the mid disk.
 
-        Raises:
-            UnreachableError: a pose on the way.
-            BlockedError: only when guarded.
+        Raises `UnreachableError` for a pose on the way; `BlockedError` only when guarded.
         """
         return self._perform(self._route(stroke), self._watches(on_step, every), guarded)
 
@@ -205,8 +199,8 @@ class World:
             tips,
             motion.line(tips[-1], above_end),
         )
-        ends = np.cumsum([len(way) for way in ways[:-1]])
-        return Route(*np.split(arm.kinematics.joints(np.concatenate(ways)), ends))
+        joints = arm.kinematics.joints(np.concatenate(ways))
+        return Route(*np.split(joints, np.cumsum([len(way) for way in ways[:-1]])))
 
     def _watches(self, observer: Observer | None, every: int) -> Watches:
         """Return everyone who looks: the observer, if any, and the window, if any."""
