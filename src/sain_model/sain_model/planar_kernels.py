@@ -30,7 +30,7 @@ from sain_model.contact_kernels import note_tilt, prepare_contacts, separate, so
 from sain_model.table_kernels import rub
 from sain_model.tool_kernels import make_profile, time_of, tool_speed, travelled, until_kink
 
-CHUNK = 32  # pushes that one thread takes at a time: a fifth of a millisecond
+CHUNK = 64  # pushes that one thread takes at a time: a third of a millisecond
 STILL = 1e-7  # [m/s], slower than this is at rest
 COLLISION = 0.01  # [m/s], touching bodies that approach faster than this collide
 SHORTEST_STEP = 2e-4  # [s]
