@@ -1,8 +1,9 @@
 """Compiled work in blocks, on as many threads as Numba's: who is free takes the next block.
 
 The kernels let go of Python's lock, so that Python's own threads can run them side by side. What
-a block computes does not depend on who computes it. Against Numba's own parallel loops this takes
-a third of the time to compile, and a core that is busy with something else gets fewer blocks.
+a block computes does not depend on who computes it. Against Numba's parallel loops, a core that is
+busy with something else gets fewer blocks, kernels compile in a third of the time, and no thread
+spins for milliseconds when it is done, as OpenMP's do, on a core that something else could use.
 """
 
 import functools

@@ -35,19 +35,11 @@ def compiled_apart(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compile(function, inline=False)
 
 
-def compiled_parallel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a kernel whose `prange` loops run on all of Numba's threads."""
-    return _compile(function, parallel=True, inline=False)
-
-
-def _compile(
-    function: Callable[..., Any], parallel: bool = False, inline: bool = True
-) -> Callable[..., Any]:
+def _compile(function: Callable[..., Any], inline: bool = True) -> Callable[..., Any]:
     keep_kernels_apart()
     compiled_function: Callable[..., Any] = numba.njit(
         cache=True,
-        parallel=parallel,
-        nogil=True,
+        nogil=True,  # `sain_model.blocks` runs kernels side by side
         forceinline=inline,
         error_model="numpy",
         fastmath={"contract", "arcp"},

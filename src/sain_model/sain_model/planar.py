@@ -15,9 +15,10 @@ from sain_core.history import PushHistory
 from sain_core.push import PUSH_SIZE, TOOL_RADIUS
 from sain_core.scene import MASS, MID, POSITION, RADIUS, STATE_NAMES, STATE_SIZE, TARGET
 from sain_core.types import Mask, Pushes, Scalars, Scenes
+from sain_model.blocks import run_blocks
 from sain_model.body_kernels import Physics
 from sain_model.friction import FrictionFilter
-from sain_model.planar_kernels import push_scenes
+from sain_model.planar_kernels import CHUNK, push_block
 
 NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
 NOMINAL_MID_RADIUS: Final = 0.08  # [m]
@@ -170,14 +171,12 @@ class PlanarPrior:
         order = _canonical_order(scenes)
         after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
         touched = np.zeros(batch, dtype=bool)
-        push_scenes(
-            after,
-            np.ascontiguousarray(pushes),
-            np.ascontiguousarray(friction),
-            start,
-            self._physics,
-            touched,
-        )
+        rows = after, np.ascontiguousarray(pushes), np.ascontiguousarray(friction), start
+
+        def work(first: int) -> None:
+            push_block(first, *rows, self._physics, touched)
+
+        run_blocks(work, batch, CHUNK)
         predicted = np.empty_like(after)
         np.put_along_axis(predicted, order, after, axis=1)
         return predicted, touched
