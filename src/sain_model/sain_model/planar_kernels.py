@@ -11,6 +11,9 @@ from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_model.body_kernels import (
     ALONG,
     COS,
+    DRAG,
+    PULL_X,
+    PULL_Y,
     RADIUS,
     SIN,
     SPIN,
@@ -23,6 +26,7 @@ from sain_model.body_kernels import (
     forget,
     load,
     make_workspace,
+    place_mass,
     rim_speed,
     unload,
 )
@@ -86,6 +90,7 @@ def move(bodies, disk, step, before):
         keep = 1.0 - 0.5 * angle * angle
         bodies[disk, TURNED] += angle
         bodies[disk, COS], bodies[disk, SIN] = keep * cos - angle * sin, keep * sin + angle * cos
+        place_mass(bodies, disk)
 
 
 @compiled
@@ -104,10 +109,13 @@ def flow(work, count, slowing, physics, step):
         before[disk, 0], before[disk, 1] = bodies[disk, VX], bodies[disk, VY]
         before[disk, 2] = bodies[disk, SPIN]
         work.grip[disk] = 0.0
-        if rim_speed(bodies, disk) > 2.0 * slowing * step:
-            rub(work, disk, slowing * step, physics, step)
+        bodies[disk, VX] += step * bodies[disk, PULL_X]
+        bodies[disk, VY] += step * bodies[disk, PULL_Y]
+        less = slowing * bodies[disk, DRAG] * step
+        if rim_speed(bodies, disk) > 2.0 * less:
+            rub(work, disk, less, physics, step)
         else:
-            work.grip[disk] = slowing * step
+            work.grip[disk] = less
             work.held[disk, 0] = work.held[disk, 1] = work.held[disk, 2] = 0.0
     solve(count, physics, work)
     note_tilt(work, count, physics, step)
@@ -196,7 +204,7 @@ def push_scene(disks, push, friction, start, physics, work):
 
 
 @compiled_parallel
-def push_scenes(scenes, pushes, friction, start, physics, touched):
+def push_scenes(scenes, pushes, friction, start, physics, touched, corrections):
     """Carry out pushes in place.
 
     Args:
@@ -206,11 +214,14 @@ def push_scenes(scenes, pushes, friction, start, physics, touched):
         start: from the mid disk's centre to the tool's axis before it travels, (B,) [m].
         physics: the rest.
         touched: (B,) bool, receives whether the tool touched a disk other than the mid disk.
+        corrections: of each disk, (B, N, CORRECTIONS), or none, (0, N, CORRECTIONS).
     """
     batch, disks, _ = scenes.shape
     for chunk in prange((batch + CHUNK - 1) // CHUNK):
         work = make_workspace(disks)
         for index in range(chunk * CHUNK, min((chunk + 1) * CHUNK, batch)):
+            if len(corrections):
+                work.corrections[:] = corrections[index]
             if pushes[index, LENGTH] > 0.0:
                 touched[index] = push_scene(
                     scenes[index], pushes[index], friction[index], start[index], physics, work
