@@ -20,11 +20,11 @@ import torch
 import tyro
 from rich.console import Console
 
+from benchmarks.identification import identify
 from sain_core.dynamics import Dynamics
 from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
 from sain_model.checkpoint import write_whole
-from sain_model.corrections import CORRECTIONS
 from sain_model.dataset import (
     Split,
     Transitions,
@@ -32,14 +32,13 @@ from sain_model.dataset import (
     load_transitions,
     split_by_episode,
 )
-from sain_model.features import PUSH_FRAME, TURN_SCALE, WORLD_FRAME
+from sain_model.features import PUSH_FRAME, WORLD_FRAME
 from sain_model.inside import InsideSain
 from sain_model.inside_cli import told_prior
 from sain_model.inside_network import InsideNetworkConfig
-from sain_model.inside_physics import moves, variations
 from sain_model.inside_training import InsideTrainingConfig, train_members
 from sain_model.load import PLANAR, PLANAR_AXES, load_prior
-from sain_model.network import POSITION_UNIT, NetworkConfig
+from sain_model.network import NetworkConfig
 from sain_model.planar import PlanarConfig, PlanarPrior
 from sain_model.planar_axes import AXES
 from sain_model.sain import IDENTITY, SainDynamics
@@ -49,8 +48,7 @@ from sain_sim.shadow import MEASURED, BulletPrior
 FRICTIONS = np.arange(0.06, 0.245, 0.01)  # tried for the prior whose friction is fitted
 RESAMPLES = 2000
 BATCH = 64
-IDENTIFICATIONS = 8  # steps of Gauss and Newton
-SOFT = 0.1  # of the scale: errors beyond it count less and less
+RATIOS = ("to physics", "to learned only", "to learned only with the next size")
 LEARNED_ONLY, INSIDE, IDENTIFIED = "learned only", "SAIN inside", "physics, identified"
 
 
@@ -92,7 +90,8 @@ def main() -> None:
     errors = physics_errors(split)
     best = min((name for name in errors if name.startswith(("planar", "bullet"))),
                key=lambda name: float(np.nanmean(errors[name])))  # fmt: skip
-    for size in command.sizes or (len(split.train),):
+    sizes = command.sizes or (len(split.train),)
+    for size in sizes:
         part = limit_training(split, size)
         for frame in command.frames:
             for prior, name in ((IDENTITY, LEARNED_ONLY), (command.prior, "SAIN")):
@@ -101,7 +100,7 @@ def main() -> None:
         errors[f"{IDENTIFIED}, {size}"] = identified_errors(part, command)
         errors[f"{INSIDE}, {WORLD_FRAME}, {size}"] = inside_errors(part, command)
     report = {"dataset": str(command.dataset), "train": len(split.train), "best physics": best}
-    report |= summary(errors, split.test.episodes, best)
+    report |= summary(errors, split.test.episodes, best, sizes)
     show(report)
     if command.out:
         write_whole(command.out, (json.dumps(report, indent=2) + "\n").encode())
@@ -162,29 +161,10 @@ def inside_errors(split: Split, command: Command) -> np.ndarray:
 
 
 def identified_errors(split: Split, command: Command) -> np.ndarray:
-    """Return the errors (M,) [mm] of the prior that is told the same of every push.
-
-    That is identification without a network: one slope, one centre of mass of each disk and so on,
-    fitted to the training part by Gauss and Newton, each error weighted down where it is large.
-    """
-    prior, train = told_prior(command.prior, command.prior_friction), split.train
-    told = np.zeros((train.scenes.shape[1], CORRECTIONS))
-    scale = np.array([POSITION_UNIT, POSITION_UNIT, TURN_SCALE])
-    truth = moves(train.scenes, train.pushes, train.next_scenes)
-    for _ in range(IDENTIFICATIONS):
-        everywhere = np.tile(told, (len(train), 1, 1))
-        after = moves(
-            train.scenes, train.pushes, prior.step_told(train.scenes, train.pushes, everywhere)
-        )
-        slopes = variations(everywhere, prior, train.scenes, train.pushes, None, after) / scale
-        missing = ((truth - after) / scale).ravel()
-        slopes = slopes.reshape(len(train), told.size, -1).transpose(0, 2, 1).reshape(-1, told.size)
-        weighted = slopes / np.sqrt(SOFT**2 + missing**2)[:, None]
-        step = np.linalg.solve(weighted.T @ slopes + np.eye(told.size), weighted.T @ missing)
-        told += step.reshape(told.shape)
-    test = split.test
-    everywhere = np.tile(told, (len(test), 1, 1))
-    return distances(prior.step_told(test.scenes, test.pushes, everywhere), test)
+    """Return the errors (M,) [mm] of the prior that is told the same of every push."""
+    prior, test = told_prior(command.prior, command.prior_friction), split.test
+    told = np.tile(identify(prior, split.train), (len(test), 1, 1))
+    return distances(prior.step_told(test.scenes, test.pushes, told), test)
 
 
 def target_errors(data: Transitions, dynamics: Dynamics) -> np.ndarray:
@@ -198,16 +178,24 @@ def distances(predicted: np.ndarray, data: Transitions) -> np.ndarray:
     return np.asarray(1e3 * np.linalg.norm(missing, axis=-1))
 
 
-def summary(errors: dict[str, np.ndarray], episodes: np.ndarray, best: str) -> dict[str, object]:
+def summary(
+    errors: dict[str, np.ndarray], episodes: np.ndarray, best: str, sizes: tuple[int, ...]
+) -> dict[str, object]:
     """Return means, and ratios of means to the best physics prior and to the network alone."""
     rows = {}
     for name, values in errors.items():
-        row: dict[str, object] = {"mean": float(np.nanmean(values))}
+        known = np.isfinite(values)
+        mean, *interval = ratio(values[known], np.ones(known.sum()), episodes[known])
+        row: dict[str, object] = {"mean": mean, "interval": interval}
         if name.startswith(("SAIN", LEARNED_ONLY, IDENTIFIED)):
             row["to physics"] = ratio(values, errors[best], episodes)
         if name.startswith("SAIN"):
             alone = errors[name.replace(INSIDE, LEARNED_ONLY).replace("SAIN", LEARNED_ONLY)]
             row["to learned only"] = ratio(values, alone, episodes)
+            following = sizes[sizes.index(int(name.split(", ")[-1])) + 1 :][:1]
+            for size in following:
+                other = errors[f"{LEARNED_ONLY}, {name.split(', ')[1]}, {size}"]
+                row["to learned only with the next size"] = ratio(values, other, episodes)
         rows[name] = row
     return {"errors": rows, "held out": len(episodes), "episodes": len(np.unique(episodes))}
 
@@ -229,10 +217,10 @@ def show(report: dict[str, object]) -> None:
         f"{report['dataset']}: {report['train']} to train on, held out {report['held out']}"
         f" of {report['episodes']} episodes; best physics: {report['best physics']}\n"
     )
-    console.print("| prediction | target mean, mm | to best physics | to learned only |")
-    console.print("| --- | ---: | ---: | ---: |")
+    console.print("| prediction | target mean, mm | " + " | ".join(RATIOS) + " |")
+    console.print("| --- | ---: |" + " ---: |" * len(RATIOS))
     for name, row in report["errors"].items():  # type: ignore[attr-defined]
-        cells = [_interval(row.get(key)) for key in ("to physics", "to learned only")]
+        cells = [_interval(row.get(key)) for key in RATIOS]
         console.print(f"| {name} | {row['mean']:.2f} | {' | '.join(cells)} |", markup=False)
 
 

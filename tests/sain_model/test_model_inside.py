@@ -19,6 +19,7 @@ from sain_model.inside_physics import moves, told_moves
 from sain_model.inside_training import InsideTrainer, InsideTrainingConfig, train_members
 from sain_model.load import load_dynamics
 from sain_model.planar import PlanarPrior
+from sain_model.serving import ModelServer, ServingConfig
 
 SMALL = InsideNetworkConfig(hidden=16, message=8)
 SHORT = InsideTrainingConfig(steps=20, rounds=4, batch=16, network=SMALL)
@@ -125,6 +126,11 @@ def test_the_command_writes_a_checkpoint_that_is_a_dynamics(dataset, tmp_path, c
     assert isinstance(sain, InsideSain) and len(sain.networks) == 2
     data = load_transitions(dataset)
     assert np.isfinite(sain.step(data.scenes, data.pushes)).all()
+    server = ModelServer(sain, ServingConfig(model=str(path)))
+    residual, after = server.predict(data.scenes, data.pushes)
+    physics = sain.prior.step(data.scenes, data.pushes)
+    np.testing.assert_allclose(residual[..., POSITION], (after - physics)[..., POSITION])
+    assert server.description.kind == "inside" and server.description.model_hash
     path.write_bytes(path.read_bytes()[:-8])
     with pytest.raises(CheckpointError, match="SHA-256"):
         load_dynamics(str(path))

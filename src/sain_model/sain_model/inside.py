@@ -32,6 +32,7 @@ class InsideSain:
     Attributes:
         networks: what they predict is averaged.
         prior: f_p.
+        prior_name: its name for `sain_model.load.load_dynamics`.
         kind: ``inside``.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.
@@ -43,12 +44,14 @@ class InsideSain:
         self,
         networks: InsideNetworks,
         prior: PlanarPrior,
+        prior_name: str = "",
         model_hash: str = "",
         card: str = "",
     ) -> None:
         """Put these networks inside this prior."""
         self.networks = networks.eval()
         self.prior = prior
+        self.prior_name = prior_name
         self.model_hash = model_hash
         self.card = card
 

@@ -25,4 +25,4 @@ def load_inside(path: Path) -> InsideSain:
     except (TypeError, ConfigError) as error:
         raise CheckpointError(f"{card_path(path)}: {error}") from error
     fill(path, content, networks)
-    return InsideSain(networks, prior, card.weights_sha256, text)
+    return InsideSain(networks, prior, card.prior, card.weights_sha256, text)
