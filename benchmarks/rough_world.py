@@ -3,9 +3,10 @@
 ros2 run sain_sim collect --world rough --seed 1 --episodes 560 --floor-episodes 80 --out data/rough
 ./env python -m benchmarks.rough_world data/rough --sizes 300 1000 3000
 
-For one collection: the errors of every physics prior, of the network alone and of SAIN on held-out
-episodes, and the ratios of their means with 95 % bootstrap intervals over episodes. Every network
-gets the same number of steps, and the epoch that does best on the validation episodes.
+For one collection: the errors of every physics prior, of the network alone, of SAIN and of SAIN
+inside physics on held-out episodes, and the ratios of their means with 95 % bootstrap intervals
+over episodes. All networks are as wide; the network alone and SAIN get `--steps` steps, the one
+inside physics `--inside-steps`, and all the weights that do best on the validation episodes.
 """
 
 import json
@@ -19,6 +20,7 @@ import torch
 import tyro
 from rich.console import Console
 
+from benchmarks.identification import identify
 from sain_core.dynamics import Dynamics
 from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
@@ -30,17 +32,24 @@ from sain_model.dataset import (
     load_transitions,
     split_by_episode,
 )
-from sain_model.features import FRAMES, PUSH_FRAME
-from sain_model.load import load_prior
+from sain_model.features import PUSH_FRAME, WORLD_FRAME
+from sain_model.inside import InsideSain
+from sain_model.inside_cli import told_prior
+from sain_model.inside_network import InsideNetworkConfig
+from sain_model.inside_training import InsideTrainingConfig, train_members
+from sain_model.load import PLANAR, PLANAR_AXES, load_prior
 from sain_model.network import NetworkConfig
 from sain_model.planar import PlanarConfig, PlanarPrior
-from sain_model.sain import SainDynamics
+from sain_model.planar_axes import AXES
+from sain_model.sain import IDENTITY, SainDynamics
 from sain_model.training import Trainer, TrainingConfig
 from sain_sim.shadow import MEASURED, BulletPrior
 
 FRICTIONS = np.arange(0.06, 0.245, 0.01)  # tried for the prior whose friction is fitted
 RESAMPLES = 2000
 BATCH = 64
+RATIOS = ("to physics", "to learned only", "to learned only with the next size")
+LEARNED_ONLY, INSIDE, IDENTIFIED = "learned only", "SAIN inside", "physics, identified"
 
 
 @dataclass(frozen=True)
@@ -51,15 +60,23 @@ class Command:
     """A collection."""
     sizes: tuple[int, ...] = ()
     """Numbers of transitions to train on; none: all there are."""
-    steps: int = 4000
-    """Steps of the optimiser for every network."""
+    steps: int = 6000
+    """Steps of the optimiser for the network alone and for SAIN."""
+    inside_steps: int = 2000
+    """And for SAIN inside physics."""
+    hidden: int = 128
+    """Width of the hidden layers of every network."""
+    members: int = 1
+    """Networks of each kind, whose predictions are averaged."""
     seed: int = 0
     """Of the split and of training."""
     test: float = 0.15
     """Share of the episodes held out."""
+    prior: str = PLANAR_AXES
+    """The prior under the networks."""
     prior_friction: float = 0.12
-    """What the planar prior under the network assumes."""
-    frames: tuple[str, ...] = FRAMES
+    """What it assumes."""
+    frames: tuple[str, ...] = (WORLD_FRAME,)
     """What the networks see: the scene as the push sees it, or the world too."""
     out: Path | None = None
     """Where the figures are written as JSON."""
@@ -73,14 +90,17 @@ def main() -> None:
     errors = physics_errors(split)
     best = min((name for name in errors if name.startswith(("planar", "bullet"))),
                key=lambda name: float(np.nanmean(errors[name])))  # fmt: skip
-    for size in command.sizes or (len(split.train),):
+    sizes = command.sizes or (len(split.train),)
+    for size in sizes:
         part = limit_training(split, size)
         for frame in command.frames:
-            for prior, name in (("identity", "learned only"), ("planar", "SAIN")):
+            for prior, name in ((IDENTITY, LEARNED_ONLY), (command.prior, "SAIN")):
                 label = f"{name}, {frame}, {size}"
                 errors[label] = network_errors(part, prior, frame, command)
+        errors[f"{IDENTIFIED}, {size}"] = identified_errors(part, command)
+        errors[f"{INSIDE}, {WORLD_FRAME}, {size}"] = inside_errors(part, command)
     report = {"dataset": str(command.dataset), "train": len(split.train), "best physics": best}
-    report |= summary(errors, split.test.episodes, best)
+    report |= summary(errors, split.test.episodes, best, sizes)
     show(report)
     if command.out:
         write_whole(command.out, (json.dumps(report, indent=2) + "\n").encode())
@@ -89,41 +109,62 @@ def main() -> None:
 def physics_errors(split: Split) -> dict[str, np.ndarray]:
     """Return the target's errors (M,) [mm] of what knows no data but one fitted friction."""
     train, test = split.train, split.test
-    fitted = min(FRICTIONS, key=lambda value: float(target_errors(train, planar(value)).mean()))
     with BulletPrior(MEASURED) as bullet:
         measured = bullet.step(test.scenes, test.pushes)
-    return {
+    errors = {
         "no motion": distances(test.scenes, test),
         "bullet, nominal: f_p": distances(test.physics_next, test),
         "bullet, measured": distances(measured, test),
-        "planar, measured, 0.12": target_errors(test, planar(0.12)),
-        "planar, measured, 0.14": target_errors(test, planar(0.14)),
-        f"planar, measured, fitted {fitted:.2f}": target_errors(test, planar(float(fitted))),
-        "floor": distances(test.floor_next, test),
     }
+    for name, config in ((PLANAR, PlanarConfig()), (PLANAR_AXES, AXES)):
+        prior = PlanarPrior(config)
+        fitted = min(FRICTIONS, key=lambda value: target_errors(train, prior.at(value)).mean())
+        for friction, note in ((0.12, ""), (0.14, ""), (float(fitted), "fitted ")):
+            label = f"{name}, measured, {note}{friction:.2f}"
+            errors[label] = target_errors(test, prior.at(friction))
+    errors["floor"] = distances(test.floor_next, test)
+    return errors
 
 
 def network_errors(split: Split, prior_name: str, frame: str, command: Command) -> np.ndarray:
-    """Train a network on a prior and return its errors (M,) [mm] on what is held out."""
-    settings = {"friction": command.prior_friction} if prior_name == "planar" else None
+    """Train networks on a prior and return their errors (M,) [mm] on what is held out."""
+    settings = None if prior_name == IDENTITY else {"friction": command.prior_friction}
     prior = load_prior(prior_name, settings)
     rows = len(split.train) * (2 if frame == PUSH_FRAME else 1)  # mirrored copies
-    config = TrainingConfig(
-        seed=command.seed,
-        batch=BATCH,
-        epochs=max(round(command.steps * BATCH / rows), 1),
-        prior=prior_name,
-        network=NetworkConfig(features=frame),
+    predicted = []
+    for member in range(command.members):
+        config = TrainingConfig(
+            seed=command.seed + member,
+            batch=BATCH,
+            epochs=max(round(command.steps * BATCH / rows), 1),
+            prior=prior_name,
+            network=NetworkConfig(features=frame, hidden=command.hidden),
+        )
+        with tempfile.TemporaryDirectory() as folder:
+            trainer = Trainer(split, prior, config, Path(folder))
+            trainer.run()
+        sain = SainDynamics(trainer.network, prior, prior_name)
+        predicted.append(sain.step(split.test.scenes, split.test.pushes))
+    return distances(np.mean(predicted, axis=0), split.test)  # of headings no mean is asked
+
+
+def inside_errors(split: Split, command: Command) -> np.ndarray:
+    """Train networks inside a prior and return their errors (M,) [mm] on what is held out."""
+    prior = told_prior(command.prior, command.prior_friction)
+    network = InsideNetworkConfig(hidden=command.hidden, members=command.members)
+    config = InsideTrainingConfig(
+        seed=command.seed, steps=command.inside_steps, batch=BATCH, network=network
     )
     with tempfile.TemporaryDirectory() as folder:
-        trainer = Trainer(split, prior, config, Path(folder))
-        trainer.run()
-    return target_errors(split.test, SainDynamics(trainer.network, prior, prior_name))
+        networks, _ = train_members(split, prior, config, Path(folder))
+    return target_errors(split.test, InsideSain(networks, prior))
 
 
-def planar(friction: float) -> PlanarPrior:
-    """Return the planar prior with this friction; it is told masses and radii."""
-    return PlanarPrior(PlanarConfig(friction=friction))
+def identified_errors(split: Split, command: Command) -> np.ndarray:
+    """Return the errors (M,) [mm] of the prior that is told the same of every push."""
+    prior, test = told_prior(command.prior, command.prior_friction), split.test
+    told = np.tile(identify(prior, split.train), (len(test), 1, 1))
+    return distances(prior.step_told(test.scenes, test.pushes, told), test)
 
 
 def target_errors(data: Transitions, dynamics: Dynamics) -> np.ndarray:
@@ -137,16 +178,24 @@ def distances(predicted: np.ndarray, data: Transitions) -> np.ndarray:
     return np.asarray(1e3 * np.linalg.norm(missing, axis=-1))
 
 
-def summary(errors: dict[str, np.ndarray], episodes: np.ndarray, best: str) -> dict[str, object]:
+def summary(
+    errors: dict[str, np.ndarray], episodes: np.ndarray, best: str, sizes: tuple[int, ...]
+) -> dict[str, object]:
     """Return means, and ratios of means to the best physics prior and to the network alone."""
     rows = {}
     for name, values in errors.items():
-        row: dict[str, object] = {"mean": float(np.nanmean(values))}
-        if name.startswith(("SAIN", "learned")):
+        known = np.isfinite(values)
+        mean, *interval = ratio(values[known], np.ones(known.sum()), episodes[known])
+        row: dict[str, object] = {"mean": mean, "interval": interval}
+        if name.startswith(("SAIN", LEARNED_ONLY, IDENTIFIED)):
             row["to physics"] = ratio(values, errors[best], episodes)
         if name.startswith("SAIN"):
-            alone = errors[name.replace("SAIN", "learned only")]
+            alone = errors[name.replace(INSIDE, LEARNED_ONLY).replace("SAIN", LEARNED_ONLY)]
             row["to learned only"] = ratio(values, alone, episodes)
+            following = sizes[sizes.index(int(name.split(", ")[-1])) + 1 :][:1]
+            for size in following:
+                other = errors[f"{LEARNED_ONLY}, {name.split(', ')[1]}, {size}"]
+                row["to learned only with the next size"] = ratio(values, other, episodes)
         rows[name] = row
     return {"errors": rows, "held out": len(episodes), "episodes": len(np.unique(episodes))}
 
@@ -168,10 +217,10 @@ def show(report: dict[str, object]) -> None:
         f"{report['dataset']}: {report['train']} to train on, held out {report['held out']}"
         f" of {report['episodes']} episodes; best physics: {report['best physics']}\n"
     )
-    console.print("| prediction | target mean, mm | to best physics | to learned only |")
-    console.print("| --- | ---: | ---: | ---: |")
+    console.print("| prediction | target mean, mm | " + " | ".join(RATIOS) + " |")
+    console.print("| --- | ---: |" + " ---: |" * len(RATIOS))
     for name, row in report["errors"].items():  # type: ignore[attr-defined]
-        cells = [_interval(row.get(key)) for key in ("to physics", "to learned only")]
+        cells = [_interval(row.get(key)) for key in RATIOS]
         console.print(f"| {name} | {row['mean']:.2f} | {' | '.join(cells)} |", markup=False)
 
 

@@ -32,6 +32,7 @@ setup(
         "console_scripts": [
             "model_node = sain_model.ros.model_node:main",
             "train = sain_model.train_cli:main",
+            "train_inside = sain_model.inside_cli:main",
             "evaluate = sain_model.evaluate_cli:main",
             "learning_curve = sain_model.learning_curve_cli:main",
         ],

@@ -20,8 +20,12 @@ from sain_model.compiling import compiled
 TOOL = 0
 # Columns of a body. `SPIN` is the speed of the rim [m/s]; 1 N s at the rim adds `TURN` to it.
 # `TURNED` is the angle turned in this push, `COS` and `SIN` are those of the heading.
-X, Y, VX, VY, SPIN, RADIUS, LIGHTNESS, TURN, TURNED, COS, SIN = range(11)
-BODY_SIZE = 11
+# `MASS_X` and `MASS_Y` lead from a disk's middle to its centre of mass [radii], `MASS_FORE` and
+# `MASS_LEFT` likewise in the disk's own frame; the columns from `DRAG` on are its corrections.
+X, Y, VX, VY, SPIN, RADIUS, LIGHTNESS, TURN, TURNED, COS, SIN, MASS_X, MASS_Y = range(13)
+DRAG, PULL_X, PULL_Y, MASS_FORE, MASS_LEFT, RIM_GRIP, TOOL_GRIP = range(13, 20)
+BODY_SIZE = 20
+CORRECTIONS = 7
 
 NORMAL_X, NORMAL_Y, END_X, END_Y, GAP, BIAS, NORMAL_MASS, RIM_MASS = range(8)
 CONTACT_SIZE = 8
@@ -66,6 +70,7 @@ class Workspace(NamedTuple):
     pairs: np.ndarray  # (C, 3) int64: first body, second body, number of the pair
     contacts: np.ndarray  # (C, CONTACT_SIZE)
     impulses: np.ndarray  # (P, 2) [N s], kept from step to step
+    corrections: np.ndarray  # (N, CORRECTIONS), see `sain_model.corrections`
 
 
 @compiled
@@ -83,7 +88,17 @@ def make_workspace(disks):
         np.empty((pairs, 3), np.int64),
         np.empty((pairs, CONTACT_SIZE)),
         np.zeros((pairs, 2)),
+        _no_corrections(disks),
     )
+
+
+@compiled
+def _no_corrections(disks):
+    corrections = np.zeros((disks, CORRECTIONS))
+    for disk in range(disks):
+        for column in (DRAG, RIM_GRIP, TOOL_GRIP):  # these are factors
+            corrections[disk, column - DRAG] = 1.0
+    return corrections
 
 
 @compiled
@@ -103,6 +118,9 @@ def load(disks, push, start, physics, work):
         bodies[body, TURNED] = 0.0
         bodies[body, COS] = np.cos(disks[disk, STATE_THETA])
         bodies[body, SIN] = np.sin(disks[disk, STATE_THETA])
+        for column in range(CORRECTIONS):
+            bodies[body, DRAG + column] = work.corrections[disk, column]
+        place_mass(bodies, body)
     bodies[TOOL, X] = bodies[1, X] - start * np.cos(push[LOCATION])
     bodies[TOOL, Y] = bodies[1, Y] - start * np.sin(push[LOCATION])
     bodies[TOOL, RADIUS] = physics.tool_radius
@@ -132,6 +150,28 @@ def unload(disks, work):
             disks[disk, STATE_THETA] = np.pi - (np.pi - heading) % (2.0 * np.pi)
         for column in range(STATE_VX, STATE_OMEGA + 1):
             disks[disk, column] = 0.0
+
+
+@compiled
+def place_mass(bodies, body):
+    """Turn the way to a disk's centre of mass with the disk."""
+    fore, left = bodies[body, MASS_FORE], bodies[body, MASS_LEFT]
+    cos, sin = bodies[body, COS], bodies[body, SIN]
+    bodies[body, MASS_X], bodies[body, MASS_Y] = cos * fore - sin * left, sin * fore + cos * left
+
+
+@compiled
+def give(bodies, body, px, py, rim):
+    """Give a disk an impulse (px, py) and a turn `rim`, the sum of those across at its rim [N s].
+
+    Both are about its middle. Where its mass is elsewhere, what acts on the middle turns it too,
+    and the middle, whose velocity is kept, moves about the mass.
+    """
+    mass_x, mass_y = bodies[body, MASS_X], bodies[body, MASS_Y]
+    spin = (rim - (mass_x * py - mass_y * px)) * bodies[body, TURN]
+    bodies[body, SPIN] += spin
+    bodies[body, VX] += px * bodies[body, LIGHTNESS] + spin * mass_y
+    bodies[body, VY] += py * bodies[body, LIGHTNESS] - spin * mass_x
 
 
 @compiled

@@ -17,9 +17,11 @@ from typing import Any, Final
 import safetensors.torch
 import torch
 from safetensors import SafetensorError
+from torch import nn
 
 from sain_core.errors import CheckpointError, ConfigError, OutputError
 from sain_model.features import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
+from sain_model.inside_network import InsideNetworks
 from sain_model.network import InteractionNetwork, NetworkConfig
 
 FORMAT_VERSION: Final = 1
@@ -74,7 +76,7 @@ def card_path(weights: Path) -> Path:
     return weights.with_suffix(".json")
 
 
-def save_checkpoint(path: Path, network: InteractionNetwork, card: Card) -> Card:
+def save_checkpoint(path: Path, network: InteractionNetwork | InsideNetworks, card: Card) -> Card:
     """Write weights and card, each whole or not at all; return the card with the weights' hash.
 
     Raises:
@@ -131,17 +133,41 @@ def load_checkpoint(path: Path) -> tuple[InteractionNetwork, Card, str]:
         CheckpointError: missing, truncated, not safetensors, of another architecture or with a
             card that belongs to other weights; the message names the file and what is wrong.
     """
+    content, card, text = read_checkpoint(path, ARCHITECTURE)
+    try:
+        network = InteractionNetwork(NetworkConfig(**card.network))
+    except (TypeError, ConfigError) as error:
+        raise CheckpointError(f"{card_path(path)}: network: {error}") from error
+    fill(path, content, network)
+    return network, card, text
+
+
+def read_checkpoint(path: Path, architecture: str) -> tuple[bytes, Card, str]:
+    """Read weights of an architecture, their card and the card's JSON text, and check them.
+
+    Raises:
+        CheckpointError: as `load_checkpoint`.
+    """
     content = _read(path)
     text = _read(card_path(path)).decode(errors="replace")
-    card = _parse_card(card_path(path), text)
-    _check_card(card_path(path), card)
+    card = parse_card(card_path(path), text)
+    _check_card(card_path(path), card, architecture)
     found = hashlib.sha256(content).hexdigest()
     if found != card.weights_sha256:
         raise CheckpointError(
             f"{path} has SHA-256 {found[:16]}.., its card says {card.weights_sha256[:16]}..;"
             " the file is truncated, changed, or the card belongs to other weights"
         )
-    return _fill(path, content, card), card, text
+    return content, card, text
+
+
+def read_card(path: Path) -> Card:
+    """Read the card of the weights at this path, unchecked.
+
+    Raises:
+        CheckpointError: there is none, or it is no card.
+    """
+    return parse_card(card_path(path), _read(card_path(path)).decode(errors="replace"))
 
 
 def _read(path: Path) -> bytes:
@@ -155,17 +181,18 @@ def _read(path: Path) -> bytes:
         raise CheckpointError(f"cannot read {path}: {error.strerror or error}") from error
 
 
-def _parse_card(path: Path, text: str) -> Card:
+def parse_card(path: Path, text: str) -> Card:
+    """Return the card with this JSON text."""
     try:
         return Card(**json.loads(text))
     except (json.JSONDecodeError, TypeError) as error:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
 
 
-def _check_card(path: Path, card: Card) -> None:
+def _check_card(path: Path, card: Card, architecture: str) -> None:
     expected = {
         "format_version": FORMAT_VERSION,
-        "architecture": ARCHITECTURE,
+        "architecture": architecture,
         "feature_version": FEATURE_VERSION,
         "disk_features": DISK_FEATURES,
         "relation_features": RELATION_FEATURES,
@@ -176,16 +203,16 @@ def _check_card(path: Path, card: Card) -> None:
             raise CheckpointError(f"{path}: {name} is {value!r}; this version reads {right!r}")
 
 
-def _fill(path: Path, content: bytes, card: Card) -> InteractionNetwork:
-    """Return a network with these weights."""
+def fill(path: Path, content: bytes, network: nn.Module) -> None:
+    """Give a network these weights.
+
+    Raises:
+        CheckpointError: they are not safetensors, of other names or shapes, or not finite.
+    """
     try:
         tensors = safetensors.torch.load(content)
     except SafetensorError as error:
         raise CheckpointError(f"{path} is not a safetensors file: {error}") from error
-    try:
-        network = InteractionNetwork(NetworkConfig(**card.network))
-    except (TypeError, ConfigError) as error:
-        raise CheckpointError(f"{card_path(path)}: network: {error}") from error
     expected = network.state_dict()
     for name in sorted(expected.keys() | tensors.keys()):
         found = tuple(tensors[name].shape) if name in tensors else None
@@ -200,4 +227,3 @@ def _fill(path: Path, content: bytes, card: Card) -> InteractionNetwork:
         if not tensors[name].isfinite().all():
             raise CheckpointError(f"{path}: tensor {name} holds NaN or Inf; it must be finite")
     network.load_state_dict(tensors)
-    return network

@@ -18,14 +18,17 @@ from sain_model.body_kernels import (
     NORMAL_X,
     NORMAL_Y,
     RADIUS,
+    RIM_GRIP,
     RIM_MASS,
     SPIN,
     TOOL,
+    TOOL_GRIP,
     TURN,
     VX,
     VY,
     X,
     Y,
+    give,
 )
 from sain_model.compiling import compiled
 from sain_model.table_kernels import hold
@@ -161,7 +164,10 @@ def _solve_one(work, index, physics):
     sliding = vy * nx - vx * ny - bodies[second, SPIN] - bodies[first, SPIN]
     mass = contacts[index, NORMAL_MASS]
     normal = max(impulses[pair, ALONG] - mass * (leaving + contacts[index, BIAS]), 0.0)
-    limit = normal * (physics.tool_friction if first == TOOL else physics.disk_friction)
+    if first == TOOL:
+        limit = normal * physics.tool_friction * bodies[second, TOOL_GRIP]
+    else:
+        limit = normal * physics.disk_friction * bodies[second, RIM_GRIP]
     rim = impulses[pair, ACROSS] - contacts[index, RIM_MASS] * sliding
     rim = min(max(rim, -limit), limit)
     along, across = normal - impulses[pair, ALONG], rim - impulses[pair, ACROSS]
@@ -179,12 +185,8 @@ def _apply(work, index, along, across):
     first, second = work.pairs[index, 0], work.pairs[index, 1]
     nx, ny = contacts[index, NORMAL_X], contacts[index, NORMAL_Y]
     px, py = along * nx - across * ny, along * ny + across * nx
-    bodies[second, VX] += px * bodies[second, LIGHTNESS]
-    bodies[second, VY] += py * bodies[second, LIGHTNESS]
-    bodies[second, SPIN] -= across * bodies[second, TURN]
-    bodies[first, VX] -= px * bodies[first, LIGHTNESS]
-    bodies[first, VY] -= py * bodies[first, LIGHTNESS]
-    bodies[first, SPIN] -= across * bodies[first, TURN]
+    give(bodies, second, px, py, -across)
+    give(bodies, first, -px, -py, -across)  # the tool, heavy without end, takes no notice
 
 
 @compiled

@@ -76,8 +76,8 @@ def make_features(
 def _push_features(scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Features:
     frame = pushes[:, LOCATION]
     origin = scenes[:, MID : MID + 1, POSITION]
-    before = _turn(scenes[..., POSITION] - origin, -frame)  # (B, N, 2)
-    after = _turn(physics_next[..., POSITION] - origin, -frame)
+    before = turn(scenes[..., POSITION] - origin, -frame)  # (B, N, 2)
+    after = turn(physics_next[..., POSITION] - origin, -frame)
     kinds = _kinds(scenes)
     return Features(
         _disk_features(scenes, pushes, physics_next, before, after, kinds),
@@ -94,7 +94,7 @@ def relation_ends(disks: int) -> tuple[ndarray, ndarray]:
 def apply_residual(physics_next: Scenes, pushes: Pushes, residual: Residual) -> Scenes:
     """Return the prior's prediction corrected by residuals that are given in the push frame."""
     corrected = physics_next.copy()
-    corrected[..., POSITION] += _turn(residual[..., :2], pushes[:, LOCATION])
+    corrected[..., POSITION] += turn(residual[..., :2], pushes[:, LOCATION])
     corrected[..., THETA] = wrap_angle(physics_next[..., THETA] + residual[..., 2])
     return corrected
 
@@ -103,10 +103,11 @@ def true_residual(next_scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> 
     """Return the residual that makes the prediction right: the inverse of `apply_residual`."""
     missing = next_scenes[..., POSITION] - physics_next[..., POSITION]
     turned = wrap_angle(next_scenes[..., THETA] - physics_next[..., THETA])
-    return np.concatenate([_turn(missing, -pushes[:, LOCATION]), turned[..., None]], axis=-1)
+    return np.concatenate([turn(missing, -pushes[:, LOCATION]), turned[..., None]], axis=-1)
 
 
-def _turn(vectors: Float[ndarray, "B N 2"], angle: Angles) -> Float[ndarray, "B N 2"]:
+def turn(vectors: Float[ndarray, "B N 2"], angle: Angles) -> Float[ndarray, "B N 2"]:
+    """Return vectors turned by an angle (B,) [rad] each."""
     cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)

@@ -8,8 +8,9 @@ from typing import Any, Final, get_type_hints
 from sain_core.config import Config
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import CheckpointError
-from sain_model.checkpoint import SUFFIX, card_path, load_checkpoint
+from sain_model.checkpoint import SUFFIX, card_path, load_checkpoint, read_card
 from sain_model.friction import FrictionConfig
+from sain_model.inside_checkpoint import INSIDE_ARCHITECTURE, load_inside
 from sain_model.intervals import Intervals
 from sain_model.planar import PlanarConfig, PlanarPrior
 from sain_model.planar_axes import AXES
@@ -40,7 +41,10 @@ def load_dynamics(name: str) -> Dynamics:
     if not name.endswith(SUFFIX):
         known = ", ".join([*PRIORS, SHIPPED])
         raise CheckpointError(f"no dynamics {name!r}; known: {known}, or a path *{SUFFIX}")
-    return load_sain(Path(name))
+    path = Path(name)
+    if path.exists() and read_card(path).architecture == INSIDE_ARCHITECTURE:
+        return load_inside(path)
+    return load_sain(path)
 
 
 def load_prior(name: str, settings: dict[str, Any] | None = None) -> Dynamics:

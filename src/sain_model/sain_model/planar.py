@@ -8,15 +8,23 @@ from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.config import Config, option
-from sain_core.errors import InvalidInputError
 from sain_core.history import PushHistory
-from sain_core.push import PUSH_SIZE, TOOL_RADIUS
-from sain_core.scene import MASS, MID, POSITION, RADIUS, STATE_NAMES, STATE_SIZE, TARGET
+from sain_core.push import TOOL_RADIUS
+from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET
 from sain_core.types import Mask, Pushes, Scalars, Scenes
+from sain_model.batch_checks import check_batch
 from sain_model.blocks import run_blocks
 from sain_model.body_kernels import Physics
+from sain_model.corrections import (
+    Corrections,
+    check_corrections,
+    corrected_disks,
+    corrected_pushes,
+)
 from sain_model.friction import FrictionFilter
 from sain_model.planar_kernels import CHUNK, push_block
 
@@ -137,6 +145,24 @@ class PlanarPrior:
         """
         return self.step_with_contacts(scenes, pushes, friction)[0]
 
+    def step_told(
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        corrections: Corrections,
+        friction: Scalars | None = None,
+    ) -> Scenes:
+        """Predict as `step`, told what is unlike the textbook (`sain_model.corrections`).
+
+        Raises:
+            InvalidInputError: wrong shapes, NaN or Inf.
+        """
+        check_batch(scenes, pushes, friction)
+        check_corrections(corrections, scenes)
+        start = scenes[:, MID, RADIUS] + self.config.tool_radius + self.config.clearance
+        pushes, told = corrected_pushes(pushes, corrections), corrected_disks(corrections)
+        return self._simulate(scenes, pushes, friction, start, told)[0]
+
     def step_with_contacts(
         self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None
     ) -> tuple[Scenes, Mask]:
@@ -162,7 +188,12 @@ class PlanarPrior:
         return predicted
 
     def _simulate(
-        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None, start: Scalars
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        friction: Scalars | None,
+        start: Scalars,
+        told: Float[ndarray, "B N 7"] | None = None,
     ) -> tuple[Scenes, Mask]:
         """Run the kernels on a copy, the extra disks in an order of their own."""
         batch = len(scenes)
@@ -172,9 +203,12 @@ class PlanarPrior:
         after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
         touched = np.zeros(batch, dtype=bool)
         rows = after, np.ascontiguousarray(pushes), np.ascontiguousarray(friction), start
+        corrections = (
+            np.empty((0, 0, 0)) if told is None else np.take_along_axis(told, order, axis=1)
+        )
 
         def work(first: int) -> None:
-            push_block(first, *rows, self._physics, touched)
+            push_block(first, *rows, self._physics, touched, corrections)
 
         run_blocks(work, batch, CHUNK)
         predicted = np.empty_like(after)
@@ -193,43 +227,3 @@ def _canonical_order(scenes: Scenes) -> np.ndarray:
         offset = scenes[:, 2:, POSITION] - scenes[:, TARGET : TARGET + 1, POSITION]
         order[:, 2:] = 2 + np.argsort((offset**2).sum(-1), axis=1, kind="stable")
     return order[..., None]
-
-
-def check_batch(scenes: np.ndarray, pushes: np.ndarray, friction: np.ndarray | None = None) -> None:
-    """Check that scenes (B, N, 8), pushes (B, 3) and frictions (B,) fit and can exist.
-
-    Raises:
-        InvalidInputError: naming what does not.
-    """
-    if scenes.ndim != 3 or scenes.shape[1] < 2 or scenes.shape[2] != STATE_SIZE:
-        raise InvalidInputError(f"scenes have shape (B, N, 8) with N >= 2, not {scenes.shape}")
-    if pushes.shape != (len(scenes), PUSH_SIZE):
-        raise InvalidInputError(
-            f"pushes have shape ({len(scenes)}, 3), one for each scene, not {pushes.shape}"
-        )
-    _check_finite("scenes", scenes)
-    _check_finite("pushes", pushes)
-    for column in (MASS, RADIUS):
-        if (scenes[..., column] <= 0.0).any():
-            scene, disk = (int(i) for i in np.argwhere(scenes[..., column] <= 0.0)[0])
-            raise InvalidInputError(
-                f"{STATE_NAMES[column]} of disk {disk} in scene {scene} is"
-                f" {scenes[scene, disk, column]}; it must be positive"
-            )
-    if friction is not None:
-        _check_friction(friction, len(scenes))
-
-
-def _check_friction(friction: np.ndarray, batch: int) -> None:
-    if friction.shape != (batch,):
-        raise InvalidInputError(f"friction has shape ({batch},), not {friction.shape}")
-    _check_finite("friction", friction)
-    if (friction <= 0.0).any():
-        index = int(np.argmax(friction <= 0.0))
-        raise InvalidInputError(f"friction[{index}] is {friction[index]}; it must be positive")
-
-
-def _check_finite(name: str, values: np.ndarray) -> None:
-    if not np.isfinite(values).all():
-        where = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
-        raise InvalidInputError(f"{name}{list(where)} is {values[where]}; it must be finite")

@@ -10,6 +10,9 @@ from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_model.body_kernels import (
     ALONG,
     COS,
+    DRAG,
+    PULL_X,
+    PULL_Y,
     RADIUS,
     SIN,
     SPIN,
@@ -22,6 +25,7 @@ from sain_model.body_kernels import (
     forget,
     load,
     make_workspace,
+    place_mass,
     rim_speed,
     unload,
 )
@@ -85,6 +89,7 @@ def move(bodies, disk, step, before):
         keep = 1.0 - 0.5 * angle * angle
         bodies[disk, TURNED] += angle
         bodies[disk, COS], bodies[disk, SIN] = keep * cos - angle * sin, keep * sin + angle * cos
+        place_mass(bodies, disk)
 
 
 @compiled
@@ -103,10 +108,13 @@ def flow(work, count, slowing, physics, step):
         before[disk, 0], before[disk, 1] = bodies[disk, VX], bodies[disk, VY]
         before[disk, 2] = bodies[disk, SPIN]
         work.grip[disk] = 0.0
-        if rim_speed(bodies, disk) > 2.0 * slowing * step:
-            rub(work, disk, slowing * step, physics, step)
+        bodies[disk, VX] += step * bodies[disk, PULL_X]
+        bodies[disk, VY] += step * bodies[disk, PULL_Y]
+        less = slowing * bodies[disk, DRAG] * step
+        if rim_speed(bodies, disk) > 2.0 * less:
+            rub(work, disk, less, physics, step)
         else:
-            work.grip[disk] = slowing * step
+            work.grip[disk] = less
             work.held[disk, 0] = work.held[disk, 1] = work.held[disk, 2] = 0.0
     solve(count, physics, work)
     note_tilt(work, count, physics, step)
@@ -195,7 +203,7 @@ def push_scene(disks, push, friction, start, physics, work):
 
 
 @compiled
-def push_block(first, scenes, pushes, friction, start, physics, touched):
+def push_block(first, scenes, pushes, friction, start, physics, touched, corrections):
     """Carry out up to `CHUNK` pushes, from the one numbered `first` on, in place.
 
     Args:
@@ -206,9 +214,12 @@ def push_block(first, scenes, pushes, friction, start, physics, touched):
         start: from the mid disk's centre to the tool's axis before it travels, (B,) [m].
         physics: the rest.
         touched: (B,) bool, receives whether the tool touched a disk other than the mid disk.
+        corrections: of each disk, (B, N, CORRECTIONS), or none, (0, N, CORRECTIONS).
     """
     work = make_workspace(scenes.shape[1])
     for index in range(first, min(first + CHUNK, scenes.shape[0])):
+        if len(corrections):
+            work.corrections[:] = corrections[index]
         if pushes[index, LENGTH] > 0.0:
             touched[index] = push_scene(
                 scenes[index], pushes[index], friction[index], start[index], physics, work

@@ -14,6 +14,7 @@ from sain_core.scene import THETA, check_scene, check_scenes, make_scene, wrap_a
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.devices import AUTO, CPU, DEVICES, choose_device
 from sain_model.friction import FrictionFilter
+from sain_model.inside import InsideSain
 from sain_model.planar import PlanarPrior
 from sain_model.sain import SainDynamics
 
@@ -106,7 +107,7 @@ class ModelServer:
     def friction(self, history: PushHistory | None) -> float:
         """Return the friction that a prediction rests on; 0: the model knows none."""
         dynamics = self.knowing(history)
-        prior = dynamics.prior if isinstance(dynamics, SainDynamics) else dynamics
+        prior = dynamics.prior if isinstance(dynamics, (SainDynamics, InsideSain)) else dynamics
         return prior.config.friction if isinstance(prior, PlanarPrior) else 0.0
 
     def rollout(
@@ -155,6 +156,11 @@ class ModelServer:
         check_scenes(scenes)
         check_predictable(pushes)
         dynamics = self.knowing(history)
+        if isinstance(dynamics, InsideSain):  # its own prior is what it is inside of
+            if physics_next is None:
+                physics_next = dynamics.prior.step(scenes, pushes)
+            next_state = self._finite(dynamics.step(scenes, pushes))
+            return _residual(next_state, physics_next), next_state
         if not isinstance(dynamics, SainDynamics):  # physics alone corrects nothing
             if physics_next is None:
                 physics_next = dynamics.step(scenes, pushes)
@@ -162,9 +168,7 @@ class ModelServer:
         if physics_next is None:
             physics_next = dynamics.prior.step(scenes, pushes)
         next_state = self._finite(dynamics.correct(scenes, pushes, physics_next))
-        residual = next_state - physics_next
-        residual[..., THETA] = wrap_angle(residual[..., THETA])
-        return residual, next_state
+        return _residual(next_state, physics_next), next_state
 
     def _finite(self, predicted: np.ndarray) -> np.ndarray:
         if not np.isfinite(predicted).all():
@@ -191,9 +195,15 @@ class ModelServer:
             )
 
 
+def _residual(next_state: Scenes, physics_next: Scenes) -> Scenes:
+    residual = next_state - physics_next
+    residual[..., THETA] = wrap_angle(residual[..., THETA])
+    return residual
+
+
 def describe(name: str, dynamics: Dynamics) -> Description:
     """Return what a dynamics of this name is."""
-    if isinstance(dynamics, SainDynamics):
+    if isinstance(dynamics, (SainDynamics, InsideSain)):
         return Description(
             name,
             dynamics.kind,

@@ -2,7 +2,18 @@
 
 import numpy as np
 
-from sain_model.body_kernels import COS, LIGHTNESS, RADIUS, SIN, SPIN, TURN, VX, VY
+from sain_model.body_kernels import (
+    COS,
+    LIGHTNESS,
+    MASS_X,
+    MASS_Y,
+    RADIUS,
+    SIN,
+    SPIN,
+    VX,
+    VY,
+    give,
+)
 from sain_model.compiling import compiled
 
 FEET = 3
@@ -28,21 +39,24 @@ def rub(work, disk, slowing, physics, step):
     vx = bodies[disk, VX] + 0.5 * step * change[disk, 0]
     vy = bodies[disk, VY] + 0.5 * step * change[disk, 1]
     turn = physics.foot_radius * (bodies[disk, SPIN] + 0.5 * step * change[disk, 2])
-    if turn == 0.0 and work.tilt[disk, 0] == 0.0 and work.tilt[disk, 1] == 0.0:
+    straight = work.tilt[disk, 0] == 0.0 and work.tilt[disk, 1] == 0.0
+    straight &= bodies[disk, MASS_X] == 0.0 and bodies[disk, MASS_Y] == 0.0
+    if turn == 0.0 and straight:
         share = slowing / max(np.sqrt(vx * vx + vy * vy), slowing)
         bodies[disk, VX] -= share * vx
         bodies[disk, VY] -= share * vy
         return
     _rub_feet(feet, vx, vy, turn, bodies[disk, COS], bodies[disk, SIN], slowing, physics)
     lean_x, lean_y = _lean(work, disk, physics, step)
-    # A force at the feet turns the disk as `TURN` says, on an arm of `foot_radius`.
-    turn_of_force = physics.foot_radius * bodies[disk, TURN] / bodies[disk, LIGHTNESS]
+    total_x, total_y, across = 0.0, 0.0, 0.0
     for foot in range(FEET):
         x, y, cos, sin = feet[foot, 0], feet[foot, 1], feet[foot, 2], feet[foot, 3]
         load = (1.0 + lean_x * cos + lean_y * sin) / FEET
-        bodies[disk, VX] -= load * x
-        bodies[disk, VY] -= load * y
-        bodies[disk, SPIN] -= turn_of_force * load * (cos * y - sin * x)
+        total_x += load * x
+        total_y += load * y
+        across += load * (cos * y - sin * x)
+    mass = 1.0 / bodies[disk, LIGHTNESS]
+    give(bodies, disk, -mass * total_x, -mass * total_y, -mass * physics.foot_radius * across)
 
 
 @compiled
@@ -88,7 +102,9 @@ def _lean(work, disk, physics, step):
     arm = physics.middle_height / (physics.gravity * step * FEET)
     x = arm * (feet[0, 0] + feet[1, 0] + feet[2, 0]) + work.tilt[disk, 0]
     y = arm * (feet[0, 1] + feet[1, 1] + feet[2, 1]) + work.tilt[disk, 1]
-    scale = 2.0 / (physics.foot_radius * work.bodies[disk, RADIUS])
+    radius = work.bodies[disk, RADIUS]
+    x, y = x + radius * work.bodies[disk, MASS_X], y + radius * work.bodies[disk, MASS_Y]
+    scale = 2.0 / (physics.foot_radius * radius)
     lean = scale * np.sqrt(x * x + y * y)
     scale *= MOST_LEAN / max(lean, MOST_LEAN)
     return scale * x, scale * y

@@ -1,0 +1,52 @@
+"""Whether a batch of scenes and pushes fits together and can exist."""
+
+import numpy as np
+
+from sain_core.errors import InvalidInputError
+from sain_core.push import PUSH_SIZE
+from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE
+
+
+def check_batch(scenes: np.ndarray, pushes: np.ndarray, friction: np.ndarray | None = None) -> None:
+    """Check that scenes (B, N, 8), pushes (B, 3) and frictions (B,) fit and can exist.
+
+    Raises:
+        InvalidInputError: naming what does not.
+    """
+    if scenes.ndim != 3 or scenes.shape[1] < 2 or scenes.shape[2] != STATE_SIZE:
+        raise InvalidInputError(f"scenes have shape (B, N, 8) with N >= 2, not {scenes.shape}")
+    if pushes.shape != (len(scenes), PUSH_SIZE):
+        raise InvalidInputError(
+            f"pushes have shape ({len(scenes)}, 3), one for each scene, not {pushes.shape}"
+        )
+    check_finite("scenes", scenes)
+    check_finite("pushes", pushes)
+    for column in (MASS, RADIUS):
+        if (scenes[..., column] <= 0.0).any():
+            scene, disk = (int(i) for i in np.argwhere(scenes[..., column] <= 0.0)[0])
+            raise InvalidInputError(
+                f"{STATE_NAMES[column]} of disk {disk} in scene {scene} is"
+                f" {scenes[scene, disk, column]}; it must be positive"
+            )
+    if friction is not None:
+        _check_friction(friction, len(scenes))
+
+
+def _check_friction(friction: np.ndarray, batch: int) -> None:
+    if friction.shape != (batch,):
+        raise InvalidInputError(f"friction has shape ({batch},), not {friction.shape}")
+    check_finite("friction", friction)
+    if (friction <= 0.0).any():
+        index = int(np.argmax(friction <= 0.0))
+        raise InvalidInputError(f"friction[{index}] is {friction[index]}; it must be positive")
+
+
+def check_finite(name: str, values: np.ndarray) -> None:
+    """Check that values are finite.
+
+    Raises:
+        InvalidInputError: naming the first that is not.
+    """
+    if not np.isfinite(values).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
+        raise InvalidInputError(f"{name}{list(where)} is {values[where]}; it must be finite")
