@@ -17,6 +17,7 @@ from numpy import ndarray
 from sain_core.push import LENGTH
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.corrections import Corrections
+from sain_model.devices import CPU
 from sain_model.features import WORLD_FRAME, apply_residual, make_features
 from sain_model.inside_network import InsideNetworks
 from sain_model.inside_physics import moves
@@ -36,9 +37,11 @@ class InsideSain:
         kind: ``inside``.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.
+        device: ``cpu``: it is small, and its prior runs nowhere else.
     """
 
     kind: Final = INSIDE
+    device: Final = CPU
 
     def __init__(
         self,

@@ -15,13 +15,14 @@ from sain_core.history import PushHistory
 from sain_core.push import LENGTH
 from sain_core.scene import POSITION
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
+from sain_model.batch_checks import check_batch
 from sain_model.compiled_network import CompiledNetwork
 from sain_model.devices import CPU
 from sain_model.features import make_features
 from sain_model.friction import FrictionConfig, FrictionFilter
 from sain_model.intervals import Intervals, Prediction
 from sain_model.network import InteractionNetwork
-from sain_model.planar import PlanarPrior, check_batch
+from sain_model.planar import PlanarPrior
 from sain_model.threads import settle_threads
 from sain_model.torch_network import TorchNetwork
 
