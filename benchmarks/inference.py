@@ -146,8 +146,17 @@ def rollouts(sain: SainDynamics, options: Options) -> list[Figure]:
 
 
 def wire(options: Options) -> list[Figure]:
-    """Measure `predict_residual` over DDS, with the node in a process of its own."""
-    from benchmarks.wire import Asker  # needs the middleware; the rest does not
+    """Measure `predict_residual` over DDS, in a domain of its own."""
+    import domain_coordinator  # needs the middleware; the rest does not
+
+    with domain_coordinator.domain_id() as domain:
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        return ask_node(options)
+
+
+def ask_node(options: Options) -> list[Figure]:
+    """Measure a node in a process of its own, and the same call in this one, in turns."""
+    from benchmarks.wire import Asker
 
     scenes, pushes = draw(BATCH, options.seed)
     server = ModelServer(load_dynamics(options.model), ServingConfig(model=options.model))
