@@ -5,13 +5,13 @@ and what the network adds. Scenes have two touching disks, pushes come from any 
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numba
 import numpy as np
-import torch
 import tyro
 
 from benchmarks.report import Figure, report
@@ -64,16 +64,23 @@ def fastest(work: Callable[[], object], repeats: int) -> float:
     return min(times)
 
 
+@contextmanager
+def on_threads(threads: int) -> Iterator[None]:
+    """Let kernels run on so many threads meanwhile."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(threads)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
+
+
 def prior_rate(options: Options, threads: int) -> float:
     """Return pushes a second of the planar prior on so many threads."""
     scenes, pushes = draw(options.batch, options.seed)
     prior = PlanarPrior()
-    before = numba.get_num_threads()
-    numba.set_num_threads(threads)
-    try:
+    with on_threads(threads):
         return options.batch / fastest(lambda: prior.step(scenes, pushes), options.repeats)
-    finally:
-        numba.set_num_threads(before)
 
 
 def bullet_rate(options: Options) -> float:
@@ -84,17 +91,17 @@ def bullet_rate(options: Options) -> float:
 
 
 def correction_time(options: Options) -> float:
-    """Return the time of one batch of corrections by the shipped network [s]."""
+    """Return the time of one batch of corrections by the shipped network on one core [s]."""
     scenes, pushes = draw(SAMPLES, options.seed)
     sain = load_sain(shipped_checkpoint())
     physics_next = sain.prior.step(scenes, pushes)
-    return fastest(lambda: sain.correct(scenes, pushes, physics_next), 3 * options.repeats)
+    with on_threads(1):
+        return fastest(lambda: sain.correct(scenes, pushes, physics_next), 3 * options.repeats)
 
 
 def main() -> None:
     """Measure how fast models predict pushes."""
     options = tyro.cli(Options, description=main.__doc__)
-    torch.set_num_threads(1)
     most = min(2, numba.config.NUMBA_NUM_THREADS)
     one, two = prior_rate(options, 1), prior_rate(options, most)
     bullet, correction = bullet_rate(options), correction_time(options)

@@ -59,6 +59,14 @@ def test_a_rollout_is_the_model_s_own_to_the_last_bit(graph, model):
         ({"scene": [np.nan] * 16}, ErrorCode.INVALID, "scene at (0, 0) is nan; must be finite"),
         ({"scene": [0.0] * 16}, ErrorCode.INVALID, "mass of disk 0 is 0.0; it must be positive"),
         ({"pushes": [np.inf] * 12}, ErrorCode.INVALID, "pushes at (0, 0, 0) is inf"),
+        ({"pushes": [0.0, 0.0, 9.0] * 4}, ErrorCode.OUT_OF_RANGE, "length of push (0, 0) is 9.0"),
+        ({"pushes": [0.0, 2.0, 0.1] * 4}, ErrorCode.OUT_OF_RANGE, "angle of push (0, 0) is 2.0"),
+        (
+            {"disks": 33, "scene": [0.5] * 264},
+            ErrorCode.TOO_MUCH_WORK,
+            "scenes of 33 disks; at most 32",
+        ),
+        ({"past": 1}, ErrorCode.INVALID, "past_scenes has 0 numbers; 16 were expected"),
     ],
 )
 def test_a_wrong_rollout_request_is_answered_with_what_is_wrong(graph, model, fields, code, text):
@@ -135,6 +143,16 @@ def test_a_prediction_request_that_is_short_of_numbers_is_refused(graph, model):
     assert "pushes has 3 numbers; 6 were expected, for shape (2, 3)" in response.error_message
 
 
+@pytest.mark.parametrize("field", ["scenes", "pushes", "physics_next"])
+def test_a_prediction_request_with_nan_is_refused(graph, model, field):
+    arrays = {"scenes": np.stack([SCENE] * 2), "pushes": pushes(2), "physics_next": None}
+    arrays[field] = np.full((2, 3) if field == "pushes" else (2, 2, 8), np.nan)
+    response = predict(graph, arrays["scenes"], arrays["pushes"], arrays["physics_next"])
+    assert ErrorCode(response.error_code) is ErrorCode.INVALID
+    assert f"{field} at" in response.error_message
+    assert len(response.next_state) == 0
+
+
 def test_the_model_describes_itself(graph, model):
     response = graph.call(DescribeModel, "describe_model", DescribeModel.Request())
     assert response.error_code == ErrorCode.OK
@@ -152,6 +170,8 @@ def test_requests_are_counted_in_diagnostics(graph, model):
         for array in graph.heard["/diagnostics"]:
             values = {pair.key: pair.value for pair in array.status[0].values}
             if values.get("requests") == "2":
+                assert 0 < float(values["p50_ms"]) <= float(values["p95_ms"])
+                assert (values["queue"], values["device"]) == ("0", "cpu")
                 return array.status[0].level, values["failures"]
         return None
 

@@ -131,11 +131,14 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
     out = tmp_path / "errors.json"
     arguments = ["--checkpoint", str(paths["residual"]), "--learned", str(paths["learned"])]
     arguments += ["--recurrent", str(paths["recurrent"]), "--out", str(out)]
+    arguments += ["--beside", "planar_axes", str(paths["recurrent"])]
     assert evaluate_cli.main([str(folder), *arguments, "--open-loop", "1", "5"]) == 0
     report = json.loads(out.read_text())
     rows = report["open_loop"]["5"]["errors"]["all"]
     assert {"learned only", "residual SAIN", "recurrent SAIN", "no motion"} <= set(rows)
     assert {"planar, measured, history", "recurrent SAIN, history"} <= set(rows)
+    assert rows[str(paths["recurrent"])] == rows["recurrent SAIN"]
+    assert rows["planar_axes"] != rows["planar, measured"]
     alone = report["open_loop"]["1"]["errors"]["all"]["residual SAIN"]["target"]["mean"]
     assert alone == pytest.approx(report["all"]["SAIN"]["target_mean"])
     table = (tmp_path / "errors_open_loop.md").read_text()

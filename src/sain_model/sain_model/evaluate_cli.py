@@ -3,6 +3,7 @@
 import json
 import shlex
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -13,13 +14,14 @@ import tyro
 from rich.console import Console
 from rich.markup import escape
 
+from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError, SainError
 from sain_core.types import Mask
 from sain_model.checkpoint import Card, load_checkpoint, write_whole
 from sain_model.dataset import Transitions, load_transitions, split_by_episode
 from sain_model.error_table import error_table, history_table, interval_table
 from sain_model.evaluation import evaluate
-from sain_model.load import load_sain, shipped_checkpoint
+from sain_model.load import PRIORS, load_dynamics, load_prior, load_sain, shipped_checkpoint
 from sain_model.metrics import LEARNED
 from sain_model.open_loop import RECURRENT_SAIN, RESIDUAL_SAIN, STEPS
 from sain_model.open_loop_report import report_open_loop
@@ -38,6 +40,8 @@ class EvaluateCommand:
     """A checkpoint of kind "learned", trained with --prior identity, to stand beside it."""
     recurrent: Path | None = None
     """A checkpoint of kind "recurrent", trained with --steps-ahead, to stand beside it."""
+    beside: tuple[str, ...] = ()
+    """More dynamics to roll out: priors, planar_axes for one, or paths of checkpoints."""
     open_loop: tuple[int, ...] = STEPS
     """After how many pushes errors of rollouts are taken; none: no rollouts."""
     out: Path = Path("evaluation.json")
@@ -70,12 +74,15 @@ def run(command: EvaluateCommand, console: Console) -> None:
     _, card, _ = load_checkpoint(path)
     learned = load_sain(command.learned) if command.learned else None
     data = load_transitions(command.dataset)
-    beside = [path for path in (command.learned, command.recurrent) if path]
-    held_out = unseen(data, card, *(load_checkpoint(path)[1] for path in beside))
+    models = _models(command, sain, learned)
+    priors: dict[str, Dynamics] = {
+        name: load_prior(name) for name in command.beside if name in PRIORS
+    }
+    held_out = unseen(data, card, *_cards(models))
     errors = evaluate(held_out, sain, learned, command.seed)
     if command.open_loop:
         errors["open_loop"] = report_open_loop(
-            command.out, held_out, _models(command, sain, learned), command.seed, command.open_loop
+            command.out, held_out, models, command.seed, command.open_loop, priors
         )
     report = {
         "dataset": {"path": str(command.dataset), "sha256": data.sha256},
@@ -100,14 +107,21 @@ def run(command: EvaluateCommand, console: Console) -> None:
 
 def _models(
     command: EvaluateCommand, sain: SainDynamics, learned: SainDynamics | None
-) -> dict[str, SainDynamics]:
+) -> dict[str, Dynamics]:
     """Return the models to roll out, by name."""
-    models = {} if learned is None else {LEARNED: learned}
+    models: dict[str, Dynamics] = {} if learned is None else {LEARNED: learned}
     names = {RECURRENT: RECURRENT_SAIN, RESIDUAL: RESIDUAL_SAIN}
     models[names.get(sain.kind, sain.kind)] = sain
     if command.recurrent:
         models[RECURRENT_SAIN] = load_sain(command.recurrent)
-    return models
+    paths = [name for name in command.beside if name not in PRIORS]
+    return models | {path: load_dynamics(path) for path in paths}
+
+
+def _cards(models: Mapping[str, Dynamics]) -> list[Card]:
+    """Return the cards of models that come from checkpoints."""
+    texts = [str(getattr(model, "card", "")) for model in models.values()]
+    return [Card(**json.loads(text)) for text in texts if text]
 
 
 def unseen(data: Transitions, *cards: Card) -> Transitions:

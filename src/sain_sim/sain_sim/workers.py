@@ -139,11 +139,10 @@ class ProcessCrew:
 
     def close(self) -> None:
         """End the processes, also in the middle of an episode."""
-        workers = [*self._idle, *(worker for worker, _ in self._busy.values())]
-        for worker in workers:
-            worker.pipe.close()
+        for worker, _ in self._busy.values():
             worker.process.terminate()
-        for worker in workers:
+        for worker in [*self._idle, *(worker for worker, _ in self._busy.values())]:
+            worker.pipe.close()  # ends the idle ones
             worker.process.join()
 
 

@@ -1,0 +1,122 @@
+"""Do averages of rollouts err less than single ones? More data, several models, many particles.
+
+./env python -m benchmarks.rollout_designs data/rough_open --trained-on data/rough \
+    --models runs/learned/sain.safetensors runs/residual/sain.safetensors
+
+For each model: its rollouts; the mean of many, each with errors added after every push that are
+drawn from the model's own on its validation episodes (particles); and the mean over all models'.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import torch
+import tyro
+from numpy import ndarray
+from rich.console import Console
+
+from sain_core.scene import POSITION, TARGET
+from sain_core.seeding import generator
+from sain_core.types import Pushes, Scenes
+from sain_model.checkpoint import load_checkpoint
+from sain_model.dataset import Transitions, load_transitions, split_by_episode
+from sain_model.features import apply_residual, true_residual
+from sain_model.load import load_sain
+from sain_model.metrics import MOVED, bootstrap_over_episodes, position_errors
+from sain_model.open_loop import roll_out
+from sain_model.sain import SainDynamics
+from sain_model.windows import Windows, make_windows
+
+
+@dataclass(frozen=True)
+class Command:
+    """What to roll out on what."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """A collection that no model was trained on."""
+    trained_on: Path
+    """The collection that the models were trained on: their errors are taken there."""
+    models: tuple[Path, ...]
+    """Checkpoints."""
+    particles: int = 16
+    """Rollouts that are averaged."""
+    steps: tuple[int, ...] = (1, 5, 15)
+    """After how many pushes errors are taken."""
+    seed: int = 0
+    """Of the particles and of the bootstrap."""
+
+
+class Particles:
+    """A model with errors of its own kind added after every push."""
+
+    def __init__(
+        self, sain: SainDynamics, validation: Transitions, random: np.random.Generator
+    ) -> None:
+        predicted = sain.step(validation.scenes, validation.pushes)
+        errors = true_residual(validation.next_scenes, validation.pushes, predicted)
+        moved = _target_moves(validation.scenes, predicted)
+        self._groups = [errors[moved == flag] for flag in (False, True)]
+        self._sain, self._random = sain, random
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        after = self._sain.step(scenes, pushes)
+        drawn = [
+            group[self._random.integers(len(group), size=len(pushes))] for group in self._groups
+        ]
+        moved = _target_moves(scenes, after)
+        return apply_residual(after, pushes, np.where(moved[:, None, None], drawn[1], drawn[0]))
+
+
+def main() -> None:
+    """Print mean target errors."""
+    torch.set_num_threads(1)
+    command = tyro.cli(Command, description=__doc__)
+    windows = make_windows(load_transitions(command.dataset), max(command.steps))
+    console = Console(width=160, highlight=False)
+    heads = " | ".join(f"{step} pushes" for step in command.steps)
+    console.print(f"| target mean, mm, after | {heads} |\n| --- |{' ---: |' * len(command.steps)}")
+    means = []
+    for path in command.models:
+        means.append(roll_out(load_sain(path), windows.scenes, windows.pushes))
+        show(console, str(path), windows, means[-1], command)
+        show(console, f"mean of {command.particles} particles", windows,
+             particles(path, windows, command), command)  # fmt: skip
+    if len(means) > 1:
+        show(console, "mean of all models", windows, np.mean(means, axis=0), command)
+
+
+def particles(path: Path, windows: Windows, command: Command) -> ndarray:
+    """Return the mean (W, T, N, 8) of rollouts with a model's own errors."""
+    training = load_checkpoint(path)[1].training
+    shares = training["validation"], training["test"]
+    data = load_transitions(command.trained_on)
+    validation = split_by_episode(data, training["seed"], *shares).validation
+    random = generator(command.seed, "particles")
+    model = Particles(load_sain(path), validation, random)
+    rollouts = [roll_out(model, windows.scenes, windows.pushes) for _ in range(command.particles)]
+    return np.asarray(np.mean(rollouts, axis=0))
+
+
+def show(
+    console: Console, name: str, windows: Windows, predicted: ndarray, command: Command
+) -> None:
+    """Print a line of the table."""
+    cells = []
+    for step in command.steps:
+        rows = windows.known[:, step - 1]
+        truth = windows.next_scenes[rows, step - 1]
+        errors = position_errors(predicted[rows, step - 1], truth, TARGET)
+        low, high = bootstrap_over_episodes(errors, windows.episodes[rows], command.seed)
+        cells.append(f"{errors.mean():.2f} [{low:.2f}, {high:.2f}]")
+    console.print(f"| {name} | {' | '.join(cells)} |", markup=False)
+
+
+def _target_moves(scenes: Scenes, after: Scenes) -> ndarray:
+    way = after[:, TARGET, POSITION] - scenes[:, TARGET, POSITION]
+    return np.asarray(np.linalg.norm(way, axis=-1) > MOVED)
+
+
+if __name__ == "__main__":
+    main()
