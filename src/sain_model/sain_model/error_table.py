@@ -29,7 +29,7 @@ def error_table(errors: dict[str, Any], part: str) -> Table:
 def history_table(errors: dict[str, Any]) -> Table:
     """Return the mean target errors by the number of earlier pushes, and the shares removed."""
     table = Table(
-        title="Target error \\[mm] by earlier pushes (share of the reducible error removed)",
+        title="Target error \\[mm] by earlier pushes, share of the reducible error removed",
         title_justify="left",
     )
     table.add_column("prediction")
@@ -71,4 +71,4 @@ def _history_cell(group: dict[str, Any], name: str) -> str:
     share = group.get("removed", {}).get(name)
     if mean is None:
         return ""
-    return f"{mean:.3f}" if share is None else f"{mean:.3f} ({100 * share:.0f} %)"
+    return f"{mean:.2f}" if share is None or share < 0.0 else f"{mean:.2f} {100 * share:3.0f} %"

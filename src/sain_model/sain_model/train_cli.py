@@ -21,18 +21,17 @@ from sain_model.dataset import Split, Transitions, limit_training
 from sain_model.environment import environment
 from sain_model.epoch_bar import EpochBar
 from sain_model.error_table import error_table, history_table, interval_table
-from sain_model.evaluation import evaluate
 from sain_model.event_log import EventLog
 from sain_model.friction_noise import make_filter
+from sain_model.held_out import held_out_errors
 from sain_model.interval_fit import fit_intervals
 from sain_model.load import load_prior, prior_settings, sain_class
 from sain_model.loss_plot import save_loss_curve
 from sain_model.mixed import MixedSplit, MixedTransitions, load_datasets, split_datasets
-from sain_model.open_loop import card_errors
 from sain_model.presets import PRESETS
 from sain_model.rollout_training import RolloutTrainer
 from sain_model.rollouts import RolloutConfig
-from sain_model.sain import IDENTITY, LEARNED, SainDynamics
+from sain_model.sain import IDENTITY, SainDynamics
 from sain_model.training import NOTHING, History, Trainer, TrainingConfig
 
 
@@ -103,7 +102,7 @@ def train(command: TrainCommand, console: Console) -> Path:
         split = limit_training(split, config.transitions)
     learned = learn(command, data, split, console)
     sain, history = learned.sain, learned.history
-    errors = _held_out_errors(split, sain)
+    errors = held_out_errors(split, sain)
     card = make_card(command, data, split, learned, errors)
     path = command.out / f"{command.name}.safetensors"
     save_checkpoint(path, sain.network, card)
@@ -224,25 +223,6 @@ def _losses(history: History) -> dict[str, float]:
         "train_loss": history.train[history.best],
         "validation_loss": history.validation[history.best],
     }
-
-
-def _held_out_errors(split: Split | MixedSplit, sain: SainDynamics) -> dict[str, Any]:
-    """Return the errors on what was held out, or else on what chose the epoch.
-
-    Where numbers of disks differ: those with the fewest disks, and all under "by_disks".
-    """
-    held_out = split.test if len(split.test) else split.validation
-    errors = {part.disks: _errors(part, sain) for part in held_out.parts}
-    result = dict(errors[min(errors)])
-    result["held_out"] = "test" if len(split.test) else "validation"
-    if len(errors) > 1:
-        result["by_disks"] = {str(disks): part for disks, part in errors.items()}
-    return result
-
-
-def _errors(test: Transitions, sain: SainDynamics) -> dict[str, Any]:
-    errors = evaluate(test, learned=sain) if sain.kind == LEARNED else evaluate(test, sain=sain)
-    return {**errors, "open_loop": card_errors(test, sain)}
 
 
 def _settings(command: TrainCommand, data: Transitions | MixedTransitions) -> str:

@@ -1,0 +1,28 @@
+"""What a card says of a model: all its errors on what it was not trained on."""
+
+from typing import Any
+
+from sain_model.dataset import Split, Transitions
+from sain_model.evaluation import evaluate
+from sain_model.mixed import MixedSplit
+from sain_model.open_loop import card_errors
+from sain_model.sain import LEARNED, SainDynamics
+
+
+def held_out_errors(split: Split | MixedSplit, sain: SainDynamics) -> dict[str, Any]:
+    """Return the errors on what was held out, or else on what chose the epoch.
+
+    Where numbers of disks differ: those with the fewest disks, and all under "by_disks".
+    """
+    held_out = split.test if len(split.test) else split.validation
+    errors = {part.disks: _errors(part, sain) for part in held_out.parts}
+    result = dict(errors[min(errors)])
+    result["held_out"] = "test" if len(split.test) else "validation"
+    if len(errors) > 1:
+        result["by_disks"] = {str(disks): part for disks, part in errors.items()}
+    return result
+
+
+def _errors(test: Transitions, sain: SainDynamics) -> dict[str, Any]:
+    errors = evaluate(test, learned=sain) if sain.kind == LEARNED else evaluate(test, sain=sain)
+    return {**errors, "open_loop": card_errors(test, sain)}
