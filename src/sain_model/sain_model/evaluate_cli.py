@@ -14,7 +14,7 @@ import tyro
 from rich.console import Console
 
 from sain_core.dynamics import Dynamics
-from sain_core.errors import DatasetError, SainError
+from sain_core.errors import CheckpointError, DatasetError, SainError
 from sain_model.checkpoint import Card, load_checkpoint, write_whole
 from sain_model.dataset import Transitions, load_transitions, split_by_episode
 from sain_model.error_table import error_table, history_table
@@ -125,12 +125,15 @@ def unseen(data: Transitions, *cards: Card) -> Transitions:
 
     Raises:
         DatasetError: between them they have seen every episode.
+        CheckpointError: a card of these data does not say which it has seen.
     """
     held_out = np.ones(len(data), dtype=bool)
     for card in cards:
         if data.sha256 == card.data.get("sha256"):
-            used = card.training
-            test = split_by_episode(data, used["seed"], used["validation"], used["test"]).test
+            used = [card.training.get(name) for name in ("seed", "validation", "test")]
+            if None in used:
+                raise CheckpointError("a card does not say which episodes of its data it has seen")
+            test = split_by_episode(data, *used).test
             held_out &= np.isin(data.episodes, test.episodes)
     if not held_out.any():
         raise DatasetError("these checkpoints were trained on all episodes between them")
