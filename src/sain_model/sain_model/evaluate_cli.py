@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import torch
@@ -130,7 +130,7 @@ def unseen(data: Transitions, *cards: Card) -> Transitions:
     held_out = np.ones(len(data), dtype=bool)
     for card in cards:
         if data.sha256 == card.data.get("sha256"):
-            used = [card.training.get(name) for name in ("seed", "validation", "test")]
+            used: list[Any] = [card.training.get(name) for name in ("seed", "validation", "test")]
             if None in used:
                 raise CheckpointError("a card does not say which episodes of its data it has seen")
             test = split_by_episode(data, *used).test
