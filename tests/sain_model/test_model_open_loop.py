@@ -169,5 +169,8 @@ def test_what_any_model_has_seen_is_not_evaluated_on(data: Transitions) -> None:
     assert set(held.episodes) == set(both[0]) & set(both[1])
     other = Card("planar", {}, {}, data={"sha256": "other"})
     assert len(evaluate_cli.unseen(data, other)) == len(data)
+    mute = Card("planar", {}, {}, data={"sha256": data.sha256}, training={"seed": 0})
+    with pytest.raises(CheckpointError, match="which episodes of its data it has seen"):
+        evaluate_cli.unseen(data, mute)
     with pytest.raises(DatasetError, match="trained on all episodes between them"):
         evaluate_cli.unseen(data, *(card(seed, 0.1) for seed in range(6)))

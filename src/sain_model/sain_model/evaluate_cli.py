@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import torch
@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from sain_core.dynamics import Dynamics
-from sain_core.errors import DatasetError, SainError
+from sain_core.errors import CheckpointError, DatasetError, SainError
 from sain_core.types import Mask
 from sain_model.checkpoint import Card, load_checkpoint, write_whole
 from sain_model.dataset import Transitions, load_transitions, split_by_episode
@@ -130,6 +130,7 @@ def unseen(data: Transitions, *cards: Card) -> Transitions:
     Raises:
         DatasetError: one has learned from this data and held nothing of it out by itself, or
             between them they have seen every episode.
+        CheckpointError: a card of these data does not say which it has seen.
     """
     held_out = np.ones(len(data), dtype=bool)
     for card in cards:
@@ -148,12 +149,14 @@ def _held_out(data: Transitions, card: Card) -> Mask:
         )
     if data.sha256 != card.data.get("sha256"):
         return np.ones(len(data), dtype=bool)
-    training = card.training
-    if not training["test"]:
+    used: list[Any] = [card.training.get(name) for name in ("seed", "validation", "test")]
+    if None in used:
+        raise CheckpointError("a card does not say which episodes of its data it has seen")
+    if not card.training["test"]:
         raise DatasetError(
             "the checkpoint learned from all of this data (test 0); evaluate it on other episodes"
         )
-    split = split_by_episode(data, training["seed"], training["validation"], training["test"])
+    split = split_by_episode(data, *used)
     return np.asarray(np.isin(data.episodes, split.test.episodes))
 
 

@@ -11,11 +11,13 @@ import numpy as np
 import torch
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 
 from sain_core.errors import CheckpointError, SainError
 from sain_model.checkpoint import SUFFIX, Card, save_checkpoint, write_whole
 from sain_model.dataset import Split, limit_training, load_transitions, split_by_episode
+from sain_model.environment import environment
 from sain_model.inside import InsideSain
 from sain_model.inside_checkpoint import INSIDE_ARCHITECTURE
 from sain_model.inside_training import InsideHistory, InsideTrainingConfig, train_members
@@ -61,7 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         train_inside(command, console)
     except SainError as error:
-        Console(stderr=True).print(f"[red]error:[/] {error}", highlight=False)
+        Console(stderr=True).print(f"[red]error:[/] {escape(str(error))}", highlight=False)
         return 1
     except KeyboardInterrupt:
         console.print("stopped; the same command goes on from the last whole round")
@@ -138,11 +140,13 @@ def make_card(
         },
         training={
             **asdict(command.training),
+            "validation": command.validation,
+            "test": command.test,
             "best_rounds": [history.best + 1 for history in histories],
             "validation_losses": [history.validation[history.best] for history in histories],
         },
         errors=errors,
-        versions={"torch": torch.__version__, "numpy": np.__version__},
+        versions=environment(),
         command=shlex.join(["ros2", "run", "sain_model", "train_inside", *sys.argv[1:]]),
         architecture=INSIDE_ARCHITECTURE,
     )
