@@ -36,14 +36,18 @@ from sain_model.dataset import (
     load_transitions,
     split_by_episode,
 )
+from sain_model.features import RELATION_FEATURES
 from sain_model.interval_fit import fit_intervals, predict_with_history
 from sain_model.load import load_prior
 from sain_model.metrics import position_errors
+from sain_model.network import InteractionNetwork, ensemble
 from sain_model.sain import SainDynamics
 from sain_model.train_cli import make_filter
 from sain_model.training import NOTHING, Trainer, TrainingConfig
 
 PATIENCES = (3, 5, 10, 20)
+BATCHES = (64, 256, 1024, 4096)
+CALLS = 30
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,7 @@ def main() -> None:
     """Train, measure, and print a table."""
     torch.set_num_threads(1)
     command = tyro.cli(Command, description=main.__doc__, config=(tyro.conf.OmitArgPrefixes,))
+    speed = [forward_times(command, batch) for batch in BATCHES]
     data = load_transitions(command.dataset)
     outside = load_transitions(command.outside) if command.outside else None
     rows = []
@@ -82,8 +87,33 @@ def main() -> None:
             row["to one network"] = ratio(errors, alone, split.test.episodes)
             rows.append(row)
             show(row)
-            report = {"dataset": str(command.dataset), "sha256": data.sha256, "rows": rows}
+            report = {"dataset": str(command.dataset), "sha256": data.sha256, "speed": speed}
+            report["rows"] = rows
             write_whole(command.out / "report.json", (json.dumps(report, indent=2) + "\n").encode())
+
+
+def forward_times(command: Command, batch: int) -> dict[str, float]:
+    """Return the processor times [ms] of one network, an ensemble, and its members in a loop."""
+    config = command.training.network
+    lone = [InteractionNetwork(config) for _ in range(command.size)]
+    together = ensemble(lone)
+    inputs = torch.randn(batch, 2, config.disk_features), torch.randn(batch, 2, RELATION_FEATURES)
+    calls: dict[str, Callable[[], object]] = {
+        "one": lambda: lone[0](*inputs),
+        "ensemble": lambda: together(*inputs),
+        "loop": lambda: [network(*inputs) for network in lone],
+    }
+    times = {"batch": float(batch)}
+    for name, call in calls.items():
+        with torch.inference_mode():
+            call()
+            begun = time.process_time()
+            for _ in range(CALLS):
+                call()
+        times[name] = 1e3 * (time.process_time() - begun) / CALLS
+    told = ", ".join(f"{name} {value:.2f} ms" for name, value in times.items() if name != "batch")
+    Console(highlight=False).print(f"forward of {batch} pushes: {told}")
+    return times
 
 
 def with_members(config: TrainingConfig, members: int, diversity: str) -> TrainingConfig:
@@ -100,19 +130,21 @@ def measure(
     folder = command.out / f"{members}-{diversity}-{config.seed}"
     prior = load_prior(config.prior, {"friction": config.prior_friction})
     sain, validation, seconds = trained(config, split, prior, folder)
-    errors = target_errors(sain, split.test)
+    errors, disagreement = judged(sain, split.test)
     row: dict[str, Any] = {
         "members": members,
         "diversity": diversity,
         "seed": config.seed,
         "seconds": seconds,
         "target_mean": float(errors.mean()),
+        "members_mean": disagreement,
         "intervals": measure_intervals(sain, split.test, config.seed),
         "early_stop": {patience: stopped(validation, patience) for patience in PATIENCES},
     }
     if outside is not None:
         row["outside"] = measure_intervals(sain, outside, config.seed)
-        row["outside_mean"] = float(target_errors(sain, outside).mean())
+        far, row["outside_members_mean"] = judged(sain, outside)
+        row["outside_mean"] = float(far.mean())
     return row, errors
 
 
@@ -131,9 +163,14 @@ def trained(
     return sain, trainer.history.validation, seconds
 
 
-def target_errors(sain: SainDynamics, data: Transitions) -> np.ndarray:
-    """Return how far off the target is predicted with the episode's earlier pushes, (M,) [mm]."""
-    return position_errors(predict_with_history(sain, data).mean, data.next_scenes, TARGET)
+def judged(sain: SainDynamics, data: Transitions) -> tuple[np.ndarray, float]:
+    """Return how far off the target is predicted with the episode's earlier pushes, (M,) [mm].
+
+    And by how much the members disagree about it, on average [mm].
+    """
+    prediction = predict_with_history(sain, data)
+    errors = position_errors(prediction.mean, data.next_scenes, TARGET)
+    return errors, 1e3 * float(prediction.members[:, TARGET].mean())
 
 
 def stopped(validation: list[float], patience: int) -> tuple[float, float]:
@@ -164,9 +201,9 @@ def show(row: dict[str, Any]) -> None:
         far = row["outside"]["target"]
         Console(width=160, highlight=False).print(
             f"  outside: {row['outside_mean']:.3f} mm, held"
-            f" {100 * far['parts']['all']['coverage']:.1f} %, spread"
-            f" {far['parts']['all']['spread_mean']:.3f} mm where it was"
-            f" {parts['all']['spread_mean']:.3f}; rank {far['rank_correlation']}"
+            f" {100 * far['parts']['all']['coverage']:.1f} %, members disagree in"
+            f" {row['outside_members_mean']:.3f} mm where it was {row['members_mean']:.3f}; rank"
+            f" {far['rank_correlation']['members'] or 0.0:.2f}"
         )
 
 

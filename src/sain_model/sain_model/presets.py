@@ -3,9 +3,9 @@
 The paper (section III-C): Adam at 0.001, halved every 2,500 steps, 8,000 epochs of batches of 16,
 validated every 500 epochs on 20 % of the data, the best kept; 10 % in section III-B; equation 5
 adds lambda |theta|^2. It gives neither lambda nor the scales of the loss: ours stand here.
-With 3,000 transitions a step is 1/169 of an epoch, so that after 40 of the 8,000 epochs the
-learning rate is below a hundredth of a percent of what it was at the start: either the steps are
-epochs, or the epochs are steps. See docs/training.md.
+With 3,000 transitions an epoch is 188 steps, so that the learning rate is halved every 13 of the
+8,000 epochs and is nothing long before the first validation: either the steps are epochs, or the
+epochs are steps. See docs/training.md.
 """
 
 from dataclasses import replace
