@@ -1,7 +1,8 @@
 """SAIN as a `Dynamics`: a prior and the network that corrects it."""
 
+from copy import copy
 from functools import cached_property
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -63,9 +64,9 @@ class SainDynamics:
             return CompiledNetwork(self.network)
         return TorchNetwork(self.network, self.device)
 
-    def on(self, device: str) -> "SainDynamics":
+    def on(self, device: str) -> Self:
         """Return this model with its network on a device, ``cpu`` or ``cuda``."""
-        return self._with(self.prior, device)
+        return self._with(device=device)
 
     @property
     def filter(self) -> FrictionFilter | None:
@@ -92,18 +93,15 @@ class SainDynamics:
         """
         if not isinstance(self.prior, PlanarPrior):
             raise InvalidInputError(f"the prior {self.prior_name!r} knows no friction")
-        return self._with(self.prior.at(friction), self.device)
+        return self._with(prior=self.prior.at(friction))
 
-    def _with(self, prior: Dynamics, device: str) -> "SainDynamics":
-        return SainDynamics(
-            self.network,
-            prior,
-            self.prior_name,
-            self.model_hash,
-            self.card,
-            self.friction,
-            device,
-        )
+    def _with(self, **changes: object) -> Self:
+        """Return a copy in which some attributes are others."""
+        changed = copy(self)
+        vars(changed).update(changes)
+        if "device" in changes:
+            vars(changed).pop("_forward", None)  # else the copy shares it: the weights are the same
+        return changed
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
