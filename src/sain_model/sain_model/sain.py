@@ -118,7 +118,9 @@ class SainDynamics:
         """
         if not isinstance(self.prior, PlanarPrior):
             raise InvalidInputError(f"the prior {self.prior_name!r} knows no friction")
-        return replace(self, prior=self.prior.at(friction), told_doubt=doubt)
+        told = replace(self, prior=self.prior.at(friction), told_doubt=doubt)
+        vars(told)["_forward"] = self._forward  # its weights are the same: not to be packed again
+        return told
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
