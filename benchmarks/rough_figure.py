@@ -49,7 +49,7 @@ def main() -> None:
     axes.set_ylabel("mean target error, mm")
     axes.grid(axis="y", alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, ncols=3)
+    figure.legend(frameon=False, ncols=6, loc="outside upper center")
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=110, format="png")
     write_whole(command.out, buffer.getvalue())
