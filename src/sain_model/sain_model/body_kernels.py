@@ -15,7 +15,7 @@ from sain_core.scene import THETA as STATE_THETA
 from sain_core.scene import VX as STATE_VX
 from sain_core.scene import X as STATE_X
 from sain_core.scene import Y as STATE_Y
-from sain_model.compiling import compiled
+from sain_model.compiling import chosen_by_type, compiled
 
 TOOL = 0
 # Columns of a body. `SPIN` is the speed of the rim [m/s]; 1 N s at the rim adds `TURN` to it.
@@ -73,6 +73,15 @@ class Workspace(NamedTuple):
     corrections: np.ndarray  # (N, CORRECTIONS), see `sain_model.corrections`
 
 
+class ToldWorkspace(Workspace):
+    """Scratch memory of a push whose disks are corrected: their mass may be off the middle.
+
+    A type of its own, so that kernels for disks as in the textbook are compiled without it.
+    """
+
+    __slots__ = ()
+
+
 @compiled
 def make_workspace(disks):
     """Return scratch memory for this many disks."""
@@ -89,6 +98,25 @@ def make_workspace(disks):
         np.empty((pairs, CONTACT_SIZE)),
         np.zeros((pairs, 2)),
         _no_corrections(disks),
+    )
+
+
+@compiled
+def make_told_workspace(disks):
+    """Return scratch memory for this many disks that are corrected."""
+    work = make_workspace(disks)
+    return ToldWorkspace(
+        work.bodies,
+        work.before,
+        work.change,
+        work.grip,
+        work.held,
+        work.tilt,
+        work.feet,
+        work.pairs,
+        work.contacts,
+        work.impulses,
+        work.corrections,
     )
 
 
@@ -160,18 +188,35 @@ def place_mass(bodies, body):
     bodies[body, MASS_X], bodies[body, MASS_Y] = cos * fore - sin * left, sin * fore + cos * left
 
 
-@compiled
-def give(bodies, body, px, py, rim):
+def give(work, body, px, py, rim):
     """Give a disk an impulse (px, py) and a turn `rim`, the sum of those across at its rim [N s].
 
     Both are about its middle. Where its mass is elsewhere, what acts on the middle turns it too,
     and the middle, whose velocity is kept, moves about the mass.
     """
+    bodies = work.bodies
     mass_x, mass_y = bodies[body, MASS_X], bodies[body, MASS_Y]
     spin = (rim - (mass_x * py - mass_y * px)) * bodies[body, TURN]
     bodies[body, SPIN] += spin
     bodies[body, VX] += px * bodies[body, LIGHTNESS] + spin * mass_y
     bodies[body, VY] += py * bodies[body, LIGHTNESS] - spin * mass_x
+
+
+def _give_in_the_middle(work, body, px, py, rim):
+    bodies = work.bodies
+    bodies[body, VX] += px * bodies[body, LIGHTNESS]
+    bodies[body, VY] += py * bodies[body, LIGHTNESS]
+    bodies[body, SPIN] += rim * bodies[body, TURN]
+
+
+@chosen_by_type(give)
+def _choose_give(work, body, px, py, rim):
+    return give if is_told(work) else _give_in_the_middle
+
+
+def is_told(work):
+    """Tell whether the type of a workspace is that of corrected disks."""
+    return work.instance_class is ToldWorkspace
 
 
 @compiled

@@ -11,11 +11,14 @@ import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numba
+from numba.extending import overload
 
 import sain_core
+
+OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "fastmath": {"contract", "arcp"}}
 
 
 def keep_kernels_apart() -> None:
@@ -35,14 +38,19 @@ def compiled_apart(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compile(function, inline=False)
 
 
+def chosen_by_type(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Let what is decorated choose, by the types of its arguments, how kernels run a function."""
+    chooser: Callable[..., Any] = overload(function, jit_options={"forceinline": True, **OPTIONS})
+    return chooser
+
+
 def _compile(function: Callable[..., Any], inline: bool = True) -> Callable[..., Any]:
     keep_kernels_apart()
     compiled_function: Callable[..., Any] = numba.njit(
         cache=True,
         nogil=True,  # `sain_model.blocks` runs kernels side by side
         forceinline=inline,
-        error_model="numpy",
-        fastmath={"contract", "arcp"},
+        **OPTIONS,
     )(function)
     return compiled_function
 

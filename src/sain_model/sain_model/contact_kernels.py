@@ -181,12 +181,12 @@ def _solve_one(work, index, physics):
 @compiled
 def _apply(work, index, along, across):
     """Give both bodies of a contact an impulse along its normal and across it [N s]."""
-    bodies, contacts = work.bodies, work.contacts
+    contacts = work.contacts
     first, second = work.pairs[index, 0], work.pairs[index, 1]
     nx, ny = contacts[index, NORMAL_X], contacts[index, NORMAL_Y]
     px, py = along * nx - across * ny, along * ny + across * nx
-    give(bodies, second, px, py, -across)
-    give(bodies, first, -px, -py, -across)  # the tool, heavy without end, takes no notice
+    give(work, second, px, py, -across)
+    give(work, first, -px, -py, -across)  # the tool, heavy without end, takes no notice
 
 
 @compiled

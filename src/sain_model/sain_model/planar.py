@@ -26,7 +26,7 @@ from sain_model.corrections import (
     corrected_pushes,
 )
 from sain_model.friction import FrictionFilter
-from sain_model.planar_kernels import CHUNK, push_block
+from sain_model.planar_kernels import CHUNK, push_block, push_told_block
 
 NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
 NOMINAL_MID_RADIUS: Final = 0.08  # [m]
@@ -203,12 +203,13 @@ class PlanarPrior:
         after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
         touched = np.zeros(batch, dtype=bool)
         rows = after, np.ascontiguousarray(pushes), np.ascontiguousarray(friction), start
-        corrections = (
-            np.empty((0, 0, 0)) if told is None else np.take_along_axis(told, order, axis=1)
-        )
+        corrections = None if told is None else np.take_along_axis(told, order, axis=1)
 
         def work(first: int) -> None:
-            push_block(first, *rows, self._physics, touched, corrections)
+            if corrections is None:
+                push_block(first, *rows, self._physics, touched)
+            else:
+                push_told_block(first, *rows, self._physics, touched, corrections)
 
         run_blocks(work, batch, CHUNK)
         predicted = np.empty_like(after)

@@ -24,6 +24,7 @@ from sain_model.body_kernels import (
     Y,
     forget,
     load,
+    make_told_workspace,
     make_workspace,
     place_mass,
     rim_speed,
@@ -203,7 +204,7 @@ def push_scene(disks, push, friction, start, physics, work):
 
 
 @compiled
-def push_block(first, scenes, pushes, friction, start, physics, touched, corrections):
+def push_block(first, scenes, pushes, friction, start, physics, touched):
     """Carry out up to `CHUNK` pushes, from the one numbered `first` on, in place.
 
     Args:
@@ -214,12 +215,32 @@ def push_block(first, scenes, pushes, friction, start, physics, touched, correct
         start: from the mid disk's centre to the tool's axis before it travels, (B,) [m].
         physics: the rest.
         touched: (B,) bool, receives whether the tool touched a disk other than the mid disk.
-        corrections: of each disk, (B, N, CORRECTIONS), or none, (0, N, CORRECTIONS).
     """
     work = make_workspace(scenes.shape[1])
     for index in range(first, min(first + CHUNK, scenes.shape[0])):
-        if len(corrections):
-            work.corrections[:] = corrections[index]
+        if pushes[index, LENGTH] > 0.0:
+            touched[index] = push_scene(
+                scenes[index], pushes[index], friction[index], start[index], physics, work
+            )
+
+
+@compiled
+def push_told_block(first, scenes, pushes, friction, start, physics, touched, corrections):
+    """Carry out up to `CHUNK` pushes as `push_block` does, of disks that are corrected.
+
+    Args:
+        first: number of the first one.
+        scenes: (B, N, 8), changed to what they become.
+        pushes: (B, 3).
+        friction: with the table, (B,).
+        start: from the mid disk's centre to the tool's axis before it travels, (B,) [m].
+        physics: the rest.
+        touched: (B,) bool, receives whether the tool touched a disk other than the mid disk.
+        corrections: of each disk, (B, N, CORRECTIONS).
+    """
+    work = make_told_workspace(scenes.shape[1])
+    for index in range(first, min(first + CHUNK, scenes.shape[0])):
+        work.corrections[:] = corrections[index]
         if pushes[index, LENGTH] > 0.0:
             touched[index] = push_scene(
                 scenes[index], pushes[index], friction[index], start[index], physics, work

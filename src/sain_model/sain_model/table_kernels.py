@@ -10,11 +10,13 @@ from sain_model.body_kernels import (
     RADIUS,
     SIN,
     SPIN,
+    TURN,
     VX,
     VY,
     give,
+    is_told,
 )
-from sain_model.compiling import compiled
+from sain_model.compiling import chosen_by_type, compiled
 
 FEET = 3
 THIRD_TURN_COS, THIRD_TURN_SIN = -0.5, 0.8660254037844386  # of 120 degrees
@@ -48,6 +50,12 @@ def rub(work, disk, slowing, physics, step):
         return
     _rub_feet(feet, vx, vy, turn, bodies[disk, COS], bodies[disk, SIN], slowing, physics)
     lean_x, lean_y = _lean(work, disk, physics, step)
+    _slow_down(work, disk, lean_x, lean_y, physics)
+
+
+def _slow_down(work, disk, lean_x, lean_y, physics):
+    """Take from a disk what its feet, loaded as it leans, have found."""
+    feet = work.feet
     total_x, total_y, across = 0.0, 0.0, 0.0
     for foot in range(FEET):
         x, y, cos, sin = feet[foot, 0], feet[foot, 1], feet[foot, 2], feet[foot, 3]
@@ -55,8 +63,25 @@ def rub(work, disk, slowing, physics, step):
         total_x += load * x
         total_y += load * y
         across += load * (cos * y - sin * x)
-    mass = 1.0 / bodies[disk, LIGHTNESS]
-    give(bodies, disk, -mass * total_x, -mass * total_y, -mass * physics.foot_radius * across)
+    mass = 1.0 / work.bodies[disk, LIGHTNESS]
+    give(work, disk, -mass * total_x, -mass * total_y, -mass * physics.foot_radius * across)
+
+
+def _slow_down_in_the_middle(work, disk, lean_x, lean_y, physics):
+    bodies, feet = work.bodies, work.feet
+    # A force at the feet turns the disk as `TURN` says, on an arm of `foot_radius`.
+    turn_of_force = physics.foot_radius * bodies[disk, TURN] / bodies[disk, LIGHTNESS]
+    for foot in range(FEET):
+        x, y, cos, sin = feet[foot, 0], feet[foot, 1], feet[foot, 2], feet[foot, 3]
+        load = (1.0 + lean_x * cos + lean_y * sin) / FEET
+        bodies[disk, VX] -= load * x
+        bodies[disk, VY] -= load * y
+        bodies[disk, SPIN] -= turn_of_force * load * (cos * y - sin * x)
+
+
+@chosen_by_type(_slow_down)
+def _choose_slow_down(work, disk, lean_x, lean_y, physics):
+    return _slow_down if is_told(work) else _slow_down_in_the_middle
 
 
 @compiled
