@@ -1,5 +1,7 @@
 """What the planar prior does when it is told what is unlike the textbook."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
