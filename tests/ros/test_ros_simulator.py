@@ -143,7 +143,11 @@ def test_after_a_reset_old_scenes_are_of_an_unknown_episode(graph, simulator):
 @pytest.mark.parametrize(
     ("request_fields", "code", "text"),
     [
-        ({"world": "mars"}, ErrorCode.INVALID, "world is 'mars'; allowed: randomised, nominal"),
+        (
+            {"world": "mars"},
+            ErrorCode.INVALID,
+            "world is 'mars'; allowed: randomised, rough, nominal",
+        ),
         ({"friction": -1.0}, ErrorCode.OUT_OF_RANGE, "friction is -1.0"),
         ({"friction": float("nan")}, ErrorCode.OUT_OF_RANGE, "friction is nan"),
         ({"shapes": ["disk"]}, ErrorCode.INVALID, "1 shapes are given for 2 disks"),

@@ -40,7 +40,8 @@ def compiled_apart(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def chosen_by_type(function: Callable[..., Any]) -> Callable[..., Any]:
     """Let what is decorated choose, by the types of its arguments, how kernels run a function."""
-    chooser: Callable[..., Any] = overload(function, jit_options={"forceinline": True, **OPTIONS})
+    options: Any = {**OPTIONS, "forceinline": True}
+    chooser: Callable[..., Any] = overload(function, jit_options=options)
     return chooser
 
 
