@@ -1,4 +1,7 @@
-"""All benchmarks one after the other: ``python -m benchmarks [NAME ...]``."""
+"""All benchmarks one after the other: ``python -m benchmarks [NAME ...]``.
+
+Those that need a data set are modules of their own: ``python -m benchmarks.NAME --help``.
+"""
 
 import importlib
 import pkgutil
@@ -6,12 +9,22 @@ import sys
 
 import benchmarks
 
-HELPERS = {"__main__", "report", "wire"}
+HELPERS = {"__main__", "report", "wire", "identification"}
+ON_DATA = {
+    "ensembles",
+    "open_loop",
+    "paper_training",
+    "rollout_designs",
+    "rough_figure",
+    "rough_world",
+    "without_history",
+}
 
 
 def main() -> int:
     """Run the benchmarks that are named, or all of them."""
-    known = sorted({module.name for module in pkgutil.iter_modules(benchmarks.__path__)} - HELPERS)
+    found = {module.name for module in pkgutil.iter_modules(benchmarks.__path__)}
+    known = sorted(found - HELPERS - ON_DATA)
     names = sys.argv[1:] or known
     unknown = [name for name in names if name not in known]
     if unknown:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
@@ -321,6 +322,22 @@ def test_when_the_model_fails_physics_takes_over_and_says_so(graph, straw, answe
     remote.answer = still
     straw.show(scene_id=2)
     assert not plan(graph, scene_id=2).fallback
+
+
+def test_the_planner_says_when_it_sees_its_model(graph, straw):
+    def levels():
+        statuses = [status for array in graph.heard["/diagnostics"] for status in array.status]
+        return [(s.level, s.message) for s in statuses if s.name == "/sain/mppi_node"]
+
+    graph.listen("/diagnostics", DiagnosticArray)
+    node = graph.start(MppiNode, **SMALL)
+    graph.wait(lambda: len(levels()) > 1, "the planner's diagnostics")
+    assert set(levels()) == {
+        (DiagnosticStatus.WARN, "no model serves rollout yet: plans rest on the prior")
+    }
+    Remote(graph, still)
+    graph.wait(lambda: levels()[-1] == (DiagnosticStatus.OK, "ready"), "the planner's word")
+    assert node.remote.ready
 
 
 def test_without_a_model_physics_plans(graph, straw):

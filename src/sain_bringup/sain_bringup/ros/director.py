@@ -5,11 +5,13 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from sain_bringup.display import EpisodeView
-from sain_bringup.ros.readiness import missing_parts
+from sain_bringup.graph import PLANNER
+from sain_bringup.ros.readiness import Missing, missing_parts
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
 from sain_core.ros.codec import decode_disks, encode_disks, encode_goal
 from sain_core.ros.node_main import NAMESPACE
@@ -58,6 +60,7 @@ class Director(Node):
         self._executed: set[int] = set()  # ... those carried out, ...
         self._predicted: set[int] = set()  # ... and those that the nominal world predicted
         self._goals = 0
+        self._planner_ready = False
         self._goal = self.create_publisher(Goal, "goal", LATCHED)
         self._servers = {
             name: self.create_client(kind, name) for name, kind in SERVER_PARTS.items()
@@ -67,6 +70,7 @@ class Director(Node):
         self.create_subscription(
             PushPrediction, "physics_prediction", self._on_prediction, RELIABLE
         )
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
 
@@ -83,16 +87,22 @@ class Director(Node):
 
         def up() -> bool:
             refuse_rivals(self, OWNED)
-            missing = missing_parts(self, self._servers.values())
+            missing = self._missing()
             tell(", ".join(dict.fromkeys(part.process for part in missing)))
             return not missing
 
         def problem() -> str:
-            missing = missing_parts(self, self._servers.values())
+            missing = self._missing()
             return f"still missing: {', '.join(part.what for part in missing)}"
 
         self.wait(up, problem)
         return str(self.call("describe_model", DescribeModel.Request()).model)
+
+    def _missing(self) -> list[Missing]:
+        missing = missing_parts(self, self._servers.values())
+        if not self._planner_ready:  # what this node sees of the model, the planner may not yet
+            missing.append(Missing(PLANNER, "the planner's word that it sees the model"))
+        return missing
 
     def play(self, case: ScenarioScene, tolerance: float, view: EpisodeView) -> None:
         """Play one episode to its end.
@@ -199,6 +209,12 @@ class Director(Node):
 
     def _on_event(self, message: Plan | PushResult) -> None:
         self._events.append(message)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        planner = self.resolve_topic_name("mppi_node")
+        for status in message.status:
+            if status.name == planner:
+                self._planner_ready = status.level == DiagnosticStatus.OK
 
     def _on_prediction(self, message: PushPrediction) -> None:
         self._predicted.add(message.push_id)

@@ -29,6 +29,8 @@ from sain_mppi.ros.plan_message import STATUS, plan_of_decision, plan_of_job, pl
 from sain_mppi.ros.remote import RemoteRollout
 from sain_mppi.settings import SERVICE, MppiConfig
 
+MODEL_WAIT = 0.1  # [s] between looks for the model's service at the start
+
 
 class MppiNode(Node):
     """Plans on a worker thread. The pursuit belongs to the executor's."""
@@ -50,6 +52,9 @@ class MppiNode(Node):
         self.sent: dict[int, Decision] = {}
         self.push_ids, self.plan_ids = push_ids(), count(1)
         self._offer()
+        self.diagnostics.set(WARN, "no model serves rollout yet: plans rest on the prior")
+        self.looking = self.create_timer(MODEL_WAIT, self._look_for_model)
+        self._look_for_model()
         where = "a service" if self.remote else config.model
         self.get_logger().info(f"ready: plans with {where}, or else with {config.prior}")
 
@@ -61,6 +66,12 @@ class MppiNode(Node):
         self.create_subscription(SceneMessage, "scene", self._on_scene, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
         self.create_subscription(Goal, "goal", self._on_goal, LATCHED)
+
+    def _look_for_model(self) -> None:
+        """Say once that the model is there; a graph that is set up waits for that word."""
+        if self.remote is None or self.remote.ready:
+            self.looking.cancel()
+            self.diagnostics.set(OK, "ready")
 
     def _on_goal(self, message: Goal) -> None:
         place = np.array([message.x, message.y])
@@ -157,6 +168,7 @@ class MppiNode(Node):
         plan.plan_id = next(self.plan_ids)
         plan.header = codec.header(self.get_clock().now().to_msg())
         self.plan_publisher.publish(plan)
+        self.looking.cancel()  # what became of a plan says more
         well = plan.error_code == ErrorCode.OK
         self.diagnostics.set(OK if well else WARN, **summary(plan), pushes=self.pursuit.pushes)
 

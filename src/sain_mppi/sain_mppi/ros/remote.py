@@ -23,6 +23,11 @@ class RemoteRollout:
         self.model = ""
         self._history: PushHistory | None = None
 
+    @property
+    def ready(self) -> bool:
+        """Whether a model serves, as far as this node has seen."""
+        return bool(self._client.service_is_ready())
+
     def with_history(self, history: PushHistory) -> Self:
         """Send these earlier pushes of the episode along from now on; return itself."""
         self._history = history
@@ -50,7 +55,7 @@ class RemoteRollout:
             raise ModelUnavailableError(f"the model answered wrongly: {error}") from error
 
     def _ask(self, request: Rollout.Request) -> Rollout.Response:
-        if not self._client.service_is_ready():
+        if not self.ready:
             raise ModelUnavailableError(f"no model serves {self._name}")
         answered = Event()
         future = self._client.call_async(request)
