@@ -130,12 +130,13 @@ def test_what_becomes_of_others_pushes_does_not_matter(pursuit: Pursuit) -> None
     assert (pursuit.pushes, pursuit.next_job()) == (1, None)
 
 
-def test_a_late_refusal_of_a_past_scene_only_counts(pursuit: Pursuit) -> None:
+def test_a_late_refusal_of_a_past_scene_only_counts(pursuit: Pursuit, clock: Clock) -> None:
     pursuit.aim(TASK)
     pursuit.see(view())
     job_of(pursuit)
     pursuit.sent(10)
     pursuit.see(view(2))
+    clock.now = 1.0
     job = job_of(pursuit)
     assert not pursuit.answered(10, ErrorCode.STALE_SCENE)
     assert pursuit.wants(job)
@@ -153,3 +154,31 @@ def test_a_push_that_is_never_answered_is_planned_again(pursuit: Pursuit, clock:
     clock.now = 6.0
     pursuit.see(view())
     assert job_of(pursuit).view.key == (1, 1)
+
+
+def test_a_scene_waits_for_the_result_of_the_push_before(pursuit: Pursuit, clock: Clock) -> None:
+    pursuit.aim(TASK)
+    pursuit.see(view())
+    job_of(pursuit)
+    pursuit.sent(7)
+    pursuit.see(view(2, settled=False))
+    clock.now = 100.0  # however long it moves
+    pursuit.see(view(2))
+    assert pursuit.next_job() is None
+    assert not pursuit.answered(7, ErrorCode.OK)
+    assert job_of(pursuit).view.key == (1, 2)
+
+
+def test_a_result_that_does_not_come_is_not_waited_for_any_longer(
+    pursuit: Pursuit, clock: Clock
+) -> None:
+    pursuit.aim(TASK)
+    pursuit.see(view())
+    job_of(pursuit)
+    pursuit.sent(7)
+    pursuit.see(view(2))
+    clock.now = 0.49
+    pursuit.see(view(2))
+    assert pursuit.next_job() is None
+    clock.now = 0.51
+    assert job_of(pursuit).view.key == (1, 2)

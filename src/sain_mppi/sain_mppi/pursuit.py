@@ -33,6 +33,13 @@ class PursuitConfig(Config):
         minimum=0.1,
         maximum=3600.0,
     )
+    result_patience: float = option(
+        0.5,
+        "a settled scene is planned from without the result of the push before after so long",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+    )
 
 
 @dataclass(frozen=True)
@@ -98,6 +105,7 @@ class Pursuit:
         self._decided: tuple[int, int] | None = None
         self._awaited: tuple[int, float] | None = None  # push id and when it was sent
         self._unanswered: set[int] = set()
+        self._arrived: tuple[tuple[int, int], float] | None = None  # a settled scene, and when
         self._attempt = 0
         self.pushes = 0
 
@@ -120,6 +128,8 @@ class Pursuit:
             self._attempt, self._awaited = 0, None
         elif self._overdue():
             self._decided, self._awaited = None, None
+        if view.settled and (self._arrived is None or self._arrived[0] != view.key):
+            self._arrived = (view.key, self._clock())
         self.view = view
 
     def next_job(self) -> Job | None:
@@ -127,7 +137,7 @@ class Pursuit:
         task, view = self.task, self.view
         if task is None or view is None or not view.settled or view.key == self._decided:
             return None
-        if task.episode_id not in (0, view.episode_id):
+        if task.episode_id not in (0, view.episode_id) or self._result_is_under_way():
             return None
         self._decided = view.key
         return Job(task, view, self._attempt)
@@ -172,6 +182,16 @@ class Pursuit:
             return False
         self._attempt += 1
         return True
+
+    def _result_is_under_way(self) -> bool:
+        """Tell whether to wait for what became of the push that led to this scene.
+
+        Scenes and results come on topics of their own, in any order. A plan that was made before
+        the result would know one push less of the episode.
+        """
+        if self._arrived is None or not self._unanswered:
+            return False
+        return self._clock() - self._arrived[1] < self._config.result_patience
 
     def _overdue(self) -> bool:
         timeout = self._config.answer_timeout

@@ -100,6 +100,7 @@ class MppiNode(Node):
         again = self.pursuit.answered(message.push_id, message.error_code)
         decision = self.sent.pop(message.push_id, None)
         if decision is None or message.error_code == ErrorCode.OK:
+            self._go_on()
             return
         self.get_logger().warning(f"push {message.push_id} refused: {message.error_message}")
         self.worker.submit(lambda: self.decider.refused(decision, again), Future.result)
