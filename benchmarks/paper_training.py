@@ -124,7 +124,8 @@ def main() -> None:
         "paper": follow(command, "paper", paper, split, prior, command.epochs),
         "ours": follow(command, "ours", ours, split, prior, ours.epochs),
     }
-    examples = make_examples(split.validation, prior, None, command.features)
+    seen = NetworkConfig(features=command.features)
+    examples = make_examples(split.validation, prior, None, seen)
     nothing = mixed_loss(
         torch.zeros_like(examples.residual), examples, torch.arange(len(examples)), PAPER.loss
     )
@@ -138,7 +139,8 @@ def follow(
     folder = command.out / name
     seeded = replace(config, seed=command.seed)
     trainer = Trainer(split, prior, seeded, folder)
-    examples = make_examples(split.validation, prior, None, command.features)
+    seen = NetworkConfig(features=command.features)
+    examples = make_examples(split.validation, prior, None, seen)
     course = Course(folder / "course.json", trainer, examples, epochs)
     if len(course.losses) < trainer.epoch:
         raise SystemExit(f"{folder} was cut between state and course; remove it to start anew")

@@ -62,6 +62,7 @@ def test_what_was_saved_is_loaded_with_the_prior_it_had(
         "message": 4,
         "layers": 2,
         "features": "push",
+        "residual": "physics",
         "members": 1,
     }
     assert card["weights_sha256"] == sain.model_hash

@@ -18,13 +18,13 @@ from sain_model.dataset import Transitions
 from sain_model.features import (
     GAP_AFTER,
     GAP_BEFORE,
-    PUSH_FRAME,
     make_features,
     relation_ends,
     true_residual,
 )
 from sain_model.friction import FrictionFilter
 from sain_model.mixed import MixedTransitions
+from sain_model.network import ON_PHYSICS, NetworkConfig
 from sain_model.planar import PlanarPrior
 
 
@@ -74,7 +74,10 @@ class Examples:
 
 
 def make_examples(
-    data: Transitions, prior: Dynamics, friction: Scalars | None = None, frame: str = PUSH_FRAME
+    data: Transitions,
+    prior: Dynamics,
+    friction: Scalars | None = None,
+    network: NetworkConfig = NetworkConfig(),
 ) -> Examples:
     """Return inputs and outputs for these transitions on a prior.
 
@@ -82,18 +85,19 @@ def make_examples(
         data: M pushes.
         prior: what is corrected.
         friction: what the planar prior is told (M,); None: the nominal one.
-        frame: what the inputs know of the world (`sain_model.features`).
+        network: what its inputs know of the world, and what its residual is added to.
     """
     if friction is not None and isinstance(prior, PlanarPrior):
         physics_next = prior.step(data.scenes, data.pushes, friction)
     else:
         physics_next = prior.step(data.scenes, data.pushes)
-    features = make_features(data.scenes, data.pushes, physics_next, frame)
+    features = make_features(data.scenes, data.pushes, physics_next, network.features)
+    base = physics_next if network.residual == ON_PHYSICS else data.scenes
     velocity = data.next_scenes[..., VELOCITY] - physics_next[..., VELOCITY]
     arrays = (
         features.disks,
         features.relations,
-        true_residual(data.next_scenes, data.pushes, physics_next),
+        true_residual(data.next_scenes, data.pushes, base),
         velocity,
     )
     return Examples(*(torch.from_numpy(array.astype(np.float32)) for array in arrays))
@@ -105,7 +109,7 @@ def training_examples(
     friction: FrictionFilter | None,
     mirror: bool,
     random: np.random.Generator | None = None,
-    frame: str = PUSH_FRAME,
+    network: NetworkConfig = NetworkConfig(),
 ) -> Examples:
     """Return what to learn from: the pushes and, if wanted, their mirror images after them.
 
@@ -116,14 +120,14 @@ def training_examples(
         mirror: whether to add the mirror images.
         random: given, the prior is told what the latest few of the *earlier* pushes show, and
             this draws how many; else what all *other* pushes of the episode show.
-        frame: what the inputs know of the world (`sain_model.features`).
+        network: what its inputs know of the world, and what its residual is added to.
     """
     disks = max(part.disks for part in data.parts)
     told = [_teller(part, friction, random) for part in data.parts]
     return functools.reduce(
         Examples.and_then,
         (
-            make_examples(part.mirrored() if image else part, prior, tell(), frame).padded(disks)
+            make_examples(part.mirrored() if image else part, prior, tell(), network).padded(disks)
             for image in ((False, True) if mirror else (False,))
             for part, tell in zip(data.parts, told, strict=True)
         ),

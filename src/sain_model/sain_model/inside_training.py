@@ -20,6 +20,7 @@ from sain_model.examples import Examples, make_examples
 from sain_model.features import WORLD_FRAME
 from sain_model.inside_network import InsideNetwork, InsideNetworkConfig, InsideNetworks
 from sain_model.inside_physics import moves, told_moves
+from sain_model.network import NetworkConfig
 from sain_model.planar import PlanarPrior
 from sain_model.threads import settle_threads
 from sain_model.training import LossConfig, mixed_loss
@@ -65,7 +66,7 @@ class _Lesson:
     def make(cls, data: Transitions, prior: PlanarPrior) -> "_Lesson":
         after = prior.step(data.scenes, data.pushes)
         plain = moves(data.scenes, data.pushes, after).astype(np.float32)
-        examples = make_examples(data, prior, None, WORLD_FRAME)
+        examples = make_examples(data, prior, None, NetworkConfig(features=WORLD_FRAME))
         return cls(data, examples, torch.from_numpy(plain))
 
 

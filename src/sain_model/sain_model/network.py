@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import torch
 from jaxtyping import Float
@@ -23,6 +24,9 @@ from sain_model.members import make_linear
 from sain_model.place_features import PLACE_FEATURES
 
 OUTPUTS = 3  # dx, dy, dtheta
+ON_PHYSICS: Final = "physics"
+ON_STATE: Final = "state"
+RESIDUALS: Final = (ON_PHYSICS, ON_STATE)  # the two readings of the paper's "residual"
 CHUNK = 512  # pushes at a time in an ensemble: what all its members make of them fits the cache
 POSITION_UNIT = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE
 
@@ -36,6 +40,11 @@ class NetworkConfig(Config):
     layers: int = option(2, "hidden layers of f_rel and of f_dyn", minimum=1, maximum=6)
     features: str = option(
         PUSH_FRAME, "what it sees: scenes as the push sees them, or the world too", choices=FRAMES
+    )
+    residual: str = option(
+        ON_PHYSICS,
+        "what it says is added to the prior's prediction, or to the scene before the push",
+        choices=RESIDUALS,
     )
     members: int = option(
         1, "networks in the ensemble, each with weights of its own", minimum=1, maximum=64

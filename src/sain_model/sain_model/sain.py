@@ -13,7 +13,7 @@ from sain_core.dynamics import Dynamics, StepwiseRollout
 from sain_core.errors import InvalidInputError
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH
-from sain_core.scene import POSITION
+from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
 from sain_model.batch_checks import check_batch
 from sain_model.compiled_network import CompiledNetwork
@@ -21,7 +21,7 @@ from sain_model.devices import CPU
 from sain_model.features import make_features
 from sain_model.friction import FrictionConfig, FrictionFilter
 from sain_model.intervals import Intervals, Prediction
-from sain_model.network import InteractionNetwork
+from sain_model.network import ON_STATE, InteractionNetwork
 from sain_model.planar import PlanarPrior
 from sain_model.threads import settle_threads
 from sain_model.torch_network import TorchNetwork
@@ -170,7 +170,10 @@ class SainDynamics:
             InvalidInputError: arrays that do not fit together.
         """
         check_prediction(scenes, physics_next)
-        return self._forward.correct(scenes, pushes, physics_next)
+        corrected = self._forward.correct(scenes, pushes, physics_next)
+        if self.network.config.residual == ON_STATE:
+            return _carried_over(corrected, physics_next, scenes)
+        return corrected
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
         """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8).
@@ -181,7 +184,11 @@ class SainDynamics:
             InvalidInputError: wrong shapes, NaN or Inf, or a mass or radius that is not positive.
         """
         forward = self._forward
-        if not isinstance(self.prior, PlanarPrior) or not isinstance(forward, CompiledNetwork):
+        if (
+            not isinstance(self.prior, PlanarPrior)
+            or not isinstance(forward, CompiledNetwork)
+            or self.network.config.residual == ON_STATE
+        ):
             return StepwiseRollout(self).rollout(scene, pushes)
         flat = pushes.reshape(-1, pushes.shape[-1])
         check_batch(np.broadcast_to(scene, (len(flat), *scene.shape)), flat)
@@ -218,6 +225,15 @@ class SainDynamics:
         told = np.full(len(pushes), self.prior.config.friction) if friction is None else friction
         less, more = (self.step(scenes, pushes, told * np.exp(way * doubt)) for way in (-1, 1))
         return np.asarray(np.linalg.norm((more - less)[..., POSITION], axis=-1) / 2)
+
+
+def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Scenes:
+    """Return scenes (B, N, 8) moved by what a prediction was corrected by."""
+    moved = physics_next.copy()
+    moved[..., POSITION] = scenes[..., POSITION] + (corrected - physics_next)[..., POSITION]
+    turned = scenes[..., THETA] + (corrected - physics_next)[..., THETA]
+    moved[..., THETA] = wrap_angle(turned)
+    return moved
 
 
 def check_prediction(scenes: np.ndarray, physics_next: np.ndarray) -> None:

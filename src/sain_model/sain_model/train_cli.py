@@ -15,7 +15,7 @@ import tyro
 from rich.console import Console
 from rich.markup import escape
 
-from sain_core.errors import DatasetError, SainError
+from sain_core.errors import ConfigError, DatasetError, SainError
 from sain_model.checkpoint import Card, save_checkpoint, write_whole
 from sain_model.dataset import Split, Transitions, limit_training
 from sain_model.environment import environment
@@ -28,6 +28,7 @@ from sain_model.interval_fit import fit_intervals
 from sain_model.load import load_prior, prior_settings, sain_class
 from sain_model.loss_plot import save_loss_curve
 from sain_model.mixed import MixedSplit, MixedTransitions, load_datasets, split_datasets
+from sain_model.network import ON_STATE
 from sain_model.presets import PRESETS
 from sain_model.rollout_training import RolloutTrainer
 from sain_model.rollouts import RolloutConfig
@@ -141,6 +142,8 @@ def learn(
     rollouts = command.rollout if command.rollout.wanted else None
     if rollouts and not isinstance(split, Split):
         raise DatasetError("--steps-ahead needs data with one number of disks")
+    if rollouts and config.network.residual == ON_STATE:
+        raise ConfigError("--steps-ahead learns residuals on physics; leave --residual state out")
     settings = {"friction": config.prior_friction} if config.prior != IDENTITY else None
     prior = load_prior(config.prior, settings)
     friction = None if config.history == NOTHING else make_filter(prior, split.train)

@@ -126,11 +126,12 @@ class Trainer:
         self.history = History()
         self._folder = folder
         random = generator(config.seed, "history") if config.history == EARLIER else None
-        frame = config.network.features
-        mirror = config.mirror and frame == PUSH_FRAME  # a tilted table in a mirror is another one
-        self._train = training_examples(split.train, prior, friction, mirror, random, frame)
+        network = config.network
+        # A tilted table in a mirror is another one.
+        mirror = config.mirror and network.features == PUSH_FRAME
+        self._train = training_examples(split.train, prior, friction, mirror, random, network)
         self._validation = training_examples(
-            split.validation, prior, friction, False, random, frame
+            split.validation, prior, friction, False, random, network
         )
         about = f"{friction.config} {friction.nominal}" if friction else ""
         self._identity = f"{config} {split.train.sha256} {about}"
