@@ -6,6 +6,7 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
@@ -29,7 +30,7 @@ from sain_mppi.ros.plan_message import STATUS, plan_of_decision, plan_of_job, pl
 from sain_mppi.ros.remote import RemoteRollout
 from sain_mppi.settings import SERVICE, MppiConfig
 
-MODEL_WAIT = 0.1  # [s] between looks for the model's service at the start
+LOOK_AGAIN = 0.1  # [s] between looks for what no message tells of
 
 
 class MppiNode(Node):
@@ -52,9 +53,10 @@ class MppiNode(Node):
         self.sent: dict[int, Decision] = {}
         self.push_ids, self.plan_ids = push_ids(), count(1)
         self._offer()
+        self.starting = True
         self.diagnostics.set(WARN, "no model serves rollout yet: plans rest on the prior")
-        self.looking = self.create_timer(MODEL_WAIT, self._look_for_model)
-        self._look_for_model()
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        self.create_timer(LOOK_AGAIN, self._look_again, clock=steady)
         where = "a service" if self.remote else config.model
         self.get_logger().info(f"ready: plans with {where}, or else with {config.prior}")
 
@@ -67,11 +69,12 @@ class MppiNode(Node):
         self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
         self.create_subscription(Goal, "goal", self._on_goal, LATCHED)
 
-    def _look_for_model(self) -> None:
-        """Say once that the model is there; a graph that is set up waits for that word."""
-        if self.remote is None or self.remote.ready:
-            self.looking.cancel()
+    def _look_again(self) -> None:
+        """Look for the model at the start, and go on where a message that was waited for fails."""
+        if self.starting and (self.remote is None or self.remote.ready):
+            self.starting = False
             self.diagnostics.set(OK, "ready")
+        self._go_on()
 
     def _on_goal(self, message: Goal) -> None:
         place = np.array([message.x, message.y])
@@ -169,7 +172,7 @@ class MppiNode(Node):
         plan.plan_id = next(self.plan_ids)
         plan.header = codec.header(self.get_clock().now().to_msg())
         self.plan_publisher.publish(plan)
-        self.looking.cancel()  # what became of a plan says more
+        self.starting = False  # what became of a plan says more
         well = plan.error_code == ErrorCode.OK
         self.diagnostics.set(OK if well else WARN, **summary(plan), pushes=self.pursuit.pushes)
 
