@@ -24,10 +24,9 @@ import tyro
 from rich.console import Console
 
 from benchmarks.rough_world import ratio
-from sain_core.dynamics import Dynamics
 from sain_core.scene import TARGET
+from sain_core.storage import write_whole
 from sain_model.batches import BOOTSTRAP, ORDER
-from sain_model.checkpoint import write_whole
 from sain_model.coverage import measure_intervals
 from sain_model.dataset import (
     Split,
@@ -38,12 +37,10 @@ from sain_model.dataset import (
 )
 from sain_model.features import RELATION_FEATURES
 from sain_model.interval_fit import fit_intervals, predict_with_history
-from sain_model.load import load_prior
 from sain_model.metrics import position_errors
 from sain_model.network import InteractionNetwork, ensemble
 from sain_model.sain import SainDynamics
-from sain_model.train_cli import make_filter
-from sain_model.training import NOTHING, Trainer, TrainingConfig
+from sain_model.training import Trainer, TrainingConfig, prior_and_filter
 
 PATIENCES = (3, 5, 10, 20)
 BATCHES = (64, 256, 1024, 4096)
@@ -128,8 +125,7 @@ def measure(
     """Train one model; return what was found of it and its target errors (M,) [mm] on test."""
     members, diversity = config.network.members, config.diversity
     folder = command.out / f"{members}-{diversity}-{config.seed}"
-    prior = load_prior(config.prior, {"friction": config.prior_friction})
-    sain, validation, seconds = trained(config, split, prior, folder)
+    sain, validation, seconds = trained(config, split, folder)
     errors, disagreement = judged(sain, split.test)
     row: dict[str, Any] = {
         "members": members,
@@ -149,17 +145,17 @@ def measure(
 
 
 def trained(
-    config: TrainingConfig, split: Split, prior: Dynamics, folder: Path
+    config: TrainingConfig, split: Split, folder: Path
 ) -> tuple[SainDynamics, list[float], float]:
     """Return the model, its validation losses, and the processor time of its training [s]."""
-    friction = None if config.history == NOTHING else make_filter(prior, split.train)
+    prior, friction = prior_and_filter(config, split.train)
     trainer = Trainer(split, prior, config, folder, friction)
     begun = time.process_time()
     trainer.run()
     seconds = time.process_time() - begun
     infers = friction.config if friction else None
     sain = SainDynamics(trainer.network, prior, config.prior, friction=infers)
-    sain.intervals = fit_intervals(sain, split.validation)
+    sain = replace(sain, intervals=fit_intervals(sain, split.validation))
     return sain, trainer.history.validation, seconds
 
 

@@ -32,8 +32,8 @@ from sain_core.dynamics import Dynamics
 from sain_core.errors import SainError
 from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
+from sain_core.storage import write_whole
 from sain_core.types import PushArray, Scene
-from sain_model.checkpoint import write_whole
 from sain_model.dataset import Transitions, load_transitions
 from sain_model.features import apply_residual, true_residual
 from sain_model.load import load_sain

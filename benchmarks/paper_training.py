@@ -26,7 +26,7 @@ from rich.console import Console
 
 from benchmarks.report import Figure, report
 from sain_core.dynamics import Dynamics
-from sain_model.checkpoint import write_whole
+from sain_core.storage import write_whole
 from sain_model.dataset import Split, limit_training, load_transitions, split_by_episode
 from sain_model.examples import Examples, make_examples
 from sain_model.features import PUSH_FRAME
@@ -34,7 +34,8 @@ from sain_model.load import load_prior
 from sain_model.loss import mixed_loss
 from sain_model.network import NetworkConfig
 from sain_model.presets import PAPER
-from sain_model.training import NOTHING, History, Trainer, TrainingConfig
+from sain_model.training import NOTHING, Trainer, TrainingConfig
+from sain_model.training_state import History
 
 TARGET = 180.0  # [s]
 

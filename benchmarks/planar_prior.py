@@ -102,7 +102,7 @@ def correction_time(options: Options) -> float:
 def main() -> None:
     """Measure how fast models predict pushes."""
     options = tyro.cli(Options, description=main.__doc__)
-    most = min(2, numba.config.NUMBA_NUM_THREADS)
+    most = min(2, numba.get_num_threads())
     one, two = prior_rate(options, 1), prior_rate(options, most)
     bullet, correction = bullet_rate(options), correction_time(options)
     figures = [

@@ -14,7 +14,7 @@ import tyro
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sain_model.checkpoint import write_whole
+from sain_core.storage import write_whole
 
 BARS = (  # how the names of rows begin, what they are called, colour
     ("", "physics, measured", "#8c8c8c"),  # the best of them

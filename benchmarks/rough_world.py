@@ -24,7 +24,7 @@ from benchmarks.identification import identify
 from sain_core.dynamics import Dynamics
 from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
-from sain_model.checkpoint import write_whole
+from sain_core.storage import write_whole
 from sain_model.dataset import (
     Split,
     Transitions,
@@ -36,7 +36,7 @@ from sain_model.features import PUSH_FRAME, WORLD_FRAME
 from sain_model.inside import InsideSain
 from sain_model.inside_cli import told_prior
 from sain_model.inside_network import InsideNetworkConfig
-from sain_model.inside_training import InsideTrainingConfig, train_members
+from sain_model.inside_training import InsideTrainingConfig, make_trainers, train_members
 from sain_model.load import PLANAR, PLANAR_AXES, load_prior
 from sain_model.network import NetworkConfig
 from sain_model.planar import PlanarConfig, PlanarPrior
@@ -156,7 +156,7 @@ def inside_errors(split: Split, command: Command) -> np.ndarray:
         seed=command.seed, steps=command.inside_steps, batch=BATCH, network=network
     )
     with tempfile.TemporaryDirectory() as folder:
-        networks, _ = train_members(split, prior, config, Path(folder))
+        networks, _ = train_members(make_trainers(split, prior, config, Path(folder)))
     return target_errors(split.test, InsideSain(networks, prior))
 
 

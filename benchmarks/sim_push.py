@@ -50,7 +50,8 @@ class Options:
 def cases(options: Options) -> list[Case]:
     """Draw randomised worlds, starts and pushes that can be carried out."""
     random = generator(options.seed, "benchmark")
-    table, drawn = WorldConfig().feasibility.table, []
+    table = WorldConfig().feasibility.table
+    drawn: list[Case] = []
     with World(nominal_parameters()) as world:
         while len(drawn) < options.pushes:
             parameters = sample_parameters(random)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import DatasetError, OutputError
-from sain_core.storage import read_arrays, write_arrays, write_text
+from sain_core.storage import read_arrays, write_arrays, write_whole
 
 ARRAYS = {
     "state": np.linspace(0.0, 1.0, 32).reshape(2, 16),
@@ -115,4 +115,4 @@ def test_a_full_disk_leaves_the_file_before_whole(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"cannot write .*card\.json: File exists"):
-        write_text(tmp_path / "file" / "card.json", "{}")
+        write_whole(tmp_path / "file" / "card.json", b"{}")

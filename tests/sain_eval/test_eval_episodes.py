@@ -73,5 +73,6 @@ def test_a_prediction_shows_in_the_picture(episode):
 
 
 def test_a_picture_that_cannot_be_written_is_an_error(episode, tmp_path):
-    with pytest.raises(OutputError, match="nowhere"):
-        save_picture(draw_episode(episode), tmp_path / "nowhere" / "episode.png")
+    (tmp_path / "file").write_text("not a folder")
+    with pytest.raises(OutputError, match="file"):
+        save_picture(draw_episode(episode), tmp_path / "file" / "episode.png")

@@ -16,7 +16,12 @@ from sain_model.dataset import Split, load_transitions, split_by_episode
 from sain_model.inside import InsideSain
 from sain_model.inside_network import InsideNetworkConfig, InsideNetworks
 from sain_model.inside_physics import moves, told_moves
-from sain_model.inside_training import InsideTrainer, InsideTrainingConfig, train_members
+from sain_model.inside_training import (
+    InsideTrainer,
+    InsideTrainingConfig,
+    make_trainers,
+    train_members,
+)
 from sain_model.load import load_dynamics
 from sain_model.planar import PlanarPrior
 from sain_model.serving import ModelServer, ServingConfig
@@ -104,7 +109,7 @@ def test_a_killed_training_goes_on_to_the_same_weights(laboratory, tmp_path) -> 
 
 def test_members_differ_and_are_averaged(laboratory, tmp_path) -> None:
     config = replace(SHORT, network=replace(SMALL, members=2))
-    networks, histories = train_members(laboratory, PlanarPrior(), config, tmp_path)
+    networks, histories = train_members(make_trainers(laboratory, PlanarPrior(), config, tmp_path))
     assert len(networks) == len(histories) == 2
     scenes, pushes = laboratory.test.scenes, laboratory.test.pushes
     ends = []

@@ -15,11 +15,12 @@ from sain_model.dataset import limit_training, load_transitions, split_by_episod
 from sain_model.evaluation import measure
 from sain_model.features import DISK_FEATURES, PUSH_FRAME, WORLD_FRAME, make_features
 from sain_model.load import load_dynamics
+from sain_model.loss import LossConfig
 from sain_model.network import NetworkConfig
 from sain_model.place_features import PLACE_FEATURES
 from sain_model.planar import PlanarPrior
 from sain_model.sain import SainDynamics
-from sain_model.training import LossConfig, Trainer, TrainingConfig
+from sain_model.training import Trainer, TrainingConfig
 
 
 def downhill(dataset: Path):

@@ -12,6 +12,7 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSE, POSITION, TARGET, wrap_angle
 from sain_model.dataset import Split, Transitions, split_by_episode
 from sain_model.friction import FrictionFilter
+from sain_model.loss import LossConfig
 from sain_model.network import InteractionNetwork, NetworkConfig
 from sain_model.open_loop import roll_out
 from sain_model.planar import PlanarPrior
@@ -20,7 +21,7 @@ from sain_model.rollout_inputs import DIFFERENCES, GRADIENTS, NO_GRADIENT, SHIFT
 from sain_model.rollout_training import RolloutTrainer, make_lessons
 from sain_model.rollouts import CHAINS, CORRECTED, PHYSICS, RolloutConfig, roll, rollout_loss
 from sain_model.sain import SainDynamics
-from sain_model.training import LossConfig, Trainer, TrainingConfig
+from sain_model.training import Trainer, TrainingConfig
 from sain_model.windows import make_windows
 from tests.sain_model.rolling import load_episodes
 

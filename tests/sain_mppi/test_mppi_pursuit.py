@@ -182,3 +182,17 @@ def test_a_result_that_does_not_come_is_not_waited_for_any_longer(
     assert pursuit.next_job() is None
     clock.now = 0.51
     assert job_of(pursuit).view.key == (1, 2)
+
+
+def test_a_result_that_was_lost_delays_one_plan_alone(pursuit: Pursuit, clock: Clock) -> None:
+    pursuit.aim(TASK)
+    pursuit.see(view())
+    job_of(pursuit)
+    pursuit.sent(7)
+    pursuit.see(view(2))
+    clock.now = 1.0
+    job_of(pursuit)  # without the result of push 7, which never comes
+    pursuit.sent(8)
+    pursuit.see(view(3))
+    assert not pursuit.answered(8, ErrorCode.OK)
+    assert job_of(pursuit).view.key == (1, 3)

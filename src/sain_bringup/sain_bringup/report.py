@@ -11,9 +11,9 @@ from rich.table import Table
 from sain_bags.episodes import Episode, read_episodes
 from sain_bags.reader import Bag
 from sain_core.scene import POSITION, TARGET
+from sain_core.storage import write_whole
 from sain_core.types import Scene
 from sain_eval.episodes import EpisodeRecord, PushRecord
-from sain_eval.files import write_whole
 from sain_eval.scenarios import SCENARIOS
 
 EPISODES_KEY = "episodes"  # of the bag's custom data: "scenario:seed scenario:seed ..."

@@ -13,7 +13,7 @@ from sain_bringup.movie import (
 )
 from sain_bringup.report import PlayedEpisode, played_episodes, summary_table, write_summary
 from sain_core.scene import RADIUS, TARGET
-from sain_eval.files import write_whole
+from sain_core.storage import write_whole
 
 LIVELY = 8  # pushes: the moving picture shows the longest episode with no more than these
 

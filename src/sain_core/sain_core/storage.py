@@ -57,8 +57,6 @@ def read_arrays(path: Path) -> dict[str, ndarray]:
     except FileNotFoundError:
         raise DatasetError(f"{path} does not exist") from None
     except DAMAGE as error:
-        if isinstance(error, DatasetError):
-            raise
         raise DatasetError(f"{path} is not a whole .npz file: {error}") from error
 
 
@@ -89,9 +87,10 @@ def write_arrays(path: Path, arrays: Mapping[str, ndarray]) -> None:
     write_file(path, write)
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text file: whole, or not at all; raises `OutputError`."""
-    write_file(path, lambda file: file.write(text.encode()))
+def write_whole(path: Path, content: bytes) -> Path:
+    """Write a file: whole, or not at all; return its path; raises `OutputError`."""
+    write_file(path, lambda file: file.write(content))
+    return path
 
 
 def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
@@ -102,7 +101,7 @@ def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     Raises:
         OutputError: the folder cannot be made or written, or the disk is full.
     """
-    partial = path.with_suffix(PARTIAL)
+    partial = path.with_name(f".{path.name}.{os.getpid()}{PARTIAL}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with partial.open("wb") as file:

@@ -9,11 +9,13 @@ from typing import Annotated, Final
 
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from sain_core.errors import SainError
+from sain_core.storage import write_whole
 from sain_eval.calibrate import Calibration, CalibrationConfig, calibrate
-from sain_eval.files import output_folder, write_whole
+from sain_eval.files import output_folder
 from sain_model.dataset import Transitions, load_transitions
 from sain_sim.collect import CollectConfig, collect
 from sain_sim.episodes import EpisodeConfig
@@ -51,7 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         run(command, Console())
     except SainError as error:
-        Console(stderr=True).print(f"[red]error:[/] {error}", highlight=False)
+        Console(stderr=True).print(f"[red]error:[/] {escape(str(error))}", highlight=False)
         return 1
     except KeyboardInterrupt:
         return INTERRUPTED

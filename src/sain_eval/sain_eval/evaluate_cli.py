@@ -21,10 +21,11 @@ from rich.table import Table
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
+from sain_core.storage import write_whole
 from sain_eval.command_line import describe_options
 from sain_eval.controllers import controller_maker
 from sain_eval.evaluation import Job, run_jobs
-from sain_eval.files import output_folder, write_whole
+from sain_eval.files import output_folder
 from sain_eval.journal import Journal
 from sain_eval.report import HEADER, markdown_table, table_cells
 from sain_eval.results import SceneRecord, summarise, write_results

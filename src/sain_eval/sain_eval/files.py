@@ -1,6 +1,5 @@
-"""Output folders and files: checked before the work, written whole or not at all."""
+"""Output folders: checked before the work."""
 
-import os
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 
@@ -21,19 +20,3 @@ def output_folder(folder: Path) -> Path:
         reason = error.strerror or str(error)
         raise OutputError(f"cannot write to {folder}: {reason}; choose another --out") from error
     return folder
-
-
-def write_whole(path: Path, content: bytes) -> Path:
-    """Write a file under a temporary name and rename it when it is whole.
-
-    Raises:
-        OutputError: it cannot be written; what was there before is untouched.
-    """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        partial.write_bytes(content)
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
-    return path

@@ -14,8 +14,8 @@ from matplotlib.patches import Circle
 
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION, TARGET, target_distance
+from sain_core.storage import write_whole
 from sain_eval.episodes import EpisodeRecord, PushRecord
-from sain_eval.files import write_whole
 from sain_eval.legend import draw_legend
 from sain_eval.palette import PALETTE
 from sain_eval.top_view import draw_top_view

@@ -15,8 +15,8 @@ import numpy as np
 
 from sain_core.scene import target_distance
 from sain_core.seeding import generator
+from sain_core.storage import write_whole
 from sain_eval.closed_loop import EpisodeOutcome
-from sain_eval.files import write_whole
 from sain_eval.scenarios import ScenarioScene
 from sain_eval.statistics import Interval, bootstrap_mean, number_or_none, wilson_interval
 

@@ -4,12 +4,10 @@ The card says what was learned from what, how, and how well it does on episodes 
 pins the weights by their SHA-256. Nothing is unpickled. What does not fit is refused.
 """
 
-import contextlib
 import dataclasses
 import hashlib
 import io
 import json
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -19,7 +17,8 @@ import torch
 from safetensors import SafetensorError
 from torch import nn
 
-from sain_core.errors import CheckpointError, ConfigError, OutputError
+from sain_core.errors import CheckpointError, ConfigError
+from sain_core.storage import write_whole
 from sain_model.features import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.inside_network import InsideNetworks
 from sain_model.network import InteractionNetwork, NetworkConfig
@@ -102,25 +101,8 @@ def card_json(card: Card) -> str:
     return json.dumps(dataclasses.asdict(card), indent=2) + "\n"
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file under a temporary name and rename it when it is whole.
-
-    Raises:
-        OutputError: the folder cannot be made or written.
-    """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content)
-        temporary.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
-
-
 def write_torch(path: Path, state: dict[str, Any]) -> None:
-    """Write tensors and plain values, to go on from, as `write_whole` does."""
+    """Write tensors and plain values, to go on from, whole or not at all."""
     buffer = io.BytesIO()
     torch.save(state, buffer)
     write_whole(path, buffer.getvalue())

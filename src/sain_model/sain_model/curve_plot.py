@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from sain_model.checkpoint import write_whole
+from sain_core.storage import write_whole
 from sain_model.learning_curve import Point
 from sain_model.metrics import BULLET, FLOOR, LEARNED, SAIN
 

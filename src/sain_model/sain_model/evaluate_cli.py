@@ -12,12 +12,13 @@ import numpy as np
 import torch
 import tyro
 from rich.console import Console
-from rich.markup import escape
 
 from sain_core.dynamics import Dynamics
-from sain_core.errors import CheckpointError, DatasetError, SainError
+from sain_core.errors import CheckpointError, DatasetError
+from sain_core.storage import write_whole
 from sain_core.types import Mask
-from sain_model.checkpoint import Card, load_checkpoint, write_whole
+from sain_model.checkpoint import Card, load_checkpoint
+from sain_model.command import carry_out
 from sain_model.dataset import Transitions, load_transitions, split_by_episode
 from sain_model.error_table import error_table, history_table, interval_table
 from sain_model.evaluation import evaluate
@@ -53,14 +54,8 @@ class EvaluateCommand:
 def main(arguments: list[str] | None = None) -> int:
     """Report errors of every kind of dynamics, one push and many ahead, on episodes held out."""
     torch.set_num_threads(1)
-    console = Console()
     command = tyro.cli(EvaluateCommand, prog="evaluate", description=main.__doc__, args=arguments)
-    try:
-        run(command, console)
-    except SainError as error:
-        Console(stderr=True).print(f"[red]error:[/] {escape(str(error))}", highlight=False)
-        return 1
-    return 0
+    return carry_out(lambda console: run(command, console))
 
 
 def run(command: EvaluateCommand, console: Console) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sain_core.errors import ConfigError
-from sain_model.training import History
+from sain_model.training_state import History
 
 FOLDER: Final = "tensorboard"  # below the training's folder
 

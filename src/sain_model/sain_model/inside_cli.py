@@ -11,19 +11,21 @@ import numpy as np
 import torch
 import tyro
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import Progress
 
-from sain_core.errors import CheckpointError, SainError
-from sain_model.checkpoint import SUFFIX, Card, save_checkpoint, write_whole
+from sain_core.errors import CheckpointError
+from sain_core.storage import write_whole
+from sain_model.checkpoint import SUFFIX, Card, save_checkpoint
+from sain_model.command import carry_out
 from sain_model.dataset import Split, limit_training, load_transitions, split_by_episode
 from sain_model.environment import environment
 from sain_model.inside import InsideSain
 from sain_model.inside_checkpoint import INSIDE_ARCHITECTURE
-from sain_model.inside_training import InsideHistory, InsideTrainingConfig, train_members
+from sain_model.inside_training import InsideTrainingConfig, make_trainers, train_members
 from sain_model.load import PLANAR, PLANAR_AXES, load_prior
 from sain_model.metrics import measure
 from sain_model.planar import PlanarPrior
+from sain_model.training_state import History
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,6 @@ class TrainInsideCommand:
 def main(arguments: list[str] | None = None) -> int:
     """Train networks that correct what the planar prior is told."""
     torch.set_num_threads(1)
-    console = Console()
     command = tyro.cli(
         TrainInsideCommand,
         prog="train_inside",
@@ -60,15 +61,7 @@ def main(arguments: list[str] | None = None) -> int:
         args=arguments,
         config=(tyro.conf.OmitArgPrefixes,),
     )
-    try:
-        train_inside(command, console)
-    except SainError as error:
-        Console(stderr=True).print(f"[red]error:[/] {escape(str(error))}", highlight=False)
-        return 1
-    except KeyboardInterrupt:
-        console.print("stopped; the same command goes on from the last whole round")
-        return 130
-    return 0
+    return carry_out(lambda console: train_inside(command, console), "round")
 
 
 def train_inside(command: TrainInsideCommand, console: Console) -> Path:
@@ -81,17 +74,18 @@ def train_inside(command: TrainInsideCommand, console: Console) -> Path:
     split = split_by_episode(data, command.training.seed, command.validation, command.test)
     if command.transitions:
         split = limit_training(split, command.transitions)
+    prior = told_prior(command.prior, command.prior_friction)
+    trainers = make_trainers(split, prior, command.training, command.out)
     settings = json.dumps(asdict(command), indent=2, default=str) + "\n"
     write_whole(command.out / "config.json", settings.encode())
-    prior = told_prior(command.prior, command.prior_friction)
     rounds = command.training.rounds
     with Progress(console=console) as bar:
         task = bar.add_task("train", total=command.training.network.members * rounds)
 
-        def advance(member: int, number: int, history: InsideHistory) -> None:
+        def advance(member: int, number: int, history: History) -> None:
             bar.update(task, completed=member * rounds + number)
 
-        networks, histories = train_members(split, prior, command.training, command.out, advance)
+        networks, histories = train_members(trainers, advance)
     sain = InsideSain(networks, prior)
     errors = {
         name: asdict(measure(dynamics.step(split.test.scenes, split.test.pushes), split.test, 0))
@@ -122,7 +116,7 @@ def make_card(
     command: TrainInsideCommand,
     sha256: str,
     split: Split,
-    histories: list[InsideHistory],
+    histories: list[History],
     errors: dict[str, Any],
 ) -> Card:
     """Return the card of what was trained."""

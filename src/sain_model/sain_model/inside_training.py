@@ -2,28 +2,27 @@
 
 import functools
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from sain_core.config import Config, option
-from sain_core.errors import CheckpointError
 from sain_core.seeding import generator
-from sain_model.checkpoint import write_torch
 from sain_model.dataset import Split, Transitions
 from sain_model.examples import Examples, make_examples
 from sain_model.features import WORLD_FRAME
 from sain_model.inside_network import InsideNetwork, InsideNetworkConfig, InsideNetworks
 from sain_model.inside_physics import moves, told_moves
+from sain_model.loss import LossConfig, mixed_loss
 from sain_model.network import NetworkConfig
 from sain_model.planar import PlanarPrior
 from sain_model.threads import settle_threads
-from sain_model.training import LossConfig, mixed_loss
+from sain_model.training_state import History, TrainingState
 
 
 @dataclass(frozen=True)
@@ -39,19 +38,6 @@ class InsideTrainingConfig(Config):
     rounds: int = option(20, "how often validation looks for the best weights", minimum=1)
     network: InsideNetworkConfig = InsideNetworkConfig()
     loss: LossConfig = LossConfig()
-
-
-@dataclass
-class InsideHistory:
-    """Losses after each round, and which was best."""
-
-    train: list[float] = field(default_factory=list)
-    validation: list[float] = field(default_factory=list)
-
-    @property
-    def best(self) -> int:
-        """The round (from 0) with the lowest validation loss."""
-        return int(np.argmin(self.validation))
 
 
 @dataclass(frozen=True)
@@ -84,39 +70,35 @@ class InsideTrainer:
             CheckpointError: the state in the folder is damaged or of other settings or data.
         """
         self.config = config
-        self.history = InsideHistory()
         self._prior = prior
-        self._folder = folder
         self._train = _Lesson.make(split.train, prior)
         self._validation = _Lesson.make(split.validation, prior)
-        self._identity = f"{config} {prior.config} {split.train.sha256} {len(split.train)}"
+        identity = f"{config} {prior.config} {split.train.sha256} {len(split.train)}"
         settle_threads()
         torch.manual_seed(int(generator(config.seed, "weights").integers(2**31)))
         self.network = InsideNetwork(config.network)
         self._optimizer = torch.optim.AdamW(
             self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
         )
-        self._best = _copy(self.network)
-        if (folder / self.STATE).exists():
-            self._resume()
+        self._state = TrainingState(folder / self.STATE, identity, self.network, self._optimizer)
+
+    @property
+    def history(self) -> History:
+        """Losses after each round."""
+        return self._state.history
 
     @property
     def round(self) -> int:
         """How many rounds are done."""
-        return len(self.history.train)
+        return self._state.epochs
 
-    def run(
-        self, progress: Callable[[int, InsideHistory], None] = lambda number, history: None
-    ) -> None:
+    def run(self, progress: Callable[[int, History], None] = lambda number, history: None) -> None:
         """Train to the last round and take the weights of the best one."""
         while self.round < self.config.rounds:
-            self.history.train.append(self._run_round(self.round))
-            self.history.validation.append(self._validate())
-            if self.history.best == self.round - 1:
-                self._best = _copy(self.network)
-            self._save()
+            train = self._run_round(self.round)
+            self._state.add(train, self._validate())
             progress(self.round, self.history)
-        self.network.load_state_dict(self._best)
+        self._state.take_best()
 
     def _run_round(self, number: int) -> float:
         config, total = self.config, 0.0
@@ -155,62 +137,40 @@ class InsideTrainer:
         with torch.inference_mode():
             return self._loss(self._validation, torch.arange(len(self._validation.data))).item()
 
-    def _save(self) -> None:
-        state = {
-            "identity": self._identity,
-            "network": self.network.state_dict(),
-            "optimizer": self._optimizer.state_dict(),
-            "best": self._best,
-            "train": self.history.train,
-            "validation": self.history.validation,
-        }
-        write_torch(self._folder / self.STATE, state)
 
-    def _resume(self) -> None:
-        path = self._folder / self.STATE
-        try:
-            state: dict[str, Any] = torch.load(path, weights_only=True)
-            identity = state["identity"]
-        except Exception as error:
-            raise CheckpointError(f"{path} is damaged: {error}; remove it to start anew") from error
-        if identity != self._identity:
-            raise CheckpointError(
-                f"{path} belongs to other settings or data; choose another folder or remove it"
-            )
-        self.network.load_state_dict(state["network"])
-        self._optimizer.load_state_dict(state["optimizer"])
-        self._best = state["best"]
-        self.history = InsideHistory(state["train"], state["validation"])
-
-
-def train_members(
-    split: Split,
-    prior: PlanarPrior,
-    config: InsideTrainingConfig,
-    folder: Path,
-    progress: Callable[[int, int, InsideHistory], None] = lambda member, number, history: None,
-) -> tuple[InsideNetworks, list[InsideHistory]]:
-    """Train all members, one after the other; return them and their histories.
+def make_trainers(
+    split: Split, prior: PlanarPrior, config: InsideTrainingConfig, folder: Path
+) -> list[InsideTrainer]:
+    """Return a trainer for each member; each goes on from its state when one is there.
 
     Args:
         split: what to learn from, and what to choose the best rounds by.
         prior: what they are put inside.
         config: its seed is the first member's, the others' follow.
         folder: of the states, one a member.
-        progress: is told member, rounds done and history.
 
     Raises:
         CheckpointError: a state in the folder is damaged or of other settings or data.
     """
-    networks, histories = InsideNetworks(config.network), []
-    for member in range(config.network.members):
-        own = replace(config, seed=config.seed + member)
-        trainer = InsideTrainer(split, prior, own, folder / f"member-{member}")
+    seeds = range(config.seed, config.seed + config.network.members)
+    return [
+        InsideTrainer(split, prior, replace(config, seed=seed), folder / f"member-{member}")
+        for member, seed in enumerate(seeds)
+    ]
+
+
+def train_members(
+    trainers: Sequence[InsideTrainer],
+    progress: Callable[[int, int, History], None] = lambda member, number, history: None,
+) -> tuple[InsideNetworks, list[History]]:
+    """Train all members, one after the other; return them and their histories.
+
+    Args:
+        trainers: of the members.
+        progress: is told member, rounds done and history.
+    """
+    networks = InsideNetworks(trainers[0].config.network)
+    for member, trainer in enumerate(trainers):
         trainer.run(functools.partial(progress, member))
         networks[member] = trainer.network
-        histories.append(trainer.history)
-    return networks, histories
-
-
-def _copy(network: InsideNetwork) -> dict[str, Tensor]:
-    return {name: value.clone() for name, value in network.state_dict().items()}
+    return networks, [trainer.history for trainer in trainers]

@@ -7,17 +7,14 @@ from pathlib import Path
 from typing import Final
 
 from sain_core.errors import CheckpointError, DatasetError
-from sain_model.checkpoint import write_whole
+from sain_core.storage import write_whole
 from sain_model.dataset import Split, limit_training
 from sain_model.evaluation import evaluate
 from sain_model.evaluation_history import PLANAR_HISTORY, SAIN_HISTORY
-from sain_model.features import PUSH_FRAME
-from sain_model.friction_noise import make_filter
-from sain_model.load import load_prior
 from sain_model.metrics import BULLET, FLOOR, LEARNED, MEASURED, SAIN
 from sain_model.sain import IDENTITY, SainDynamics
 from sain_model.sain import LEARNED as LEARNED_KIND
-from sain_model.training import NOTHING, Trainer, TrainingConfig
+from sain_model.training import Trainer, TrainingConfig, prior_and_filter
 
 PHYSICS: Final = (BULLET, MEASURED, PLANAR_HISTORY, FLOOR)
 NETWORKS: Final = (LEARNED, SAIN, SAIN_HISTORY)
@@ -85,8 +82,7 @@ def learning_curve(
 
 
 def _epochs(config: TrainingConfig, size: int, steps: int) -> int:
-    mirrored = config.mirror and config.network.features == PUSH_FRAME
-    return max(round(steps * config.batch / (size * (2 if mirrored else 1))), 1)
+    return max(round(steps * config.batch / (size * (2 if config.mirrors else 1))), 1)
 
 
 def _errors(split: Split, config: TrainingConfig, folder: Path) -> dict[str, dict[str, float]]:
@@ -98,9 +94,7 @@ def _errors(split: Split, config: TrainingConfig, folder: Path) -> dict[str, dic
         if done["identity"] != identity:
             raise CheckpointError(f"{path} belongs to other settings or data; use another folder")
         return dict(done["all"])
-    settings = {"friction": config.prior_friction} if config.prior != IDENTITY else None
-    prior = load_prior(config.prior, settings)
-    friction = None if config.history == NOTHING else make_filter(prior, split.train)
+    prior, friction = prior_and_filter(config, split.train)
     trainer = Trainer(split, prior, config, folder, friction)
     trainer.run()
     infers = friction.config if friction else None

@@ -13,8 +13,8 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from sain_core.errors import SainError
-from sain_model.checkpoint import write_whole
+from sain_core.storage import write_whole
+from sain_model.command import carry_out
 from sain_model.curve_plot import save_curves
 from sain_model.dataset import load_transitions, split_by_episode
 from sain_model.learning_curve import Point, learning_curve
@@ -39,7 +39,6 @@ class LearningCurveCommand:
 def main(arguments: list[str] | None = None) -> int:
     """Train on more and more transitions, with a prior and without; compare held-out errors."""
     torch.set_num_threads(1)
-    console = Console()
     command = tyro.cli(
         LearningCurveCommand,
         prog="learning_curve",
@@ -47,15 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
         args=arguments,
         config=(tyro.conf.OmitArgPrefixes,),
     )
-    try:
-        run(command, console)
-    except SainError as error:
-        Console(stderr=True).print(f"[red]error:[/] {error}", highlight=False)
-        return 1
-    except KeyboardInterrupt:
-        console.print("stopped; the same command goes on from the last whole epoch")
-        return 130
-    return 0
+    return carry_out(lambda console: run(command, console), "epoch")
 
 
 def run(command: LearningCurveCommand, console: Console) -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from sain_model.checkpoint import write_whole
-from sain_model.training import History
+from sain_core.storage import write_whole
+from sain_model.training_state import History
 
 
 def save_loss_curve(path: Path, history: History) -> None:

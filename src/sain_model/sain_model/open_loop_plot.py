@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sain_core.scene import MID, TARGET
-from sain_model.checkpoint import write_whole
+from sain_core.storage import write_whole
 from sain_model.metrics import (
     LEARNED,
     MEASURED,

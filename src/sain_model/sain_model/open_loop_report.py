@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sain_core.dynamics import Dynamics
-from sain_model.checkpoint import write_whole
+from sain_core.storage import write_whole
 from sain_model.dataset import Transitions
 from sain_model.metrics import FLOOR, LEARNED
 from sain_model.open_loop import (

@@ -228,19 +228,14 @@ def push_block(first, scenes, pushes, friction, start, physics, touched):
 def push_told_block(first, scenes, pushes, friction, start, physics, touched, corrections):
     """Carry out up to `CHUNK` pushes as `push_block` does, of disks that are corrected.
 
-    Args:
-        first: number of the first one.
-        scenes: (B, N, 8), changed to what they become.
-        pushes: (B, 3).
-        friction: with the table, (B,).
-        start: from the mid disk's centre to the tool's axis before it travels, (B,) [m].
-        physics: the rest.
-        touched: (B,) bool, receives whether the tool touched a disk other than the mid disk.
+    Args: those of `push_block`, and
         corrections: of each disk, (B, N, CORRECTIONS).
     """
     work = make_told_workspace(scenes.shape[1])
     for index in range(first, min(first + CHUNK, scenes.shape[0])):
-        work.corrections[:] = corrections[index]
+        for disk in range(corrections.shape[1]):
+            for column in range(corrections.shape[2]):  # a slice takes seconds to compile
+                work.corrections[disk, column] = corrections[index, disk, column]
         if pushes[index, LENGTH] > 0.0:
             touched[index] = push_scene(
                 scenes[index], pushes[index], friction[index], start[index], physics, work

@@ -12,7 +12,8 @@ from dataclasses import replace
 from typing import Final
 
 from sain_model.descent import ADAM, HALVING_EPOCHS, HALVING_STEPS, DescentConfig
-from sain_model.training import NOTHING, LossConfig, TrainingConfig
+from sain_model.loss import LossConfig
+from sain_model.training import NOTHING, TrainingConfig
 
 LAMBDA: Final = 1e-6  # of equation 5, of a loss in units of 1 mm
 

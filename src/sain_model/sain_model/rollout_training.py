@@ -4,23 +4,21 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from sain_core.dynamics import Dynamics
-from sain_core.errors import CheckpointError
 from sain_core.seeding import generator
-from sain_model.checkpoint import write_torch
 from sain_model.dataset import Split, Transitions
-from sain_model.features import PUSH_FRAME
 from sain_model.friction import FrictionFilter
 from sain_model.network import InteractionNetwork
 from sain_model.rollouts import RolloutConfig, Told, roll, rollout_loss
 from sain_model.threads import one_numba_thread, settle_threads
-from sain_model.training import History, TrainingConfig
+from sain_model.training import TrainingConfig
+from sain_model.training_state import History, TrainingState
 from sain_model.windows import Windows, make_windows
 
 
@@ -96,37 +94,37 @@ class RolloutTrainer:
             CheckpointError: the state in the folder is damaged or of other settings or data.
         """
         self.network = network
-        self.config, self.history = config, History()
-        self._training, self._prior, self._folder = training, prior, folder
-        mirror = training.mirror and network.config.features == PUSH_FRAME
-        self._train = make_lessons(split.train, config.steps_ahead, friction, mirror)
+        self.config = config
+        self._training, self._prior = training, prior
+        self._train = make_lessons(split.train, config.steps_ahead, friction, training.mirrors)
         self._validation = make_lessons(split.validation, config.steps_ahead, friction, False)
         told = f"{friction.config} {friction.nominal}" if friction else ""
-        self._identity = f"{config} {training} {split.train.sha256} {told}"
+        identity = f"{config} {training} {split.train.sha256} {told}"
         settle_threads()
         self._optimizer = torch.optim.AdamW(
             network.parameters(), config.rollout_rate, weight_decay=training.weight_decay
         )
-        self._best = _copy(network)
-        if (folder / self.STATE).exists():
-            self._resume()
+        self._state = TrainingState(folder / self.STATE, identity, network, self._optimizer)
+
+    @property
+    def history(self) -> History:
+        """Losses after each epoch."""
+        return self._state.history
 
     @property
     def epoch(self) -> int:
         """How many epochs are done."""
-        return len(self.history.train)
+        return self._state.epochs
 
     def run(self, progress: Callable[[int, History], None] = lambda epoch, history: None) -> None:
         """Train to the last epoch and take the weights of the best one."""
         while self.epoch < self.config.rollout_epochs:
             with one_numba_thread():
-                self.history.train.append(self._run_epoch(self.epoch))
-                self.history.validation.append(self._validate())
-            if self.history.best == self.epoch - 1:
-                self._best = _copy(self.network)
-            self._save()
+                train = self._run_epoch(self.epoch)
+                validation = self._validate()
+            self._state.add(train, validation)
             progress(self.epoch, self.history)
-        self.network.load_state_dict(self._best)
+        self._state.take_best()
         self.network.eval()
 
     def _run_epoch(self, epoch: int) -> float:
@@ -156,34 +154,3 @@ class RolloutTrainer:
         self.network.eval()
         with torch.inference_mode():
             return self._loss(self._validation).item()
-
-    def _save(self) -> None:
-        state = {
-            "identity": self._identity,
-            "network": self.network.state_dict(),
-            "optimizer": self._optimizer.state_dict(),
-            "best": self._best,
-            "train": self.history.train,
-            "validation": self.history.validation,
-        }
-        write_torch(self._folder / self.STATE, state)
-
-    def _resume(self) -> None:
-        path = self._folder / self.STATE
-        try:
-            state: dict[str, Any] = torch.load(path, weights_only=True)
-            identity = state["identity"]
-        except Exception as error:
-            raise CheckpointError(f"{path} is damaged: {error}; remove it to start anew") from error
-        if identity != self._identity:
-            raise CheckpointError(
-                f"{path} belongs to other settings or data; choose another folder or remove it"
-            )
-        self.network.load_state_dict(state["network"])
-        self._optimizer.load_state_dict(state["optimizer"])
-        self._best = state["best"]
-        self.history = History(state["train"], state["validation"])
-
-
-def _copy(network: InteractionNetwork) -> dict[str, Tensor]:
-    return {name: value.clone() for name, value in network.state_dict().items()}

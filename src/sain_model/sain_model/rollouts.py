@@ -14,11 +14,11 @@ from sain_core.dynamics import Dynamics
 from sain_core.push import LENGTH, LOCATION
 from sain_core.scene import POSE
 from sain_core.types import Pushes, Scalars, Scenes
+from sain_model.loss import LossConfig
 from sain_model.network import InteractionNetwork
 from sain_model.planar import PlanarPrior
 from sain_model.rollout_inputs import DIFFERENCES, GRADIENTS, NO_GRADIENT, Physics, see
 from sain_model.threads import settle_threads
-from sain_model.training import LossConfig
 from sain_model.windows import Windows
 
 CORRECTED: Final = "corrected"  # s-bar_{t+1} = f_p(s-hat_t, a_t)

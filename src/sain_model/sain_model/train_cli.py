@@ -13,27 +13,28 @@ import numpy as np
 import torch
 import tyro
 from rich.console import Console
-from rich.markup import escape
 
-from sain_core.errors import ConfigError, DatasetError, SainError
-from sain_model.checkpoint import Card, save_checkpoint, write_whole
+from sain_core.errors import ConfigError, DatasetError
+from sain_core.storage import write_whole
+from sain_model.checkpoint import Card, save_checkpoint
+from sain_model.command import carry_out
 from sain_model.dataset import Split, Transitions, limit_training
 from sain_model.environment import environment
 from sain_model.epoch_bar import EpochBar
 from sain_model.error_table import error_table, history_table, interval_table
 from sain_model.event_log import EventLog
-from sain_model.friction_noise import make_filter
 from sain_model.held_out import held_out_errors
 from sain_model.interval_fit import fit_intervals
-from sain_model.load import load_prior, prior_settings, sain_class
+from sain_model.load import prior_settings, sain_class
 from sain_model.loss_plot import save_loss_curve
 from sain_model.mixed import MixedSplit, MixedTransitions, load_datasets, split_datasets
 from sain_model.network import ON_STATE
 from sain_model.presets import PRESETS
 from sain_model.rollout_training import RolloutTrainer
 from sain_model.rollouts import RolloutConfig
-from sain_model.sain import IDENTITY, SainDynamics
-from sain_model.training import NOTHING, History, Trainer, TrainingConfig
+from sain_model.sain import SainDynamics
+from sain_model.training import Trainer, TrainingConfig, prior_and_filter
+from sain_model.training_state import History
 
 
 @dataclass(frozen=True)
@@ -57,17 +58,8 @@ class TrainCommand:
 def main(arguments: list[str] | None = None) -> int:
     """Train the interaction network on the residual of a prior."""
     torch.set_num_threads(1)
-    console = Console()
     command = parse(arguments)
-    try:
-        train(command, console)
-    except SainError as error:
-        Console(stderr=True).print(f"[red]error:[/] {escape(str(error))}", highlight=False)
-        return 1
-    except KeyboardInterrupt:
-        console.print("stopped; the same command goes on from the last whole epoch")
-        return 130
-    return 0
+    return carry_out(lambda console: train(command, console), "epoch")
 
 
 def parse(arguments: list[str] | None = None) -> TrainCommand:
@@ -144,9 +136,7 @@ def learn(
         raise DatasetError("--steps-ahead needs data with one number of disks")
     if rollouts and config.network.residual == ON_STATE:
         raise ConfigError("--steps-ahead learns residuals on physics; leave --residual state out")
-    settings = {"friction": config.prior_friction} if config.prior != IDENTITY else None
-    prior = load_prior(config.prior, settings)
-    friction = None if config.history == NOTHING else make_filter(prior, split.train)
+    prior, friction = prior_and_filter(config, split.train)
     trainer = Trainer(split, prior, config, command.out, friction)
     write_whole(command.out / "config.json", _settings(command, data).encode())
     _run(trainer, command, console)

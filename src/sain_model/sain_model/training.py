@@ -2,29 +2,30 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics
-from sain_core.errors import CheckpointError
 from sain_core.seeding import generator
 from sain_model.batches import BOOTSTRAP, ORDER, Batches
-from sain_model.checkpoint import write_torch
-from sain_model.dataset import Split
+from sain_model.dataset import Split, Transitions
 from sain_model.descent import DescentConfig
 from sain_model.examples import training_examples
 from sain_model.features import PUSH_FRAME
 from sain_model.friction import FrictionFilter
+from sain_model.friction_noise import make_filter
+from sain_model.load import load_prior
 from sain_model.loss import LossConfig, mixed_loss
-from sain_model.mixed import MixedSplit
-from sain_model.network import InteractionNetwork, NetworkConfig, new_network
+from sain_model.mixed import MixedSplit, MixedTransitions
+from sain_model.network import NetworkConfig, new_network
+from sain_model.sain import IDENTITY
 from sain_model.threads import settle_threads
+from sain_model.training_state import History, TrainingState
 
 NOTHING: Final = "none"
 EARLIER: Final = "earlier"
@@ -80,21 +81,24 @@ class TrainingConfig(Config):
     loss: LossConfig = LossConfig()
     descent: DescentConfig = DescentConfig()
 
-
-@dataclass
-class History:
-    """Losses after each epoch, and which epoch was best.
-
-    An epoch that was not validated has the last loss that was, or infinity before the first.
-    """
-
-    train: list[float] = field(default_factory=list)
-    validation: list[float] = field(default_factory=list)
-
     @property
-    def best(self) -> int:
-        """The epoch (from 0) with the lowest validation loss."""
-        return int(np.argmin(self.validation))
+    def mirrors(self) -> bool:
+        """Whether mirror images are learned from: a tilted table in a mirror is another table."""
+        return self.mirror and self.network.features == PUSH_FRAME
+
+
+def prior_and_filter(
+    config: TrainingConfig, train: Transitions | MixedTransitions
+) -> tuple[Dynamics, FrictionFilter | None]:
+    """Return what is corrected, and what infers the friction that it is told; None: nothing does.
+
+    Args:
+        config: of the training.
+        train: what the filter's noise is fitted to.
+    """
+    settings = {"friction": config.prior_friction} if config.prior != IDENTITY else None
+    prior = load_prior(config.prior, settings)
+    return prior, None if config.history == NOTHING else make_filter(prior, train)
 
 
 class Trainer:
@@ -123,18 +127,16 @@ class Trainer:
             CheckpointError: the state in the folder is damaged or of other settings or data.
         """
         self.config = config
-        self.history = History()
-        self._folder = folder
         random = generator(config.seed, "history") if config.history == EARLIER else None
         network = config.network
-        # A tilted table in a mirror is another one.
-        mirror = config.mirror and network.features == PUSH_FRAME
-        self._train = training_examples(split.train, prior, friction, mirror, random, network)
+        self._train = training_examples(
+            split.train, prior, friction, config.mirrors, random, network
+        )
         self._validation = training_examples(
             split.validation, prior, friction, False, random, network
         )
         about = f"{friction.config} {friction.nominal}" if friction else ""
-        self._identity = f"{config} {split.train.sha256} {about}"
+        identity = f"{config} {split.train.sha256} {about}"
         settle_threads()
         self.network = new_network(config.network, config.seed)
         self._optimizer = config.descent.make(
@@ -148,14 +150,17 @@ class Trainer:
             config.diversity,
             config.epoch_steps,
         )
-        self._best: dict[str, Tensor] = _copy(self.network)
-        if (folder / self.STATE).exists():
-            self._resume()
+        self._state = TrainingState(folder / self.STATE, identity, self.network, self._optimizer)
+
+    @property
+    def history(self) -> History:
+        """Losses after each epoch."""
+        return self._state.history
 
     @property
     def epoch(self) -> int:
         """How many epochs are done."""
-        return len(self.history.train)
+        return self._state.epochs
 
     @property
     def finished(self) -> bool:
@@ -167,14 +172,10 @@ class Trainer:
     def run(self, progress: Callable[[int, History], None] = lambda epoch, history: None) -> None:
         """Train to the last epoch and take the weights of the best one."""
         while not self.finished:
-            epoch = self.epoch
-            self.history.train.append(self._run_epoch(epoch))
-            self.history.validation.append(self._validation_loss(epoch))
-            if self.history.best == epoch:
-                self._best = _copy(self.network)
-            self._save()
+            train = self._run_epoch(self.epoch)
+            self._state.add(train, self._validation_loss(self.epoch))
             progress(self.epoch, self.history)
-        self.network.load_state_dict(self._best)
+        self._state.take_best()
 
     def _run_epoch(self, epoch: int) -> float:
         config, examples = self.config, self._train
@@ -205,34 +206,3 @@ class Trainer:
         with torch.inference_mode():
             predicted = self.network(data.disks, data.relations)
             return mixed_loss(predicted, data, torch.arange(len(data)), self.config.loss).item()
-
-    def _save(self) -> None:
-        state = {
-            "identity": self._identity,
-            "network": self.network.state_dict(),
-            "optimizer": self._optimizer.state_dict(),
-            "best": self._best,
-            "train": self.history.train,
-            "validation": self.history.validation,
-        }
-        write_torch(self._folder / self.STATE, state)
-
-    def _resume(self) -> None:
-        path = self._folder / self.STATE
-        try:
-            state: dict[str, Any] = torch.load(path, weights_only=True)
-            identity = state["identity"]
-        except Exception as error:
-            raise CheckpointError(f"{path} is damaged: {error}; remove it to start anew") from error
-        if identity != self._identity:
-            raise CheckpointError(
-                f"{path} belongs to other settings or data; choose another folder or remove it"
-            )
-        self.network.load_state_dict(state["network"])
-        self._optimizer.load_state_dict(state["optimizer"])
-        self._best = state["best"]
-        self.history = History(state["train"], state["validation"])
-
-
-def _copy(network: InteractionNetwork) -> dict[str, Tensor]:
-    return {name: value.clone() for name, value in network.state_dict().items()}

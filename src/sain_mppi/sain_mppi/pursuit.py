@@ -105,6 +105,7 @@ class Pursuit:
         self._decided: tuple[int, int] | None = None
         self._awaited: tuple[int, float] | None = None  # push id and when it was sent
         self._unanswered: set[int] = set()
+        self._latest: int | None = None  # push, of the task's
         self._arrived: tuple[tuple[int, int], float] | None = None  # a settled scene, and when
         self._attempt = 0
         self.pushes = 0
@@ -116,7 +117,7 @@ class Pursuit:
             SainError: a goal that cannot be served; there is none to follow then.
         """
         self.task, self.pushes, self._attempt = None, 0, 0
-        self._decided, self._awaited = None, None
+        self._decided, self._awaited, self._latest = None, None, None
         self._unanswered.clear()
         check_goal(task.goal, self._table)
         check_tolerance(task.tolerance)
@@ -160,6 +161,7 @@ class Pursuit:
         """Take note that a push was sent."""
         self._awaited = (push_id, self._clock())
         self._unanswered.add(push_id)
+        self._latest = push_id
         self.pushes += 1
 
     def answered(self, push_id: int, code: int) -> bool:
@@ -189,7 +191,7 @@ class Pursuit:
         Scenes and results come on topics of their own, in any order. A plan that was made before
         the result would know one push less of the episode.
         """
-        if self._arrived is None or not self._unanswered:
+        if self._arrived is None or self._latest not in self._unanswered:
             return False
         return self._clock() - self._arrived[1] < self._config.result_patience
 

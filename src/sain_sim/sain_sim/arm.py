@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 
 from sain_core.config import Config, option
-from sain_core.push import TOOL_RADIUS
 from sain_sim.client import Client
 from sain_sim.kinematics import Joints, Kinematics, Tips
 from sain_sim.tool_spring import ToolSpring
@@ -60,6 +59,8 @@ class PandaModel:
 
     def __init__(self, tool_radius: float, config: ArmConfig, visuals: bool = False) -> None:
         """Write the URDF of a Panda with this stick [m]; visuals are meshes for pictures."""
+        self.config = config
+        self.tool_radius = tool_radius
         self._folder = tempfile.TemporaryDirectory(prefix="sain-panda-")
         self._path = Path(self._folder.name) / "panda.urdf"
         self._path.write_text(
@@ -85,9 +86,15 @@ class Arm:
     """A position-controlled Panda whose base is in the world's axis, below the table top."""
 
     def __init__(
-        self, client: Client, body: int, kinematics: Kinematics, config: ArmConfig, time_step: float
+        self,
+        client: Client,
+        body: int,
+        kinematics: Kinematics,
+        model: PandaModel,
+        time_step: float,
     ) -> None:
-        """Control a loaded arm, by commands that hold for one time_step [s] each."""
+        """Control a loaded arm of this model; each command holds for one time_step [s]."""
+        config = model.config
         self._client = client
         self._time_step = time_step
         self._torques = (config.torque_scale * STOCK_TORQUE).tolist()
@@ -99,7 +106,7 @@ class Arm:
         self.stick = STICK_LINK
         if config.tool_stiffness > 0.0:
             torques = config.tool_torque_scale * STOCK_TORQUE
-            lever = (config.tool_length - 2 * TOOL_RADIUS) / 2
+            lever = (config.tool_length - 2 * model.tool_radius) / 2
             self.spring = ToolSpring(client, body, config.tool_stiffness, torques, lever)
             self.stick = self.spring.link
 

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 
 from sain_core.config import Config, option
 from sain_core.errors import DatasetError
-from sain_core.storage import write_text
+from sain_core.storage import write_whole
 from sain_sim.episodes import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.ray_workers import RayCrew, ray_cluster
 from sain_sim.shards import (
@@ -166,4 +166,4 @@ def _summary(config: CollectConfig, done: Collected) -> dict[str, Any]:
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
-    write_text(path, json.dumps(content, indent=2) + "\n")
+    write_whole(path, (json.dumps(content, indent=2) + "\n").encode())

@@ -7,6 +7,7 @@ import time
 import tyro
 from rich.console import Console
 from rich.logging import RichHandler
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -40,13 +41,14 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         done = _collect_with_bar(config, console)
     except SainError as error:
-        console.print(f"[red]error:[/] {error}", highlight=False, soft_wrap=True)
+        console.print(f"[red]error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return 1
     except KeyboardInterrupt:
         console.print("stopped; the same command goes on from the last whole shard")
         return 130
     minutes = (time.perf_counter() - begun) / 60
-    console.print(f"{done.transitions} transitions in {config.out} ({minutes:.1f} min)")
+    folder = escape(str(config.out))
+    console.print(f"{done.transitions} transitions in {folder} ({minutes:.1f} min)")
     for line in account(done.tally, config):
         console.print(line, highlight=False, soft_wrap=True)
     return 0

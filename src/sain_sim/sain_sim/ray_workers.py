@@ -48,19 +48,23 @@ def ray_cluster(address: str, workers: int) -> Iterator[ModuleType]:
     ):
         ray = _import_ray()
         try:
-            ray.init(**_settings(address, workers, folder))
-            cpus = int(ray.cluster_resources().get("CPU", 0))
+            cpus = _connect(ray, address, _settings(address, workers, folder))
             if cpus < workers:
                 raise ConfigError(
                     f"workers is {workers}; each needs a CPU, and the cluster has {cpus}"
                 )
             yield ray
-        except (ConnectionError, TimeoutError, ValueError, RuntimeError) as error:
-            if isinstance(error, SainError):
-                raise
-            raise ConfigError(f"no Ray cluster at {address!r}: {error}") from error
         finally:
             ray.shutdown()
+
+
+def _connect(ray: ModuleType, address: str, settings: dict[str, Any]) -> int:
+    """Connect to a cluster and return how many CPUs it has."""
+    try:
+        ray.init(**settings)
+        return int(ray.cluster_resources().get("CPU", 0))
+    except (ConnectionError, TimeoutError, ValueError, RuntimeError) as error:
+        raise ConfigError(f"no Ray cluster at {address!r}: {error}") from error
 
 
 def _knock(address: str) -> None:
@@ -168,10 +172,11 @@ class RayCrew:
         remote = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=RETRIES)(RayRunner)
         self._idle: list[Any] = [remote.remote(seed, config) for _ in range(size)]
         self._busy: dict[Any, tuple[Any, int]] = {}  # by reference: an actor and its episode
+        own = software()
         for found in self._get([actor.software.remote() for actor in self._idle]):
-            if found != software():
+            if found != own:
                 raise ConfigError(
-                    f"a machine of the cluster has {found}, this one {software()}; with other"
+                    f"a machine of the cluster has {found}, this one {own}; with other"
                     " software the same seed may give other bytes"
                 )
 

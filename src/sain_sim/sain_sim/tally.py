@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final, Self
 
 from sain_core.errors import BlockedError, OutputError, SainError, UnreachableError
-from sain_core.storage import write_text
+from sain_core.storage import write_whole
 
 JOURNAL_FILE: Final = "episodes.jsonl"
 
@@ -67,7 +67,8 @@ class Journal:
         self._path = folder / JOURNAL_FILE
         known = [line for line in _lines(self._path) if line["episode"] < first]
         self.total = sum((_tally(line) for line in known), Tally())
-        write_text(self._path, "".join(json.dumps(line) + "\n" for line in known))
+        text = "".join(json.dumps(line) + "\n" for line in known)
+        write_whole(self._path, text.encode())
         self._file: BinaryIO = self._path.open("ab", buffering=0)
 
     def add(self, episode: int, tally: Tally) -> None:

@@ -108,8 +108,7 @@ class Workcell:
             deterministicOverlappingPairs=1, contactBreakingThreshold=CONTACT_BREAKING
         )
         body = model.load(client, -table.height)
-        arm = parameters.roughness.arm(config.arm)
-        self.arm = Arm(client, body, config.kinematics, arm, config.motion.time_step)
+        self.arm = Arm(client, body, config.kinematics, model, config.motion.time_step)
         self.arm.place(origin.joints)
         self.stage = Stage(client, parameters, table, origin.states)
         self.arm.set_friction(self.stage.tool_friction)
@@ -119,7 +118,7 @@ class Workcell:
         """What a workcell like this one now is built from."""
         if self.steps == self._first_step:
             return self.origin
-        return Origin(self._states(), self.arm.joint_states()[0])
+        return Origin(self.stage.states(), self.arm.joint_states()[0])
 
     def _states(self) -> list[BodyState]:
         """Return the disks' states; while nothing moved, to the bit what this was built from.

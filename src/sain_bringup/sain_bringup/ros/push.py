@@ -12,6 +12,7 @@ import tyro
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args, try_shutdown
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from sain_core.errors import ErrorCode, SainError
@@ -106,7 +107,7 @@ def show(result: PushResult, console: Console) -> None:
     push = f"push {result.push_id} of episode {result.episode_id}"
     if result.error_code != ErrorCode.OK:
         name = ErrorCode(result.error_code).name
-        console.print(f"[red]{push} was refused[/]: {name}, {result.error_message}")
+        console.print(f"[red]{push} was refused[/]: {name}, {escape(result.error_message)}")
         return
     console.print(f"[green]{push} was carried out[/] in {result.duration:.2f} s of simulated time")
     table = Table("disk", "x [m]", "y [m]", "theta [rad]", "moved [mm]")

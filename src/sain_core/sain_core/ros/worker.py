@@ -57,7 +57,7 @@ class Worker:
 
     def call(self, job: Callable[[], T]) -> T:
         """Run a job and wait for it: for short ones that the executor cannot go on without."""
-        return self._pool.submit(job).result()
+        return self.wait(job).result()
 
     def wait(self, job: Callable[[], T]) -> "Future[T]":
         """Run a job and wait for it, as `call`; return its future, done, whether well or not."""
