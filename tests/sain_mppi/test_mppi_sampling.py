@@ -10,6 +10,7 @@ from sain_core.seeding import generator
 from sain_mppi.candidates import go_around_sequences, straight_sequences
 from sain_mppi.proposals import without_idle
 from sain_mppi.sampling import (
+    coloured_noise,
     gaussian_sequences,
     reflect,
     shift,
@@ -88,7 +89,18 @@ def test_stopping_early_leaves_only_rest_behind_the_stop():
 
 
 def test_shifting_drops_the_first_push_and_rests_at_the_end():
-    sequence = uniform_sequences(LIMITS, generator(7), 1, 3)[0]
-    shifted = shift(sequence)
-    np.testing.assert_array_equal(shifted[:2], sequence[1:])
-    np.testing.assert_array_equal(shifted[2], np.zeros(3))
+    sequences = uniform_sequences(LIMITS, generator(7), 5, 3)
+    shifted = shift(sequences)
+    np.testing.assert_array_equal(shifted[:, :2], sequences[:, 1:])
+    np.testing.assert_array_equal(shifted[:, 2], np.zeros((5, 3)))
+
+
+@pytest.mark.parametrize("length", [1, 2, 5, 6])
+@pytest.mark.parametrize("colour", [0.0, 1.0, 2.0])
+def test_coloured_noise_has_variance_one_and_its_neighbours_agree(length, colour):
+    noise = coloured_noise(generator(8), (40_000, length), colour)
+    assert noise.shape == (40_000, length)
+    np.testing.assert_allclose(noise.var(axis=0), 1.0, atol=0.04)
+    if length > 2:
+        together = float((noise[:, 0] * noise[:, 1]).mean())
+        assert together == pytest.approx(0.0, abs=0.03) if colour == 0.0 else together > 0.1

@@ -18,8 +18,8 @@ from sain_model.load import load_dynamics
 from sain_model.planar import PlanarConfig, PlanarPrior
 from sain_mppi.config import PlannerConfig
 from sain_mppi.goal import Goal
+from sain_mppi.permission import permitted
 from sain_mppi.planner import Planner
-from sain_mppi.proposals import permitted
 
 BASELINES = ("null", "straight", "random")
 ORACLE = "oracle"
@@ -130,7 +130,7 @@ class PlanningController:
     def decide(self, scene: Scene, goal: Goal, random: np.random.Generator) -> Decision:
         """Plan and take the first push."""
         plan = self.planner.plan(scene, goal, random)
-        return Decision(plan.push, plan.predicted[0], plan.planning_time)
+        return Decision(plan.push, plan.predicted[0], plan.times.total)
 
     def refused(self, push: PushArray) -> None:
         """Plan again without pushes like this one."""

@@ -1,16 +1,47 @@
 """The planner's settings."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final, Self
 
 from sain_core.config import Config, option
+from sain_core.push import PaperGrid
 from sain_mppi.cost import CostWeights
 from sain_mppi.sampling import NoiseConfig
+
+MPPI_ROUNDS: Final = "mppi_rounds"
+MPPI: Final = "mppi"
+ICEM: Final = "icem"
+EXHAUSTIVE: Final = "exhaustive"
+
+ARGMIN: Final = "argmin"
+MEAN: Final = "mean"
+
+
+@dataclass(frozen=True)
+class IcemConfig(Config):
+    """What iCEM has of its own; names as in Pinneri et al. 2020."""
+
+    elites: int = option(10, "K, best samples that mean and deviation are fitted to", minimum=1)
+    kept: float = option(
+        0.3, "xi, share of the elites that stay among the next samples", minimum=0.0, maximum=1.0
+    )
+    colour: float = option(
+        1.0, "beta, power of the noise's spectrum: 0 white, 2 a random walk", minimum=0.0
+    )
+    momentum: float = option(
+        0.1, "alpha, share of the last mean and deviation that stays", minimum=0.0, maximum=1.0
+    )
 
 
 @dataclass(frozen=True)
 class PlannerConfig(Config):
     """How the planner samples, weighs and decides."""
 
+    algorithm: str = option(
+        MPPI_ROUNDS,
+        "how sequences are looked for",
+        choices=(MPPI_ROUNDS, MPPI, ICEM, EXHAUSTIVE),
+    )
     samples: int = option(
         1024, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
     )
@@ -32,9 +63,9 @@ class PlannerConfig(Config):
         0.1, "share of the last mean that stays at each update", minimum=0.0, maximum=1.0
     )
     selection: str = option(
-        "argmin",
+        ARGMIN,
         "what is executed: the cheapest sequence (the paper's) or the weighted mean (MPPI's)",
-        choices=("argmin", "mean"),
+        choices=(ARGMIN, MEAN),
     )
     candidate_share: float = option(
         0.25, "share of informed proposals in each round", minimum=0.0, maximum=1.0
@@ -45,8 +76,26 @@ class PlannerConfig(Config):
     stop_share: float = option(
         0.3, "share of random sequences that rest after a random push", minimum=0.0, maximum=1.0
     )
+    warm_start: bool = option(True, "begin from what the last plan leaves")
+    widening: float = option(
+        2.0, "factor on samples and noise when plans did not lead where expected", minimum=1.0
+    )
+    shown: int = option(
+        24, "sequences of a plan that are published beside the best", minimum=0, maximum=1000
+    )
     noise: NoiseConfig = NoiseConfig()
+    icem: IcemConfig = IcemConfig()
+    grid: PaperGrid = PaperGrid()
     weights: CostWeights = CostWeights()
+
+    def widened(self) -> Self:
+        """Return settings that look further about: more samples, more noise, no warm start."""
+        return replace(
+            self,
+            samples=round(self.widening * self.samples),
+            noise=self.noise.scaled(self.widening),
+            warm_start=False,
+        )
 
     def samples_in(self, round_number: int) -> int:
         """Return how many sequences a round rolls out, from 0."""

@@ -9,8 +9,9 @@ from sain_core.history import PushHistory
 from sain_core.seeding import generator
 from sain_mppi.config import PlannerConfig
 from sain_mppi.fallback import FallbackRollout
-from sain_mppi.planner import Planner, PlanResult
+from sain_mppi.planner import Planner
 from sain_mppi.pursuit import Job, Task
+from sain_mppi.result import PlanResult
 
 
 @dataclass(frozen=True)

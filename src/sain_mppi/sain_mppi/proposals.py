@@ -1,39 +1,74 @@
-"""What a round tries: samples about the mean, informed candidates, uniform draws."""
+"""What an algorithm tries: samples about the mean, informed candidates, uniform draws."""
+
+from collections.abc import Callable
+from typing import Final
 
 import numpy as np
 
-from sain_core.feasibility import Feasibility
+from sain_core.errors import NoPushError
 from sain_core.push import LENGTH, PushLimits
-from sain_core.types import Mask, Pushes, PushSequences, Scene
+from sain_core.types import PushSequences
 from sain_mppi.candidates import go_around_sequences, straight_sequences
 from sain_mppi.config import PlannerConfig
-from sain_mppi.goal import Goal
 from sain_mppi.sampling import (
     Sequence,
     gaussian_sequences,
     stop_early,
     uniform_sequences,
 )
+from sain_mppi.search import Search
 
-STRAIGHT_SHARE = 0.25  # of the candidates; the others go around
-SURPLUS = 2  # sequences drawn for each one wanted: first pushes that are not permitted are dropped
+STRAIGHT_SHARE: Final = 0.25  # of the candidates; the others go around
+SURPLUS: Final = 2  # sequences drawn for each one wanted: those are dropped whose first push is
+# not permitted
+LAST_RESORT: Final = 256  # uniform draws in a hard place, besides four for each one wanted
+
+
+def draw_permitted(
+    search: Search,
+    draw: Callable[[int], PushSequences],
+    count: int,
+    horizon: int,
+    generator: np.random.Generator,
+) -> PushSequences:
+    """Return up to so many sequences (K, H, 3) whose first push can be carried out.
+
+    Args:
+        search: says which can.
+        draw: returns about as many sequences as it is asked for, the dearest to it first.
+        count: sequences wanted.
+        horizon: pushes in each.
+        generator: of the uniform draws that are added where most of the others are blocked.
+
+    Raises:
+        NoPushError: no first push is permitted.
+    """
+    sequences = draw(SURPLUS * count)
+    sequences = sequences[search.permitted(sequences[:, 0])]
+    if len(sequences) < count:
+        limits = search.feasibility.limits
+        more = uniform_sequences(limits, generator, 4 * count + LAST_RESORT, horizon)
+        sequences = np.concatenate([sequences, more[search.permitted(more[:, 0])]])
+    if not len(sequences):
+        raise NoPushError(
+            f"no push can be carried out {search.where}; move a disk by hand or reset"
+        )
+    return np.asarray(sequences[:count])
 
 
 def propose(
-    scene: Scene,
-    goal: Goal,
+    search: Search,
     mean: Sequence | None,
     round_number: int,
+    count: int,
     config: PlannerConfig,
-    limits_of: Feasibility,
     generator: np.random.Generator,
 ) -> PushSequences:
-    """Draw twice the sequences (2 K, H, 3) that a round rolls out, shuffled.
+    """Draw sequences (count, H, 3) of all kinds, shuffled.
 
     Without a mean what would be drawn about it is drawn uniformly.
     """
-    limits = limits_of.limits
-    count = SURPLUS * config.samples_in(round_number)
+    scene, goal, limits = search.scene, search.goal, search.feasibility.limits
     informed = round(count * config.candidate_share)
     straight = round(informed * STRAIGHT_SHARE)
     about_mean = count - informed
@@ -63,10 +98,3 @@ def without_idle(sequences: PushSequences, limits: PushLimits) -> PushSequences:
     touching = sequences[..., LENGTH] > limits.clearance
     sequences[..., LENGTH] *= touching
     return sequences
-
-
-def permitted(scene: Scene, pushes: Pushes, feasibility: Feasibility) -> Mask:
-    """Tell which pushes (B, 3) could be carried out now and would touch the mid disk."""
-    scenes = np.broadcast_to(scene, (len(pushes), *scene.shape))
-    moving = pushes[:, LENGTH] > feasibility.limits.clearance
-    return np.asarray(feasibility.mask(scenes, pushes) & moving)

@@ -1,6 +1,7 @@
 """Random push sequences inside the limits, with nothing piled up on their bounds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from jaxtyping import Float
@@ -30,6 +31,11 @@ class NoiseConfig(Config):
         minimum=0.01,
         maximum=1.0,
     )
+
+    def scaled(self, factor: float) -> Self:
+        """Return noise that is so many times as wide."""
+        wider = {name: factor * getattr(self, name) for name in ("location", "angle", "length")}
+        return replace(self, **wider)
 
     def deviations(self, round_number: int) -> Float[ndarray, "3"]:
         """Return the standard deviations (location, angle, length) of a round, from 0."""
@@ -72,6 +78,28 @@ def gaussian_sequences(
     return inside_limits(mean + noise, limits)
 
 
+def coloured_noise(
+    generator: np.random.Generator, shape: tuple[int, ...], colour: float
+) -> Float[ndarray, "..."]:
+    """Draw noise of variance 1 whose power falls with frequency^colour along the last axis.
+
+    After Timmer and Koenig 1995: random amplitudes in the frequency domain. The mean over the
+    axis counts as the lowest frequency there is, so that a whole sequence may shift.
+    """
+    length = shape[-1]
+    frequency = np.maximum(np.fft.rfftfreq(length), 1.0 / length)
+    scale = frequency ** (-colour / 2.0)
+    draws = generator.standard_normal((2, *shape[:-1], len(scale)))
+    spectrum = scale * (draws[0] + 1j * draws[1])
+    real = np.zeros(len(scale), bool)
+    real[0] = True
+    real[-1] |= length % 2 == 0  # the highest frequency of an even length
+    spectrum[..., real] = 2**0.5 * spectrum[..., real].real
+    power = scale**2 * np.where(real, 1.0, 2.0)
+    deviation = np.sqrt(2.0 * power.sum()) / length
+    return np.asarray(np.fft.irfft(spectrum, n=length, axis=-1) / deviation)
+
+
 def uniform_sequences(
     limits: PushLimits, generator: np.random.Generator, count: int, horizon: int
 ) -> PushSequences:
@@ -100,8 +128,8 @@ def weighted_mean(sequences: PushSequences, weights: Scalars) -> Sequence:
     return mean
 
 
-def shift(sequence: Sequence) -> Sequence:
-    """Drop the first push of a sequence, which was executed, and rest at its end."""
-    shifted = np.roll(sequence, -1, axis=0)
-    shifted[-1] = 0.0
+def shift(sequences: PushSequences) -> PushSequences:
+    """Drop the first push of sequences (K, H, 3), which was executed, and rest at their ends."""
+    shifted = np.roll(sequences, -1, axis=-2)
+    shifted[..., -1, :] = 0.0
     return shifted

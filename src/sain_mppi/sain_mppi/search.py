@@ -1,68 +1,76 @@
-"""The rounds of one plan: roll out, weigh, keep the best."""
+"""One plan's search: rolls out what an algorithm tries, costs it, and keeps the best."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from time import perf_counter
+from time import monotonic, perf_counter
+from typing import Final
 
 import numpy as np
 
 from sain_core.dynamics import RolloutModel
 from sain_core.errors import ModelUnavailableError
 from sain_core.feasibility import Feasibility
-from sain_core.types import PredictedScenes, PushArray, PushSequences, Scene, Scenes
+from sain_core.scene import MASS, MID, POSITION, RADIUS
+from sain_core.types import (
+    Mask,
+    PredictedScenes,
+    PushArray,
+    Pushes,
+    PushSequences,
+    Scalars,
+    Scene,
+    Scenes,
+)
 from sain_mppi.config import PlannerConfig
 from sain_mppi.cost import cost_terms, make_rollout, total_cost
 from sain_mppi.goal import Goal
-from sain_mppi.sampling import Sequence, weighted_mean
+from sain_mppi.permission import permitted
+from sain_mppi.result import PlanResult, Shown, Times
 from sain_mppi.weights import cost_spread, effective_samples, softmin_weights
+
+ELITES: Final = 16  # sequences that the next plan may begin from
+FIRST_PART: Final = 64  # sequences, under a deadline: until it is known how long they take
+PART: Final = 256
+RESERVE: Final = 0.002  # [s] before a deadline, for what comes after the search
 
 
 @dataclass(frozen=True)
-class PlanResult:
-    """What the planner decided and what it expects."""
+class Problem:
+    """What a plan is for.
 
-    pushes: Sequence  # (H, 3); the first is to be executed
-    predicted: Scenes  # (H, N, 8), the scene after each push
-    cost: float
-    rest_cost: float  # of doing nothing: a plan that costs more is a step back
-    terms: dict[str, float]  # the cost by term
-    effective_samples: float  # of the last round's weights
-    samples: int  # sequences rolled out, over all rounds
-    rounds: int
-    rollout_time: float  # [s], spent in the model
-    planning_time: float  # [s], in all
+    Attributes:
+        scene: (N, 8), where it starts.
+        goal: (2,), for the target.
+        feasibility: what the arm can do.
+        refused: (3,) each, pushes that were refused from this scene.
+        deadline: `time.monotonic` at which the plan is wanted; None: whenever.
+    """
 
-    @property
-    def push(self) -> PushArray:
-        """The push (3,) to execute."""
-        return np.asarray(self.pushes[0])
-
-    @property
-    def improves(self) -> bool:
-        """Whether the plan is expected to be better than doing nothing."""
-        return self.cost < self.rest_cost
+    scene: Scene
+    goal: Goal
+    feasibility: Feasibility
+    refused: Sequence[PushArray] = ()
+    deadline: float | None = None
 
 
 class Search:
-    """The best sequence over the rounds of one plan, and what finding it took."""
+    """What algorithms see: which pushes are permitted, what sequences cost, when to stop."""
 
-    def __init__(
-        self,
-        model: RolloutModel,
-        config: PlannerConfig,
-        feasibility: Feasibility,
-        scene: Scene,
-        goal: Goal,
-    ) -> None:
-        """Search from a scene (N, 8) towards a goal (2,)."""
-        self.model, self.config, self.feasibility = model, config, feasibility
-        self.scene, self.goal = scene, goal
-        self.cost, self.effective, self.rollout_time = np.inf, 0.0, 0.0
+    def __init__(self, model: RolloutModel, config: PlannerConfig, problem: Problem) -> None:
+        """Begin with nothing found."""
+        self.model, self.config, self.problem = model, config, problem
+        self.scene, self.goal, self.feasibility = problem.scene, problem.goal, problem.feasibility
+        self.cost, self.effective = np.inf, 0.0
         self.samples = self.rounds = 0
-        self.pushes: Sequence | None = None
-        self.predicted: Scenes | None = None
-        self.terms: dict[str, float] = {}
+        self.elites = np.empty((0, config.horizon, 3))  # the best, in order
+        self._elite_costs = np.empty(0)
+        self._best: tuple[Scenes, dict[str, float]] | None = None
+        self._shown: list[Shown] = []
+        self._rollout_time = self._cost_time = self._pace = 0.0
+        self._began = self._idle_since = perf_counter()
+        self._between = 0.0  # [s], longest that an algorithm took from one round to the next
         rest = np.zeros((1, config.horizon, 3))
-        stay = np.broadcast_to(scene, (1, config.horizon, *scene.shape))
+        stay = np.broadcast_to(self.scene, (1, config.horizon, *self.scene.shape))
         self.rest_cost = float(self._costs(rest, stay)[0][0])
 
     @property
@@ -70,78 +78,152 @@ class Search:
         """Whether the best sequence so far is better than doing nothing."""
         return bool(self.cost < self.rest_cost)
 
-    def evaluate(self, pushes: PushSequences, mean: Sequence | None) -> Sequence:
-        """Roll out one round's sequences, keep the cheapest, return the next round's mean."""
-        predicted = self._rollout(pushes)
-        costs, terms = self._costs(pushes, predicted)
-        self.samples += len(pushes)
+    @property
+    def over(self) -> bool:
+        """Whether there is no time left for another round."""
+        return self._late(self._between + FIRST_PART * self._pace)
+
+    @property
+    def where(self) -> str:
+        """The situation, for messages."""
+        x, y = self.scene[MID, POSITION]
+        refused = f", {len(self.problem.refused)} refused before" if self.problem.refused else ""
+        return f"from here: mid disk at ({x:.3f}, {y:.3f}) m{refused}"
+
+    def permitted(self, pushes: Pushes) -> Mask:
+        """Tell which pushes (B, 3) touch the mid disk, can be carried out, and were not refused."""
+        return permitted(self.scene, pushes, self.feasibility, self.problem.refused)
+
+    def evaluate(self, sequences: PushSequences) -> Scalars:
+        """Roll out sequences (K, H, 3) and return what they cost (K,); their first pushes must be
+        permitted.
+
+        The cost is infinite where the prediction is not finite, and where the deadline came first.
+
+        Raises:
+            ModelUnavailableError: no cost is finite, or the answer is not one to this question.
+        """
+        self._between = max(self._between, perf_counter() - self._idle_since)
+        costs = np.full(len(sequences), np.inf)
+        for part in self._parts(len(sequences)):
+            costs[part] = self._evaluate(sequences[part])
+            self.samples += part.stop - part.start
         self.rounds += 1
         if not np.isfinite(costs).any():
             raise ModelUnavailableError(
-                f"none of the model's {len(pushes)} predictions is finite; check its checkpoint"
+                f"none of the model's {len(sequences)} predictions is finite; check its checkpoint"
             )
-        weights = softmin_weights(costs, self.config.temperature * cost_spread(costs))
-        self.effective = effective_samples(weights)
-        self._keep_best(pushes, predicted, costs, terms)
-        return self._update(mean, weighted_mean(pushes, weights))
+        self.effective = effective_samples(self.weights(costs))
+        self._idle_since = perf_counter()
+        return costs
 
-    def _update(self, mean: Sequence | None, new: Sequence) -> Sequence:
-        if mean is None:
-            return new
-        kept = self.config.smoothing
-        return weighted_mean(np.stack([mean, new]), np.array([kept, 1.0 - kept]))
+    def weights(self, costs: Scalars) -> Scalars:
+        """Return MPPI's weights (K,) for costs (K,); lambda is relative to how they spread."""
+        return softmin_weights(costs, self.config.temperature * cost_spread(costs))
 
-    def settle_on(self, pushes: Sequence) -> None:
-        """Take one sequence (H, 3) as the plan, whatever was found, if the model can predict it."""
-        predicted = self._rollout(pushes[None])
-        costs, terms = self._costs(pushes[None], predicted)
+    def settle_on(self, sequence: Pushes) -> None:
+        """Take one sequence (H, 3) as the plan, whatever else was found, if it can be done."""
+        if not self.permitted(sequence[:1]).all():
+            return
+        predicted = self._rollout(sequence[None])
+        costs, terms = self._costs(sequence[None], predicted)
         if np.isfinite(costs[0]):
             self.cost = np.inf
-            self._keep_best(pushes[None], predicted, costs, terms)
+            self._keep(sequence[None], predicted, costs, terms)
+            self.elites = np.concatenate([sequence[None], self.elites])[:ELITES]
+            self._elite_costs = np.concatenate([costs, self._elite_costs])[:ELITES]
 
-    def _rollout(self, pushes: PushSequences) -> PredictedScenes:
+    def result(self) -> PlanResult:
+        """Return the best sequence as the plan; something must have been evaluated."""
+        assert self._best is not None
+        predicted, terms = self._best
+        total = perf_counter() - self._began
+        times = Times(total, self._rollout_time, self._cost_time)
+        return PlanResult(
+            self.elites[0],
+            predicted,
+            self.cost,
+            self.rest_cost,
+            terms,
+            self.effective,
+            self.samples,
+            self.rounds,
+            times,
+            Shown.thinned(self._shown, self.config.shown),
+        )
+
+    def _parts(self, count: int) -> Iterator[slice]:
+        """Yield parts of a round: one, or under a deadline as many as there is time for."""
+        if self.problem.deadline is None:
+            yield slice(0, count)
+            return
+        start = 0
+        while start < count:
+            size = PART if self._pace else FIRST_PART
+            part = slice(start, min(start + size, count))
+            if self.samples and self._late((part.stop - part.start) * self._pace):
+                return
+            begun = perf_counter()
+            yield part
+            start = part.stop
+            self._pace = max(self._pace, (perf_counter() - begun) / (part.stop - part.start))
+
+    def _late(self, needed: float) -> bool:
+        """Tell whether so many seconds more are too many."""
+        deadline = self.problem.deadline
+        return deadline is not None and monotonic() + needed + RESERVE > deadline
+
+    def _evaluate(self, sequences: PushSequences) -> Scalars:
+        predicted = self._rollout(sequences)
+        costs, terms = self._costs(sequences, predicted)
+        self._keep(sequences, predicted, costs, terms)
+        self._shown.append(Shown.of(predicted, costs, self.config.shown))
+        best = np.argsort(costs, kind="stable")[:ELITES]
+        best = best[np.isfinite(costs[best])]
+        every = np.concatenate([self._elite_costs, costs[best]])
+        order = np.argsort(every, kind="stable")[:ELITES]
+        self.elites = np.concatenate([self.elites, sequences[best]])[order]
+        self._elite_costs = every[order]
+        return costs
+
+    def _rollout(self, sequences: PushSequences) -> PredictedScenes:
         begun = perf_counter()
-        predicted = self.model.rollout(self.scene, pushes)
-        self.rollout_time += perf_counter() - begun
-        expected = (*pushes.shape[:2], *self.scene.shape)
+        predicted = self.model.rollout(self.scene, sequences)
+        self._rollout_time += perf_counter() - begun
+        expected = (*sequences.shape[:2], *self.scene.shape)
         if predicted.shape != expected:
             raise ModelUnavailableError(
                 f"the model predicted scenes of shape {predicted.shape}, not {expected}"
             )
+        kinds = [MASS, RADIUS]
+        if (predicted[:, 0][..., kinds] != self.scene[:, kinds]).any():
+            finite = predicted[np.isfinite(predicted).all(axis=(1, 2, 3)), 0]
+            if (finite[..., kinds] != self.scene[:, kinds]).any():
+                raise ModelUnavailableError(
+                    "the model predicted disks of other masses or radii: it answered for another"
+                    " scene"
+                )
         return predicted
 
     def _costs(
-        self, pushes: PushSequences, predicted: PredictedScenes
-    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        rollout = make_rollout(self.scene, pushes, predicted, self.goal)
+        self, sequences: PushSequences, predicted: PredictedScenes
+    ) -> tuple[Scalars, dict[str, Scalars]]:
+        begun = perf_counter()
+        rollout = make_rollout(self.scene, sequences, predicted, self.goal)
         terms = cost_terms(rollout, self.config.weights, self.feasibility)
-        return np.asarray(total_cost(terms)), {k: np.asarray(v) for k, v in terms.items()}
+        costs = total_cost(terms)
+        self._cost_time += perf_counter() - begun
+        return costs, terms
 
-    def _keep_best(
+    def _keep(
         self,
-        pushes: PushSequences,
+        sequences: PushSequences,
         predicted: PredictedScenes,
-        costs: np.ndarray,
-        terms: dict[str, np.ndarray],
+        costs: Scalars,
+        terms: dict[str, Scalars],
     ) -> None:
         best = int(np.argmin(costs))
         if costs[best] < self.cost:
             self.cost = float(costs[best])
-            self.pushes, self.predicted = pushes[best].copy(), predicted[best].copy()
-            self.terms = {name: float(values[best]) for name, values in terms.items()}
-
-    def result(self, planning_time: float) -> PlanResult:
-        """Return the best sequence as the plan; a round must have run."""
-        assert self.pushes is not None and self.predicted is not None
-        return PlanResult(
-            self.pushes,
-            self.predicted,
-            self.cost,
-            self.rest_cost,
-            self.terms,
-            self.effective,
-            self.samples,
-            self.rounds,
-            self.rollout_time,
-            planning_time,
-        )
+            chosen = {name: float(values[best]) for name, values in terms.items()}
+            self._best = predicted[best].copy(), chosen

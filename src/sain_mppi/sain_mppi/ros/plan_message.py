@@ -36,7 +36,7 @@ def plan_of_decision(decision: Decision, push_id: int, model: str, config: Plann
     plan.samples, plan.rounds = config.samples, result.rounds
     codec.fill_plan(plan, result.pushes, result.predicted)
     plan.cost, plan.effective_samples = result.cost, result.effective_samples
-    plan.rollout_time = result.rollout_time
+    plan.rollout_time = result.times.rollout
     return plan
 
 

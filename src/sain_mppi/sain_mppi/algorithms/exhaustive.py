@@ -1,0 +1,29 @@
+"""Exhaustive search over the paper's grid of pushes, one step ahead."""
+
+import numpy as np
+
+from sain_core.errors import NoPushError
+from sain_core.types import PushSequences
+from sain_mppi.config import PlannerConfig
+from sain_mppi.search import Search
+
+
+def exhaustive(
+    search: Search,
+    start: PushSequences,
+    config: PlannerConfig,
+    generator: np.random.Generator,
+) -> None:
+    """Try every push of the grid, each followed by rest; nothing is drawn.
+
+    With a horizon of H the others have H - 1 rests, so that costs compare with other planners'.
+    """
+    every = config.grid.pushes()
+    grid = every[search.permitted(every)]
+    if not len(grid):
+        raise NoPushError(
+            f"none of the grid's {len(every)} pushes can be carried out {search.where}"
+        )
+    sequences = np.zeros((len(grid), config.horizon, grid.shape[-1]))
+    sequences[:, 0] = grid
+    search.evaluate(sequences)

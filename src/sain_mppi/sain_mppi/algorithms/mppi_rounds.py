@@ -1,0 +1,57 @@
+"""MPPI with several rounds: each draws nearer the mean of the last, and fewer."""
+
+from functools import partial
+
+import numpy as np
+
+from sain_core.types import PushSequences
+from sain_mppi.config import MEAN, PlannerConfig
+from sain_mppi.proposals import draw_permitted, propose
+from sain_mppi.sampling import Sequence, weighted_mean
+from sain_mppi.search import Search
+
+
+def mppi_rounds(
+    search: Search,
+    start: PushSequences,
+    config: PlannerConfig,
+    generator: np.random.Generator,
+) -> None:
+    """Sample, roll out, weigh, and again about the weighted mean, with less noise.
+
+    Informed candidates are among the samples of every round. More rounds, as wide as the first,
+    follow when nothing was found that is better than doing nothing.
+    """
+    mean = start[0] if len(start) else None
+    for round_number in range(config.rounds + config.stuck_rounds):
+        stuck = round_number >= config.rounds
+        if round_number and (search.over or (stuck and search.improves)):
+            break
+        wide = 0 if stuck else round_number
+        draw = partial(_population, search, mean, wide, config, generator)
+        count = config.samples_in(wide)
+        sequences = draw_permitted(search, draw, count, config.horizon, generator)
+        costs = search.evaluate(sequences)
+        mean = _updated(mean, weighted_mean(sequences, search.weights(costs)), config.smoothing)
+    if config.selection == MEAN and mean is not None:
+        search.settle_on(mean)
+
+
+def _population(
+    search: Search,
+    mean: Sequence | None,
+    round_number: int,
+    config: PlannerConfig,
+    generator: np.random.Generator,
+    count: int,
+) -> PushSequences:
+    """Draw sequences, the mean the first among them."""
+    drawn = propose(search, mean, round_number, count, config, generator)
+    return drawn if mean is None else np.concatenate([mean[None], drawn])
+
+
+def _updated(mean: Sequence | None, new: Sequence, kept: float) -> Sequence:
+    """Return the new mean with a share of the last one kept."""
+    if mean is None:
+        return new
+    return weighted_mean(np.stack([mean, new]), np.array([kept, 1.0 - kept]))

@@ -1,0 +1,73 @@
+"""What a plan is: the pushes, what is expected of them, and how they were found."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from sain_core.types import PredictedScenes, PushArray, Pushes, Scalars, Scenes
+
+
+@dataclass(frozen=True)
+class Times:
+    """Where a plan's time went [s]."""
+
+    total: float
+    rollout: float  # in the model
+    cost: float
+
+    @property
+    def sampling(self) -> float:
+        """Drawing, masking, weighing and keeping: all the rest."""
+        return self.total - self.rollout - self.cost
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Some of the sequences that were tried, from the cheapest to the dearest."""
+
+    predicted: PredictedScenes  # (R, H, N, 8)
+    costs: Scalars  # (R,), finite
+
+    @classmethod
+    def of(cls, predicted: PredictedScenes, costs: Scalars, count: int) -> Self:
+        """Return up to so many, evenly spread from the cheapest to the dearest."""
+        order = np.argsort(costs, kind="stable")
+        order = order[np.isfinite(costs[order])]
+        if len(order) > count:
+            order = order[np.linspace(0, len(order) - 1, count).astype(int)]
+        return cls(predicted[order], costs[order])
+
+    @classmethod
+    def thinned(cls, parts: Sequence[Self], count: int) -> Self:
+        """Return up to so many of several parts."""
+        predicted = np.concatenate([part.predicted for part in parts])
+        return cls.of(predicted, np.concatenate([part.costs for part in parts]), count)
+
+
+@dataclass(frozen=True)
+class PlanResult:
+    """What the planner decided and what it expects."""
+
+    pushes: Pushes  # (H, 3); the first is to be executed
+    predicted: Scenes  # (H, N, 8), the scene after each push
+    cost: float
+    rest_cost: float  # of doing nothing: a plan that costs more is a step back
+    terms: dict[str, float]  # the cost by term
+    effective_samples: float  # of the last round's weights
+    samples: int  # sequences rolled out, over all rounds
+    rounds: int
+    times: Times
+    others: Shown
+    wide: bool = False  # whether it was looked for wider than usual
+
+    @property
+    def push(self) -> PushArray:
+        """The push (3,) to execute."""
+        return np.asarray(self.pushes[0])
+
+    @property
+    def improves(self) -> bool:
+        """Whether the plan is expected to be better than doing nothing."""
+        return self.cost < self.rest_cost
