@@ -12,6 +12,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from visualization_msgs.msg import MarkerArray
 
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
@@ -30,6 +31,7 @@ HEARD = {
     "physics_prediction": PushPrediction,
     "plan": Plan,
     "push": Push,
+    "plan_markers": MarkerArray,
 }
 
 

@@ -11,6 +11,7 @@ from sain_core.push import PushLimits
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_interfaces.srv import DescribeModel, PredictResidual, Rollout
+from sain_model.load import load_dynamics
 from sain_model.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode
 
@@ -47,6 +48,23 @@ def test_a_rollout_is_the_model_s_own_to_the_last_bit(graph, model):
     np.testing.assert_array_equal(predicted, expected)
     assert response.model == "planar"
     assert response.compute_time > 0
+
+
+def test_a_rollout_tells_how_sure_the_model_is_when_asked(graph):
+    graph.start(ModelNode, model="sain")
+    sequences = pushes(4, 3)
+    sure = graph.call(Rollout, "rollout", rollout_request(sequences, with_regions=True))
+    regions = np.array(sure.regions).reshape(4, 3, 2)
+    sain = load_dynamics("sain")
+    expected = sain.regions(SCENE, sequences, sain.rollout(SCENE, sequences))
+    np.testing.assert_array_equal(regions, expected)
+    assert (regions > 0.0).all()
+    assert not graph.call(Rollout, "rollout", rollout_request(sequences)).regions
+
+
+def test_physics_cannot_tell_how_sure_it_is(graph, model):
+    answer = graph.call(Rollout, "rollout", rollout_request(pushes(4, 3), with_regions=True))
+    assert answer.error_code == ErrorCode.OK and not answer.regions
 
 
 @pytest.mark.parametrize(

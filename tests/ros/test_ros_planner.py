@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.node import Node
+from visualization_msgs.msg import Marker
 
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
@@ -91,6 +93,76 @@ def test_a_settled_scene_is_answered_with_one_push_and_its_plan(graph, straw, pl
     np.testing.assert_array_equal(predicted[0], PlanarPrior().step(START[None], pushes[:1])[0])
     assert made.goal_distance == pytest.approx(np.hypot(0.70 - 0.541, 0.05))
     assert made.planning_time >= made.rollout_time > 0.0
+
+
+def test_a_plan_says_what_it_costs_what_else_was_tried_and_where_its_time_went(
+    graph, straw, planner
+):
+    graph.aim(GOAL, 1)
+    straw.show()
+    made = plan(graph, push_id=nth_push(graph, 1).push_id)
+    assert dict(zip(made.cost_terms, made.cost_values, strict=True))["position"] > 0.0
+    assert sum(made.cost_values) == pytest.approx(made.cost)
+    assert made.cost < made.rest_cost
+    assert (made.algorithm, made.rollouts, made.rounds) == ("mppi_rounds", 96, 2)
+    places = np.array(made.other_places).reshape(len(made.other_costs), 2, 2, 2)
+    assert list(made.other_costs) == sorted(made.other_costs)
+    np.testing.assert_allclose(places[0], codec.decode_plan(made)[1][..., POSITION], atol=1e-6)
+    assert made.rollout_time + made.cost_time < made.search_time < made.planning_time
+    assert (made.concern, len(made.last_errors)) == ("", 0)
+
+
+def test_a_plan_says_how_the_last_push_came_out_and_looks_further_after_a_surprise(
+    graph, straw, planner
+):
+    graph.aim(GOAL, 1)
+    straw.show()
+    first = nth_push(graph, 1)
+    after = PlanarPrior().step(START[None], codec.decode_push(first)[None])[0]
+    after[1, POSITION] += [0.0, 0.05]
+    straw.answer(first, ErrorCode.OK, before=START, after=after)
+    straw.show(scene_id=2, disks=after)
+    made = plan(graph, push_id=nth_push(graph, 2).push_id)
+    np.testing.assert_allclose(made.last_errors, [0.0, 0.05], atol=1e-9)
+    assert made.last_expected[1] < 0.05
+    assert made.concern.startswith("target 50 mm from where it should be")
+    assert made.rollouts == 2 * 96
+
+
+def test_another_episode_begins_without_a_past(graph, straw, planner):
+    graph.aim(GOAL, 1)
+    straw.show()
+    straw.answer(nth_push(graph, 1), ErrorCode.OK, before=START, after=START)
+    elsewhere = START.copy()
+    elsewhere[:, POSITION] += [0.05, -0.1]
+    straw.show(episode_id=2, scene_id=2, disks=elsewhere)
+    made = plan(graph, push_id=nth_push(graph, 2).push_id)
+    assert (made.concern, len(made.last_errors)) == ("", 0)
+
+
+def test_a_goal_that_the_arm_cannot_push_to_is_refused_and_not_pushed_at(graph, straw, planner):
+    graph.aim((1.10, 0.0), 1)
+    straw.show()
+    made = plan(graph, goal_id=1)
+    assert (made.status, ErrorCode(made.error_code)) == (Plan.NO_PUSH, ErrorCode.UNREACHABLE)
+    assert "out of reach" in made.error_message
+    assert not graph.heard["push"]
+
+
+def test_viewers_get_the_plan_what_else_was_tried_and_a_ghost(graph, straw, planner):
+    graph.aim(GOAL, 1)
+    straw.show()
+    made = plan(graph, push_id=nth_push(graph, 1).push_id)
+    graph.wait(lambda: graph.heard["plan_markers"], "markers")
+    markers = {(m.ns, m.id): m for m in graph.heard["plan_markers"][0].markers}
+    others = markers["others", 0]
+    assert len(others.points) == len(others.colors) == 2 * 2 * len(made.other_costs)
+    predicted = codec.decode_plan(made)[1]
+    for disk in (0, 1):
+        ghost = markers["ghost", disk]
+        assert (ghost.pose.position.x, ghost.pose.position.y) == tuple(predicted[0, disk, POSITION])
+        assert markers["region", disk].action == Marker.DELETE  # physics tells of none
+        assert len(markers["path", disk].points) == 3
 
 
 def test_the_same_scene_is_planned_once_for_each_goal(graph, straw, planner):
@@ -324,6 +396,19 @@ def test_when_the_model_fails_physics_takes_over_and_says_so(graph, straw, answe
     assert not plan(graph, scene_id=2).fallback
 
 
+def test_a_model_that_is_sure_of_its_regions_gets_them_into_the_plan(graph, straw):
+    graph.start(MppiNode, dynamics="in_process", model="sain", **SMALL)
+    graph.aim(GOAL, 1)
+    straw.show()
+    made = plan(graph, push_id=nth_push(graph, 1).push_id)
+    regions = np.array(made.regions).reshape(2, 2)
+    assert (regions > 0.0).all() and (regions < 0.1).all()
+    graph.wait(lambda: graph.heard["plan_markers"], "markers")
+    markers = {(m.ns, m.id): m for m in graph.heard["plan_markers"][0].markers}
+    marker = markers["region", 1]
+    assert (marker.action, marker.scale.x) == (Marker.ADD, 2 * regions[0, 1])
+
+
 def test_the_planner_says_when_it_sees_its_model(graph, straw):
     def levels():
         statuses = [status for array in graph.heard["/diagnostics"] for status in array.status]
@@ -349,19 +434,32 @@ def test_without_a_model_physics_plans(graph, straw):
     assert made.error_message == "no model serves /sain/rollout"
 
 
-def test_a_model_that_is_silent_is_waited_for_no_longer_than_allowed(graph, straw):
-    """The service is there, but its node is never spun: it takes requests and says nothing."""
-    from rclpy.node import Node
+@pytest.fixture
+def silent(graph):
+    """A service whose node is never spun: it takes requests and says nothing."""
+    node = Node("silent", namespace="sain", context=graph.context)
+    node.create_service(Rollout, "rollout", lambda request, response: response)
+    yield node
+    node.destroy_node()
 
-    silent = Node("silent", namespace="sain", context=graph.context)
-    silent.create_service(Rollout, "rollout", lambda request, response: response)
+
+def test_a_model_that_is_silent_is_waited_for_no_longer_than_allowed(graph, straw, silent):
     remote_planner(graph)
     graph.aim(GOAL, 1)
     straw.show()
     made = plan(graph, goal_id=1)
-    silent.destroy_node()
     assert (made.status, made.fallback) == (Plan.PUSH, True)
     assert made.error_message == "the model did not answer within 0.5 s"
+
+
+def test_a_silent_model_does_not_keep_a_plan_past_its_deadline(graph, straw, silent):
+    remote_planner(graph, planner__deadline=0.3, model_timeout=30.0)
+    graph.aim(GOAL, 1)
+    straw.show()
+    made = plan(graph, goal_id=1)
+    assert (made.status, made.fallback, made.dynamics) == (Plan.PUSH, True, "planar")
+    assert made.deadline == 0.3
+    assert made.error_message.startswith("the model did not answer within 0.2")
 
 
 def test_while_a_plan_waits_for_its_model_a_new_goal_cancels_it(graph, straw):

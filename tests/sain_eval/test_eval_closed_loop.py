@@ -111,7 +111,7 @@ def test_a_planning_controller_learns_the_friction_of_its_episode():
     usual = controller.model.dynamics.config.friction
     outcome = run_episode(ANYWHERE, controller, 0.005)
     assert len(controller.history) == len(outcome.record.pushes)
-    learned = controller.planner.model.dynamics.config.friction
+    learned = controller.planner.planner.model.dynamics.config.friction
     assert abs(learned - ANYWHERE.friction) < 0.5 * abs(usual - ANYWHERE.friction)
     assert controller.model.dynamics.config.friction == usual
 
@@ -123,4 +123,4 @@ def test_each_episode_begins_without_a_past_and_one_that_must_not_learn_has_none
     deaf = controller_maker("planar", QUICK, learns=False)(ANYWHERE)
     run_episode(ANYWHERE, deaf, 0.02)
     assert deaf.history is None
-    assert deaf.planner.model is deaf.model
+    assert deaf.planner.planner.model is deaf.model

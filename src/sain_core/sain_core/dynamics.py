@@ -7,9 +7,13 @@ any of them. One step is one whole push, from settled scene to settled scene.
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.push import LENGTH
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+
+Radii = Float[ndarray, "K H N"]
 
 
 @runtime_checkable
@@ -29,6 +33,29 @@ class RolloutModel(Protocol):
         """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8).
 
         Entry ``[k, h]`` is the scene *after* push h of sequence k.
+        """
+        ...
+
+
+@runtime_checkable
+class RegionModel(Protocol):
+    """A model that can tell how sure its rollouts are."""
+
+    def regions(
+        self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
+    ) -> Radii | None:
+        """Return the radius [m] of the region that should hold each disk after each push.
+
+        Each push is looked at by itself: as if the scene that it was predicted to start from were
+        right.
+
+        Args:
+            scene: (N, 8), before the first push.
+            pushes: (K, H, 3).
+            predicted: (K, H, N, 8), what this model predicted for them.
+
+        Returns:
+            (K, H, N), or None where the model cannot tell.
         """
         ...
 
@@ -62,6 +89,12 @@ class StepwiseRollout:
                 current[moving] = self.dynamics.step(current[moving], pushes[moving, step])
             predicted[:, step] = current
         return predicted
+
+
+def scenes_before(scene: Scene, predicted: PredictedScenes) -> PredictedScenes:
+    """Return the scenes (K, H, N, 8) that the pushes of a rollout start from."""
+    first = np.broadcast_to(scene, (len(predicted), 1, *scene.shape))
+    return np.concatenate([first, predicted[:, :-1]], axis=1)
 
 
 def as_rollout(dynamics: Dynamics) -> RolloutModel:

@@ -31,6 +31,7 @@ class ErrorCode(IntEnum):
     OUTPUT = 17
     CANCELLED = 18
     INTERNAL = 19
+    NO_PROGRESS = 20
 
 
 class SainError(Exception):
@@ -76,7 +77,7 @@ class DuplicatePushError(SainError):
 
 
 class UnreachableError(SainError):
-    """A push with a pose on its way that the arm cannot take."""
+    """A push with a pose on its way that the arm cannot take, or a goal that needs one."""
 
     code = ErrorCode.UNREACHABLE
 
@@ -127,6 +128,12 @@ class NoPushError(SainError):
     """No push in the limits can be carried out from this scene."""
 
     code = ErrorCode.NO_PUSH
+
+
+class NoProgressError(SainError):
+    """Pushes that bring nothing any more."""
+
+    code = ErrorCode.NO_PROGRESS
 
 
 class OutputError(SainError, OSError):

@@ -20,6 +20,7 @@ from sain_mppi.config import PlannerConfig
 from sain_mppi.goal import Goal
 from sain_mppi.permission import permitted
 from sain_mppi.planner import Planner
+from sain_mppi.replanning import Replanner
 
 BASELINES = ("null", "straight", "random")
 ORACLE = "oracle"
@@ -123,7 +124,7 @@ class PlanningController:
     ) -> None:
         """Plan with this model; `learns`: let it know the episode's earlier pushes."""
         self.model = as_rollout(dynamics)
-        self.planner = Planner(self.model, config, feasibility)
+        self.planner = Replanner(Planner(self.model, config, feasibility))
         self.learns = learns
         self.history: PushHistory | None = None
 
@@ -141,7 +142,7 @@ class PlanningController:
         if self.learns:
             past = self.history or PushHistory.empty(len(scene))
             self.history = past.then(scene, push, next_scene)
-            self.planner.model = informed_rollout(self.model, self.history)
+            self.planner.planner.model = informed_rollout(self.model, self.history)
 
 
 ControllerMaker = Callable[[ScenarioScene], Controller]

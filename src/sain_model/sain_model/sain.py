@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.dynamics import Dynamics, StepwiseRollout
+from sain_core.dynamics import Dynamics, Radii, StepwiseRollout, scenes_before
 from sain_core.errors import InvalidInputError
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH
@@ -193,6 +193,20 @@ class SainDynamics:
         flat = pushes.reshape(-1, pushes.shape[-1])
         check_batch(np.broadcast_to(scene, (len(flat), *scene.shape)), flat)
         return forward.rollout(self.prior, scene, pushes)
+
+    def regions(
+        self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
+    ) -> Radii | None:
+        """Return the radii (K, H, N) [m] of the regions that should hold each disk.
+
+        None without calibrated regions: see `sain_core.dynamics.RegionModel`.
+        """
+        if self.intervals is None:
+            return None
+        before = scenes_before(scene, predicted).reshape(-1, *scene.shape)
+        radius = self.predict(before, pushes.reshape(-1, pushes.shape[-1])).radius
+        assert radius is not None
+        return radius.reshape(predicted.shape[:3])
 
     def _physics(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None) -> Scenes:
         if friction is not None and isinstance(self.prior, PlanarPrior):

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from sain_core.config import Config, option
-from sain_core.dynamics import Dynamics, as_rollout
+from sain_core.dynamics import Dynamics, Radii, RegionModel, as_rollout
 from sain_core.errors import ModelUnavailableError, TooMuchWorkError
 from sain_core.history import PushHistory, informed
 from sain_core.push import check_predictable
@@ -127,6 +127,22 @@ class ModelServer:
         check_scene(scene)
         check_predictable(pushes)
         return self._finite(as_rollout(self.knowing(history)).rollout(scene, pushes))
+
+    def regions(
+        self,
+        scene: Scene,
+        pushes: PushSequences,
+        predicted: PredictedScenes,
+        history: PushHistory | None = None,
+    ) -> Radii | None:
+        """Return how sure the model is of a rollout (K, H, N) [m]; None: it cannot tell.
+
+        All but `predicted` as in `rollout`, whose answer that is.
+        """
+        dynamics = self.knowing(history)
+        if not isinstance(dynamics, RegionModel):
+            return None
+        return dynamics.regions(scene, pushes, predicted)
 
     def predict(
         self,

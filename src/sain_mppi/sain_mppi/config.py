@@ -6,6 +6,7 @@ from typing import Final, Self
 from sain_core.config import Config, option
 from sain_core.push import PaperGrid
 from sain_mppi.cost import CostWeights
+from sain_mppi.progress import ProgressConfig
 from sain_mppi.sampling import NoiseConfig
 
 MPPI_ROUNDS: Final = "mppi_rounds"
@@ -76,6 +77,13 @@ class PlannerConfig(Config):
     stop_share: float = option(
         0.3, "share of random sequences that rest after a random push", minimum=0.0, maximum=1.0
     )
+    deadline: float = option(
+        0.0,
+        "time for a plan: the best one until then; 0: as long as it takes",
+        unit="s",
+        minimum=0.0,
+        maximum=3600.0,
+    )
     warm_start: bool = option(True, "begin from what the last plan leaves")
     widening: float = option(
         2.0, "factor on samples and noise when plans did not lead where expected", minimum=1.0
@@ -86,6 +94,7 @@ class PlannerConfig(Config):
     noise: NoiseConfig = NoiseConfig()
     icem: IcemConfig = IcemConfig()
     grid: PaperGrid = PaperGrid()
+    progress: ProgressConfig = ProgressConfig()
     weights: CostWeights = CostWeights()
 
     def widened(self) -> Self:

@@ -11,8 +11,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.config import Config, option
+from sain_core.dynamics import Radii, scenes_before
 from sain_core.feasibility import Feasibility, tool_gap
-from sain_core.push import LENGTH
+from sain_core.push import LENGTH, PUSH_SIZE
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table
 from sain_core.types import Mask, Points, PredictedScenes, PushSequences, Scalars, Scene
 from sain_mppi.goal import Goal
@@ -67,6 +68,12 @@ class CostWeights(Config):
         0.06, "room between a disk's centre and the edge", unit="m", minimum=0.001
     )
     blocked: float = option(3.0, "each later push that could not be carried out", minimum=0.0)
+    risk: float = option(
+        0.0,
+        "how uncertain the model is of where the target will be, summed; costs time",
+        unit="1/m",
+        minimum=0.0,
+    )
     effort: float = option(0.05, "the tool's travel", unit="1/m", minimum=0.0)
     pushes: float = option(0.01, "each push that is not of zero length", minimum=0.0)
 
@@ -82,17 +89,22 @@ class Rollout:
     error: Points  # (K, H, 2), target minus goal after each push
     distance: Float[ndarray, "K H"]
     moving: Mask  # (K, H), pushes that are not of zero length
+    regions: Radii | None = None  # (K, H, N) [m]; None: not asked for, or not known
 
 
 def make_rollout(
-    scene: Scene, pushes: PushSequences, predicted: PredictedScenes, goal: Goal
+    scene: Scene,
+    pushes: PushSequences,
+    predicted: PredictedScenes,
+    goal: Goal,
+    regions: Radii | None = None,
 ) -> Rollout:
     """Bundle sequences, their prediction and the goal for the cost terms."""
-    first = np.broadcast_to(scene, (len(pushes), 1, *scene.shape))
-    before = np.concatenate([first, predicted[:, :-1]], axis=1)
+    before = scenes_before(scene, predicted)
     error = predicted[..., TARGET, POSITION] - goal
     distance = np.linalg.norm(error, axis=-1)
-    return Rollout(before, predicted, pushes, goal, error, distance, pushes[..., LENGTH] > 0.0)
+    moving = pushes[..., LENGTH] > 0.0
+    return Rollout(before, predicted, pushes, goal, error, distance, moving, regions)
 
 
 def cost_terms(
@@ -110,9 +122,19 @@ def cost_terms(
         "reach": weights.reach * remaining * reach_excess(rollout, weights, feasibility),
         "edge": weights.edge * edge_nearness(rollout, weights, feasibility),
         "blocked": weights.blocked * blocked_pushes(rollout, feasibility),
+        "risk": weights.risk * target_regions(rollout),
         "effort": weights.effort * rollout.pushes[..., LENGTH].sum(axis=1),
         "pushes": weights.pushes * rollout.moving.sum(axis=1),
     }
+
+
+def resting_cost(
+    scene: Scene, goal: Goal, weights: CostWeights, feasibility: Feasibility, horizon: int = 1
+) -> float:
+    """Return what doing nothing costs: so many pushes of zero length from a scene (N, 8)."""
+    stay = np.broadcast_to(scene, (1, horizon, *scene.shape))
+    rollout = make_rollout(scene, np.zeros((1, horizon, PUSH_SIZE)), stay, goal)
+    return float(total_cost(cost_terms(rollout, weights, feasibility))[0])
 
 
 def total_cost(terms: dict[str, Scalars]) -> Scalars:
@@ -209,6 +231,13 @@ def blocked_pushes(rollout: Rollout, feasibility: Feasibility) -> Scalars:
     """Return how many pushes of a sequence could not be carried out when their turn comes."""
     allowed = feasibility.mask(rollout.before, rollout.pushes)
     return np.asarray((~allowed).sum(axis=1).astype(np.float64))
+
+
+def target_regions(rollout: Rollout) -> Scalars:
+    """Return the radii [m] of the regions that should hold the target, summed over the pushes."""
+    if rollout.regions is None:
+        return np.zeros(len(rollout.pushes))
+    return np.asarray(rollout.regions[..., TARGET].sum(axis=1))
 
 
 def _shortfall(room: Scalars, wanted: np.ndarray | float) -> Scalars:

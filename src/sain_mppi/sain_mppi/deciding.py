@@ -1,6 +1,8 @@
 """From a job to a decision: the planner, its model and the physics behind it, put together."""
 
 from dataclasses import dataclass
+from time import monotonic
+from typing import Final
 
 from sain_core.dynamics import RolloutModel
 from sain_core.errors import SainError
@@ -11,7 +13,10 @@ from sain_mppi.config import PlannerConfig
 from sain_mppi.fallback import FallbackRollout
 from sain_mppi.planner import Planner
 from sain_mppi.pursuit import Job, Task
+from sain_mppi.replanning import Replanner
 from sain_mppi.result import PlanResult
+
+MODEL_SHARE: Final = 0.8  # of the time for a plan: if the model is silent so long, physics plans
 
 
 @dataclass(frozen=True)
@@ -42,9 +47,10 @@ class Decider:
     ) -> None:
         """Plan with this model, and with physics while it fails."""
         self._model = FallbackRollout(model, physics)
-        self._planner = Planner(self._model, config, feasibility)
+        self._planner = Replanner(Planner(self._model, config, feasibility))
+        self._time = config.deadline
         self._seed = seed
-        self._task: Task | None = None
+        self._episode: tuple[Task, int] | None = None
 
     def decide(self, job: Job, history: PushHistory | None = None) -> Decision:
         """Plan a job; the same seed, job and history give the same plan.
@@ -55,16 +61,20 @@ class Decider:
 
         Raises:
             CancelledError: `cancel` was called.
-            NoPushError: there is no push to make.
+            NoPushError, NoProgressError, UnreachableError: there is no push to make.
             SainError: a scene that cannot exist, or a disk off the table.
         """
-        if job.task is not self._task:
+        started = monotonic()
+        episode = job.task, job.view.episode_id
+        if episode != self._episode:
             self._planner.reset()
-            self._task = job.task
+            self._episode = episode
         self._model.inform(history or PushHistory.empty(len(job.view.scene)))
+        self._model.until(started + MODEL_SHARE * self._time if self._time else None)
         names = (job.task.goal_id, *job.view.key, job.attempt)
         random = generator(self._seed, "plan", *names)
-        result = self._planner.plan(job.view.scene, job.task.goal, random)
+        deadline = started + self._time if self._time else None
+        result = self._planner.plan(job.view.scene, job.task.goal, random, deadline)
         return Decision(job, result, self._model.failure)
 
     def refused(self, decision: Decision, for_itself: bool) -> None:

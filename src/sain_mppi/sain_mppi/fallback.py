@@ -2,15 +2,25 @@
 
 import logging
 from threading import Event
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from sain_core.dynamics import RolloutModel
+from sain_core.dynamics import Radii, RegionModel, RolloutModel
 from sain_core.errors import CancelledError, ModelUnavailableError, SainError
 from sain_core.history import PushHistory, informed_rollout
 from sain_core.types import PredictedScenes, PushSequences, Scene
 
 logger = logging.getLogger(__name__)
+
+
+@runtime_checkable
+class Impatient(Protocol):
+    """A model that may be waited for, which fails where an answer is not there in time."""
+
+    def until(self, moment: float | None) -> None:
+        """Wait no longer than until this `time.monotonic`; None: as long as usual."""
+        ...
 
 
 class FallbackRollout:
@@ -30,6 +40,11 @@ class FallbackRollout:
     def inform(self, history: PushHistory) -> None:
         """Let model and physics learn from the episode's earlier pushes, and from no others."""
         self._model, self._physics = (informed_rollout(model, history) for model in self._models)
+
+    def until(self, moment: float | None) -> None:
+        """Let the model fail where it has not answered by this `time.monotonic`."""
+        if isinstance(self._model, Impatient):
+            self._model.until(moment)
 
     def begin(self) -> None:
         """Begin a new plan: the model gets another chance."""
@@ -51,6 +66,18 @@ class FallbackRollout:
                 logger.debug("falling back to physics: %s", error)
                 self.failure = error
         return self._physics.rollout(scene, pushes)
+
+    def regions(
+        self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
+    ) -> Radii | None:
+        """Return how sure the model is of what it predicted; None: it, or physics, cannot tell."""
+        if self.failure is not None or not isinstance(self._model, RegionModel):
+            return None
+        try:
+            return self._model.regions(scene, pushes, predicted)
+        except SainError as error:  # the plan stands without it
+            logger.debug("no regions are known: %s", error)
+            return None
 
 
 def _finite(predicted: PredictedScenes) -> PredictedScenes:

@@ -1,14 +1,25 @@
 """The goal: where the target disk should come to rest."""
 
+from typing import Final
+
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.errors import InvalidInputError, OffTableError, OutOfRangeError
-from sain_core.scene import Table, is_settled, target_distance
+from sain_core.errors import (
+    InvalidInputError,
+    OffTableError,
+    OutOfRangeError,
+    UnreachableError,
+)
+from sain_core.feasibility import Feasibility
+from sain_core.scene import MID, RADIUS, TARGET, Table, is_settled, target_distance, unit
 from sain_core.types import Scene
 
 Goal = Float[ndarray, "2"]
+
+SIDES: Final = 72  # from which a goal is looked at
+SLIDE: Final = 0.03  # [m], how far disks may slide on behind a tool that stops
 
 
 def check_goal(goal: Goal, table: Table) -> Goal:
@@ -28,6 +39,28 @@ def check_goal(goal: Goal, table: Table) -> Goal:
             f" it covers {table.describe()}"
         )
     return goal
+
+
+def check_in_reach(goal: Goal, scene: Scene, feasibility: Feasibility) -> None:
+    """Check that the arm can push the target of a scene (N, 8) to a goal (2,), from some side.
+
+    The tool then stands behind the mid disk, which stands behind the target, but for as far as
+    disks slide on.
+
+    Raises:
+        UnreachableError: from no side.
+    """
+    limits = feasibility.limits
+    behind = scene[TARGET, RADIUS] + 2 * scene[MID, RADIUS] + limits.tool_radius
+    bearing = np.linspace(-np.pi, np.pi, SIDES, endpoint=False)
+    for slide in (0.0, SLIDE):
+        if feasibility.reach.contains(goal - (behind + slide) * unit(bearing)).any():
+            return
+    reach = feasibility.reach
+    raise UnreachableError(
+        f"the goal ({goal[0]:.3f}, {goal[1]:.3f}) m is out of reach: the tool would have to stand"
+        f" {behind:.2f} m behind it, {reach.inner} to {reach.outer} m from the arm's base"
+    )
 
 
 def check_tolerance(tolerance: float) -> float:

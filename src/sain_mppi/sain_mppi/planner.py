@@ -1,6 +1,7 @@
 """From a settled scene and a goal to a sequence of pushes (paper section II-D)."""
 
 from dataclasses import replace
+from time import monotonic
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from sain_core.scene import check_scene
 from sain_core.types import PushArray, PushSequences, Scene
 from sain_mppi.algorithms import ALGORITHMS
 from sain_mppi.config import PlannerConfig
-from sain_mppi.goal import Goal, check_goal
+from sain_mppi.goal import Goal, check_goal, check_in_reach
 from sain_mppi.result import PlanResult
 from sain_mppi.sampling import shift
 from sain_mppi.search import Problem, Search
@@ -52,7 +53,7 @@ class Planner:
         goal: Goal,
         generator: np.random.Generator,
         deadline: float | None = None,
-        wide: bool = False,
+        concern: str = "",
     ) -> PlanResult:
         """Plan from a settled scene (N, 8) towards a goal (2,) for the target.
 
@@ -64,25 +65,30 @@ class Planner:
             goal: on the table.
             generator: the same state gives the same plan, as long as no deadline cuts it short.
             deadline: `time.monotonic` at which the plan is wanted: the best one until then. One
-                small batch of sequences is always rolled out.
-            wide: look further about, and not where the last plan would go on.
+                small batch of sequences is always rolled out. None: as the settings say.
+            concern: why to look further about, and not where the last plan would go on; empty:
+                plan as usual.
 
         Raises:
             InvalidInputError: a scene or goal that cannot exist.
             OffTableError: the goal, or a disk, is not on the table.
+            UnreachableError: a goal to which the arm cannot push the target from any side.
             NoPushError: no push that moves the mid disk is permitted.
             ModelUnavailableError: nothing that the model predicted is finite.
         """
         check_scene(scene, self.feasibility.table)
         check_goal(goal, self.feasibility.table)
+        check_in_reach(goal, scene, self.feasibility)
         if not self._is_last(scene):
             self._refused = []
-        config = self.config.widened() if wide else self.config
+        if deadline is None and self.config.deadline > 0.0:
+            deadline = monotonic() + self.config.deadline
+        config = self.config.widened() if concern else self.config
         problem = Problem(scene, goal, self.feasibility, tuple(self._refused), deadline)
         search = Search(self.model, config, problem)
         ALGORITHMS[config.algorithm](search, self._start(scene, goal, config), config, generator)
         self._elites, self._scene, self._goal = search.elites, scene.copy(), goal.copy()
-        return replace(search.result(), wide=wide)
+        return replace(search.result(), concern=concern)
 
     def _is_last(self, scene: Scene) -> bool:
         return self._scene is not None and np.array_equal(scene, self._scene)

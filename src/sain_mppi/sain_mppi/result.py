@@ -5,8 +5,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.types import PredictedScenes, PushArray, Pushes, Scalars, Scenes
+from sain_mppi.progress import LastPush
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,9 @@ class PlanResult:
     rounds: int
     times: Times
     others: Shown
-    wide: bool = False  # whether it was looked for wider than usual
+    regions: Float[ndarray, "H N"] | None  # [m], radii of regions that should hold each disk
+    concern: str = ""  # why it was looked for further about than usual; empty: it was not
+    last: LastPush | None = None  # what became of the push before; None: there was none
 
     @property
     def push(self) -> PushArray:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.dynamics import RolloutModel
+from sain_core.dynamics import Radii, RegionModel, RolloutModel
 from sain_core.errors import ModelUnavailableError
 from sain_core.feasibility import Feasibility
 from sain_core.scene import MASS, MID, POSITION, RADIUS
@@ -22,7 +22,7 @@ from sain_core.types import (
     Scenes,
 )
 from sain_mppi.config import PlannerConfig
-from sain_mppi.cost import cost_terms, make_rollout, total_cost
+from sain_mppi.cost import cost_terms, make_rollout, resting_cost, total_cost
 from sain_mppi.goal import Goal
 from sain_mppi.permission import permitted
 from sain_mppi.result import PlanResult, Shown, Times
@@ -69,9 +69,9 @@ class Search:
         self._rollout_time = self._cost_time = self._pace = 0.0
         self._began = self._idle_since = perf_counter()
         self._between = 0.0  # [s], longest that an algorithm took from one round to the next
-        rest = np.zeros((1, config.horizon, 3))
-        stay = np.broadcast_to(self.scene, (1, config.horizon, *self.scene.shape))
-        self.rest_cost = float(self._costs(rest, stay)[0][0])
+        self.rest_cost = resting_cost(
+            self.scene, self.goal, config.weights, self.feasibility, config.horizon
+        )
 
     @property
     def improves(self) -> bool:
@@ -137,6 +137,7 @@ class Search:
         """Return the best sequence as the plan; something must have been evaluated."""
         assert self._best is not None
         predicted, terms = self._best
+        regions = self.regions(self.elites[:1], predicted[None])
         total = perf_counter() - self._began
         times = Times(total, self._rollout_time, self._cost_time)
         return PlanResult(
@@ -150,7 +151,17 @@ class Search:
             self.rounds,
             times,
             Shown.thinned(self._shown, self.config.shown),
+            None if regions is None else regions[0],
         )
+
+    def regions(self, sequences: PushSequences, predicted: PredictedScenes) -> Radii | None:
+        """Return how sure the model is of its predictions, where it can tell."""
+        if not isinstance(self.model, RegionModel):
+            return None
+        begun = perf_counter()
+        regions = self.model.regions(self.scene, sequences, predicted)
+        self._rollout_time += perf_counter() - begun
+        return regions
 
     def _parts(self, count: int) -> Iterator[slice]:
         """Yield parts of a round: one, or under a deadline as many as there is time for."""
@@ -208,8 +219,9 @@ class Search:
     def _costs(
         self, sequences: PushSequences, predicted: PredictedScenes
     ) -> tuple[Scalars, dict[str, Scalars]]:
+        regions = self.regions(sequences, predicted) if self.config.weights.risk > 0.0 else None
         begun = perf_counter()
-        rollout = make_rollout(self.scene, sequences, predicted, self.goal)
+        rollout = make_rollout(self.scene, sequences, predicted, self.goal, regions)
         terms = cost_terms(rollout, self.config.weights, self.feasibility)
         costs = total_cost(terms)
         self._cost_time += perf_counter() - begun

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from time import perf_counter
 from typing import Any, TypeVar
 
+import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
@@ -68,7 +69,11 @@ class ModelNode(Node):
         def work(server: ModelServer) -> None:
             scene, pushes = codec.decode_rollout_request(request)
             past = codec.decode_past(request)
-            response.predicted = codec.encode_floats(server.rollout(scene, pushes, past))
+            predicted = server.rollout(scene, pushes, past)
+            response.predicted = codec.encode_floats(predicted)
+            if request.with_regions:
+                regions = server.regions(scene, pushes, predicted, past)
+                response.regions = codec.encode_floats(np.empty(0) if regions is None else regions)
             response.friction = server.friction(past)
 
         return await self._answer(work, response)

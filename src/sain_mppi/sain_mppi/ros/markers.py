@@ -1,34 +1,51 @@
-"""What viewers draw of a plan: the goal, and where target and mid disk should go."""
+"""What viewers draw of a plan: goal, expected ways, what else was tried, where the push may lead.
 
+RViz and Foxglove show them side by side with the simulator's disks.
+"""
+
+from math import cos, sin
 from typing import Final
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, Vector3
+from jaxtyping import Float
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core.ros.codec import header
-from sain_core.scene import DISK_HEIGHT, MID, POSITION, TARGET
-from sain_core.types import Points
+from sain_core.scene import DISK_HEIGHT, MID, POSITION, RADIUS, TARGET, THETA, X, Y
+from sain_core.types import Points, Scene
 from sain_mppi.deciding import Decision
 from sain_mppi.pursuit import Task
+from sain_mppi.result import Shown
 
 LINE_WIDTH: Final = 0.006  # [m]
 GOAL_HEIGHT: Final = 0.002  # [m]
+THIN_LINE: Final = 0.0015  # [m]
 GOAL_COLOUR: Final = (0.16, 0.63, 0.35, 0.8)
 PATH_COLOURS: Final = {MID: (0.20, 0.45, 0.75, 0.9), TARGET: (0.85, 0.33, 0.24, 0.9)}
 
+GHOST_ALPHA: Final = 0.25
+REGION_COLOUR: Final = (0.96, 0.76, 0.20, 0.35)
+CHEAP: Final = np.array([0.20, 0.60, 0.35, 0.6])
+DEAR: Final = np.array([0.75, 0.25, 0.20, 0.15])
+
 Colour = tuple[float, float, float, float]
+State = Float[np.ndarray, "8"]
 
 
 def plan_markers(decision: Decision, stamp: Time) -> MarkerArray:
     """Return the goal and, for mid disk and target, the way that the plan expects."""
     job, result = decision.job, decision.result
     array = goal_markers(job.task, stamp)
+    array.markers.append(_others(job.view.scene, result.others, stamp))
     for disk, colour in PATH_COLOURS.items():
         way = np.concatenate([job.view.scene[None], result.predicted])[:, disk, POSITION]
         array.markers.append(_path(disk, way, colour, stamp))
+        array.markers.append(_ghost(disk, result.predicted[0, disk], colour, stamp))
+        radius = 0.0 if result.regions is None else float(result.regions[0, disk])
+        array.markers.append(_region(disk, result.predicted[0, disk], radius, stamp))
     return array
 
 
@@ -47,6 +64,48 @@ def _path(disk: int, way: Points, colour: Colour, stamp: Time) -> Marker:
     marker.pose.orientation.w = 1.0
     marker.scale = Vector3(x=LINE_WIDTH)
     marker.points = [Point(x=x, y=y, z=DISK_HEIGHT) for x, y in way.tolist()]
+    return marker
+
+
+def _others(scene: Scene, others: Shown, stamp: Time) -> Marker:
+    """Return where other sequences lead the target, from green (cheap) to a pale red (dear)."""
+    marker = _marker("others", 0, Marker.LINE_LIST, (0.0, 0.0, 0.0, 1.0), stamp)
+    marker.pose.orientation.w = 1.0
+    marker.scale = Vector3(x=THIN_LINE)
+    count, horizon = others.predicted.shape[:2]
+    if not count:
+        marker.action = Marker.DELETE
+        return marker
+    start = np.broadcast_to(scene[TARGET, POSITION], (count, 1, 2))
+    ways = np.concatenate([start, others.predicted[:, :, TARGET, POSITION]], axis=1)
+    legs = np.stack([ways[:, :-1], ways[:, 1:]], axis=2)  # (R, H, 2, 2), from and to
+    marker.points = [Point(x=x, y=y, z=DISK_HEIGHT) for x, y in legs.reshape(-1, 2).tolist()]
+    rank = np.linspace(0.0, 1.0, count)[:, None]
+    for red, green, blue, alpha in ((1.0 - rank) * CHEAP + rank * DEAR).tolist():
+        colour = ColorRGBA(r=red, g=green, b=blue, a=alpha)
+        marker.colors.extend([colour] * (2 * horizon))
+    return marker
+
+
+def _ghost(disk: int, state: State, colour: Colour, stamp: Time) -> Marker:
+    """Return a disk where it should be after the push."""
+    marker = _marker("ghost", disk, Marker.CYLINDER, (*colour[:3], GHOST_ALPHA), stamp)
+    x, y, heading, radius = state[[X, Y, THETA, RADIUS]].tolist()
+    marker.pose = Pose(position=Point(x=x, y=y, z=DISK_HEIGHT / 2))
+    marker.pose.orientation.z, marker.pose.orientation.w = sin(heading / 2), cos(heading / 2)
+    marker.scale = Vector3(x=2 * radius, y=2 * radius, z=DISK_HEIGHT)
+    return marker
+
+
+def _region(disk: int, state: State, radius: float, stamp: Time) -> Marker:
+    """Return the region that should hold a disk's centre after the push; none where unknown."""
+    marker = _marker("region", disk, Marker.CYLINDER, REGION_COLOUR, stamp)
+    if radius <= 0.0:
+        marker.action = Marker.DELETE
+    x, y = state[[X, Y]].tolist()
+    marker.pose = Pose(position=Point(x=x, y=y, z=DISK_HEIGHT + LINE_WIDTH))
+    marker.pose.orientation.w = 1.0
+    marker.scale = Vector3(x=2 * radius, y=2 * radius, z=GOAL_HEIGHT)
     return marker
 
 

@@ -1,11 +1,14 @@
 """A decision as a message."""
 
+from array import array
 from time import monotonic
 from typing import Final
 
+import numpy as np
+
 from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.ros import codec
-from sain_core.scene import target_distance
+from sain_core.scene import POSITION, target_distance
 from sain_interfaces.msg import Plan
 from sain_mppi.config import PlannerConfig
 from sain_mppi.deciding import Decision
@@ -36,7 +39,20 @@ def plan_of_decision(decision: Decision, push_id: int, model: str, config: Plann
     plan.samples, plan.rounds = config.samples, result.rounds
     codec.fill_plan(plan, result.pushes, result.predicted)
     plan.cost, plan.effective_samples = result.cost, result.effective_samples
-    plan.rollout_time = result.times.rollout
+    plan.rest_cost, plan.concern = result.rest_cost, result.concern
+    plan.algorithm, plan.rollouts = config.algorithm, result.samples
+    plan.cost_terms, plan.cost_values = list(result.terms), array("d", result.terms.values())
+    times = result.times
+    plan.search_time, plan.rollout_time, plan.cost_time = times.total, times.rollout, times.cost
+    plan.deadline = config.deadline
+    if result.last is not None:
+        plan.last_errors = codec.encode_floats(result.last.errors)
+        plan.last_expected = codec.encode_floats(result.last.expected)
+    if result.regions is not None:
+        plan.regions = codec.encode_floats(result.regions)
+    plan.other_costs = codec.encode_floats(result.others.costs)
+    places = result.others.predicted[..., POSITION]
+    plan.other_places = array("f", places.astype(np.float32).tobytes())
     return plan
 
 
@@ -61,12 +77,9 @@ def plan_of_task(task: Task, status: int, error: SainError | None = None) -> Pla
 
 def summary(plan: Plan) -> dict[str, str]:
     """Return a plan as the message and the figures of a diagnostic."""
-    messages = {
-        Plan.PUSH: "pushing",
-        Plan.REACHED: "goal reached",
-        Plan.EXHAUSTED: "no pushes left",
-    }
-    message = messages.get(plan.status, "no push to make")
+    message = SAID.get(plan.status, "no push to make")
+    if plan.concern:
+        message = f"planning wider: {plan.concern}"
     if plan.fallback:
         message = f"planning with {plan.dynamics}: the model failed"
     return {

@@ -1,10 +1,12 @@
 """A model behind the rollout service, to be called from a thread that may wait."""
 
 from threading import Event
+from time import monotonic
 from typing import Self
 
 from rclpy.node import Node
 
+from sain_core.dynamics import Radii
 from sain_core.errors import ErrorCode, InvalidInputError, ModelUnavailableError
 from sain_core.history import PushHistory
 from sain_core.ros import codec
@@ -22,6 +24,7 @@ class RemoteRollout:
         self._timeout_s = timeout_s
         self.model = ""
         self._history: PushHistory | None = None
+        self._until: float | None = None
 
     @property
     def ready(self) -> bool:
@@ -33,26 +36,51 @@ class RemoteRollout:
         self._history = history
         return self
 
+    def until(self, moment: float | None) -> None:
+        """Wait no longer than until this `time.monotonic`; None: for the usual time."""
+        self._until = moment
+
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
         """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8).
 
         Raises:
             ModelUnavailableError: nobody serves, answers in time, or answers what was asked.
         """
+        response = self._ask(self._request(scene, pushes))
+        shape = (*pushes.shape[:2], len(scene))
+        try:
+            return codec.decode_rollout(response, shape)
+        except InvalidInputError as error:
+            raise ModelUnavailableError(f"the model answered wrongly: {error}") from error
+
+    def regions(
+        self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
+    ) -> Radii | None:
+        """Return how sure the model is of a rollout (K, H, N) [m]; None: it cannot tell.
+
+        The model predicts once more; see `sain_core.dynamics.RegionModel`.
+
+        Raises:
+            ModelUnavailableError: as `rollout`.
+        """
+        request = self._request(scene, pushes)
+        request.with_regions = True
+        response = self._ask(request)
+        if not response.regions:
+            return None
+        try:
+            return codec.decode_floats(response.regions, predicted.shape[:3], "regions")
+        except InvalidInputError as error:
+            raise ModelUnavailableError(f"the model answered wrongly: {error}") from error
+
+    def _request(self, scene: Scene, pushes: PushSequences) -> Rollout.Request:
         samples, horizon, _ = pushes.shape
         request = Rollout.Request(samples=samples, horizon=horizon, disks=len(scene))
         request.scene = codec.encode_floats(scene)
         request.pushes = codec.encode_floats(pushes)
         if self._history is not None and self._history.disks == len(scene):
             codec.fill_past(request, self._history)
-        response = self._ask(request)
-        if response.error_code != ErrorCode.OK:
-            raise ModelUnavailableError(f"the model refused: {response.error_message}")
-        self.model = response.model
-        try:
-            return codec.decode_rollout(response, (samples, horizon, len(scene)))
-        except InvalidInputError as error:
-            raise ModelUnavailableError(f"the model answered wrongly: {error}") from error
+        return request
 
     def _ask(self, request: Rollout.Request) -> Rollout.Response:
         if not self.ready:
@@ -60,8 +88,14 @@ class RemoteRollout:
         answered = Event()
         future = self._client.call_async(request)
         future.add_done_callback(lambda _: answered.set())
-        if not answered.wait(self._timeout_s):
+        patience = self._timeout_s
+        if self._until is not None:
+            patience = min(patience, max(self._until - monotonic(), 0.0))
+        if not answered.wait(patience):
             self._client.remove_pending_request(future)
-            raise ModelUnavailableError(f"the model did not answer within {self._timeout_s} s")
+            raise ModelUnavailableError(f"the model did not answer within {patience:.3g} s")
         response: Rollout.Response = future.result()
+        if response.error_code != ErrorCode.OK:
+            raise ModelUnavailableError(f"the model refused: {response.error_message}")
+        self.model = response.model
         return response
