@@ -1,6 +1,6 @@
-"""All benchmarks one after the other: ``python -m benchmarks [NAME ...]``.
+"""All benchmarks one after the other: ``./env python -m benchmarks [NAME ...]``.
 
-Those that need a data set are modules of their own: ``python -m benchmarks.NAME --help``.
+Those that need a data set are modules of their own: ``./env python -m benchmarks.NAME --help``.
 """
 
 import importlib

@@ -1,10 +1,10 @@
 """What an ensemble is worth: its errors, how often its regions hold, what its disagreement tells.
 
 ./env python -m benchmarks.ensembles data/rough --features world --batch 64 --epochs 85 \
-    --history none --transitions 3000 --out runs/ensembles/rough
+    --history none --transitions 3000 --outside data/wide_rough --out runs/ensembles/rough
 ./env python -m benchmarks.ensembles data/randomised --prior planar_axes --position-scale 0.0002 \
     --heading-scale 0.01 --epochs 60 --hidden 128 --weight-decay 0.01 --transitions 3000 \
-    --outside data/wide --out runs/ensembles/randomised
+    --seeds 0 1 --outside data/wide_ensembles --out runs/ensembles/randomised
 
 For each seed, of the split and of the weights: one network, an ensemble whose members see the data
 in different orders, and one whose members see different episodes. Run it again to go on after a

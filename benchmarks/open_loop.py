@@ -1,6 +1,7 @@
 """What limits open loops: Bullet rolled out, and the truth itself with a model's errors.
 
-ros2 run sain_sim collect --world rough --seed 2 --episodes 240 --pushes 20 --out data/rough_open
+./env ros2 run sain_sim collect --world rough --seed 2 --episodes 240 --pushes 20 \
+    --out data/rough_open
 ./env python -m benchmarks.open_loop data/rough_open --learned L --residual R --recurrent C
 
 Everything over the same windows: the first of 15 pushes of every episode that has as many. Three

@@ -1,6 +1,7 @@
 """How long training takes to the best validation loss that the paper's settings reach.
 
-ros2 run sain_sim collect --episodes 1560 --workers 2 --seed 1 --out data/randomised
+./env ros2 run sain_sim collect --episodes 1560 --workers 2 --seed 1 --floor-episodes 190 \
+    --out data/randomised
 ./env python -m benchmarks.paper_training data/randomised --out runs/paper
 ./env python -m benchmarks.paper_training data/rough --features world --ours-batch 64 \
     --ours-epochs 85 --transitions 2800 --epochs 300 --out runs/paper-rough

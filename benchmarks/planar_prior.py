@@ -1,4 +1,4 @@
-"""How fast models predict: ``python -m benchmarks.planar_prior``.
+"""How fast models predict: ``./env python -m benchmarks.planar_prior``.
 
 Whole pushes a second of the planar prior, on one core and on two, beside Bullet without an arm;
 and what the network adds. Scenes have two touching disks, pushes come from any side.

@@ -1,7 +1,7 @@
 """Do averages of rollouts err less than single ones? More data, several models, many particles.
 
 ./env python -m benchmarks.rollout_designs data/rough_open --trained-on data/rough \
-    --models runs/learned/sain.safetensors runs/residual/sain.safetensors
+    --models runs/rough/learned/sain.safetensors runs/rough/residual/sain.safetensors
 
 For each model: its rollouts; the mean of many, each with errors added after every push that are
 drawn from the model's own on its validation episodes (particles); and the mean over all models'.

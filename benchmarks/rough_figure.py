@@ -1,6 +1,6 @@
 """The picture of `benchmarks.rough_world` over several collections: one group of bars for each.
 
-./env python -m benchmarks.rough_figure runs/mass.json runs/tilt.json --out docs/media/rough.png
+./env python -m benchmarks.rough_figure runs/effects/mass.json runs/effects/tilt.json
 """
 
 import io

@@ -1,6 +1,7 @@
 """What a residual is worth in a world with structure that the prior does not have.
 
-ros2 run sain_sim collect --world rough --seed 1 --episodes 560 --floor-episodes 80 --out data/rough
+./env ros2 run sain_sim collect --world rough --seed 1 --episodes 560 --floor-episodes 80 \
+    --out data/rough
 ./env python -m benchmarks.rough_world data/rough --sizes 300 1000 3000
 
 For one collection: the errors of every physics prior, of the network alone, of SAIN and of SAIN

@@ -1,4 +1,4 @@
-"""What a push costs and how true the tool runs: ``python -m benchmarks.sim_push``.
+"""What a push costs and how true the tool runs: ``./env python -m benchmarks.sim_push``.
 
 Randomised pushes with the arm, motion without contact left out and in full, beside Bullet
 without an arm. Times are CPU time of one core.
