@@ -12,6 +12,7 @@ from sain_core.errors import (
     OffTableError,
     OutOfRangeError,
 )
+from sain_core.feasibility import Feasibility
 from sain_core.push import LENGTH
 from sain_core.scene import MID, POSITION, TARGET, VX, make_scene, target_distance, unit
 from sain_core.seeding import generator
@@ -130,3 +131,13 @@ def test_settings_out_of_range_are_named():
         PlannerConfig(samples=0)
     with pytest.raises(ConfigError, match="selection is 'best'; allowed: 'argmin', 'mean'"):
         PlannerConfig(selection="best")
+
+
+def test_disks_that_seem_to_overlap_a_little_are_planned_with_as_touching(scene, dynamics):
+    near, deep = scene.copy(), scene.copy()
+    near[TARGET, POSITION] -= [0.011, 0.0]  # a cube's corner, or a tilted disk, from above
+    deep[TARGET, POSITION] -= [0.031, 0.0]
+    plan = planner(dynamics).plan(near, GOAL, generator(0))
+    assert Feasibility().mask(near, plan.push)
+    with pytest.raises(InvalidInputError, match=r"disks 0 and 1 overlap by 30\.0 mm"):
+        planner(dynamics).plan(deep, GOAL, generator(0))

@@ -9,7 +9,7 @@ from sain_core.push import PushLimits
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET, surface_gaps
 from sain_sim.outcome import Stroke
 from sain_sim.parameters import nominal_parameters
-from sain_sim.shadow import KINDS, MEASURED, NOMINAL, TRUE, BulletPrior, move_apart, stand_back
+from sain_sim.shadow import KINDS, MEASURED, NOMINAL, TRUE, BulletPrior, stand_back
 from sain_sim.world import World
 
 

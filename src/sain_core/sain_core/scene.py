@@ -28,6 +28,7 @@ TARGET: Final = 1
 DISK_HEIGHT: Final = 0.04  # [m], every disk and the cube
 SETTLED_SPEED: Final = 1e-3  # [m/s]
 SETTLED_SPIN: Final = 1e-2  # [rad/s]
+SWEEPS: Final = 100  # over all pairs of disks that are to be parted
 OVERLAP_TOLERANCE: Final = 1e-3  # [m], touching disks may be measured as slightly overlapping
 
 
@@ -130,6 +131,32 @@ def _check_overlap(scene: Scene) -> None:
             f"disks {first} and {second} overlap by {-1e3 * gaps.min():.1f} mm;"
             f" at most {1e3 * OVERLAP_TOLERANCE:g} mm is allowed"
         )
+
+
+def move_apart(scene: Scene) -> Scene:
+    """Return the scene (N, 8) with overlapping disks just touching; the mid disk stays put.
+
+    Of two that overlap the one with the higher index moves, along the line of centres. Where no
+    way was found to part them all, what was found is returned.
+    """
+    apart = scene.copy()
+    for _ in range(SWEEPS):
+        if surface_gaps(apart).min() >= 0.0:
+            break
+        for far in range(1, len(apart)):
+            for near in range(far):
+                _part(apart, near, far)
+    return apart
+
+
+def _part(scene: Scene, near: int, far: int) -> None:
+    """Move disk far of a scene away from disk near, in place, when they overlap."""
+    way = scene[far, POSITION] - scene[near, POSITION]
+    distance = float(np.hypot(*way))
+    wanted = scene[near, RADIUS] + scene[far, RADIUS]
+    if distance < wanted:
+        direction = way / distance if distance > 0.0 else np.array([1.0, 0.0])
+        scene[far, POSITION] = scene[near, POSITION] + (wanted + 1e-9) * direction
 
 
 def check_on_table(scene: Scene, table: Table) -> None:

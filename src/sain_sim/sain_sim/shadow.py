@@ -22,7 +22,7 @@ from sain_core.scene import (
     RADIUS,
     THETA,
     VELOCITY,
-    surface_gaps,
+    move_apart,
     unit,
     wrap_angle,
 )
@@ -35,7 +35,6 @@ NOMINAL: Final = "nominal"  # the paper's: nominal mass, radius and friction
 MEASURED: Final = "measured"  # mass and radius of the scene, nominal friction
 TRUE: Final = "true"  # all parameters of the truth: what is left is the repeatability floor
 KINDS: Final = (NOMINAL, MEASURED, TRUE)
-SWEEPS: Final = 100
 
 
 class BulletPrior:
@@ -113,31 +112,6 @@ class BulletPrior:
     def __exit__(self, *_: object) -> None:
         """Close the shadow world."""
         self.close()
-
-
-def move_apart(scene: Scene) -> Scene:
-    """Return the scene (N, 8) with overlapping disks just touching; the mid disk stays put.
-
-    Of two that overlap the one with the higher index moves, along the line of centres.
-    """
-    apart = scene.copy()
-    for _ in range(SWEEPS):
-        if surface_gaps(apart).min() >= 0.0:
-            break
-        for far in range(1, len(apart)):
-            for near in range(far):
-                _part(apart, near, far)
-    return apart
-
-
-def _part(scene: Scene, near: int, far: int) -> None:
-    """Move disk far of a scene away from disk near, in place, when they overlap."""
-    way = scene[far, POSITION] - scene[near, POSITION]
-    distance = float(np.hypot(*way))
-    wanted = scene[near, RADIUS] + scene[far, RADIUS]
-    if distance < wanted:
-        direction = way / distance if distance > 0.0 else np.array([1.0, 0.0])
-        scene[far, POSITION] = scene[near, POSITION] + (wanted + 1e-9) * direction
 
 
 def stand_back(stroke: Stroke, scene: Scene, limits: PushLimits) -> Stroke:
