@@ -6,7 +6,7 @@ import pytest
 from sain_core.dynamics import Dynamics
 from sain_core.errors import ConfigError
 from sain_core.push import PushLimits
-from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET, surface_gaps
+from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET, move_apart, surface_gaps
 from sain_sim.outcome import Stroke
 from sain_sim.parameters import nominal_parameters
 from sain_sim.shadow import KINDS, MEASURED, NOMINAL, TRUE, BulletPrior, stand_back
