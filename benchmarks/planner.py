@@ -1,0 +1,330 @@
+"""How fast the planner plans: ``./env python -m benchmarks.planner``.
+
+1. Beside pytorch_mppi, driven as its README shows, with a plain eager step of the same model: the
+   same prior, its network by PyTorch. Both sample, roll out and cost K = 1024 sequences of H = 15
+   pushes on one thread, in turns. Ours costs them by all its terms, the peer by the paper's one.
+2. Plan time against K and H, with a picture.
+3. Memory of a plan with K = 16,384 and H = 15, in a process of its own.
+4. Where the time of a plan with default settings goes, and the floor: the network's
+   multiplications at the machine's measured peak.
+5. Plans that keep a deadline.
+
+Times are the shortest of some, taken in turns.
+"""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import monotonic, perf_counter
+from typing import Annotated
+
+import numba
+import numpy as np
+import pytorch_mppi
+import torch
+import tyro
+from matplotlib.figure import Figure as Picture
+
+from benchmarks.inference import SIZE, Reference, fastest, multiplications, peak
+from benchmarks.report import Figure, report
+from sain_core.scene import TARGET
+from sain_core.seeding import generator
+from sain_core.types import Scene
+from sain_eval.pictures import save_picture
+from sain_eval.scenarios import SCENARIOS, ScenarioScene
+from sain_model.load import load_dynamics
+from sain_model.sain import SainDynamics
+from sain_mppi.config import MPPI, PlannerConfig
+from sain_mppi.planner import Planner
+from sain_mppi.result import PlanResult
+
+SAMPLES, HORIZON = 1024, 15
+COUNTS = (64, 256, 1024, 4096, 16384)
+HORIZONS = (1, 2, 4, 8, 15, 30)
+MANY = 16_384
+DEADLINE = 0.05  # [s]
+MEMORY = "memory"
+
+
+@dataclass(frozen=True)
+class Options:
+    """How much to measure."""
+
+    parts: Annotated[tuple[str, ...], tyro.conf.Positional] = (
+        "peer",
+        "scaling",
+        MEMORY,
+        "phases",
+        "deadline",
+    )
+    """What to measure."""
+    model: str = "sain"
+    """Name or checkpoint; a network on the planar prior."""
+    repeats: int = 15
+    """Plans of each kind, of which the fastest counts."""
+    plans: int = 300
+    """Plans that should keep the deadline."""
+    picture: Path | None = None
+    """Draw plan time against K and H into this file."""
+    out: Path | None = None
+    """Write the figures to this JSON file."""
+
+
+def problem(seed: int = 0) -> ScenarioScene:
+    """Return a scene to plan from."""
+    return SCENARIOS["anywhere"].scene(seed)
+
+
+def plan_again(planner: Planner, case: ScenarioScene, seed: int = 0) -> PlanResult:
+    """Plan a scene as the first of an episode."""
+    planner.reset()
+    return planner.plan(case.disks, case.goal, generator(seed, "benchmark"))
+
+
+class Peer:
+    """pytorch_mppi over an eager step: state (K, N * 8) and action (K, 3) to the next state."""
+
+    def __init__(self, sain: SainDynamics, case: ScenarioScene, config: PlannerConfig) -> None:
+        self.model, self.shape = Reference(sain), case.disks.shape
+        self.goal = torch.from_numpy(case.goal)
+        self.weights = torch.tensor(config.weights.position)
+        noise = torch.from_numpy(config.noise.deviations(0))
+        self.control = pytorch_mppi.MPPI(
+            self.step,
+            self.cost,
+            case.disks.size,
+            torch.diag(noise**2),
+            num_samples=config.samples,
+            horizon=config.horizon,
+            lambda_=0.1,
+            u_min=torch.tensor([-np.pi, -np.pi / 4, 0.0]),
+            u_max=torch.tensor([np.pi, np.pi / 4, 0.15]),
+            U_init=torch.from_numpy(generator(0, "peer").uniform(0.0, 0.1, (config.horizon, 3))),
+        )
+
+    def step(self, state: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
+        """Predict with the model that the planner has."""
+        scenes = state.reshape(-1, *self.shape).numpy()
+        return torch.from_numpy(self.model.step(scenes, action.numpy())).flatten(1)
+
+    def cost(self, state: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
+        """Return the paper's cost, equation 6."""
+        target = state.reshape(-1, *self.shape)[:, TARGET, :2]
+        return ((target - self.goal) ** 2 @ self.weights.to(target.dtype)).to(torch.float64)
+
+    def plan(self, scene: Scene) -> torch.Tensor:
+        """Return the push to execute."""
+        return self.control.command(torch.from_numpy(scene.flatten()))
+
+
+def beside_peer(sain: SainDynamics, options: Options) -> list[Figure]:
+    """Compare with pytorch_mppi, one thread each."""
+    threads, case = numba.get_num_threads(), problem()
+    config = PlannerConfig(algorithm=MPPI, samples=SAMPLES, horizon=HORIZON, stop_share=0.0)
+    ours, peer = Planner(sain, config), Peer(sain, case, config)
+    numba.set_num_threads(1)
+    try:
+        times = fastest(
+            {"peer": lambda: peer.plan(case.disks), "ours": lambda: plan_again(ours, case)},
+            options.repeats,
+        )
+    finally:
+        numba.set_num_threads(threads)
+    theirs, own = times["peer"], times["ours"]
+    return [
+        Figure(f"our planner, K = {SAMPLES}, H = {HORIZON}, one thread", 1e3 * own.wall, "ms"),
+        Figure("pytorch_mppi on the same model, one thread", 1e3 * theirs.wall, "ms"),
+        Figure("pytorch_mppi / our planner", theirs.wall / own.wall, "times", at_least=4.0),
+        Figure("the same in processor time", theirs.processor / own.processor, "times"),
+    ]
+
+
+def scaling(sain: SainDynamics, options: Options) -> list[Figure]:
+    """Measure plan time against K and H."""
+    usual = replace(PlannerConfig(), algorithm=MPPI, stop_share=0.0)
+    by_samples = plan_times(
+        sain, {k: replace(usual, samples=k, horizon=HORIZON) for k in COUNTS}, options
+    )
+    by_horizon = plan_times(
+        sain, {h: replace(usual, samples=SAMPLES, horizon=h) for h in HORIZONS}, options
+    )
+    if options.picture is not None:
+        save_picture(draw(by_samples, by_horizon), options.picture)
+    each = {count: 1e6 * seconds / count for count, seconds in by_samples.items()}
+    figures = [
+        Figure(f"K = {count}, H = {HORIZON}: a sequence", value, "us")
+        for count, value in each.items()
+    ]
+    figures.append(
+        Figure("the dearest of K >= 256 / the cheapest", spread(each, 256), "times", at_most=2.0)
+    )
+    pushes = {h: 1e6 * seconds / (SAMPLES * h) for h, seconds in by_horizon.items()}
+    figures += [
+        Figure(f"K = {SAMPLES}, H = {h}: a push", value, "us") for h, value in pushes.items()
+    ]
+    figures.append(
+        Figure("the dearest of H >= 4 / the cheapest", spread(pushes, 4), "times", at_most=2.0)
+    )
+    return figures
+
+
+def spread(values: dict[int, float], least: int) -> float:
+    """Return the largest value over the smallest, from some size on."""
+    chosen = [value for size, value in values.items() if size >= least]
+    return max(chosen) / min(chosen)
+
+
+def plan_times(
+    sain: SainDynamics, configs: dict[int, PlannerConfig], options: Options
+) -> dict[int, float]:
+    """Return the shortest time [s] of a plan with each of these settings."""
+    case = problem()
+    works: dict[str, Callable[[], object]] = {
+        str(size): lambda planner=Planner(sain, config): plan_again(planner, case)  # type: ignore[misc]
+        for size, config in configs.items()
+    }
+    repeats = max(options.repeats // 3, 1)
+    return {int(size): times.wall for size, times in fastest(works, repeats).items()}
+
+
+def draw(by_samples: dict[int, float], by_horizon: dict[int, float]) -> Picture:
+    """Draw plan time against K and against H, each beside a straight line."""
+    picture = Picture(figsize=(9.0, 3.6), layout="constrained")
+    left, right = picture.subplots(1, 2)
+    panels = (
+        (left, by_samples, f"K, sequences (H = {HORIZON})"),
+        (right, by_horizon, f"H, pushes in a sequence (K = {SAMPLES})"),
+    )
+    for axes, times, label in panels:
+        sizes, seconds = np.array(list(times)), np.array(list(times.values()))
+        line = seconds[-1] / sizes[-1] * sizes
+        axes.loglog(sizes, 1e3 * line, color="0.7", linewidth=1, label="proportional")
+        axes.loglog(sizes, 1e3 * seconds, "o-", color="#2f5d8a", label="measured")
+        axes.set_xticks(sizes, [str(size) for size in sizes])
+        axes.minorticks_off()
+        axes.set_xlabel(label)
+        axes.grid(alpha=0.3)
+    left.set_ylabel("time of a plan, ms")
+    left.legend(frameon=False)
+    picture.suptitle(f"One round of MPPI over SAIN, {numba.get_num_threads()} cores", fontsize=11)
+    return picture
+
+
+def memory(options: Options) -> list[Figure]:
+    """Measure what a large plan takes above the idle process, in a process of its own."""
+    command = [sys.executable, "-m", "benchmarks.planner", "--model", options.model]
+    answer = subprocess.run(
+        command, env=os.environ | {MEMORY.upper(): "1"}, capture_output=True, text=True, check=True
+    )
+    megabytes = float(answer.stdout.split()[-1])
+    return [Figure(f"memory of K = {MANY}, H = {HORIZON}", megabytes, "MB", at_most=600.0)]
+
+
+def print_memory(model: str) -> None:
+    """Print by how much [MB] a large plan raises the peak over what is held before it."""
+    case, sain = problem(), load_dynamics(model)
+    usual = PlannerConfig(horizon=HORIZON, stop_share=0.0)
+    plan_again(Planner(sain, replace(usual, samples=64)), case)  # type: ignore[arg-type]
+    idle = status("VmRSS")
+    plan_again(Planner(sain, replace(usual, samples=MANY)), case)  # type: ignore[arg-type]
+    print((status("VmHWM") - idle) / 1024)
+
+
+def status(name: str) -> float:
+    """Return a size [kB] of this process from /proc."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return float(next(line.split()[1] for line in lines if line.startswith(f"{name}:")))
+
+
+def phases(sain: SainDynamics, options: Options) -> list[Figure]:
+    """Measure where the time of a plan with default settings goes, and the floor."""
+    planner, case = Planner(sain), problem()
+    results = [plan_again(planner, case) for _ in range(options.repeats)]
+    best = min(results, key=lambda result: result.times.total)
+    threads = numba.get_num_threads()
+    product = fastest({"peak": peak(threads)}, options.repeats)["peak"].wall
+    most = 2.0 * SIZE**3 / product
+    work = multiplications(sain, len(case.disks)) * moving_pushes(planner, case)
+    floor = work / most
+    config = planner.config
+    title = f"default plan ({best.samples} sequences, H = {config.horizon}, {threads} cores)"
+    times = best.times
+    return [
+        Figure(title, 1e3 * times.total, "ms"),
+        Figure("... in the model", 1e3 * times.rollout, "ms"),
+        Figure("... costs", 1e3 * times.cost, "ms"),
+        Figure("... drawing, masking, keeping", 1e3 * times.sampling, "ms"),
+        Figure("floor: the network's products at the measured peak", 1e3 * floor, "ms"),
+        Figure("plan / floor", times.total / floor, "times"),
+    ]
+
+
+def moving_pushes(planner: Planner, case: ScenarioScene) -> int:
+    """Return how many pushes of a plan move anything: rests cost nothing."""
+
+    class Counting:
+        """Passes everything on and counts."""
+
+        pushes = 0
+
+        def rollout(self, scene: Scene, pushes: np.ndarray) -> np.ndarray:
+            Counting.pushes += int((pushes[..., 2] > 0.0).sum())
+            return model.rollout(scene, pushes)
+
+    model, planner.model = planner.model, Counting()
+    plan_again(planner, case)
+    planner.model = model
+    return Counting.pushes
+
+
+def deadlines(sain: SainDynamics, options: Options) -> list[Figure]:
+    """Count plans that keep a deadline, each from another scene."""
+    planner = Planner(sain)
+    cases = [problem(seed) for seed in range(20)]
+    plan_again(planner, cases[0])
+    late, samples = [], []
+    for number in range(options.plans):
+        case = cases[number % len(cases)]
+        planner.reset()
+        begun = perf_counter()
+        result = planner.plan(
+            case.disks, case.goal, generator(number, "deadline"), monotonic() + DEADLINE
+        )
+        late.append(perf_counter() - begun > DEADLINE)
+        samples.append(result.samples)
+    kept = 100.0 * (1.0 - float(np.mean(late)))
+    return [
+        Figure(
+            f"plans that kept {1e3 * DEADLINE:.0f} ms, of {len(late)}", kept, "%", at_least=99.0
+        ),
+        Figure("... sequences that they rolled out, median", float(np.median(samples)), ""),
+    ]
+
+
+def main() -> None:
+    """Measure how fast the planner plans."""
+    options = tyro.cli(Options, description=__doc__)
+    torch.set_num_threads(1)
+    if os.environ.get(MEMORY.upper()):
+        print_memory(options.model)
+        return
+    sain = load_dynamics(options.model)
+    if not isinstance(sain, SainDynamics):
+        sys.exit(f"{options.model} has no network")
+    parts: dict[str, Callable[[], list[Figure]]] = {
+        "peer": lambda: beside_peer(sain, options),
+        "scaling": lambda: scaling(sain, options),
+        MEMORY: lambda: memory(options),
+        "phases": lambda: phases(sain, options),
+        "deadline": lambda: deadlines(sain, options),
+    }
+    figures = [figure for name in options.parts for figure in parts[name]()]
+    figures.append(Figure("load average meanwhile", os.getloadavg()[0], ""))
+    report("The planner", figures, options.out)
+
+
+if __name__ == "__main__":
+    main()
