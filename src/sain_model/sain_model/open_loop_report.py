@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from sain_core.dynamics import Dynamics
 from sain_core.storage import write_whole
+from sain_model.beside import refusals
 from sain_model.dataset import Transitions
 from sain_model.metrics import FLOOR, LEARNED
 from sain_model.open_loop import (
@@ -53,7 +54,8 @@ def report_open_loop(
         for step in steps
         if loop.windows.known[:, step - 1].any()
     }
-    write_whole(out.with_name(f"{out.stem}_open_loop.md"), markdown(report).encode())
+    text = markdown(report) + _refusals(refusals(others or {}))
+    write_whole(out.with_name(f"{out.stem}_open_loop.md"), text.encode())
     save_open_loop_plot(out.with_name(f"{out.stem}_open_loop.png"), loop, seed)
     return report
 
@@ -83,6 +85,15 @@ def markdown(report: dict[str, Any]) -> str:
             parts.append("\n")
         parts += [_ratios(key, values) for key, values in found.items() if "ratio_to" in key]
     return "".join(parts)
+
+
+def _refusals(counts: Mapping[str, int]) -> str:
+    lines = [
+        f"* {name}: pushes that could not be carried out in the scenes that it predicted, and moved"
+        f" nothing: {count}\n"
+        for name, count in counts.items()
+    ]
+    return "".join(lines)
 
 
 def _line(name: str, row: dict[str, Any]) -> str:
