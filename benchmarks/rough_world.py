@@ -34,10 +34,9 @@ from sain_model.dataset import (
 )
 from sain_model.features import PUSH_FRAME, WORLD_FRAME
 from sain_model.inside import InsideSain
-from sain_model.inside_cli import told_prior
 from sain_model.inside_network import InsideNetworkConfig
 from sain_model.inside_training import InsideTrainingConfig, make_trainers, train_members
-from sain_model.load import PLANAR, PLANAR_AXES, load_prior
+from sain_model.load import PLANAR, PLANAR_AXES, load_prior, load_told_prior
 from sain_model.network import NetworkConfig
 from sain_model.planar import PlanarConfig, PlanarPrior
 from sain_model.planar_axes import AXES
@@ -150,7 +149,7 @@ def network_errors(split: Split, prior_name: str, frame: str, command: Command) 
 
 def inside_errors(split: Split, command: Command) -> np.ndarray:
     """Train networks inside a prior and return their errors (M,) [mm] on what is held out."""
-    prior = told_prior(command.prior, command.prior_friction)
+    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
     network = InsideNetworkConfig(hidden=command.hidden, members=command.members)
     config = InsideTrainingConfig(
         seed=command.seed, steps=command.inside_steps, batch=BATCH, network=network
@@ -162,7 +161,7 @@ def inside_errors(split: Split, command: Command) -> np.ndarray:
 
 def identified_errors(split: Split, command: Command) -> np.ndarray:
     """Return the errors (M,) [mm] of the prior that is told the same of every push."""
-    prior, test = told_prior(command.prior, command.prior_friction), split.test
+    prior, test = load_told_prior(command.prior, {"friction": command.prior_friction}), split.test
     told = np.tile(identify(prior, split.train), (len(test), 1, 1))
     return distances(prior.step_told(test.scenes, test.pushes, told), test)
 

@@ -168,6 +168,16 @@ def draw_parts(
     return np.isin(labels, shuffled[held[1] : sum(held)]), in_test
 
 
+def check_held_out(split: Split) -> None:
+    """Check that there are episodes to measure errors on.
+
+    Raises:
+        DatasetError: none is held out.
+    """
+    if not len(split.test):
+        raise DatasetError("errors need held-out episodes; give --test above 0")
+
+
 def limit_training(split: object, transitions: int) -> Split:
     """Return a split with so many transitions to train on, and as small a share to validate on.
 
