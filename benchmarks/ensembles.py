@@ -35,8 +35,9 @@ from sain_model.dataset import (
     load_transitions,
     split_by_episode,
 )
+from sain_model.evaluation_history import predict_with_history
 from sain_model.features import RELATION_FEATURES
-from sain_model.interval_fit import fit_intervals, predict_with_history
+from sain_model.interval_fit import fit_intervals
 from sain_model.metrics import position_errors
 from sain_model.network import InteractionNetwork, ensemble
 from sain_model.sain import SainDynamics

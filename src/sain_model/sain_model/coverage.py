@@ -10,8 +10,7 @@ from scipy.stats import spearmanr
 from sain_core.scene import MID, TARGET
 from sain_core.types import Mask, Scalars
 from sain_model.dataset import Transitions
-from sain_model.evaluation_history import ENOUGH, earlier_pushes
-from sain_model.interval_fit import predict_with_history
+from sain_model.evaluation_history import ENOUGH, earlier_pushes, predict_with_history
 from sain_model.intervals import Prediction
 from sain_model.metrics import bootstrap_over_episodes, position_errors, target_moved
 from sain_model.sain import SainDynamics

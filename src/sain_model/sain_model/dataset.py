@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Self
 
@@ -14,6 +15,7 @@ from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
 from sain_core.seeding import generator
 from sain_core.types import Mask, Pushes, Scalars, Scenes
+from sain_model.friction import EpisodeFriction, FrictionFilter
 from sain_model.shard import FLOOR, FRICTION, NEEDED, NO_STEP, STEP, read_shard
 
 
@@ -53,6 +55,11 @@ class Transitions:
     def disks(self) -> int:
         """The number of disks N in every scene."""
         return int(self.scenes.shape[1])
+
+    @cached_property
+    def inferred(self) -> dict[FrictionFilter, EpisodeFriction]:
+        """What `sain_model.evaluation_history` has inferred from these pushes so far."""
+        return {}
 
     @property
     def parts(self) -> tuple[Self, ...]:

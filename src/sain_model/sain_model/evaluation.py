@@ -10,7 +10,7 @@ from sain_core.scene import TARGET
 from sain_core.types import Scenes
 from sain_model.coverage import measure_intervals
 from sain_model.dataset import Transitions
-from sain_model.evaluation_history import errors_by_history, predict_with_history
+from sain_model.evaluation_history import errors_by_history, history_predictions
 from sain_model.metrics import (
     BULLET,
     FLOOR,
@@ -80,7 +80,7 @@ def predict_all(
         predictions[LEARNED] = learned.step(data.scenes, data.pushes)
     if sain is not None:
         predictions[SAIN] = sain.step(data.scenes, data.pushes)
-    predictions.update(predict_with_history(data, sain))
+    predictions.update(history_predictions(data, sain))
     predictions[FLOOR] = data.floor_next
     return predictions
 

@@ -139,7 +139,7 @@ def _learners(
 ) -> list[tuple[str, Dynamics, FrictionFilter]]:
     """Return what learns friction from earlier pushes: names, dynamics, and what infers it."""
     found: list[tuple[str, Dynamics, FrictionFilter]] = [
-        (MEASURED + HISTORY, planar, FrictionFilter(planar, planar.config.friction))
+        (MEASURED + HISTORY, planar, planar.filter())
     ]
     for name, model in models.items():
         if isinstance(model, SainDynamics) and model.filter is not None:
