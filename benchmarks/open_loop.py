@@ -31,7 +31,7 @@ from rich.progress import track
 from sain_core.dynamics import Dynamics
 from sain_core.errors import SainError
 from sain_core.push import LENGTH
-from sain_core.scene import POSITION, TARGET
+from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
 from sain_core.types import PushArray, Scene
@@ -39,7 +39,8 @@ from sain_model.beside import followed
 from sain_model.dataset import Transitions, load_transitions
 from sain_model.features import apply_residual, true_residual
 from sain_model.load import load_sain
-from sain_model.metrics import LEARNED, MOVED, bootstrap_over_episodes, position_errors
+from sain_model.markdown import markdown_table
+from sain_model.metrics import LEARNED, bootstrap_over_episodes, position_errors, target_moved
 from sain_model.open_loop import RECURRENT_SAIN, RESIDUAL_SAIN, predict_open_loop, roll_out
 from sain_model.windows import Windows, make_windows
 from sain_sim.bullet import Bullet
@@ -131,7 +132,7 @@ def truths_with_errors(data: Transitions, windows: Windows, command: Command) ->
     sain = load_sain(command.residual)
     predicted = sain.step(data.scenes, data.pushes)
     errors = true_residual(data.next_scenes, data.pushes, predicted)
-    moved = target_moves(data.scenes, predicted)
+    moved = target_moved(data.scenes, predicted)
     groups = {flag: errors[moved == flag] for flag in (False, True)}
     found = {}
     for scale in command.scales:
@@ -143,7 +144,7 @@ def truths_with_errors(data: Transitions, windows: Windows, command: Command) ->
 
             def predict(scene: Scene, push: PushArray) -> Scene:
                 after = world.predict(scene, push)
-                group = groups[bool(target_moves(scene[None], after[None])[0])]
+                group = groups[bool(target_moved(scene[None], after[None])[0])]
                 error = scale * group[random.integers(len(group))]
                 return apply_residual(after[None], push[None], error[None])[0]
 
@@ -163,12 +164,6 @@ def parameters(dataset: Path, episode: int) -> WorldParameters:
     if settings.get("target") != CUBE:
         return drawn
     return replace(drawn, shapes=(drawn.shapes[0], CUBE, *drawn.shapes[2:]))
-
-
-def target_moves(scenes: ndarray, after: ndarray) -> ndarray:
-    """Tell which targets (M,) moved by more than the paper's threshold."""
-    way = after[:, TARGET, POSITION] - scenes[:, TARGET, POSITION]
-    return np.asarray(np.linalg.norm(way, axis=-1) > MOVED)
 
 
 def roll(windows: Windows, worlds: Callable[[int], AbstractContextManager[Predict]]) -> ndarray:
@@ -204,13 +199,13 @@ def summary(
 
 def show(report: dict[str, dict[str, list[float]]]) -> None:
     """Print the report as a table in Markdown."""
-    console = Console(width=160, highlight=False)
     steps = list(next(iter(report.values())))
-    console.print(f"| target mean, mm, after | {' | '.join(f'{step} pushes' for step in steps)} |")
-    console.print(f"| --- |{' ---: |' * len(steps)}")
-    for name, rows in report.items():
-        cells = ["{:.2f} [{:.2f}, {:.2f}]".format(*row) for row in rows.values()]
-        console.print(f"| {name} | {' | '.join(cells)} |", markup=False)
+    header = ["target mean, mm, after", *(f"{step} pushes" for step in steps)]
+    rows = [
+        [name, *("{:.2f} [{:.2f}, {:.2f}]".format(*row) for row in rows.values())]
+        for name, rows in report.items()
+    ]
+    print(markdown_table(header, rows), end="")
 
 
 if __name__ == "__main__":

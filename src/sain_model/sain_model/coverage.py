@@ -48,7 +48,7 @@ def _disk(prediction: Prediction, data: Transitions, disk: int, seed: int) -> di
     count = earlier_pushes(data)
     parts: dict[str, Mask] = {
         "all": np.ones(len(data), dtype=bool),
-        "target moved": target_moved(data),
+        "target moved": target_moved(data.scenes, data.next_scenes),
         "no earlier push": count == 0,
         f"{ENOUGH} earlier pushes and more": count >= ENOUGH,
     }

@@ -1,7 +1,7 @@
 """Transitions (s, a, f_p(s, a), s') from disk, and their split by episode."""
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Self
@@ -56,6 +56,12 @@ class Transitions:
         """The number of disks N in every scene."""
         return int(self.scenes.shape[1])
 
+    @property
+    def arrays(self) -> dict[str, ndarray]:
+        """All arrays by name; each has one row a push."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, ndarray)}
+
     @cached_property
     def inferred(self) -> dict[FrictionFilter, EpisodeFriction]:
         """What `sain_model.evaluation_history` has inferred from these pushes so far."""
@@ -68,17 +74,7 @@ class Transitions:
 
     def select(self, rows: Mask) -> Self:
         """Return the pushes that a mask (M,) picks."""
-        return replace(
-            self,
-            scenes=self.scenes[rows],
-            pushes=self.pushes[rows],
-            physics_next=self.physics_next[rows],
-            next_scenes=self.next_scenes[rows],
-            episodes=self.episodes[rows],
-            steps=self.steps[rows],
-            friction=self.friction[rows],
-            floor_next=self.floor_next[rows],
-        )
+        return replace(self, **{name: array[rows] for name, array in self.arrays.items()})
 
     def mirrored(self) -> Self:
         """Return what would have happened in a mirror: the same physics."""

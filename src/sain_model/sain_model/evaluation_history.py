@@ -12,7 +12,7 @@ from sain_core.types import Mask, Scenes
 from sain_model.dataset import Transitions
 from sain_model.friction import EpisodeFriction, FrictionFilter
 from sain_model.intervals import Prediction
-from sain_model.metrics import BULLET, FLOOR, position_errors
+from sain_model.metrics import position_errors, shares_removed
 from sain_model.planar import PlanarPrior
 from sain_model.sain import SainDynamics
 
@@ -88,14 +88,8 @@ def _group(data: Transitions, predictions: dict[str, Scenes], rows: Mask) -> dic
     }
     means = {name: mean for name, mean in means.items() if np.isfinite(mean)}
     group: dict[str, Any] = {"target_mean": means}
-    if FLOOR in means and means[BULLET] > means[FLOOR]:
-        reducible = means[BULLET] - means[FLOOR]
-        group["removed"] = {
-            name: (means[BULLET] - mean) / reducible
-            for name, mean in means.items()
-            if name not in (BULLET, FLOOR)
-        }
-    return group
+    removed = shares_removed(means)
+    return group | {"removed": removed} if removed else group
 
 
 def _mean(errors: Float[ndarray, "M"]) -> float:

@@ -65,12 +65,10 @@ class Examples:
 
     def and_then(self, others: Self) -> Self:
         """Return these examples and others."""
-        return type(self)(
-            torch.cat([self.disks, others.disks]),
-            torch.cat([self.relations, others.relations]),
-            torch.cat([self.residual, others.residual]),
-            torch.cat([self.velocity, others.velocity]),
-        )
+        joined = {
+            name: torch.cat([tensor, getattr(others, name)]) for name, tensor in vars(self).items()
+        }
+        return type(self)(**joined)
 
 
 def make_examples(

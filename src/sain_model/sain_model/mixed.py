@@ -118,11 +118,8 @@ def _by_count(path: Path) -> list[Transitions]:
 
 def _joined(parts: list[Transitions], sha256: str, sources: tuple[str, ...]) -> Transitions:
     """Return parts with one number of disks and labels of their own as one."""
-    names = ("scenes", "pushes", "physics_next", "next_scenes", "episodes", "steps", "friction")
-    arrays = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in (*names, "floor_next")
-    }
+    columns = [part.arrays for part in parts]
+    arrays = {name: np.concatenate([column[name] for column in columns]) for name in columns[0]}
     return Transitions(**arrays, sha256=sha256, sources=sources)
 
 

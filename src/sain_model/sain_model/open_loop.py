@@ -18,14 +18,12 @@ from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.dataset import Transitions
 from sain_model.evaluation_history import earlier_friction, earlier_pushes
 from sain_model.friction import FrictionFilter
-from sain_model.metrics import BULLET, FLOOR, LEARNED, MEASURED
+from sain_model.metrics import BULLET, FLOOR, LEARNED, MEASURED, NO_MOTION, NOMINAL
 from sain_model.open_loop_errors import mean_target_errors
 from sain_model.planar import PlanarPrior
 from sain_model.sain import SainDynamics
 from sain_model.windows import Windows, make_windows
 
-NO_MOTION: Final = "no motion"
-NOMINAL: Final = "planar, nominal"
 HISTORY: Final = ", history"
 TRUE_FRICTION: Final = "planar, true friction"
 RESIDUAL_SAIN: Final = "residual SAIN"
