@@ -151,16 +151,14 @@ def split_by_episode(data: Transitions, seed: int, validation: float, test: floa
     Raises:
         DatasetError: too few episodes for the parts.
     """
-    in_validation, in_test = draw_parts(data.episodes, seed, validation, test)
-    return Split(
-        data.select(~(in_test | in_validation)), data.select(in_validation), data.select(in_test)
-    )
+    parts = draw_parts(data.episodes, seed, validation, test)
+    return Split(*(data.select(rows) for rows in parts))
 
 
 def draw_parts(
     labels: Int[ndarray, "M"], seed: int, validation: float, test: float
-) -> tuple[Mask, Mask]:
-    """Return which rows (M,) are for validation, and which for the test; see `split_by_episode`."""
+) -> tuple[Mask, Mask, Mask]:
+    """Return which rows (M,) are to train, validate and test on; see `split_by_episode`."""
     episodes = np.unique(labels)
     held = [max(round(share * len(episodes)), 1) if share else 0 for share in (validation, test)]
     if len(episodes) <= sum(held):
@@ -168,7 +166,8 @@ def draw_parts(
         raise DatasetError(f"{len(episodes)} episodes are too few to {wanted}")
     shuffled = generator(seed, "split").permutation(episodes)
     in_test = np.isin(labels, shuffled[: held[1]])
-    return np.isin(labels, shuffled[held[1] : sum(held)]), in_test
+    in_validation = np.isin(labels, shuffled[held[1] : sum(held)])
+    return ~(in_test | in_validation), in_validation, in_test
 
 
 def check_held_out(split: Split) -> None:

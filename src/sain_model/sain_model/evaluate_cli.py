@@ -186,8 +186,7 @@ def _held_out(data: Transitions, card: Card) -> Mask:
         raise DatasetError(
             "the checkpoint learned from all of this data (test 0); evaluate it on other episodes"
         )
-    _, in_test = draw_parts(data.episodes, *used)
-    return in_test
+    return draw_parts(data.episodes, *used)[-1]
 
 
 if __name__ == "__main__":

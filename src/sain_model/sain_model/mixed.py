@@ -96,10 +96,8 @@ def split_datasets(
     """Split a data set so that no episode is in two parts; see `split_by_episode`."""
     if isinstance(data, Transitions):
         return split_by_episode(data, seed, validation, test)
-    in_validation, in_test = draw_parts(data.episodes, seed, validation, test)
-    return MixedSplit(
-        data.select(~(in_test | in_validation)), data.select(in_validation), data.select(in_test)
-    )
+    parts = draw_parts(data.episodes, seed, validation, test)
+    return MixedSplit(*(data.select(rows) for rows in parts))
 
 
 def _disks(part: Transitions) -> int:
