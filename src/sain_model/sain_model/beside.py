@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from sain_core.dynamics import Dynamics
 from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
+from sain_model.open_loop import CarriesState
 
 AT_ONCE: Final = 32  # pushes between two looks at the clock
 
@@ -82,6 +83,8 @@ def followed(
 ) -> Iterator[dict[str, Dynamics]]:
     """Give the same dynamics, each with a bar that shows how far it has come.
 
+    One that carries a state through its rollouts is asked for whole ones, and has no bar.
+
     Args:
         dynamics: by name.
         pushes: how many each is going to predict.
@@ -92,11 +95,12 @@ def followed(
         return
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeRemainingColumn(), console=console) as bars:
-        tasks = {name: bars.add_task(name, total=pushes) for name in dynamics}
-        yield {
-            name: Followed(one, partial(bars.advance, tasks[name]))
-            for name, one in dynamics.items()
-        }
+        shown = dict(dynamics)
+        for name, one in dynamics.items():
+            if not isinstance(one, CarriesState):
+                task = bars.add_task(name, total=pushes)
+                shown[name] = Followed(one, partial(bars.advance, task))
+        yield shown
 
 
 def refusals(dynamics: Mapping[str, Dynamics]) -> dict[str, int]:

@@ -53,7 +53,7 @@ class EvaluateCommand:
     """A checkpoint of kind "recurrent", trained with --steps-ahead, to stand beside it."""
     beside: tuple[str, ...] = ()
     """More to roll out: priors (planar_axes), paths of checkpoints, or physics that other packages
-    offer by name: bullet (nominal) and bullet_measured, the simulator itself, 10 ms a push."""
+    offer by name: bullet (nominal) and bullet_measured, the simulator itself, 15 ms a push."""
     open_loop: tuple[int, ...] = STEPS
     """After how many pushes errors of rollouts are taken; none: no rollouts."""
     out: Path = Path("evaluation.json")
