@@ -33,9 +33,9 @@ from sain_model.load import (
     shipped_checkpoint,
 )
 from sain_model.metrics import LEARNED
-from sain_model.open_loop import RECURRENT_SAIN, RESIDUAL_SAIN, STEPS
+from sain_model.open_loop import NAMES, RECURRENT_SAIN, STEPS
 from sain_model.open_loop_report import report_open_loop
-from sain_model.sain import RECURRENT, RESIDUAL, SainDynamics
+from sain_model.sain import SainDynamics
 from sain_model.windows import make_windows
 
 
@@ -52,8 +52,7 @@ class EvaluateCommand:
     recurrent: Path | None = None
     """A checkpoint of kind "recurrent", trained with --steps-ahead, to stand beside it."""
     beside: tuple[str, ...] = ()
-    """More to roll out: priors (planar_axes), paths of checkpoints, or physics that other packages
-    offer by name: bullet (nominal) and bullet_measured, the simulator itself, 15 ms a push."""
+    """More: priors, checkpoints, physics of other packages: bullet, bullet_measured (slow)."""
     open_loop: tuple[int, ...] = STEPS
     """After how many pushes errors of rollouts are taken; none: no rollouts."""
     out: Path = Path("evaluation.json")
@@ -104,8 +103,7 @@ def _models(
 ) -> dict[str, Dynamics]:
     """Return the models to roll out, by name."""
     models: dict[str, Dynamics] = {} if learned is None else {LEARNED: learned}
-    names = {RECURRENT: RECURRENT_SAIN, RESIDUAL: RESIDUAL_SAIN}
-    models[names.get(sain.kind, sain.kind)] = sain
+    models[NAMES.get(sain.kind, sain.kind)] = sain
     if command.recurrent:
         models[RECURRENT_SAIN] = load_sain(command.recurrent)
     own = [name for name in command.beside if _is_own(name) and name not in PRIORS]
