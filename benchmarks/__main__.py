@@ -9,7 +9,7 @@ import sys
 
 import benchmarks
 
-HELPERS = {"__main__", "report", "wire", "identification"}
+HELPERS = {"__main__", "report", "timing", "wire", "identification"}
 ON_DATA = {
     "ensembles",
     "open_loop",

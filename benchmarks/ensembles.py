@@ -23,7 +23,6 @@ import torch
 import tyro
 from rich.console import Console
 
-from benchmarks.rough_world import ratio
 from sain_core.scene import TARGET
 from sain_core.storage import write_whole
 from sain_model.batches import BOOTSTRAP, ORDER
@@ -35,9 +34,10 @@ from sain_model.dataset import (
     load_transitions,
     split_by_episode,
 )
+from sain_model.evaluation_history import predict_with_history
 from sain_model.features import RELATION_FEATURES
-from sain_model.interval_fit import fit_intervals, predict_with_history
-from sain_model.metrics import position_errors
+from sain_model.interval_fit import fit_intervals
+from sain_model.metrics import position_errors, ratio_over_episodes
 from sain_model.network import InteractionNetwork, ensemble
 from sain_model.sain import SainDynamics
 from sain_model.training import Trainer, TrainingConfig, prior_and_filter
@@ -81,7 +81,7 @@ def main() -> None:
         for members, diversity in ((1, ORDER), (command.size, ORDER), (command.size, BOOTSTRAP)):
             row, errors = measure(command, with_members(config, members, diversity), split, outside)
             alone = errors if alone is None else alone
-            row["to one network"] = ratio(errors, alone, split.test.episodes)
+            row["to one network"] = ratio_over_episodes(errors, alone, split.test.episodes, seed=0)
             rows.append(row)
             show(row)
             report = {"dataset": str(command.dataset), "sha256": data.sha256, "speed": speed}

@@ -10,7 +10,6 @@ on who else uses the machine; the load average says whether anybody did.
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ import tyro
 
 from benchmarks.planar_prior import draw
 from benchmarks.report import Figure, report
+from benchmarks.timing import fastest
 from sain_core.dynamics import StepwiseRollout
 from sain_core.types import Pushes, Scenes
 from sain_model.load import load_dynamics
@@ -57,26 +57,6 @@ class Reference:
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         return self.network.correct(scenes, pushes, self.prior.step(scenes, pushes))
-
-
-@dataclass(frozen=True)
-class Shortest:
-    """Shortest times of a call [s]."""
-
-    wall: float
-    processor: float
-    """of all cores together: hardly depends on who else uses the machine"""
-
-
-def fastest(works: dict[str, Callable[[], object]], repeats: int) -> dict[str, Shortest]:
-    """Return the shortest times of each, taken in turns; the first is not counted."""
-    times: dict[str, list[tuple[float, float]]] = {name: [] for name in works}
-    for _ in range(repeats + 1):
-        for name, work in works.items():
-            begun, used = time.perf_counter(), time.process_time()
-            work()
-            times[name].append((time.perf_counter() - begun, time.process_time() - used))
-    return {name: Shortest(*np.min(values[1:], axis=0)) for name, values in times.items()}
 
 
 def peak(threads: int) -> Callable[[], object]:

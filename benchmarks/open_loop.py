@@ -15,10 +15,10 @@ of the rows need the simulator:
   an error.
 """
 
-import contextlib
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -31,17 +31,21 @@ from rich.progress import track
 
 from sain_core.dynamics import Dynamics
 from sain_core.errors import SainError
-from sain_core.scene import POSITION, TARGET
+from sain_core.push import LENGTH
+from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
 from sain_core.types import PushArray, Scene
+from sain_model.beside import followed
 from sain_model.dataset import Transitions, load_transitions
 from sain_model.features import apply_residual, true_residual
 from sain_model.load import load_sain
-from sain_model.metrics import LEARNED, MOVED, bootstrap_over_episodes, position_errors
-from sain_model.open_loop import RECURRENT_SAIN, RESIDUAL_SAIN, predict_open_loop
+from sain_model.markdown import markdown_table
+from sain_model.metrics import LEARNED, bootstrap_over_episodes, position_errors, target_moved
+from sain_model.open_loop import RECURRENT_SAIN, RESIDUAL_SAIN, predict_open_loop, roll_out
 from sain_model.windows import Windows, make_windows
-from sain_sim.parameters import WorldParameters
+from sain_sim.bullet import Bullet
+from sain_sim.parameters import CUBE, PAPER, RANGES, WorldParameters
 from sain_sim.shadow import MEASURED, TRUE, BulletPrior
 from sain_sim.truth import TruthConfig
 from sain_sim.world import WorldConfig
@@ -80,8 +84,7 @@ def main() -> None:
     data = load_transitions(command.dataset)
     windows = first_windows(data, command)
     predictions = model_predictions(data, windows, command)
-    with BulletPrior(MEASURED) as bullet:
-        predictions["bullet, measured"] = roll(windows, lambda window: bullet.predict)
+    predictions["bullet, measured"] = bullet_predictions(windows)
     predictions |= truths_with_errors(data, windows, command)
     report = summary(windows, predictions, command.seed)
     print(f"{len(windows)} windows of as many episodes\n")
@@ -118,59 +121,65 @@ def model_predictions(data: Transitions, windows: Windows, command: Command) -> 
     }
 
 
+def bullet_predictions(windows: Windows) -> ndarray:
+    """Return what Bullet with measured masses and radii says (W, T, N, 8)."""
+    console, pushes = Console(stderr=True), int(np.count_nonzero(windows.pushes[..., LENGTH]))
+    with Bullet(MEASURED) as bullet, followed({"bullet": bullet}, pushes, console) as shown:
+        return roll_out(shown["bullet"], windows.scenes, windows.pushes)
+
+
 def truths_with_errors(data: Transitions, windows: Windows, command: Command) -> dict[str, ndarray]:
     """Return rollouts of the truth's own world with a model's errors added after every push."""
     sain = load_sain(command.residual)
     predicted = sain.step(data.scenes, data.pushes)
     errors = true_residual(data.next_scenes, data.pushes, predicted)
-    moved = target_moves(data.scenes, predicted)
+    moved = target_moved(data.scenes, predicted)
     groups = {flag: errors[moved == flag] for flag in (False, True)}
     found = {}
     for scale in command.scales:
 
-        def predictor(window: int, scale: float = scale) -> Predict:
+        @contextmanager
+        def truth(window: int, scale: float = scale) -> Iterator[Predict]:
             random = generator(command.seed, "errors", window)
-            episode = int(windows.episodes[window])
-            truth = BulletPrior(TRUE, WorldConfig(), parameters(command.dataset, episode))
+            known = parameters(command.dataset, int(windows.episodes[window]))
 
             def predict(scene: Scene, push: PushArray) -> Scene:
-                after = truth.predict(scene, push)
-                group = groups[bool(target_moves(scene[None], after[None])[0])]
+                after = world.predict(scene, push)
+                group = groups[bool(target_moved(scene[None], after[None])[0])]
                 error = scale * group[random.integers(len(group))]
                 return apply_residual(after[None], push[None], error[None])[0]
 
-            return predict
+            with BulletPrior(TRUE, WorldConfig(), known) as world:
+                yield predict
 
-        found[f"truth + {scale:g} x errors of single pushes"] = roll(windows, predictor)
+        found[f"truth + {scale:g} x errors of single pushes"] = roll(windows, truth)
     return found
 
 
 def parameters(dataset: Path, episode: int) -> WorldParameters:
     """Return what an episode of a collection was made of."""
     settings = json.loads((dataset / "collection.json").read_text())
-    truth = TruthConfig(**settings.get("truth", {}))
+    truth, ranges = TruthConfig(**settings.get("truth", {})), settings.get("parameters", PAPER)
     random = generator(settings["seed"], "episode", episode)
-    return truth.draw(random, settings["disks"], settings["shape"])
+    drawn = truth.draw(random, settings["disks"], settings["shape"], RANGES[ranges])
+    if settings.get("target") != CUBE:
+        return drawn
+    return replace(drawn, shapes=(drawn.shapes[0], CUBE, *drawn.shapes[2:]))
 
 
-def target_moves(scenes: ndarray, after: ndarray) -> ndarray:
-    """Tell which targets (M,) moved by more than the paper's threshold."""
-    way = after[:, TARGET, POSITION] - scenes[:, TARGET, POSITION]
-    return np.asarray(np.linalg.norm(way, axis=-1) > MOVED)
-
-
-def roll(windows: Windows, predictor: Callable[[int], Predict]) -> ndarray:
-    """Return rollouts (W, T, N, 8) of what predicts one push.
+def roll(windows: Windows, worlds: Callable[[int], AbstractContextManager[Predict]]) -> ndarray:
+    """Return rollouts (W, T, N, 8), each in the world of its window.
 
     A push that the arm cannot carry out in the predicted scene moves nothing: a world refuses it.
     """
     predicted = np.empty_like(windows.next_scenes)
     for window in track(range(len(windows)), console=Console(stderr=True)):
-        predict, scene = predictor(window), windows.scenes[window]
-        for step, push in enumerate(windows.pushes[window]):
-            with contextlib.suppress(SainError):
-                scene = predict(scene, push)
-            predicted[window, step] = scene
+        scene = windows.scenes[window]
+        with worlds(window) as predict:
+            for step, push in enumerate(windows.pushes[window]):
+                with suppress(SainError):
+                    scene = predict(scene, push)
+                predicted[window, step] = scene
     return predicted
 
 
@@ -191,13 +200,13 @@ def summary(
 
 def show(report: dict[str, dict[str, list[float]]]) -> None:
     """Print the report as a table in Markdown."""
-    console = Console(width=160, highlight=False)
     steps = list(next(iter(report.values())))
-    console.print(f"| target mean, mm, after | {' | '.join(f'{step} pushes' for step in steps)} |")
-    console.print(f"| --- |{' ---: |' * len(steps)}")
-    for name, rows in report.items():
-        cells = ["{:.2f} [{:.2f}, {:.2f}]".format(*row) for row in rows.values()]
-        console.print(f"| {name} | {' | '.join(cells)} |", markup=False)
+    header = ["target mean, mm, after", *(f"{step} pushes" for step in steps)]
+    rows = [
+        [name, *("{:.2f} [{:.2f}, {:.2f}]".format(*row) for row in rows.values())]
+        for name, rows in report.items()
+    ]
+    print(markdown_table(header, rows), end="")
 
 
 if __name__ == "__main__":

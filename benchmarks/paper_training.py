@@ -126,8 +126,7 @@ def main() -> None:
         "paper": follow(command, "paper", paper, split, prior, command.epochs),
         "ours": follow(command, "ours", ours, split, prior, ours.epochs),
     }
-    seen = NetworkConfig(features=command.features)
-    examples = make_examples(split.validation, prior, None, seen)
+    examples = make_examples(split.validation, prior, None, network)
     nothing = mixed_loss(
         torch.zeros_like(examples.residual), examples, torch.arange(len(examples)), PAPER.loss
     )
@@ -141,8 +140,7 @@ def follow(
     folder = command.out / name
     seeded = replace(config, seed=command.seed)
     trainer = Trainer(split, prior, seeded, folder)
-    seen = NetworkConfig(features=command.features)
-    examples = make_examples(split.validation, prior, None, seen)
+    examples = make_examples(split.validation, prior, None, config.network)
     course = Course(folder / "course.json", trainer, examples, epochs)
     if len(course.losses) < trainer.epoch:
         raise SystemExit(f"{folder} was cut between state and course; remove it to start anew")

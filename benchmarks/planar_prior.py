@@ -4,8 +4,7 @@ Whole pushes a second of the planar prior, on one core and on two, beside Bullet
 and what the network adds. Scenes have two touching disks, pushes come from any side.
 """
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 import tyro
 
 from benchmarks.report import Figure, report
+from benchmarks.timing import fastest
 from sain_core.push import PushLimits
 from sain_core.scene import make_scene, unit
 from sain_core.seeding import generator
@@ -53,17 +53,6 @@ def draw(batch: int, seed: int) -> tuple[Scenes, Pushes]:
     return scenes, PushLimits().sample(random, batch)
 
 
-def fastest(work: Callable[[], object], repeats: int) -> float:
-    """Return the shortest of several wall-clock times [s], the first not counted."""
-    work()
-    times = []
-    for _ in range(repeats):
-        begun = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - begun)
-    return min(times)
-
-
 @contextmanager
 def on_threads(threads: int) -> Iterator[None]:
     """Let kernels run on so many threads meanwhile."""
@@ -80,7 +69,8 @@ def prior_rate(options: Options, threads: int) -> float:
     scenes, pushes = draw(options.batch, options.seed)
     prior = PlanarPrior()
     with on_threads(threads):
-        return options.batch / fastest(lambda: prior.step(scenes, pushes), options.repeats)
+        times = fastest({"step": lambda: prior.step(scenes, pushes)}, options.repeats)
+    return options.batch / times["step"].wall
 
 
 def bullet_rate(options: Options) -> float:
@@ -96,7 +86,8 @@ def correction_time(options: Options) -> float:
     sain = load_sain(shipped_checkpoint())
     physics_next = sain.prior.step(scenes, pushes)
     with on_threads(1):
-        return fastest(lambda: sain.correct(scenes, pushes, physics_next), 3 * options.repeats)
+        works = {"correct": lambda: sain.correct(scenes, pushes, physics_next)}
+        return fastest(works, 3 * options.repeats)["correct"].wall
 
 
 def main() -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from sain_core.storage import write_whole
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -56,6 +58,4 @@ def report(title: str, figures: list[Figure], out: Path | None = None) -> None:
                 for figure in figures
             ],
         }
-        partial = out.with_suffix(".partial")
-        partial.write_text(json.dumps(content, indent=2) + "\n")
-        partial.replace(out)
+        write_whole(out, (json.dumps(content, indent=2) + "\n").encode())

@@ -17,14 +17,14 @@ import tyro
 from numpy import ndarray
 from rich.console import Console
 
-from sain_core.scene import POSITION, TARGET
+from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scenes
 from sain_model.checkpoint import load_checkpoint
 from sain_model.dataset import Transitions, load_transitions, split_by_episode
 from sain_model.features import apply_residual, true_residual
 from sain_model.load import load_sain
-from sain_model.metrics import MOVED, bootstrap_over_episodes, position_errors
+from sain_model.metrics import bootstrap_over_episodes, position_errors, target_moved
 from sain_model.open_loop import roll_out
 from sain_model.sain import SainDynamics
 from sain_model.windows import Windows, make_windows
@@ -56,7 +56,7 @@ class Particles:
     ) -> None:
         predicted = sain.step(validation.scenes, validation.pushes)
         errors = true_residual(validation.next_scenes, validation.pushes, predicted)
-        moved = _target_moves(validation.scenes, predicted)
+        moved = target_moved(validation.scenes, predicted)
         self._groups = [errors[moved == flag] for flag in (False, True)]
         self._sain, self._random = sain, random
 
@@ -65,7 +65,7 @@ class Particles:
         drawn = [
             group[self._random.integers(len(group), size=len(pushes))] for group in self._groups
         ]
-        moved = _target_moves(scenes, after)
+        moved = target_moved(scenes, after)
         return apply_residual(after, pushes, np.where(moved[:, None, None], drawn[1], drawn[0]))
 
 
@@ -111,11 +111,6 @@ def show(
         low, high = bootstrap_over_episodes(errors, windows.episodes[rows], command.seed)
         cells.append(f"{errors.mean():.2f} [{low:.2f}, {high:.2f}]")
     console.print(f"| {name} | {' | '.join(cells)} |", markup=False)
-
-
-def _target_moves(scenes: Scenes, after: Scenes) -> ndarray:
-    way = after[:, TARGET, POSITION] - scenes[:, TARGET, POSITION]
-    return np.asarray(np.linalg.norm(way, axis=-1) > MOVED)
 
 
 if __name__ == "__main__":

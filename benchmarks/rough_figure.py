@@ -3,7 +3,6 @@
 ./env python -m benchmarks.rough_figure runs/effects/mass.json runs/effects/tilt.json
 """
 
-import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ import tyro
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sain_core.storage import write_whole
+from sain_model.png import write_png
 
 BARS = (  # how the names of rows begin, what they are called, colour
     ("", "physics, measured", "#8c8c8c"),  # the best of them
@@ -50,9 +49,7 @@ def main() -> None:
     axes.grid(axis="y", alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     figure.legend(frameon=False, ncols=6, loc="outside upper center")
-    buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=110, format="png")
-    write_whole(command.out, buffer.getvalue())
+    write_png(command.out, figure, dots_per_inch=110)
 
 
 def draw(axes: Axes, reports: list[dict[str, Any]], bar: int) -> None:

@@ -13,32 +13,40 @@ inside physics `--inside-steps`, and all the weights that do best on the validat
 import json
 import tempfile
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import torch
 import tyro
-from rich.console import Console
 
 from benchmarks.identification import identify
 from sain_core.dynamics import Dynamics
-from sain_core.scene import POSITION, TARGET
-from sain_core.seeding import generator
+from sain_core.scene import TARGET
 from sain_core.storage import write_whole
 from sain_model.dataset import (
     Split,
     Transitions,
+    check_held_out,
     limit_training,
     load_transitions,
     split_by_episode,
 )
 from sain_model.features import PUSH_FRAME, WORLD_FRAME
 from sain_model.inside import InsideSain
-from sain_model.inside_cli import told_prior
 from sain_model.inside_network import InsideNetworkConfig
 from sain_model.inside_training import InsideTrainingConfig, make_trainers, train_members
-from sain_model.load import PLANAR, PLANAR_AXES, load_prior
+from sain_model.load import PLANAR, PLANAR_AXES, load_prior, load_told_prior
+from sain_model.markdown import markdown_table
+from sain_model.metrics import (
+    FLOOR,
+    LEARNED,
+    NO_MOTION,
+    SAIN,
+    position_errors,
+    ratio_over_episodes,
+)
 from sain_model.network import NetworkConfig
 from sain_model.planar import PlanarConfig, PlanarPrior
 from sain_model.planar_axes import AXES
@@ -47,10 +55,9 @@ from sain_model.training import Trainer, TrainingConfig
 from sain_sim.shadow import MEASURED, BulletPrior
 
 FRICTIONS = np.arange(0.06, 0.245, 0.01)  # tried for the prior whose friction is fitted
-RESAMPLES = 2000
 BATCH = 64
 RATIOS = ("to physics", "to learned only", "to learned only with the next size")
-LEARNED_ONLY, INSIDE, IDENTIFIED = "learned only", "SAIN inside", "physics, identified"
+INSIDE, IDENTIFIED = "SAIN inside", "physics, identified"
 
 
 @dataclass(frozen=True)
@@ -88,6 +95,7 @@ def main() -> None:
     torch.set_num_threads(1)
     command = tyro.cli(Command, description=main.__doc__)
     split = split_by_episode(load_transitions(command.dataset), command.seed, 0.1, command.test)
+    check_held_out(split)
     errors = physics_errors(split)
     best = min((name for name in errors if name.startswith(("planar", "bullet"))),
                key=lambda name: float(np.nanmean(errors[name])))  # fmt: skip
@@ -95,7 +103,7 @@ def main() -> None:
     for size in sizes:
         part = limit_training(split, size)
         for frame in command.frames:
-            for prior, name in ((IDENTITY, LEARNED_ONLY), (command.prior, "SAIN")):
+            for prior, name in ((IDENTITY, LEARNED), (command.prior, SAIN)):
                 label = f"{name}, {frame}, {size}"
                 errors[label] = network_errors(part, prior, frame, command)
         errors[f"{IDENTIFIED}, {size}"] = identified_errors(part, command)
@@ -113,9 +121,9 @@ def physics_errors(split: Split) -> dict[str, np.ndarray]:
     with BulletPrior(MEASURED) as bullet:
         measured = bullet.step(test.scenes, test.pushes)
     errors = {
-        "no motion": distances(test.scenes, test),
-        "bullet, nominal: f_p": distances(test.physics_next, test),
-        "bullet, measured": distances(measured, test),
+        NO_MOTION: target_distances(test.scenes, test),
+        "bullet, nominal: f_p": target_distances(test.physics_next, test),
+        "bullet, measured": target_distances(measured, test),
     }
     for name, config in ((PLANAR, PlanarConfig()), (PLANAR_AXES, AXES)):
         prior = PlanarPrior(config)
@@ -123,7 +131,7 @@ def physics_errors(split: Split) -> dict[str, np.ndarray]:
         for friction, note in ((0.12, ""), (0.14, ""), (float(fitted), "fitted ")):
             label = f"{name}, measured, {note}{friction:.2f}"
             errors[label] = target_errors(test, prior.at(friction))
-    errors["floor"] = distances(test.floor_next, test)
+    errors[FLOOR] = target_distances(test.floor_next, test)
     return errors
 
 
@@ -146,12 +154,12 @@ def network_errors(split: Split, prior_name: str, frame: str, command: Command) 
             trainer.run()
         sain = SainDynamics(trainer.network, prior, prior_name)
         predicted.append(sain.step(split.test.scenes, split.test.pushes))
-    return distances(np.mean(predicted, axis=0), split.test)  # of headings no mean is asked
+    return target_distances(np.mean(predicted, axis=0), split.test)  # of headings no mean is asked
 
 
 def inside_errors(split: Split, command: Command) -> np.ndarray:
     """Train networks inside a prior and return their errors (M,) [mm] on what is held out."""
-    prior = told_prior(command.prior, command.prior_friction)
+    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
     network = InsideNetworkConfig(hidden=command.hidden, members=command.members)
     config = InsideTrainingConfig(
         seed=command.seed, steps=command.inside_steps, batch=BATCH, network=network
@@ -163,66 +171,54 @@ def inside_errors(split: Split, command: Command) -> np.ndarray:
 
 def identified_errors(split: Split, command: Command) -> np.ndarray:
     """Return the errors (M,) [mm] of the prior that is told the same of every push."""
-    prior, test = told_prior(command.prior, command.prior_friction), split.test
+    prior, test = load_told_prior(command.prior, {"friction": command.prior_friction}), split.test
     told = np.tile(identify(prior, split.train), (len(test), 1, 1))
-    return distances(prior.step_told(test.scenes, test.pushes, told), test)
+    return target_distances(prior.step_told(test.scenes, test.pushes, told), test)
 
 
 def target_errors(data: Transitions, dynamics: Dynamics) -> np.ndarray:
     """Return how far off the target's predicted positions are, (M,) [mm]."""
-    return distances(dynamics.step(data.scenes, data.pushes), data)
+    return target_distances(dynamics.step(data.scenes, data.pushes), data)
 
 
-def distances(predicted: np.ndarray, data: Transitions) -> np.ndarray:
+def target_distances(predicted: np.ndarray, data: Transitions) -> np.ndarray:
     """Return the distances (M,) [mm] of targets predicted and targets seen."""
-    missing = predicted[:, TARGET, POSITION] - data.next_scenes[:, TARGET, POSITION]
-    return np.asarray(1e3 * np.linalg.norm(missing, axis=-1))
+    return position_errors(predicted, data.next_scenes, TARGET)
 
 
 def summary(
     errors: dict[str, np.ndarray], episodes: np.ndarray, best: str, sizes: tuple[int, ...]
 ) -> dict[str, object]:
     """Return means, and ratios of means to the best physics prior and to the network alone."""
-    rows = {}
+    rows, ratio = {}, partial(ratio_over_episodes, seed=0)
     for name, values in errors.items():
         known = np.isfinite(values)
         mean, *interval = ratio(values[known], np.ones(known.sum()), episodes[known])
         row: dict[str, object] = {"mean": mean, "interval": interval}
-        if name.startswith(("SAIN", LEARNED_ONLY, IDENTIFIED)):
+        if name.startswith((SAIN, LEARNED, IDENTIFIED)):
             row["to physics"] = ratio(values, errors[best], episodes)
-        if name.startswith("SAIN"):
-            alone = errors[name.replace(INSIDE, LEARNED_ONLY).replace("SAIN", LEARNED_ONLY)]
+        if name.startswith(SAIN):
+            alone = errors[name.replace(INSIDE, LEARNED).replace(SAIN, LEARNED)]
             row["to learned only"] = ratio(values, alone, episodes)
             following = sizes[sizes.index(int(name.split(", ")[-1])) + 1 :][:1]
             for size in following:
-                other = errors[f"{LEARNED_ONLY}, {name.split(', ')[1]}, {size}"]
+                other = errors[f"{LEARNED}, {name.split(', ')[1]}, {size}"]
                 row["to learned only with the next size"] = ratio(values, other, episodes)
         rows[name] = row
     return {"errors": rows, "held out": len(episodes), "episodes": len(np.unique(episodes))}
 
 
-def ratio(above: np.ndarray, below: np.ndarray, episodes: np.ndarray) -> list[float]:
-    """Return the ratio of two means and its 95 % interval when episodes are drawn again."""
-    _, place = np.unique(episodes, return_inverse=True)
-    first, second = np.bincount(place, above), np.bincount(place, below)
-    drawn = generator(0, "ratio").integers(len(first), size=(RESAMPLES, len(first)))
-    ratios = first[drawn].sum(axis=1) / second[drawn].sum(axis=1)
-    low, high = np.quantile(ratios, [0.025, 0.975])
-    return [float(above.sum() / below.sum()), float(low), float(high)]
-
-
 def show(report: dict[str, object]) -> None:
     """Print the report as a table in Markdown."""
-    console = Console(width=140, highlight=False)
-    console.print(
+    print(
         f"{report['dataset']}: {report['train']} to train on, held out {report['held out']}"
         f" of {report['episodes']} episodes; best physics: {report['best physics']}\n"
     )
-    console.print("| prediction | target mean, mm | " + " | ".join(RATIOS) + " |")
-    console.print("| --- | ---: |" + " ---: |" * len(RATIOS))
-    for name, row in report["errors"].items():  # type: ignore[attr-defined]
-        cells = [_interval(row.get(key)) for key in RATIOS]
-        console.print(f"| {name} | {row['mean']:.2f} | {' | '.join(cells)} |", markup=False)
+    rows = [
+        [name, f"{row['mean']:.2f}", *(_interval(row.get(key)) for key in RATIOS)]
+        for name, row in report["errors"].items()  # type: ignore[attr-defined]
+    ]
+    print(markdown_table(["prediction", "target mean, mm", *RATIOS], rows), end="")
 
 
 def _interval(values: list[float] | None) -> str:

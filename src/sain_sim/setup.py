@@ -22,5 +22,9 @@ setup(
             "sim_node = sain_sim.ros.sim_node:main",
             "collect = sain_sim.collect_cli:main",
         ],
+        "sain.dynamics": [
+            "bullet = sain_sim.bullet:load_dynamics",
+            "bullet_measured = sain_sim.bullet:load_dynamics",
+        ],
     },
 )

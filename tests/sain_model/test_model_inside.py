@@ -1,6 +1,7 @@
 """A network inside physics finds out what physics was not told; and keeps it."""
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSITION, TARGET
 from sain_model import corrections as told
 from sain_model import inside_cli
+from sain_model.checkpoint import INSIDE_ARCHITECTURE, Card, card_path, save_checkpoint
 from sain_model.dataset import Split, load_transitions, split_by_episode
 from sain_model.inside import InsideSain
 from sain_model.inside_network import InsideNetworkConfig, InsideNetworks
@@ -22,11 +24,13 @@ from sain_model.inside_training import (
     make_trainers,
     train_members,
 )
-from sain_model.load import load_dynamics
+from sain_model.load import PLANAR_AXES, load_dynamics, load_told_prior
 from sain_model.planar import PlanarPrior
+from sain_model.planar_axes import AXES
 from sain_model.serving import ModelServer, ServingConfig
 
 SMALL = InsideNetworkConfig(hidden=16, message=8)
+OPTIONS = ["--steps", "6", "--rounds", "2", "--hidden", "8", "--validation", "0.2", "--test", "0.2"]
 SHORT = InsideTrainingConfig(steps=20, rounds=4, batch=16, network=SMALL)
 
 
@@ -123,8 +127,7 @@ def test_members_differ_and_are_averaged(laboratory, tmp_path) -> None:
 
 
 def test_the_command_writes_a_checkpoint_that_is_a_dynamics(dataset, tmp_path, capsys) -> None:
-    arguments = [str(dataset), "--out", str(tmp_path), "--steps", "6", "--rounds", "2"]
-    arguments += ["--members", "2", "--hidden", "8", "--validation", "0.2", "--test", "0.2"]
+    arguments = [str(dataset), "--out", str(tmp_path), *OPTIONS, "--members", "2"]
     assert inside_cli.main(arguments) == 0
     path = tmp_path / "inside.safetensors"
     sain = load_dynamics(str(path))
@@ -141,3 +144,60 @@ def test_the_command_writes_a_checkpoint_that_is_a_dynamics(dataset, tmp_path, c
         load_dynamics(str(path))
     assert inside_cli.main([*arguments, "--prior", "identity"]) == 1
     assert "the prior 'identity' cannot be told" in capsys.readouterr().err
+
+
+def test_without_held_out_episodes_nothing_is_trained(dataset, tmp_path, capsys) -> None:
+    assert inside_cli.main([str(dataset), "--out", str(tmp_path), *OPTIONS, "--test", "0"]) == 1
+    assert "errors need held-out episodes; give --test above 0" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_settings_are_written_when_a_state_was_accepted(dataset, tmp_path) -> None:
+    arguments = [str(dataset), "--out", str(tmp_path), *OPTIONS]
+    assert inside_cli.main(arguments) == 0
+    settings = tmp_path / "config.json"
+    assert json.loads(settings.read_text())["training"]["learning_rate"] == 2e-3
+    kept = settings.read_bytes()
+    assert inside_cli.main([*arguments, "--learning-rate", "1e-3"]) == 1  # of another training
+    assert settings.read_bytes() == kept
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("inside") / "inside.safetensors"
+    prior = load_told_prior(PLANAR_AXES, {"friction": 0.14})
+    settings = {"prior": PLANAR_AXES, "prior_config": asdict(prior.config), "network": {}}
+    save_checkpoint(path, InsideNetworks(SMALL), Card(**settings, architecture=INSIDE_ARCHITECTURE))
+    return path
+
+
+def with_card(checkpoint: Path, folder: Path, **changes: object) -> str:
+    """The path of a copy whose card says something else."""
+    path = folder / checkpoint.name
+    path.write_bytes(checkpoint.read_bytes())
+    card = json.loads(card_path(checkpoint).read_text()) | changes
+    card_path(path).write_text(json.dumps(card))
+    return str(path)
+
+
+def test_what_a_card_leaves_out_is_the_usual_of_its_own_prior(checkpoint, tmp_path) -> None:
+    whole = load_dynamics(str(checkpoint))
+    assert isinstance(whole, InsideSain) and whole.prior.config == replace(AXES, friction=0.14)
+    path = with_card(checkpoint, tmp_path, prior_config={"friction": 0.14})
+    assert load_dynamics(path).prior.config == whole.prior.config
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"prior_config": {"friction": "0.14"}}, "friction is '0.14'; it must be of type float"),
+        ({"prior_config": {"frictoin": 0.14}}, "frictoin"),
+        ({"prior_config": {"friction": -1.0}}, r"PlanarConfig\.friction is -1\.0"),
+        ({"prior": "identity"}, "the prior 'identity' cannot be told"),
+        ({"network": {"hidden": "16"}}, "network: hidden is '16'; it must be of type int"),
+    ],
+)
+def test_a_card_that_is_not_sound_is_refused(checkpoint, tmp_path, changes, message) -> None:
+    path = with_card(checkpoint, tmp_path, **changes)
+    with pytest.raises(CheckpointError, match=rf"inside\.json: .*{message}"):
+        load_dynamics(path)

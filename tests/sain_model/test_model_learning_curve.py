@@ -59,6 +59,14 @@ def test_more_than_there_is_cannot_be_learned_from(split: Split, tmp_path: Path)
     assert not list(tmp_path.iterdir())
 
 
+def test_without_held_out_episodes_nothing_is_trained(dataset: Path, tmp_path: Path) -> None:
+    split = split_by_episode(load_transitions(dataset), 0, 0.2, 0.0)
+    with pytest.raises(DatasetError, match="errors need held-out episodes; give --test above 0"):
+        learning_curve(split, SMALL, SIZES, STEPS, tmp_path)
+    assert learning_curve_cli.main([str(dataset), "--out", str(tmp_path), "--test", "0"]) == 1
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_command_writes_table_picture_and_figures(dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "curves"
     words = f"{dataset} --out {out} --sizes 20 60 --steps 8 --batch 16 --hidden 8 --layers 1"

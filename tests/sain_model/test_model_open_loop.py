@@ -124,6 +124,8 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
         assert server.description.kind == kind
         shown = card["errors"]["open_loop"]["5"]
         assert shown["windows"] == 10  # 5 episodes of 6 pushes held out
+        name = "learned only" if kind == "learned" else f"{kind} SAIN"
+        assert set(shown["target_mean"]) == {MEASURED, name}
     assert card["rollouts"]["steps_ahead"] == 3
     assert card["training"]["rollouts"]["best_epoch"] in (1, 2)
     assert (tmp_path / "recurrent" / "rollout_loss.png").exists()

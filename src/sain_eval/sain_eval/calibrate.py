@@ -131,7 +131,8 @@ def calibrate(
     data = data.select(on_table(data, Table()))
     numbers = generator(config.seed, "calibrate").permutation(np.unique(data.episodes))
     fitting = np.isin(data.episodes, numbers[: round(config.fit_share * len(numbers))])
-    part, rest = data.select(fitting & target_moved(data)), data.select(~fitting)
+    moved = target_moved(data.scenes, data.next_scenes)
+    part, rest = data.select(fitting & moved), data.select(~fitting)
     if not len(part) or not len(rest):
         raise DatasetError(f"{len(data)} pushes of {len(numbers)} episodes are too few to fit")
     best = _fit(part, config, progress)
@@ -196,7 +197,8 @@ def _judge(
         "in use": PlanarPrior().step(data.scenes, data.pushes, data.friction),
         "floor": data.floor_next,
     }
-    parts = {"all": np.ones(len(data), dtype=bool), "target_moved": target_moved(data)}
+    moved = target_moved(data.scenes, data.next_scenes)
+    parts = {"all": np.ones(len(data), dtype=bool), "target_moved": moved}
     return {
         part: {
             name: accuracy(predicted[rows & known], data.next_scenes[rows & known])

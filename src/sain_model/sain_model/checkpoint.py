@@ -25,6 +25,7 @@ from sain_model.network import InteractionNetwork, NetworkConfig
 
 FORMAT_VERSION: Final = 1
 ARCHITECTURE: Final = "interaction-network"
+INSIDE_ARCHITECTURE: Final = "network-inside-physics"
 SUFFIX: Final = ".safetensors"
 
 

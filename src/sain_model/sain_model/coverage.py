@@ -10,8 +10,7 @@ from scipy.stats import spearmanr
 from sain_core.scene import MID, TARGET
 from sain_core.types import Mask, Scalars
 from sain_model.dataset import Transitions
-from sain_model.evaluation_history import ENOUGH, earlier_pushes
-from sain_model.interval_fit import predict_with_history
+from sain_model.evaluation_history import ENOUGH, earlier_pushes, predict_with_history
 from sain_model.intervals import Prediction
 from sain_model.metrics import bootstrap_over_episodes, position_errors, target_moved
 from sain_model.sain import SainDynamics
@@ -49,7 +48,7 @@ def _disk(prediction: Prediction, data: Transitions, disk: int, seed: int) -> di
     count = earlier_pushes(data)
     parts: dict[str, Mask] = {
         "all": np.ones(len(data), dtype=bool),
-        "target moved": target_moved(data),
+        "target moved": target_moved(data.scenes, data.next_scenes),
         "no earlier push": count == 0,
         f"{ENOUGH} earlier pushes and more": count >= ENOUGH,
     }

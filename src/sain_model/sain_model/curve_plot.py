@@ -1,6 +1,5 @@
 """The picture of learning curves: error over the number of transitions learned from."""
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -9,11 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from sain_core.storage import write_whole
+from sain_model.evaluation_history import SAIN_HISTORY
 from sain_model.learning_curve import Point
 from sain_model.metrics import BULLET, FLOOR, LEARNED, SAIN
+from sain_model.png import write_png
 
-COLORS: Final = {LEARNED: "#8a5fb0", SAIN: "#e8762c", "SAIN, history": "#b8420f"}
+COLORS: Final = {LEARNED: "#8a5fb0", SAIN: "#e8762c", SAIN_HISTORY: "#b8420f"}
 GREYS: Final = ("#555555", "#777777", "#999999", "#bbbbbb")
 LABELS: Final = {BULLET: "Bullet, nominal\n(f_p)"}
 
@@ -38,9 +38,7 @@ def save_curves(path: Path, points: Sequence[Point]) -> None:
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, loc="best", fontsize=9)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=130, format="png")
-    write_whole(path, buffer.getvalue())
+    write_png(path, figure)
 
 
 def _draw_network(axes: Axes, points: Sequence[Point]) -> None:

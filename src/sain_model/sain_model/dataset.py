@@ -1,7 +1,8 @@
 """Transitions (s, a, f_p(s, a), s') from disk, and their split by episode."""
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Self
 
@@ -14,6 +15,7 @@ from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
 from sain_core.seeding import generator
 from sain_core.types import Mask, Pushes, Scalars, Scenes
+from sain_model.friction import EpisodeFriction, FrictionFilter
 from sain_model.shard import FLOOR, FRICTION, NEEDED, NO_STEP, STEP, read_shard
 
 
@@ -55,23 +57,24 @@ class Transitions:
         return int(self.scenes.shape[1])
 
     @property
+    def arrays(self) -> dict[str, ndarray]:
+        """All arrays by name; each has one row a push."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, ndarray)}
+
+    @cached_property
+    def inferred(self) -> dict[FrictionFilter, EpisodeFriction]:
+        """What `sain_model.evaluation_history` has inferred from these pushes so far."""
+        return {}
+
+    @property
     def parts(self) -> tuple[Self, ...]:
         """These transitions, as the only part of a data set with one number of disks."""
         return (self,)
 
     def select(self, rows: Mask) -> Self:
         """Return the pushes that a mask (M,) picks."""
-        return replace(
-            self,
-            scenes=self.scenes[rows],
-            pushes=self.pushes[rows],
-            physics_next=self.physics_next[rows],
-            next_scenes=self.next_scenes[rows],
-            episodes=self.episodes[rows],
-            steps=self.steps[rows],
-            friction=self.friction[rows],
-            floor_next=self.floor_next[rows],
-        )
+        return replace(self, **{name: array[rows] for name, array in self.arrays.items()})
 
     def mirrored(self) -> Self:
         """Return what would have happened in a mirror: the same physics."""
@@ -148,16 +151,14 @@ def split_by_episode(data: Transitions, seed: int, validation: float, test: floa
     Raises:
         DatasetError: too few episodes for the parts.
     """
-    in_validation, in_test = draw_parts(data.episodes, seed, validation, test)
-    return Split(
-        data.select(~(in_test | in_validation)), data.select(in_validation), data.select(in_test)
-    )
+    parts = draw_parts(data.episodes, seed, validation, test)
+    return Split(*(data.select(rows) for rows in parts))
 
 
 def draw_parts(
     labels: Int[ndarray, "M"], seed: int, validation: float, test: float
-) -> tuple[Mask, Mask]:
-    """Return which rows (M,) are for validation, and which for the test; see `split_by_episode`."""
+) -> tuple[Mask, Mask, Mask]:
+    """Return which rows (M,) are to train, validate and test on; see `split_by_episode`."""
     episodes = np.unique(labels)
     held = [max(round(share * len(episodes)), 1) if share else 0 for share in (validation, test)]
     if len(episodes) <= sum(held):
@@ -165,7 +166,18 @@ def draw_parts(
         raise DatasetError(f"{len(episodes)} episodes are too few to {wanted}")
     shuffled = generator(seed, "split").permutation(episodes)
     in_test = np.isin(labels, shuffled[: held[1]])
-    return np.isin(labels, shuffled[held[1] : sum(held)]), in_test
+    in_validation = np.isin(labels, shuffled[held[1] : sum(held)])
+    return ~(in_test | in_validation), in_validation, in_test
+
+
+def check_held_out(split: Split) -> None:
+    """Check that there are episodes to measure errors on.
+
+    Raises:
+        DatasetError: none is held out.
+    """
+    if not len(split.test):
+        raise DatasetError("errors need held-out episodes; give --test above 0")
 
 
 def limit_training(split: object, transitions: int) -> Split:

@@ -15,18 +15,28 @@ from rich.console import Console
 
 from sain_core.dynamics import Dynamics
 from sain_core.errors import CheckpointError, DatasetError
+from sain_core.push import LENGTH
 from sain_core.storage import write_whole
 from sain_core.types import Mask
-from sain_model.checkpoint import Card, load_checkpoint
+from sain_model.beside import followed, opened, refusals
+from sain_model.checkpoint import SUFFIX, Card, parse_card
 from sain_model.command import carry_out
-from sain_model.dataset import Transitions, load_transitions, split_by_episode
+from sain_model.dataset import Transitions, draw_parts, load_transitions
 from sain_model.error_table import error_table, history_table, interval_table
 from sain_model.evaluation import evaluate
-from sain_model.load import PRIORS, load_dynamics, load_prior, load_sain, shipped_checkpoint
+from sain_model.load import (
+    PRIORS,
+    SHIPPED,
+    load_dynamics,
+    load_prior,
+    load_sain,
+    shipped_checkpoint,
+)
 from sain_model.metrics import LEARNED
-from sain_model.open_loop import RECURRENT_SAIN, RESIDUAL_SAIN, STEPS
+from sain_model.open_loop import NAMES, RECURRENT_SAIN, STEPS
 from sain_model.open_loop_report import report_open_loop
-from sain_model.sain import RECURRENT, RESIDUAL, SainDynamics
+from sain_model.sain import SainDynamics
+from sain_model.windows import make_windows
 
 
 @dataclass(frozen=True)
@@ -42,7 +52,7 @@ class EvaluateCommand:
     recurrent: Path | None = None
     """A checkpoint of kind "recurrent", trained with --steps-ahead, to stand beside it."""
     beside: tuple[str, ...] = ()
-    """More dynamics to roll out: priors, planar_axes for one, or paths of checkpoints."""
+    """More: priors, checkpoints, physics of other packages: bullet, bullet_measured (slow)."""
     open_loop: tuple[int, ...] = STEPS
     """After how many pushes errors of rollouts are taken; none: no rollouts."""
     out: Path = Path("evaluation.json")
@@ -62,26 +72,21 @@ def run(command: EvaluateCommand, console: Console) -> None:
     """Evaluate, print a table and write the JSON.
 
     Raises:
-        DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
+        DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
     """
     path = command.checkpoint or shipped_checkpoint()
     sain = load_sain(path)
-    _, card, _ = load_checkpoint(path)
     learned = load_sain(command.learned) if command.learned else None
     data = load_transitions(command.dataset)
     models = _models(command, sain, learned)
-    priors: dict[str, Dynamics] = {
-        name: load_prior(name) for name in command.beside if name in PRIORS
-    }
-    held_out = unseen(data, card, *_cards(models))
-    errors = evaluate(held_out, sain, learned, command.seed)
-    if command.open_loop:
-        errors["open_loop"] = report_open_loop(
-            command.out, held_out, models, command.seed, command.open_loop, priors
-        )
+    held_out = unseen(data, *_cards(models))
+    with opened([name for name in command.beside if not _is_own(name)]) as others:
+        errors = evaluate(held_out, sain, learned, command.seed)
+        if command.open_loop:
+            errors |= _open_loop(command, held_out, models, others, console)
     report = {
         "dataset": {"path": str(command.dataset), "sha256": data.sha256},
-        "checkpoint": {"path": str(path), "sha256": card.weights_sha256},
+        "checkpoint": {"path": str(path), "sha256": sain.model_hash},
         "learned": str(command.learned) if command.learned else None,
         "recurrent": str(command.recurrent) if command.recurrent else None,
         "seed": command.seed,
@@ -89,14 +94,7 @@ def run(command: EvaluateCommand, console: Console) -> None:
         **errors,
     }
     write_whole(command.out, (json.dumps(report, indent=2) + "\n").encode())
-    for part in ("all", "target_moved"):
-        console.print(error_table(errors, part))
-    console.print(history_table(errors))
-    for intervals in errors["intervals"].values():
-        console.print(interval_table(intervals))
-    for name, share in errors["reducible_error_removed"].items():
-        console.print(f"{name}: {100 * share:.0f} % of the reducible error removed")
-    console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")
+    _show(errors, console)
     console.print(f"written to {command.out}")
 
 
@@ -105,18 +103,53 @@ def _models(
 ) -> dict[str, Dynamics]:
     """Return the models to roll out, by name."""
     models: dict[str, Dynamics] = {} if learned is None else {LEARNED: learned}
-    names = {RECURRENT: RECURRENT_SAIN, RESIDUAL: RESIDUAL_SAIN}
-    models[names.get(sain.kind, sain.kind)] = sain
+    models[NAMES.get(sain.kind, sain.kind)] = sain
     if command.recurrent:
         models[RECURRENT_SAIN] = load_sain(command.recurrent)
-    paths = [name for name in command.beside if name not in PRIORS]
-    return models | {path: load_dynamics(path) for path in paths}
+    own = [name for name in command.beside if _is_own(name) and name not in PRIORS]
+    return models | {name: load_dynamics(name) for name in own}
+
+
+def _is_own(name: str) -> bool:
+    """Tell whether a dynamics is this package's; others are found where they are installed."""
+    return name in (*PRIORS, SHIPPED) or name.endswith(SUFFIX)
 
 
 def _cards(models: Mapping[str, Dynamics]) -> list[Card]:
     """Return the cards of models that come from checkpoints."""
-    texts = [str(getattr(model, "card", "")) for model in models.values()]
-    return [Card(**json.loads(text)) for text in texts if text]
+    texts = {name: str(getattr(model, "card", "")) for name, model in models.items()}
+    return [parse_card(Path(name), text) for name, text in texts.items() if text]
+
+
+def _open_loop(
+    command: EvaluateCommand,
+    held_out: Transitions,
+    models: Mapping[str, Dynamics],
+    others: Mapping[str, Dynamics],
+    console: Console,
+) -> dict[str, Any]:
+    """Return the errors of rollouts, and how many pushes others could not carry out in them."""
+    priors = {name: load_prior(name) for name in command.beside if name in PRIORS}
+    pushes = make_windows(held_out, max(command.open_loop)).pushes[..., LENGTH]
+    with followed(others, int(np.count_nonzero(pushes)), console) as shown:
+        errors = report_open_loop(
+            command.out, held_out, models, command.seed, command.open_loop, priors | shown
+        )
+    return {"open_loop": errors} | ({"refused": refusals(shown)} if shown else {})
+
+
+def _show(errors: dict[str, Any], console: Console) -> None:
+    """Print errors of single pushes as tables."""
+    for part in ("all", "target_moved"):
+        console.print(error_table(errors, part))
+    console.print(history_table(errors))
+    for intervals in errors["intervals"].values():
+        console.print(interval_table(intervals))
+    for name, share in errors["reducible_error_removed"].items():
+        console.print(f"{name}: {100 * share:.0f} % of the reducible error removed")
+    for name, count in errors.get("refused", {}).items():
+        console.print(f"{name}: pushes of its rollouts that could not be carried out: {count}")
+    console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")
 
 
 def unseen(data: Transitions, *cards: Card) -> Transitions:
@@ -151,8 +184,7 @@ def _held_out(data: Transitions, card: Card) -> Mask:
         raise DatasetError(
             "the checkpoint learned from all of this data (test 0); evaluate it on other episodes"
         )
-    split = split_by_episode(data, *used)
-    return np.asarray(np.isin(data.episodes, split.test.episodes))
+    return draw_parts(data.episodes, *used)[-1]
 
 
 if __name__ == "__main__":

@@ -10,15 +10,19 @@ from sain_core.scene import TARGET
 from sain_core.types import Scenes
 from sain_model.coverage import measure_intervals
 from sain_model.dataset import Transitions
-from sain_model.evaluation_history import errors_by_history, predict_with_history
+from sain_model.evaluation_history import errors_by_history, history_predictions
 from sain_model.metrics import (
     BULLET,
     FLOOR,
     LEARNED,
     MEASURED,
+    NO_MOTION,
+    NOMINAL,
     SAIN,
+    TRUE,
     measure,
     position_errors,
+    shares_removed,
     target_moved,
 )
 from sain_model.planar import PlanarPrior
@@ -37,7 +41,7 @@ def evaluate(
         seed: for the bootstrap.
     """
     predictions = predict_all(data, sain, learned)
-    moved = target_moved(data)
+    moved = target_moved(data.scenes, data.next_scenes)
     result: dict[str, Any] = {
         "transitions": len(data),
         "episodes": len(np.unique(data.episodes)),
@@ -70,17 +74,17 @@ def predict_all(
     true = np.full_like(data.scenes, np.nan)
     true[known] = planar.step(data.scenes[known], data.pushes[known], data.friction[known])
     predictions = {
-        "no motion": data.scenes,
-        "planar, nominal": planar.step_as_nominal(data.scenes, data.pushes),
+        NO_MOTION: data.scenes,
+        NOMINAL: planar.step_as_nominal(data.scenes, data.pushes),
         BULLET: data.physics_next,
         MEASURED: planar.step(data.scenes, data.pushes),
-        "planar, true": true,
+        TRUE: true,
     }
     if learned is not None:
         predictions[LEARNED] = learned.step(data.scenes, data.pushes)
     if sain is not None:
         predictions[SAIN] = sain.step(data.scenes, data.pushes)
-    predictions.update(predict_with_history(data, sain))
+    predictions.update(history_predictions(data, sain))
     predictions[FLOOR] = data.floor_next
     return predictions
 
@@ -90,7 +94,7 @@ def _shares(data: Transitions, predictions: dict[str, Scenes]) -> dict[str, floa
 
     Over the pushes that moved the target; the floor is the mean of those that were repeated.
     """
-    moved = target_moved(data)
+    moved = target_moved(data.scenes, data.next_scenes)
     means = {}
     for name, predicted in predictions.items():
         rows = moved & (np.isfinite(predicted).all(axis=(1, 2)) if name == FLOOR else True)
@@ -98,11 +102,4 @@ def _shares(data: Transitions, predictions: dict[str, Scenes]) -> dict[str, floa
             return {}
         errors = position_errors(predicted[rows], data.next_scenes[rows], TARGET)
         means[name] = errors.mean()
-    reducible = means[BULLET] - means[FLOOR]
-    if not reducible > 0.0:
-        return {}
-    return {
-        name: float((means[BULLET] - mean) / reducible)
-        for name, mean in means.items()
-        if name not in (BULLET, FLOOR) and np.isfinite(mean)
-    }
+    return shares_removed(means)

@@ -11,7 +11,8 @@ from sain_core.scene import TARGET
 from sain_core.types import Mask, Scenes
 from sain_model.dataset import Transitions
 from sain_model.friction import EpisodeFriction, FrictionFilter
-from sain_model.metrics import BULLET, FLOOR, position_errors
+from sain_model.intervals import Prediction
+from sain_model.metrics import position_errors, shares_removed
 from sain_model.planar import PlanarPrior
 from sain_model.sain import SainDynamics
 
@@ -23,15 +24,25 @@ ENOUGH: Final = 3  # earlier pushes from which on they are taken together
 
 
 def earlier_friction(friction: FrictionFilter, data: Transitions) -> EpisodeFriction:
-    """Return for each push what the pushes before it in its own episode tell."""
-    likelihood = friction.log_likelihood(data.scenes, data.pushes, data.next_scenes)
-    return friction.earlier(likelihood, data.episodes, data.steps)
+    """Return for each push what the pushes before it in its own episode tell; inferred once."""
+    if friction not in data.inferred:
+        likelihood = friction.log_likelihood(data.scenes, data.pushes, data.next_scenes)
+        data.inferred[friction] = friction.earlier(likelihood, data.episodes, data.steps)
+    return data.inferred[friction]
 
 
-def predict_with_history(data: Transitions, sain: Dynamics | None) -> dict[str, Scenes]:
-    """Return what predictors that know the earlier pushes say (M, N, 8)."""
+def predict_with_history(sain: SainDynamics, data: Transitions) -> Prediction:
+    """Return predictions as in deployment: with what the episode's earlier pushes tell."""
+    if sain.filter is None:
+        return sain.predict(data.scenes, data.pushes)
+    known = earlier_friction(sain.filter, data)
+    return sain.predict(data.scenes, data.pushes, known.mean, known.spread)
+
+
+def history_predictions(data: Transitions, sain: Dynamics | None) -> dict[str, Scenes]:
+    """Return what predictors that know the earlier pushes say (M, N, 8), by their names."""
     planar = PlanarPrior()
-    known = earlier_friction(FrictionFilter(planar, planar.config.friction), data)
+    known = earlier_friction(planar.filter(), data)
     predictions = {PLANAR_HISTORY: planar.step(data.scenes, data.pushes, known.mean)}
     if not isinstance(sain, SainDynamics) or sain.filter is None:
         return predictions
@@ -77,14 +88,8 @@ def _group(data: Transitions, predictions: dict[str, Scenes], rows: Mask) -> dic
     }
     means = {name: mean for name, mean in means.items() if np.isfinite(mean)}
     group: dict[str, Any] = {"target_mean": means}
-    if FLOOR in means and means[BULLET] > means[FLOOR]:
-        reducible = means[BULLET] - means[FLOOR]
-        group["removed"] = {
-            name: (means[BULLET] - mean) / reducible
-            for name, mean in means.items()
-            if name not in (BULLET, FLOOR)
-        }
-    return group
+    removed = shares_removed(means)
+    return group | {"removed": removed} if removed else group
 
 
 def _mean(errors: Float[ndarray, "M"]) -> float:

@@ -25,7 +25,7 @@ from sain_model.features import (
 from sain_model.friction import FrictionFilter
 from sain_model.mixed import MixedTransitions
 from sain_model.network import ON_PHYSICS, NetworkConfig
-from sain_model.planar import PlanarPrior
+from sain_model.planar import step_knowing
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,10 @@ class Examples:
 
     def and_then(self, others: Self) -> Self:
         """Return these examples and others."""
-        return type(self)(
-            torch.cat([self.disks, others.disks]),
-            torch.cat([self.relations, others.relations]),
-            torch.cat([self.residual, others.residual]),
-            torch.cat([self.velocity, others.velocity]),
-        )
+        joined = {
+            name: torch.cat([tensor, getattr(others, name)]) for name, tensor in vars(self).items()
+        }
+        return type(self)(**joined)
 
 
 def make_examples(
@@ -87,10 +85,7 @@ def make_examples(
         friction: what the planar prior is told (M,); None: the nominal one.
         network: what its inputs know of the world, and what its residual is added to.
     """
-    if friction is not None and isinstance(prior, PlanarPrior):
-        physics_next = prior.step(data.scenes, data.pushes, friction)
-    else:
-        physics_next = prior.step(data.scenes, data.pushes)
+    physics_next = step_knowing(prior, data.scenes, data.pushes, friction)
     features = make_features(data.scenes, data.pushes, physics_next, network.features)
     base = physics_next if network.residual == ON_PHYSICS else data.scenes
     velocity = data.next_scenes[..., VELOCITY] - physics_next[..., VELOCITY]

@@ -10,6 +10,7 @@ scale that grows with how far the disk moved. Mid disk and target are looked at,
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -113,22 +114,27 @@ class EpisodeFriction:
     pushes: Int[ndarray, "M"]
 
 
+@dataclass(frozen=True)
 class FrictionFilter:
-    """Infers friction with one physics."""
+    """Infers friction with one physics: what was seen is compared with it."""
 
-    def __init__(
-        self,
-        physics: FrictionPhysics,
-        nominal: float,
-        config: FrictionConfig = FrictionConfig(),
-    ) -> None:
-        """Compare what was seen with this physics; `nominal` is assumed before the first push."""
-        self.physics = physics
-        self.nominal = nominal
-        self.config = config
-        logs = np.linspace(-np.log(config.reach), np.log(config.reach), config.points)
-        self.grid = nominal * np.exp(logs)  # its middle is the nominal one: so is the prior's
-        self._log_prior = -0.5 * (logs / config.width) ** 2
+    physics: FrictionPhysics
+    nominal: float  # assumed before the first push
+    config: FrictionConfig = FrictionConfig()
+
+    @cached_property
+    def grid(self) -> Float[ndarray, "F"]:
+        """The frictions looked at; their middle is the nominal one, as the prior's is."""
+        return self.nominal * np.exp(self._logs)
+
+    @cached_property
+    def _logs(self) -> Float[ndarray, "F"]:
+        reach = np.log(self.config.reach)
+        return np.linspace(-reach, reach, self.config.points)
+
+    @cached_property
+    def _log_prior(self) -> Float[ndarray, "F"]:
+        return -0.5 * (self._logs / self.config.width) ** 2
 
     def start(self) -> FrictionBelief:
         """Return what is believed when an episode begins."""

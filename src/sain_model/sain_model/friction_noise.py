@@ -29,7 +29,7 @@ def make_filter(prior: Dynamics, train: Transitions | MixedTransitions) -> Frict
     data = max(train.parts, key=len)
     known = np.isfinite(data.friction).all()
     config = fit_noise(prior, data) if known else FrictionConfig()
-    return FrictionFilter(prior, prior.config.friction, config)
+    return prior.filter(config)
 
 
 def fit_noise(
@@ -48,14 +48,12 @@ def fit_noise(
         raise DatasetError("the data has no true friction to fit the noise of the inference to")
     if len(np.unique(data.episodes)) == len(data):
         raise DatasetError(f"none of {len(data)} episodes has two pushes: nothing to infer from")
-    errors = FrictionFilter(prior, prior.config.friction, config).errors(
-        data.scenes, data.pushes, data.next_scenes
-    )
+    errors = prior.filter(config).errors(data.scenes, data.pushes, data.next_scenes)
     moved = ways(data.scenes, data.next_scenes)
     best, highest = config, -np.inf
     for noise, share in product(NOISES, SHARES):
         candidate = replace(config, noise=noise, noise_share=share)
-        friction = FrictionFilter(prior, prior.config.friction, candidate)
+        friction = prior.filter(candidate)
         known = friction.earlier(friction.weigh(errors, moved), data.episodes, data.steps)
         score = _score(known, data.friction)
         if score > highest:

@@ -13,18 +13,21 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress
 
-from sain_core.errors import CheckpointError
 from sain_core.storage import write_whole
-from sain_model.checkpoint import SUFFIX, Card, save_checkpoint
+from sain_model.checkpoint import INSIDE_ARCHITECTURE, SUFFIX, Card, save_checkpoint
 from sain_model.command import carry_out
-from sain_model.dataset import Split, limit_training, load_transitions, split_by_episode
+from sain_model.dataset import (
+    Split,
+    check_held_out,
+    limit_training,
+    load_transitions,
+    split_by_episode,
+)
 from sain_model.environment import environment
 from sain_model.inside import InsideSain
-from sain_model.inside_checkpoint import INSIDE_ARCHITECTURE
 from sain_model.inside_training import InsideTrainingConfig, make_trainers, train_members
-from sain_model.load import PLANAR, PLANAR_AXES, load_prior
+from sain_model.load import PLANAR_AXES, load_told_prior
 from sain_model.metrics import measure
-from sain_model.planar import PlanarPrior
 from sain_model.training_state import History
 
 
@@ -72,9 +75,10 @@ def train_inside(command: TrainInsideCommand, console: Console) -> Path:
     """
     data = load_transitions(command.dataset)
     split = split_by_episode(data, command.training.seed, command.validation, command.test)
+    check_held_out(split)
     if command.transitions:
         split = limit_training(split, command.transitions)
-    prior = told_prior(command.prior, command.prior_friction)
+    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
     trainers = make_trainers(split, prior, command.training, command.out)
     settings = json.dumps(asdict(command), indent=2, default=str) + "\n"
     write_whole(command.out / "config.json", settings.encode())
@@ -99,19 +103,6 @@ def train_inside(command: TrainInsideCommand, console: Console) -> Path:
     return path
 
 
-def told_prior(name: str, friction: float) -> PlanarPrior:
-    """Return a prior that can be told what is unlike the textbook.
-
-    Raises:
-        CheckpointError: there is none of that name.
-    """
-    if name not in (PLANAR, PLANAR_AXES):
-        raise CheckpointError(f"the prior {name!r} cannot be told; {PLANAR} and {PLANAR_AXES} can")
-    prior = load_prior(name, {"friction": friction})
-    assert isinstance(prior, PlanarPrior)
-    return prior
-
-
 def make_card(
     command: TrainInsideCommand,
     sha256: str,
@@ -121,7 +112,7 @@ def make_card(
 ) -> Card:
     """Return the card of what was trained."""
     parts = {"train": split.train, "validation": split.validation, "test": split.test}
-    prior = told_prior(command.prior, command.prior_friction)
+    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
     return Card(
         prior=command.prior,
         prior_config=asdict(prior.config),

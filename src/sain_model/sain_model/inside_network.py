@@ -16,6 +16,7 @@ from sain_model.features import (
     RELATION_FEATURES,
     TURN_SCALE,
 )
+from sain_model.members import make_perceptron, silence
 from sain_model.network import OUTPUTS, POSITION_UNIT
 from sain_model.place_features import PLACE_FEATURES
 
@@ -53,11 +54,12 @@ class InsideNetwork(nn.Module):
         super().__init__()
         self.config = config
         inputs = DISK_FEATURES + PLACE_FEATURES + config.message + config.places
-        self.relation = _perceptron(RELATION_FEATURES, config.message, config)
-        self.dynamics = _perceptron(inputs, CORRECTIONS + OUTPUTS, config)
+        size = config.hidden, config.layers
+        self.relation = make_perceptron(RELATION_FEATURES, config.message, *size)
+        self.dynamics = make_perceptron(inputs, CORRECTIONS + OUTPUTS, *size)
         silence(self.dynamics)
         if config.places:
-            self.map = _perceptron(2, 1, config)
+            self.map = make_perceptron(2, 1, *size)
             first = self.map[0]
             assert isinstance(first, nn.Linear)
             nn.init.uniform_(first.weight, -MAP_FINENESS / 2**0.5, MAP_FINENESS / 2**0.5)
@@ -105,20 +107,3 @@ class InsideNetworks(nn.ModuleList):
         """Build all of them."""
         super().__init__(InsideNetwork(config) for _ in range(config.members))
         self.config = config
-
-
-def silence(perceptron: nn.Sequential) -> None:
-    """Let a perceptron start out by saying nothing."""
-    last = perceptron[-1]
-    assert isinstance(last, nn.Linear)
-    nn.init.zeros_(last.weight)
-    nn.init.zeros_(last.bias)
-
-
-def _perceptron(inputs: int, outputs: int, config: InsideNetworkConfig) -> nn.Sequential:
-    modules: list[nn.Module] = []
-    width = inputs
-    for _ in range(config.layers):
-        modules += [nn.Linear(width, config.hidden), nn.SiLU()]
-        width = config.hidden
-    return nn.Sequential(*modules, nn.Linear(width, outputs))

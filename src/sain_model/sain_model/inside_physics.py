@@ -12,11 +12,10 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
-from sain_core.push import LOCATION
-from sain_core.scene import MID, POSITION, THETA, wrap_angle
+from sain_core.scene import MID
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.corrections import CORRECTIONS, OF_DISKS, Corrections
-from sain_model.features import TURN_SCALE, turn
+from sain_model.features import TURN_SCALE, true_residual
 from sain_model.planar import PlanarPrior
 
 VARIATION: Final = 0.1  # of a correction, in its unit
@@ -25,9 +24,7 @@ STEEPEST: Final = np.array([0.1, 0.1, 20 * TURN_SCALE])  # [m, m, rad] a unit; m
 
 def moves(scenes: Scenes, pushes: Pushes, after: Scenes) -> Float[ndarray, "B N 3"]:
     """Return how far each disk goes along the push and across it [m], and turns [rad]."""
-    way = turn(after[..., POSITION] - scenes[..., POSITION], -pushes[:, LOCATION])
-    turned = wrap_angle(after[..., THETA] - scenes[..., THETA])
-    return np.concatenate([way, turned[..., None]], axis=-1)
+    return true_residual(after, pushes, scenes)  # that of a prior in which nothing moves
 
 
 def told_moves(

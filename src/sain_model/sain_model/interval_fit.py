@@ -11,8 +11,8 @@ from scipy.optimize import minimize
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.types import Scalars
 from sain_model.dataset import Transitions
-from sain_model.evaluation_history import earlier_friction
-from sain_model.intervals import LEVEL, IntervalConfig, Intervals, Prediction
+from sain_model.evaluation_history import predict_with_history
+from sain_model.intervals import LEVEL, IntervalConfig, Intervals
 from sain_model.sain import SainDynamics
 
 RESOLUTION: Final = 1e-6  # [m], differences below this do not count
@@ -38,14 +38,6 @@ def fit_intervals(sain: SainDynamics, data: Transitions, level: float = LEVEL) -
         parts = (prediction.members[:, disk], prediction.friction[:, disk], way[:, disk])
         configs.append(fit_disk(np.stack(parts), off[:, disk], level))
     return Intervals(level, *configs)
-
-
-def predict_with_history(sain: SainDynamics, data: Transitions) -> Prediction:
-    """Return predictions as in deployment: with what the episode's earlier pushes tell."""
-    if sain.filter is None:
-        return sain.predict(data.scenes, data.pushes)
-    known = earlier_friction(sain.filter, data)
-    return sain.predict(data.scenes, data.pushes, known.mean, known.spread)
 
 
 def fit_disk(parts: Float[ndarray, "3 M"], off: Scalars, level: float) -> IntervalConfig:

@@ -8,7 +8,7 @@ from typing import Final
 
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.storage import write_whole
-from sain_model.dataset import Split, limit_training
+from sain_model.dataset import Split, check_held_out, limit_training
 from sain_model.evaluation import evaluate
 from sain_model.evaluation_history import PLANAR_HISTORY, SAIN_HISTORY
 from sain_model.metrics import BULLET, FLOOR, LEARNED, MEASURED, SAIN
@@ -62,9 +62,10 @@ def learning_curve(
         progress: told which training begins: its prior and its size.
 
     Raises:
-        DatasetError: a size that there are not so many transitions for.
+        DatasetError: a size that there are not so many transitions for, or nothing is held out.
         CheckpointError: the folder's state is damaged or of other settings or data.
     """
+    check_held_out(split)
     if sizes and max(sizes) > len(split.train):
         raise DatasetError(
             f"{max(sizes)} transitions to train on are asked for; there are {len(split.train)}"

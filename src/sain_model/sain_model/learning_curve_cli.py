@@ -18,6 +18,7 @@ from sain_model.command import carry_out
 from sain_model.curve_plot import save_curves
 from sain_model.dataset import load_transitions, split_by_episode
 from sain_model.learning_curve import Point, learning_curve
+from sain_model.markdown import markdown_table
 from sain_model.training import TrainingConfig
 
 
@@ -82,8 +83,7 @@ def run(command: LearningCurveCommand, console: Console) -> None:
 def markdown(points: list[Point]) -> str:
     """Return the points as a table in Markdown."""
     header, *rows = _cells(points, _interval)
-    lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    return markdown_table(header, rows)
 
 
 def _table(points: list[Point], pushes: int) -> Table:

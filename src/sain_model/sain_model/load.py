@@ -1,16 +1,27 @@
 """Dynamics by name: what command lines, parameters and nodes say when they mean a model."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final, get_type_hints
+from typing import Any, Final, TypeVar, get_type_hints
 
 from sain_core.config import Config
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import CheckpointError
-from sain_model.checkpoint import SUFFIX, card_path, load_checkpoint, read_card
+from sain_model.checkpoint import (
+    INSIDE_ARCHITECTURE,
+    SUFFIX,
+    card_path,
+    fill,
+    load_checkpoint,
+    read_card,
+    read_checkpoint,
+)
 from sain_model.friction import FrictionConfig
-from sain_model.inside_checkpoint import INSIDE_ARCHITECTURE, load_inside
+from sain_model.inside import InsideSain
+from sain_model.inside_network import InsideNetworkConfig, InsideNetworks
 from sain_model.intervals import Intervals
 from sain_model.planar import PlanarConfig, PlanarPrior
 from sain_model.planar_axes import AXES
@@ -22,6 +33,9 @@ PLANAR: Final = "planar"
 PLANAR_AXES: Final = "planar_axes"
 PRIORS: Final = (PLANAR, PLANAR_AXES, IDENTITY)
 SHIPPED: Final = "sain"
+
+C = TypeVar("C", bound=Config)
+Settings = dict[str, Any]
 
 
 def load_dynamics(name: str) -> Dynamics:
@@ -47,24 +61,33 @@ def load_dynamics(name: str) -> Dynamics:
     return load_sain(path)
 
 
-def load_prior(name: str, settings: dict[str, Any] | None = None) -> Dynamics:
+def load_prior(name: str, settings: Settings | None = None) -> Dynamics:
     """Return a prior by its name, with its usual settings or with these.
 
     Raises:
         CheckpointError: there is none of that name, or it has no such settings.
     """
-    if name in (PLANAR, PLANAR_AXES):
-        usual = PlanarConfig() if name == PLANAR else AXES
-        try:
-            return PlanarPrior(replace(usual, **_typed(PlanarConfig, settings or {})))
-        except (TypeError, ValueError) as error:  # ConfigError is one
-            raise CheckpointError(f"settings of the planar prior: {error}") from error
     if name == IDENTITY:
         return IdentityPrior()
-    raise CheckpointError(f"no prior {name!r}; known: {', '.join(PRIORS)}")
+    if name not in PRIORS:
+        raise CheckpointError(f"no prior {name!r}; known: {', '.join(PRIORS)}")
+    return load_told_prior(name, settings)
 
 
-def prior_settings(prior: Dynamics) -> dict[str, Any]:
+def load_told_prior(name: str, settings: Settings | None = None) -> PlanarPrior:
+    """Return a prior that can be told what is unlike the textbook.
+
+    Raises:
+        CheckpointError: there is none of that name, or it has no such settings.
+    """
+    if name not in (PLANAR, PLANAR_AXES):
+        raise CheckpointError(f"the prior {name!r} cannot be told; {PLANAR} and {PLANAR_AXES} can")
+    usual = PlanarConfig() if name == PLANAR else AXES
+    with _naming("settings of the planar prior"):
+        return PlanarPrior(replace(usual, **_typed(PlanarConfig, settings or {})))
+
+
+def prior_settings(prior: Dynamics) -> Settings:
     """Return the settings that make a prior again: the second argument of `load_prior`."""
     return asdict(prior.config) if isinstance(prior, PlanarPrior) else {}
 
@@ -76,13 +99,16 @@ def load_sain(path: Path) -> SainDynamics:
         CheckpointError: the checkpoint is not sound.
     """
     network, card, text = load_checkpoint(path)
-    try:
+    with _naming(str(card_path(path))):
         prior = load_prior(card.prior, card.prior_config)
-        friction = _friction(card.friction)
-        intervals = _intervals(card.intervals)
-        rollouts = _rollouts(card.rollouts)
-    except CheckpointError as error:
-        raise CheckpointError(f"{card_path(path)}: {error}") from error
+        friction = intervals = rollouts = None
+        if card.friction is not None:
+            friction = _part("friction", FrictionConfig, card.friction)
+        if card.rollouts is not None:
+            rollouts = _part("rollouts", RolloutConfig, card.rollouts)
+        if card.intervals is not None:
+            with _naming("intervals"):
+                intervals = Intervals.from_card(card.intervals)
     return sain_class(rollouts)(
         network,
         prior,
@@ -95,33 +121,49 @@ def load_sain(path: Path) -> SainDynamics:
     )
 
 
+def load_inside(path: Path) -> InsideSain:
+    """Return the networks at this path inside the prior that they were trained in.
+
+    Raises:
+        CheckpointError: the checkpoint is not sound.
+    """
+    content, card, text = read_checkpoint(path, INSIDE_ARCHITECTURE)
+    with _naming(str(card_path(path))):
+        prior = load_told_prior(card.prior, card.prior_config)
+        networks = InsideNetworks(_part("network", InsideNetworkConfig, card.network))
+    fill(path, content, networks)
+    return InsideSain(networks, prior, card.prior, card.weights_sha256, text)
+
+
 def sain_class(rollouts: RolloutConfig | None) -> type[SainDynamics]:
     """Return the class that is rolled out as a network was trained; None: on single pushes."""
     return PhysicsChain if rollouts and rollouts.chain == PHYSICS else SainDynamics
 
 
-def _rollouts(settings: dict[str, Any] | None) -> RolloutConfig | None:
+@contextmanager
+def _naming(part: str) -> Iterator[None]:
+    """Turn what goes wrong with a part of a card into an error that names the part.
+
+    Raises:
+        CheckpointError: anything went wrong.
+    """
     try:
-        return None if settings is None else RolloutConfig(**_typed(RolloutConfig, settings))
-    except (TypeError, ValueError) as error:
-        raise CheckpointError(f"rollouts: {error}") from error
+        yield
+    except (CheckpointError, TypeError, KeyError, ValueError) as error:  # ConfigError is one
+        raise CheckpointError(f"{part}: {error}") from error
 
 
-def _friction(settings: dict[str, Any] | None) -> FrictionConfig | None:
-    try:
-        return None if settings is None else FrictionConfig(**_typed(FrictionConfig, settings))
-    except (TypeError, ValueError) as error:
-        raise CheckpointError(f"friction: {error}") from error
+def _part(name: str, kind: type[C], settings: Settings) -> C:
+    """Return the settings of this name on a card.
+
+    Raises:
+        CheckpointError: they are not of this kind.
+    """
+    with _naming(name):
+        return kind(**_typed(kind, settings))
 
 
-def _intervals(settings: dict[str, Any] | None) -> Intervals | None:
-    try:
-        return None if settings is None else Intervals.from_card(settings)
-    except (TypeError, KeyError, ValueError) as error:
-        raise CheckpointError(f"intervals: {error}") from error
-
-
-def _typed(kind: type[Config], settings: dict[str, Any]) -> dict[str, Any]:
+def _typed(kind: type[Config], settings: Settings) -> Settings:
     """Return settings that come from outside when their values are of the right types.
 
     Raises:

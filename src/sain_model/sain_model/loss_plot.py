@@ -1,11 +1,10 @@
 """The picture of a training: losses over epochs."""
 
-import io
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from sain_core.storage import write_whole
+from sain_model.png import write_png
 from sain_model.training_state import History
 
 
@@ -22,6 +21,4 @@ def save_loss_curve(path: Path, history: History) -> None:
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=130, format="png")
-    write_whole(path, buffer.getvalue())
+    write_png(path, figure)

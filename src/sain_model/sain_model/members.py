@@ -32,3 +32,21 @@ def make_linear(members: int, inputs: int, outputs: int) -> nn.Module:
     if members == 1:
         return nn.Linear(inputs, outputs)
     return MemberLinear(members, inputs, outputs)
+
+
+def make_perceptron(
+    inputs: int, outputs: int, hidden: int, layers: int, members: int = 1
+) -> nn.Sequential:
+    """Return a perceptron with so many hidden layers of this width, for one network or more."""
+    modules: list[nn.Module] = []
+    width = inputs
+    for _ in range(layers):
+        modules += [make_linear(members, width, hidden), nn.SiLU()]
+        width = hidden
+    return nn.Sequential(*modules, make_linear(members, width, outputs))
+
+
+def silence(perceptron: nn.Sequential) -> None:
+    """Let a perceptron start out by saying nothing."""
+    for parameter in perceptron[-1].parameters():
+        nn.init.zeros_(parameter)

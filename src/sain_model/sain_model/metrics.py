@@ -1,10 +1,11 @@
 """Errors of predictions of single pushes, with intervals over episodes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Int
 from numpy import ndarray
 
 from sain_core.scene import MID, POSITION, TARGET, THETA, wrap_angle
@@ -15,10 +16,13 @@ from sain_model.dataset import Transitions
 MOVED: Final = 0.002  # [m], the paper's threshold for a target that moved (section III-B b)
 RESAMPLES: Final = 2000
 
+NO_MOTION: Final = "no motion"
+NOMINAL: Final = "planar, nominal"
 FLOOR: Final = "floor"
 BULLET: Final = "bullet, nominal"
 MEASURED: Final = "planar, measured"
 SAIN: Final = "SAIN"
+TRUE: Final = "planar, true"
 LEARNED: Final = "learned only"
 
 
@@ -53,9 +57,9 @@ class Errors:
     mid_heading_median: float
 
 
-def target_moved(data: Transitions) -> Mask:
-    """Tell which pushes (M,) moved the target by more than the paper's threshold."""
-    way = data.next_scenes[:, TARGET, POSITION] - data.scenes[:, TARGET, POSITION]
+def target_moved(before: Scenes, after: Scenes) -> Mask:
+    """Tell in which scenes (M, N, 8) the target moved by more than the paper's threshold."""
+    way = after[:, TARGET, POSITION] - before[:, TARGET, POSITION]
     return np.asarray(np.linalg.norm(way, axis=-1) > MOVED)
 
 
@@ -87,7 +91,7 @@ def position_errors(predicted: Scenes, actual: Scenes, disk: int) -> Scalars:
 
 
 def bootstrap_over_episodes(
-    values: Scalars, episodes: Float[ndarray, "M"] | ndarray, seed: int
+    values: Scalars, episodes: Int[ndarray, "M"], seed: int
 ) -> tuple[float, float]:
     """Return the 95 % interval of the mean when whole episodes are drawn again."""
     _, place = np.unique(episodes, return_inverse=True)
@@ -96,3 +100,30 @@ def bootstrap_over_episodes(
     means = sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1)
     low, high = np.quantile(means, [0.025, 0.975])
     return float(low), float(high)
+
+
+def ratio_over_episodes(
+    above: Scalars, below: Scalars, episodes: Int[ndarray, "M"], seed: int
+) -> list[float]:
+    """Return the ratio of two means and its 95 % interval when whole episodes are drawn again."""
+    _, place = np.unique(episodes, return_inverse=True)
+    first, second = np.bincount(place, above), np.bincount(place, below)
+    drawn = generator(seed, "ratio").integers(len(first), size=(RESAMPLES, len(first)))
+    ratios = first[drawn].sum(axis=1) / second[drawn].sum(axis=1)
+    low, high = np.quantile(ratios, [0.025, 0.975])
+    return [float(above.sum() / below.sum()), float(low), float(high)]
+
+
+def shares_removed(means: Mapping[str, float]) -> dict[str, float]:
+    """Return which share of the reducible error each predictor with a known mean removes.
+
+    Reducible is what the nominal world errs by above the floor; nothing where either is not known.
+    """
+    reducible = means.get(BULLET, np.nan) - means.get(FLOOR, np.nan)
+    if not reducible > 0.0:
+        return {}
+    return {
+        name: float((means[BULLET] - mean) / reducible)
+        for name, mean in means.items()
+        if name not in (BULLET, FLOOR) and np.isfinite(mean)
+    }

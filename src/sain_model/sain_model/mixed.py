@@ -96,10 +96,8 @@ def split_datasets(
     """Split a data set so that no episode is in two parts; see `split_by_episode`."""
     if isinstance(data, Transitions):
         return split_by_episode(data, seed, validation, test)
-    in_validation, in_test = draw_parts(data.episodes, seed, validation, test)
-    return MixedSplit(
-        data.select(~(in_test | in_validation)), data.select(in_validation), data.select(in_test)
-    )
+    parts = draw_parts(data.episodes, seed, validation, test)
+    return MixedSplit(*(data.select(rows) for rows in parts))
 
 
 def _disks(part: Transitions) -> int:
@@ -118,11 +116,8 @@ def _by_count(path: Path) -> list[Transitions]:
 
 def _joined(parts: list[Transitions], sha256: str, sources: tuple[str, ...]) -> Transitions:
     """Return parts with one number of disks and labels of their own as one."""
-    names = ("scenes", "pushes", "physics_next", "next_scenes", "episodes", "steps", "friction")
-    arrays = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in (*names, "floor_next")
-    }
+    columns = [part.arrays for part in parts]
+    arrays = {name: np.concatenate([column[name] for column in columns]) for name in columns[0]}
     return Transitions(**arrays, sha256=sha256, sources=sources)
 
 

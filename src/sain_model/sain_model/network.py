@@ -20,7 +20,7 @@ from sain_model.features import (
     TURN_SCALE,
     WORLD_FRAME,
 )
-from sain_model.members import make_linear
+from sain_model.members import make_perceptron, silence
 from sain_model.place_features import PLACE_FEATURES
 
 OUTPUTS = 3  # dx, dy, dtheta
@@ -66,10 +66,10 @@ class InteractionNetwork(nn.Module):
         """Build it so that it starts out by leaving the prior as it is."""
         super().__init__()
         self.config = config
-        self.relation = _perceptron(RELATION_FEATURES, config.message, config)
-        self.dynamics = _perceptron(config.disk_features + config.message, OUTPUTS, config)
-        for parameter in self.dynamics[-1].parameters():
-            nn.init.zeros_(parameter)
+        size = config.hidden, config.layers, config.members
+        self.relation = make_perceptron(RELATION_FEATURES, config.message, *size)
+        self.dynamics = make_perceptron(config.disk_features + config.message, OUTPUTS, *size)
+        silence(self.dynamics)
         self.register_buffer(
             "unit", torch.tensor([POSITION_UNIT, POSITION_UNIT, TURN_SCALE]), persistent=False
         )
@@ -116,12 +116,3 @@ def ensemble(networks: Sequence[InteractionNetwork]) -> InteractionNetwork:
     states = [network.state_dict() for network in networks]
     joined.load_state_dict({name: torch.stack([s[name] for s in states]) for name in states[0]})
     return joined
-
-
-def _perceptron(inputs: int, outputs: int, config: NetworkConfig) -> nn.Sequential:
-    modules: list[nn.Module] = []
-    width = inputs
-    for _ in range(config.layers):
-        modules += [make_linear(config.members, width, config.hidden), nn.SiLU()]
-        width = config.hidden
-    return nn.Sequential(*modules, make_linear(config.members, width, outputs))

@@ -18,18 +18,17 @@ from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.dataset import Transitions
 from sain_model.evaluation_history import earlier_friction, earlier_pushes
 from sain_model.friction import FrictionFilter
-from sain_model.metrics import BULLET, FLOOR, LEARNED, MEASURED
+from sain_model.metrics import BULLET, FLOOR, LEARNED, MEASURED, NO_MOTION, NOMINAL
 from sain_model.open_loop_errors import mean_target_errors
 from sain_model.planar import PlanarPrior
-from sain_model.sain import SainDynamics
+from sain_model.sain import RECURRENT, RESIDUAL, SainDynamics
 from sain_model.windows import Windows, make_windows
 
-NO_MOTION: Final = "no motion"
-NOMINAL: Final = "planar, nominal"
 HISTORY: Final = ", history"
 TRUE_FRICTION: Final = "planar, true friction"
 RESIDUAL_SAIN: Final = "residual SAIN"
 RECURRENT_SAIN: Final = "recurrent SAIN"
+NAMES: Final = {RESIDUAL: RESIDUAL_SAIN, RECURRENT: RECURRENT_SAIN}  # of a model's kind
 STEPS: Final = (1, 5, 15)
 
 Rollouts = Float[ndarray, "W T N 8"]
@@ -139,7 +138,7 @@ def _learners(
 ) -> list[tuple[str, Dynamics, FrictionFilter]]:
     """Return what learns friction from earlier pushes: names, dynamics, and what infers it."""
     found: list[tuple[str, Dynamics, FrictionFilter]] = [
-        (MEASURED + HISTORY, planar, FrictionFilter(planar, planar.config.friction))
+        (MEASURED + HISTORY, planar, planar.filter())
     ]
     for name, model in models.items():
         if isinstance(model, SainDynamics) and model.filter is not None:
@@ -159,7 +158,7 @@ def _single(windows: Windows, recorded: dict[str, Scenes]) -> dict[str, Rollouts
 def card_errors(data: Transitions, sain: SainDynamics) -> dict[str, Any]:
     """Return mean target errors [mm] of a model and of physics, cheaply, for a model's card."""
     windows = make_windows(data, max(STEPS))
-    name = LEARNED if sain.kind == LEARNED else f"{sain.kind} SAIN"
+    name = NAMES.get(sain.kind, LEARNED)
     dynamics: dict[str, Dynamics] = {MEASURED: PlanarPrior(), name: sain}
     predictions = {
         key: roll_out(model, windows.scenes, windows.pushes) for key, model in dynamics.items()

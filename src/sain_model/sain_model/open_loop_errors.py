@@ -7,10 +7,14 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from sain_core.scene import MID, POSITION, TARGET, THETA, wrap_angle
-from sain_core.seeding import generator
-from sain_core.types import Mask, Scenes
-from sain_model.metrics import MOVED, RESAMPLES, bootstrap_over_episodes, position_errors
+from sain_core.scene import MID, TARGET, THETA, wrap_angle
+from sain_core.types import Mask
+from sain_model.metrics import (
+    bootstrap_over_episodes,
+    position_errors,
+    ratio_over_episodes,
+    target_moved,
+)
 from sain_model.windows import Windows
 
 PARTS: Final = ("all", "contact made", "contact missed", "3 pushes before and more")
@@ -34,7 +38,7 @@ def errors_after(
         seed: of the bootstrap.
     """
     long_enough = windows.known[:, step - 1]
-    moved = target_moved_after(windows.next_scenes[:, step - 1], windows.scenes)
+    moved = target_moved(windows.scenes, windows.next_scenes[:, step - 1])
     masks = (long_enough, moved, ~moved, earlier >= ENOUGH)
     return {
         part: {
@@ -44,12 +48,6 @@ def errors_after(
         }
         for part, mask in zip(PARTS, masks, strict=True)
     }
-
-
-def target_moved_after(scenes: Scenes, before: Scenes) -> Mask:
-    """Tell in which scenes (W, N, 8) the target is not where it was before, by 2 mm."""
-    way = scenes[:, TARGET, POSITION] - before[:, TARGET, POSITION]
-    return np.asarray(np.linalg.norm(way, axis=-1) > MOVED)
 
 
 def _row(
@@ -90,7 +88,7 @@ def _agreement(windows: Windows, predicted: ndarray, rows: Mask, step: int) -> f
     agree = []
     for scenes in (predicted, windows.next_scenes):
         before = windows.scenes if step == 1 else scenes[:, step - 2]
-        agree.append(target_moved_after(scenes[rows, step - 1], before[rows]))
+        agree.append(target_moved(before[rows], scenes[rows, step - 1]))
     return float((agree[0] == agree[1]).mean())
 
 
@@ -110,17 +108,9 @@ def ratios(
     for name, values in errors.items():
         rows = windows.known[:, step - 1] & np.isfinite(values) & np.isfinite(errors[below])
         if rows.any() and name != below:
-            found[name] = _ratio(values[rows], errors[below][rows], windows.episodes[rows], seed)
+            both = values[rows], errors[below][rows]
+            found[name] = ratio_over_episodes(*both, windows.episodes[rows], seed)
     return found
-
-
-def _ratio(above: ndarray, below: ndarray, episodes: ndarray, seed: int) -> list[float]:
-    _, place = np.unique(episodes, return_inverse=True)
-    first, second = np.bincount(place, above), np.bincount(place, below)
-    drawn = generator(seed, "ratio").integers(len(first), size=(RESAMPLES, len(first)))
-    drawn_ratios = first[drawn].sum(axis=1) / second[drawn].sum(axis=1)
-    low, high = np.quantile(drawn_ratios, [0.025, 0.975])
-    return [float(above.sum() / below.sum()), float(low), float(high)]
 
 
 def mean_target_errors(

@@ -1,6 +1,5 @@
 """The picture of open loops: how errors grow with the number of pushes, for each kind."""
 
-import io
 from pathlib import Path
 from typing import Final
 
@@ -9,7 +8,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sain_core.scene import MID, TARGET
-from sain_core.storage import write_whole
 from sain_model.metrics import (
     LEARNED,
     MEASURED,
@@ -17,10 +15,11 @@ from sain_model.metrics import (
     position_errors,
 )
 from sain_model.open_loop import RECURRENT_SAIN, RESIDUAL_SAIN, OpenLoop
+from sain_model.png import write_png
 
 KINDS: Final = {  # the four of the paper's Fig. 1, with their colours
     MEASURED: ("physics only", "#6b7280"),
-    LEARNED: ("learned only", "#d97706"),
+    LEARNED: (LEARNED, "#d97706"),
     RESIDUAL_SAIN: ("residual SAIN", "#2563eb"),
     RECURRENT_SAIN: ("recurrent SAIN", "#be185d"),
 }
@@ -50,9 +49,7 @@ def save_open_loop_plot(path: Path, loop: OpenLoop, seed: int) -> int:
         ha="left",
         fontsize=14,
     )
-    buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=140, format="png")
-    write_whole(path, buffer.getvalue())
+    write_png(path, figure, dots_per_inch=140)
     return int(rows.sum())
 
 

@@ -6,10 +6,11 @@ from typing import Any, Final
 
 from sain_core.dynamics import Dynamics
 from sain_core.storage import write_whole
+from sain_model.beside import refusals
 from sain_model.dataset import Transitions
-from sain_model.metrics import FLOOR, LEARNED
+from sain_model.markdown import markdown_table
+from sain_model.metrics import FLOOR, LEARNED, NO_MOTION
 from sain_model.open_loop import (
-    NO_MOTION,
     STEPS,
     TRUE_FRICTION,
     OpenLoop,
@@ -19,10 +20,18 @@ from sain_model.open_loop_errors import errors_after, ratios
 from sain_model.open_loop_plot import save_open_loop_plot
 
 BELOW_ALL: Final = (FLOOR, TRUE_FRICTION, NO_MOTION)  # no physics that could be had
-HEAD: Final = (
-    "| prediction | windows | target mean | median | p95 | mid mean | median | p95"
-    " | target heading | mid heading | contacts agreed |\n"
-    "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n"
+COLUMNS: Final = (
+    "prediction",
+    "windows",
+    "target mean",
+    "median",
+    "p95",
+    "mid mean",
+    "median",
+    "p95",
+    "target heading",
+    "mid heading",
+    "contacts agreed",
 )
 
 
@@ -53,7 +62,8 @@ def report_open_loop(
         for step in steps
         if loop.windows.known[:, step - 1].any()
     }
-    write_whole(out.with_name(f"{out.stem}_open_loop.md"), markdown(report).encode())
+    text = markdown(report) + _refusals(refusals(others or {}))
+    write_whole(out.with_name(f"{out.stem}_open_loop.md"), text.encode())
     save_open_loop_plot(out.with_name(f"{out.stem}_open_loop.png"), loop, seed)
     return report
 
@@ -78,16 +88,24 @@ def markdown(report: dict[str, Any]) -> str:
         pushes = "1 push" if step == "1" else f"{step} pushes"
         shown = {part: rows for part, rows in found["errors"].items() if rows}
         for part, rows in shown.items():
-            parts.append(f"### After {pushes}, {part}\n\n{HEAD}")
-            parts += [_line(name, row) for name, row in rows.items()]
-            parts.append("\n")
+            table = markdown_table(COLUMNS, [_cells(name, row) for name, row in rows.items()])
+            parts.append(f"### After {pushes}, {part}\n\n{table}\n")
         parts += [_ratios(key, values) for key, values in found.items() if "ratio_to" in key]
     return "".join(parts)
 
 
-def _line(name: str, row: dict[str, Any]) -> str:
+def _refusals(counts: Mapping[str, int]) -> str:
+    lines = [
+        f"* {name}: pushes that could not be carried out in the scenes that it predicted, and moved"
+        f" nothing: {count}\n"
+        for name, count in counts.items()
+    ]
+    return "".join(lines)
+
+
+def _cells(name: str, row: dict[str, Any]) -> list[str]:
     target, mid = row["target"], row["mid"]
-    cells = [
+    return [
         name,
         str(row["windows"]),
         f"{target['mean']:.2f} [{target['low']:.2f}, {target['high']:.2f}]",
@@ -100,7 +118,6 @@ def _line(name: str, row: dict[str, Any]) -> str:
         f"{row['mid_heading']['mean']:.0f}",
         f"{100 * row['contacts_agreed']:.0f} %",
     ]
-    return f"| {' | '.join(cells)} |\n"
 
 
 def _ratios(key: str, values: dict[str, list[float]]) -> str:

@@ -5,6 +5,7 @@ mass and radius that the scene states and, unless told better, the nominal frict
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, Self
 
 import numpy as np
@@ -12,6 +13,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.config import Config, option
+from sain_core.dynamics import Dynamics
 from sain_core.history import PushHistory
 from sain_core.push import TOOL_RADIUS
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET
@@ -25,7 +27,7 @@ from sain_model.corrections import (
     corrected_disks,
     corrected_pushes,
 )
-from sain_model.friction import FrictionFilter
+from sain_model.friction import FrictionConfig, FrictionFilter
 from sain_model.planar_kernels import CHUNK, push_block, push_told_block
 
 NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
@@ -115,13 +117,15 @@ class PlanarConfig(Config):
         return Physics(*(float(getattr(self, name)) for name in Physics._fields))
 
 
+@dataclass(frozen=True)
 class PlanarPrior:
     """Predicts pushes by simulating them in the plane. A `Dynamics`."""
 
-    def __init__(self, config: PlanarConfig = PlanarConfig()) -> None:
-        """Simulate with these physics."""
-        self.config = config
-        self._physics = config.physics()
+    config: PlanarConfig = PlanarConfig()
+
+    @cached_property
+    def _physics(self) -> Physics:
+        return self.config.physics()
 
     def at(self, friction: float) -> Self:
         """Return this prior with another friction between disks and table."""
@@ -129,8 +133,11 @@ class PlanarPrior:
 
     def with_history(self, history: PushHistory) -> Self:
         """Return this prior with the friction that an episode's earlier pushes tell of."""
-        belief = FrictionFilter(self, self.config.friction).infer(history)
-        return self.at(belief.mean)
+        return self.at(self.filter().infer(history).mean)
+
+    def filter(self, config: FrictionConfig = FrictionConfig()) -> FrictionFilter:
+        """Return what infers friction with this prior, about the one that it assumes."""
+        return FrictionFilter(self, self.config.friction, config)
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
@@ -215,6 +222,15 @@ class PlanarPrior:
         predicted = np.empty_like(after)
         np.put_along_axis(predicted, order, after, axis=1)
         return predicted, touched
+
+
+def step_knowing(
+    prior: Dynamics, scenes: Scenes, pushes: Pushes, friction: Scalars | None
+) -> Scenes:
+    """Predict with a prior that is told the friction (B,), if there is any and it can be told."""
+    if friction is not None and isinstance(prior, PlanarPrior):
+        return prior.step(scenes, pushes, friction)
+    return prior.step(scenes, pushes)
 
 
 def _canonical_order(scenes: Scenes) -> np.ndarray:

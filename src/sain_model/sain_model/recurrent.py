@@ -9,6 +9,7 @@ import numpy as np
 
 from sain_core.push import LENGTH
 from sain_core.types import PredictedScenes, PushSequences, Scalars, Scene, Scenes
+from sain_model.planar import step_knowing
 from sain_model.sain import SainDynamics
 
 
@@ -30,7 +31,7 @@ class PhysicsChain(SainDynamics):
         physics, current = scenes, scenes.copy()
         for step in range(pushes.shape[1]):
             push = pushes[:, step]
-            physics = self._physics(physics, push, friction)
+            physics = step_knowing(self.prior, physics, push, friction)
             moving = push[:, LENGTH] > 0.0
             if moving.any():
                 current[moving] = self.correct(current[moving], push[moving], physics[moving])

@@ -16,7 +16,7 @@ from sain_core.scene import POSE
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.loss import LossConfig
 from sain_model.network import InteractionNetwork
-from sain_model.planar import PlanarPrior
+from sain_model.planar import step_knowing
 from sain_model.rollout_inputs import DIFFERENCES, GRADIENTS, NO_GRADIENT, Physics, see
 from sain_model.threads import settle_threads
 from sain_model.windows import Windows
@@ -112,9 +112,10 @@ def rollout_loss(poses: Float[Tensor, "W T N 3"], windows: Windows, config: Loss
 
 
 def _physics(prior: Dynamics, friction: Scalars | None) -> Physics:
-    if friction is None or not isinstance(prior, PlanarPrior):
-        return lambda scenes, pushes, rows: prior.step(scenes, pushes)
-    return lambda scenes, pushes, rows: prior.step(scenes, pushes, friction[rows])
+    def predict(scenes: Scenes, pushes: Pushes, rows: ndarray) -> Scenes:
+        return step_knowing(prior, scenes, pushes, None if friction is None else friction[rows])
+
+    return predict
 
 
 def _given(physics_next: Scenes) -> Physics:

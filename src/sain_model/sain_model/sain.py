@@ -22,7 +22,7 @@ from sain_model.features import make_features
 from sain_model.friction import FrictionConfig, FrictionFilter
 from sain_model.intervals import Intervals, Prediction
 from sain_model.network import ON_STATE, InteractionNetwork
-from sain_model.planar import PlanarPrior
+from sain_model.planar import PlanarPrior, step_knowing
 from sain_model.threads import settle_threads
 from sain_model.torch_network import TorchNetwork
 
@@ -97,7 +97,7 @@ class SainDynamics:
         """What infers the friction that the prior is told; None: this model learns nothing."""
         if self.friction is None or not isinstance(self.prior, PlanarPrior):
             return None
-        return FrictionFilter(self.prior, self.prior.config.friction, self.friction)
+        return self.prior.filter(self.friction)
 
     def with_history(self, history: PushHistory) -> Self:
         """Return this model on the friction that an episode's earlier pushes tell of.
@@ -130,7 +130,7 @@ class SainDynamics:
             pushes: one a scene.
             friction: with the table (B,), where it is known and the prior can be told.
         """
-        return self.correct(scenes, pushes, self._physics(scenes, pushes, friction))
+        return self.correct(scenes, pushes, step_knowing(self.prior, scenes, pushes, friction))
 
     def predict(
         self,
@@ -150,7 +150,7 @@ class SainDynamics:
         """
         if doubt is None:
             doubt = np.full(len(pushes), self.doubt if friction is None else 0.0)
-        physics_next = self._physics(scenes, pushes, friction)
+        physics_next = step_knowing(self.prior, scenes, pushes, friction)
         prediction = Prediction(
             self.correct(scenes, pushes, physics_next),
             self._members_spread(scenes, pushes, physics_next),
@@ -207,11 +207,6 @@ class SainDynamics:
         radius = self.predict(before, pushes.reshape(-1, pushes.shape[-1])).radius
         assert radius is not None
         return radius.reshape(predicted.shape[:3])
-
-    def _physics(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None) -> Scenes:
-        if friction is not None and isinstance(self.prior, PlanarPrior):
-            return self.prior.step(scenes, pushes, friction)
-        return self.prior.step(scenes, pushes)
 
     def _members_spread(
         self, scenes: Scenes, pushes: Pushes, physics_next: Scenes

@@ -13,7 +13,6 @@ from sain_core.push import check_predictable
 from sain_core.scene import THETA, check_scene, check_scenes, make_scene, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.devices import AUTO, CPU, DEVICES, choose_device
-from sain_model.friction import FrictionFilter
 from sain_model.inside import InsideSain
 from sain_model.planar import PlanarPrior
 from sain_model.sain import SainDynamics
@@ -194,7 +193,7 @@ class ModelServer:
     def _frictions(self) -> int:
         """Return how many predictions a past push costs: one at each friction looked at."""
         if isinstance(self._usual, PlanarPrior):
-            return len(FrictionFilter(self._usual, self._usual.config.friction).grid)
+            return len(self._usual.filter().grid)
         friction = self._usual.filter if isinstance(self._usual, SainDynamics) else None
         return 1 if friction is None else len(friction.grid)
 

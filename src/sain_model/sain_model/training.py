@@ -19,7 +19,7 @@ from sain_model.examples import training_examples
 from sain_model.features import PUSH_FRAME
 from sain_model.friction import FrictionFilter
 from sain_model.friction_noise import make_filter
-from sain_model.load import load_prior
+from sain_model.load import PLANAR, PRIORS, load_prior
 from sain_model.loss import LossConfig, mixed_loss
 from sain_model.mixed import MixedSplit, MixedTransitions
 from sain_model.network import NetworkConfig, new_network
@@ -64,9 +64,7 @@ class TrainingConfig(Config):
         minimum=0.0,
         maximum=0.5,
     )
-    prior: str = option(
-        "planar", "what is corrected", choices=("planar", "planar_axes", "identity")
-    )
+    prior: str = option(PLANAR, "what is corrected", choices=PRIORS)
     history: str = option(
         EPISODE,
         "what shows the prior the friction in training: nothing, the episode's earlier pushes, or"

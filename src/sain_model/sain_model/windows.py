@@ -52,23 +52,15 @@ class Windows:
 
     def and_then(self, others: Self) -> Self:
         """Return these windows and others of as many steps."""
-        return type(self)(
-            np.concatenate([self.rows, others.rows]),
-            np.concatenate([self.scenes, others.scenes]),
-            np.concatenate([self.pushes, others.pushes]),
-            np.concatenate([self.next_scenes, others.next_scenes]),
-            np.concatenate([self.episodes, others.episodes]),
-        )
+        joined = {
+            name: np.concatenate([array, getattr(others, name)])
+            for name, array in vars(self).items()
+        }
+        return type(self)(**joined)
 
     def select(self, which: ndarray) -> Self:
         """Return the windows that a mask (W,) or indices pick."""
-        return type(self)(
-            self.rows[which],
-            self.scenes[which],
-            self.pushes[which],
-            self.next_scenes[which],
-            self.episodes[which],
-        )
+        return type(self)(**{name: array[which] for name, array in vars(self).items()})
 
 
 def make_windows(data: Transitions, steps: int, whole: bool = False) -> Windows:
