@@ -164,15 +164,18 @@ class Search:
         return regions
 
     def _parts(self, count: int) -> Iterator[slice]:
-        """Yield parts of a round: one, or under a deadline as many as there is time for."""
+        """Yield parts of a round: one, or under a deadline as many as there is time for.
+
+        The first is small, and always there: whether there is time for it, `over` tells.
+        """
         if self.problem.deadline is None:
             yield slice(0, count)
             return
         start = 0
         while start < count:
-            size = PART if self._pace else FIRST_PART
+            size = PART if start else FIRST_PART
             part = slice(start, min(start + size, count))
-            if self.samples and self._late((part.stop - part.start) * self._pace):
+            if start and self._late((part.stop - part.start) * self._pace):
                 return
             begun = perf_counter()
             yield part
