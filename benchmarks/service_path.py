@@ -1,41 +1,139 @@
-"""From a settled scene on the wire to the push on the wire, on the whole graph.
+"""What the service costs a plan: ``./env python -m benchmarks.service_path``.
 
-    ./env python -m benchmarks.service_path
-
-Plays `anywhere` episodes on the real processes, planning through the model's service, and reads
-the recording: the time from the first message of a settled scene to the push that was planned
-from it, both as the recorder received them. The planner's own time for the same plans stands
-beside it.
+1. The same plans with the model in this process and behind its node, in turns: same K, H and
+   rounds, same scenes; bit for bit the same plans. The shortest time of some for each scene.
+2. The closed loop on the whole graph, recorder and all: from the settled scene to the push, as the
+   recorder received them, at the default settings; the planner's own time for the same plans beside
+   it.
 """
 
+import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
+import tyro
 
+from benchmarks.report import Figure, report
+from benchmarks.timing import fastest
 from sain_bags.reader import Bag
+from sain_core.dynamics import RolloutModel
+from sain_core.seeding import generator
+from sain_core.types import Pushes
+from sain_eval.scenarios import SCENARIOS, ScenarioScene
+from sain_model.load import load_dynamics
+from sain_mppi.planner import Planner
 
-EPISODES = 8
-TARGET_P95 = 250.0  # [ms]
+PATIENCE_S = 120.0
+TIMEOUT_S = 10.0
 
 
-def measure(episodes: int = EPISODES) -> dict[str, np.ndarray]:
-    """Play episodes; return latencies and planning times [ms], one for each push."""
+@dataclass(frozen=True)
+class Options:
+    """How much to measure."""
+
+    episodes: int = 8
+    """of the closed loop"""
+    scenes: int = 8
+    """planned from with the model here and behind its node"""
+    repeats: int = 8
+    """plans from each scene, of which the fastest counts"""
+    model: str = "sain"
+    """name or checkpoint"""
+    out: Path | None = None
+    """write the figures to this JSON file"""
+
+
+def service_and_process(options: Options) -> list[Figure]:
+    """Plan with the model here and behind its node, in a domain of its own."""
+    import domain_coordinator  # needs the middleware
+
+    cases = [SCENARIOS["anywhere"].scene(seed) for seed in range(options.scenes)]
+    here = Planner(load_dynamics(options.model))  # type: ignore[arg-type]
+    with domain_coordinator.domain_id() as domain:
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        with served(options.model) as remote:
+            there = Planner(remote)
+            pairs = [compare(case, here, there, options.repeats) for case in cases]
+    process, service = np.sum(pairs, axis=0) / len(pairs)
+    return [
+        Figure("a plan, model in process", 1e3 * process, "ms"),
+        Figure("... behind its node", 1e3 * service, "ms"),
+        Figure("service / in process", service / process, "", at_most=1.15),
+    ]
+
+
+def compare(
+    case: ScenarioScene, here: Planner, there: Planner, repeats: int
+) -> tuple[float, float]:
+    """Return the shortest times [s] of the same plan in process and by the service."""
+
+    def plan(planner: Planner) -> Pushes:
+        planner.reset()
+        return planner.plan(case.disks, case.goal, generator(case.seed, "service")).pushes
+
+    if plan(here).tobytes() != plan(there).tobytes():
+        sys.exit("the two plans differ")
+    times = fastest({"here": lambda: plan(here), "there": lambda: plan(there)}, repeats)
+    return times["here"].wall, times["there"].wall
+
+
+@contextmanager
+def served(model: str) -> Iterator[RolloutModel]:
+    """Start the model's node, and yield what asks it."""
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+
+    from sain_mppi.ros.remote import RemoteRollout
+
+    command = ["ros2", "run", "sain_model", "model_node", "--ros-args", "-p", f"model:={model}"]
+    server = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    rclpy.init()
+    node, executor = Node("asker", namespace="sain"), SingleThreadedExecutor()
+    executor.add_node(node)
+    remote = RemoteRollout(node, TIMEOUT_S)
+    spinning = Thread(target=executor.spin, daemon=True)
+    try:
+        if not remote._client.wait_for_service(PATIENCE_S):
+            sys.exit("no model node")
+        spinning.start()
+        yield remote
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()
+        server.terminate()
+        server.wait()
+
+
+def closed_loop(options: Options) -> list[Figure]:
+    """Play episodes on the whole graph, and read latencies and planning times from the bag."""
     with tempfile.TemporaryDirectory(prefix="sain-bench-") as folder:
         out = Path(folder) / "run"
         command = ["ros2", "run", "sain_bringup", "closed_loop", "--scenario", "anywhere"]
-        command += ["--episodes", str(episodes), "--no-video", "--out", str(out)]
+        command += ["--episodes", str(options.episodes), "--no-video", "--out", str(out)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if not (out / "bag" / "metadata.yaml").is_file():
             sys.exit(f"the closed loop did not run:\n{done.stdout}\n{done.stderr}")
-        return _read(Bag(out / "bag"))
+        times = read(Bag(out / "bag"))
+    figures = []
+    for name, values in times.items():
+        p50, p95 = np.percentile(values, [50, 95])
+        at_most = 120.0 if name == "settled scene to push" else None
+        figures.append(Figure(f"{name}, {len(values)} pushes, median", float(p50), "ms"))
+        figures.append(Figure("... 95th percentile", float(p95), "ms", at_most=at_most))
+    return figures
 
 
-def _read(bag: Bag) -> dict[str, np.ndarray]:
+def read(bag: Bag) -> dict[str, np.ndarray]:
+    """Return latencies and planning times [ms], one for each push."""
     settled: dict[tuple[int, int], int] = {}
     latencies, planning = [], []
     for received in bag.messages():
@@ -47,20 +145,16 @@ def _read(bag: Bag) -> dict[str, np.ndarray]:
             if seen is not None and message.scene_id > 1:  # the first waits for the goal
                 latencies.append(1e-6 * (received.log_time - seen))
         elif received.type == "sain_interfaces/msg/Plan" and message.push_id:
-            planning.append(1e3 * message.planning_time)
-    return {"scene to push": np.array(latencies), "planner alone": np.array(planning)}
+            planning.append(1e3 * message.search_time)
+    return {"settled scene to push": np.array(latencies), "the search alone": np.array(planning)}
 
 
 def main() -> None:
-    """Measure and print."""
-    table = Table(title="Service path, K = 1024, H = 6")
-    for column in ("", "pushes", "p50, ms", "p95, ms", "target p95, ms"):
-        table.add_column(column, justify="left" if not column else "right")
-    for name, times in measure().items():
-        p50, p95 = np.percentile(times, [50, 95])
-        target = f"{TARGET_P95:.0f}" if name == "scene to push" else ""
-        table.add_row(name, str(len(times)), f"{p50:.0f}", f"{p95:.0f}", target)
-    Console().print(table)
+    """Measure what the service costs a plan."""
+    options = tyro.cli(Options, description=__doc__)
+    figures = service_and_process(options) + closed_loop(options)
+    figures.append(Figure("load average meanwhile", os.getloadavg()[0], ""))
+    report("Service path, default settings", figures, options.out)
 
 
 if __name__ == "__main__":
