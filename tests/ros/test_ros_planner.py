@@ -140,6 +140,19 @@ def test_another_episode_begins_without_a_past(graph, straw, planner):
     assert (made.concern, len(made.last_errors)) == ("", 0)
 
 
+def test_disks_may_come_and_go_between_scenes(graph, straw, planner):
+    graph.aim(GOAL, 1)
+    third = make_scene(
+        np.array([(0.40, 0.0), (0.541, 0.0), (0.45, 0.30)]), np.full(3, 8.0), np.full(3, 0.06)
+    )
+    for number, disks in enumerate((START, third, START), start=1):
+        straw.show(scene_id=number, disks=disks)
+        push = nth_push(graph, number)
+        made = plan(graph, push_id=push.push_id)
+        assert (made.disks, made.error_code) == (len(disks), ErrorCode.OK)
+        straw.answer(push, ErrorCode.OK, before=disks, after=disks)
+
+
 def test_a_goal_that_the_arm_cannot_push_to_is_refused_and_not_pushed_at(graph, straw, planner):
     graph.aim((1.10, 0.0), 1)
     straw.show()
@@ -330,6 +343,10 @@ def nan(scene, pushes, response):
     response.predicted[3] = float("nan")
 
 
+def elsewhere(scene, pushes, response):
+    still(scene + 0.01, pushes, response)
+
+
 def short(scene, pushes, response):
     still(scene, pushes, response)
     response.predicted = response.predicted[:-1]
@@ -377,6 +394,7 @@ def test_the_service_is_told_of_the_episode_s_earlier_pushes_and_of_no_others(gr
     [
         (refuse, "the model refused: too much"),
         (nan, "is nan; must be finite"),
+        (elsewhere, "it answered for another scene"),
         (short, "the model answered wrongly: predicted has 2047 numbers; 2048"),
     ],
 )

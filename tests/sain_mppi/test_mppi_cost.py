@@ -7,10 +7,12 @@ import pytest
 
 from sain_core.dynamics import StepwiseRollout
 from sain_core.feasibility import Feasibility
-from sain_core.push import rotate_pushes
+from sain_core.push import LENGTH, rotate_pushes
 from sain_core.scene import MID, POSITION, TARGET, Table, rotate_scenes
 from sain_core.seeding import generator
+from sain_mppi.config import PlannerConfig
 from sain_mppi.cost import CostWeights, cost_terms, make_rollout, total_cost
+from sain_mppi.planner import Planner
 from sain_mppi.sampling import uniform_sequences
 
 FEASIBILITY = Feasibility()
@@ -108,3 +110,31 @@ def test_predictions_that_are_not_finite_cost_infinitely(scene):
     rollout = make_rollout(scene, np.zeros((2, 1, 3)), predicted, np.array([0.5, 0.2]))
     costs = total_cost(cost_terms(rollout, WEIGHTS, FEASIBILITY))
     assert np.isfinite(costs[0]) and costs[1] == np.inf
+
+
+def test_risk_is_what_the_model_is_not_sure_of_about_the_target(scene, dynamics):
+    pushes = uniform_sequences(FEASIBILITY.limits, generator(3), 5, 2)
+    predicted = StepwiseRollout(dynamics).rollout(scene, pushes)
+    regions = generator(4).uniform(0.0, 0.1, (5, 2, 2))
+    weights = replace(WEIGHTS, risk=3.0)
+    goal = np.array([0.7, 0.0])
+    for known, risk in ((regions, 3.0 * regions[:, :, TARGET].sum(axis=1)), (None, np.zeros(5))):
+        rollout = make_rollout(scene, pushes, predicted, goal, known)
+        np.testing.assert_allclose(cost_terms(rollout, weights, FEASIBILITY)["risk"], risk)
+
+
+def test_a_sure_sequence_is_preferred_when_risk_has_a_price(scene, dynamics):
+    class Unsure(StepwiseRollout):
+        """Knows nothing of where long pushes lead."""
+
+        def regions(self, scene, pushes, predicted):
+            return np.repeat(pushes[..., LENGTH, None] > 0.06, 2, axis=-1).astype(float)
+
+    goal = np.array([0.68, 0.05])
+    lengths = []
+    for risk in (0.0, 50.0):
+        config = PlannerConfig(samples=192, weights=CostWeights(risk=risk))
+        plan = Planner(Unsure(dynamics), config).plan(scene, goal, generator(0))
+        lengths.append(plan.pushes[:, LENGTH].max())
+        assert plan.regions.shape == (config.horizon, 2)
+    assert lengths[0] > 0.06 > lengths[1]

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import CancelledError, ModelUnavailableError
+from sain_core.scene import MASS
 from sain_mppi.fallback import FallbackRollout
 
 SCENE, PUSHES = np.zeros((2, 8)), np.zeros((3, 1, 3))
@@ -17,13 +18,65 @@ class Model:
         self.asked += 1
         if self.error is not None:
             raise self.error
-        return np.full((*pushes.shape[:2], *scene.shape), self.value)
+        predicted = np.full((*pushes.shape[:2], *scene.shape), self.value)
+        if np.isfinite(self.value):
+            predicted[..., MASS:] = scene[:, MASS:]
+        return predicted
+
+
+class Elsewhere(Model):
+    """Answers for other disks."""
+
+    def rollout(self, scene: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+        return super().rollout(scene + 1.0, pushes)
+
+
+class Short(Model):
+    """Forgets a push."""
+
+    def rollout(self, scene: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+        return super().rollout(scene, pushes)[:, 1:]
+
+
+class Sure(Model):
+    """Knows how sure it is, and can be told to hurry."""
+
+    moment: float | None = None
+
+    def regions(self, scene: np.ndarray, pushes: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+        if self.error is not None:
+            raise self.error
+        return np.full(predicted.shape[:3], 0.01)
+
+    def until(self, moment: float | None) -> None:
+        self.moment = moment
+
+
+def test_regions_are_the_model_s_and_nobody_s_where_it_fails() -> None:
+    model = Sure(1.0)
+    rollout = FallbackRollout(model, Sure(2.0))
+    predicted = rollout.rollout(SCENE, PUSHES)
+    assert (rollout.regions(SCENE, PUSHES, predicted) == 0.01).all()
+    model.error = ModelUnavailableError("silent")
+    assert rollout.regions(SCENE, PUSHES, predicted) is None  # the plan stands without
+    assert rollout.failure is None
+    rollout.rollout(SCENE, PUSHES)
+    model.error = None
+    assert rollout.regions(SCENE, PUSHES, predicted) is None  # physics predicted
+    assert FallbackRollout(Model(1.0), model).regions(SCENE, PUSHES, predicted) is None
+
+
+def test_a_model_is_told_how_long_it_is_waited_for() -> None:
+    model = Sure(1.0)
+    FallbackRollout(model, Model(2.0)).until(5.0)
+    assert model.moment == 5.0
+    FallbackRollout(Model(1.0), Model(2.0)).until(5.0)  # one that cannot be hurried
 
 
 def test_a_model_that_answers_is_used() -> None:
     model, physics = Model(1.0), Model(2.0)
     rollout = FallbackRollout(model, physics)
-    assert (rollout.rollout(SCENE, PUSHES) == 1.0).all()
+    assert (rollout.rollout(SCENE, PUSHES)[..., 0] == 1.0).all()
     assert (rollout.failure, physics.asked) == (None, 0)
 
 
@@ -33,14 +86,16 @@ def test_a_model_that_answers_is_used() -> None:
         (Model(0.0, ModelUnavailableError("silent")), "silent"),
         (Model(np.nan), "48 of the model's 48 numbers are NaN or Inf"),
         (Model(np.inf), "48 of the model's 48 numbers are NaN or Inf"),
+        (Elsewhere(1.0), "the model predicted disks of other masses or radii"),
+        (Short(1.0), "the model predicted scenes of shape (3, 0, 2, 8), not (3, 1, 2, 8)"),
     ],
 )
 def test_a_model_that_fails_is_asked_once_a_plan(model: Model, text: str) -> None:
     rollout = FallbackRollout(model, Model(2.0))
     for _ in range(3):
-        assert (rollout.rollout(SCENE, PUSHES) == 2.0).all()
+        assert (rollout.rollout(SCENE, PUSHES)[..., 0] == 2.0).all()
     assert model.asked == 1
-    assert str(rollout.failure) == text
+    assert str(rollout.failure).startswith(text)
     rollout.begin()
     assert rollout.failure is None
     rollout.rollout(SCENE, PUSHES)

@@ -10,6 +10,7 @@ from sain_core.dynamics import Radii, RegionModel, RolloutModel
 from sain_core.errors import CancelledError, ModelUnavailableError, SainError
 from sain_core.history import PushHistory, informed_rollout
 from sain_core.types import PredictedScenes, PushSequences, Scene
+from sain_mppi.answers import check_answer
 
 logger = logging.getLogger(__name__)
 
@@ -26,7 +27,8 @@ class Impatient(Protocol):
 class FallbackRollout:
     """Asks a model; once it fails, asks physics instead, until the next plan begins.
 
-    A model fails when it raises, is late (its own matter: it raises), or predicts NaN or Inf.
+    A model fails when it raises, is late (its own matter: it raises), predicts NaN or Inf, or
+    answers something else than it was asked.
     Within one plan there is no way back, so that a silent model is waited for only once.
     """
 
@@ -61,7 +63,7 @@ class FallbackRollout:
             raise CancelledError("the plan is no longer wanted")
         if self.failure is None:
             try:
-                return _finite(self._model.rollout(scene, pushes))
+                return check_answer(_finite(self._model.rollout(scene, pushes)), scene, pushes)
             except SainError as error:
                 logger.debug("falling back to physics: %s", error)
                 self.failure = error

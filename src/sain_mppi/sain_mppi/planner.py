@@ -92,7 +92,9 @@ class Planner:
         search = Search(self.model, config, problem)
         ALGORITHMS[config.algorithm](search, self._start(scene, goal, config), config, generator)
         self._elites, self._scene, self._goal = search.elites, scene.copy(), goal.copy()
-        return replace(search.result(), concern=concern)
+        result = replace(search.result(), concern=concern)
+        self.feasibility.limits.check(result.push)  # nothing else is ever sent
+        return result
 
     def _is_last(self, scene: Scene) -> bool:
         return self._scene is not None and np.array_equal(scene, self._scene)

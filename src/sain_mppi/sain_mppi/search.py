@@ -10,7 +10,7 @@ import numpy as np
 from sain_core.dynamics import Radii, RegionModel, RolloutModel
 from sain_core.errors import ModelUnavailableError
 from sain_core.feasibility import Feasibility
-from sain_core.scene import MASS, MID, POSITION, RADIUS
+from sain_core.scene import MID, POSITION
 from sain_core.types import (
     Mask,
     PredictedScenes,
@@ -21,6 +21,7 @@ from sain_core.types import (
     Scene,
     Scenes,
 )
+from sain_mppi.answers import check_answer
 from sain_mppi.config import PlannerConfig
 from sain_mppi.cost import cost_terms, make_rollout, resting_cost, total_cost
 from sain_mppi.goal import Goal
@@ -204,20 +205,7 @@ class Search:
         begun = perf_counter()
         predicted = self.model.rollout(self.scene, sequences)
         self._rollout_time += perf_counter() - begun
-        expected = (*sequences.shape[:2], *self.scene.shape)
-        if predicted.shape != expected:
-            raise ModelUnavailableError(
-                f"the model predicted scenes of shape {predicted.shape}, not {expected}"
-            )
-        kinds = [MASS, RADIUS]
-        if (predicted[:, 0][..., kinds] != self.scene[:, kinds]).any():
-            finite = predicted[np.isfinite(predicted).all(axis=(1, 2, 3)), 0]
-            if (finite[..., kinds] != self.scene[:, kinds]).any():
-                raise ModelUnavailableError(
-                    "the model predicted disks of other masses or radii: it answered for another"
-                    " scene"
-                )
-        return predicted
+        return check_answer(predicted, self.scene, sequences)
 
     def _costs(
         self, sequences: PushSequences, predicted: PredictedScenes
