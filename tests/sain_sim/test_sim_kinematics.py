@@ -40,6 +40,37 @@ def test_the_whole_described_reach_can_be_taken_low_and_raised():
     assert KINEMATICS.joints(tips).shape == (9, 60, 2, 7)
 
 
+@settings(max_examples=200, deadline=None)
+@given(
+    st.floats(0.02, 0.95),
+    st.floats(0.02, 0.95),
+    st.floats(-np.pi, np.pi),
+    st.floats(-np.pi, np.pi),
+)
+def test_an_arm_that_can_stand_at_both_ends_of_a_way_can_go_along_it(near, far, begin, end):
+    """So a way that is left out needs its ends looked at only."""
+    motion = MotionConfig()
+    raised, also_raised = (
+        np.array([radius * np.cos(bearing), radius * np.sin(bearing), motion.raised])
+        for radius, bearing in ((near, begin), (far, end))
+    )
+    low = np.array([*raised[:2], motion.tip_height])
+    for start, stop, way in (
+        (raised, also_raised, motion.arc(raised, also_raised)),
+        (raised, low, motion.line(raised, low)),
+        (low, raised, motion.line(low, raised)),
+    ):
+        if can_take(np.stack([start, stop])):
+            assert can_take(way)
+
+
+def can_take(tips) -> bool:
+    try:
+        return KINEMATICS.joints(tips).size > 0
+    except UnreachableError:
+        return False
+
+
 def test_bullet_puts_the_tip_where_the_formulas_do():
     config = ArmConfig()
     client = Client()

@@ -9,6 +9,7 @@ import pytest
 from sain_core.errors import BlockedError, ConfigError
 from sain_core.scene import MID, POSITION, TARGET, THETA, is_settled, unit
 from sain_sim.disks import REGULAR_FEET
+from sain_sim.kinematics import LOWER_LIMITS, UPPER_LIMITS
 from sain_sim.parameters import FLAT, WorldParameters, nominal_parameters
 from sain_sim.roughness import (
     EFFECTS,
@@ -17,6 +18,7 @@ from sain_sim.roughness import (
     Roughness,
     draw_roughness,
 )
+from sain_sim.tool_spring import SLIDES
 from sain_sim.workcell import GRAVITY, WorldConfig
 from sain_sim.world import World
 
@@ -207,13 +209,33 @@ def test_stock_joints_cannot_hold_an_impact():
 
 
 def test_stock_joints_push_no_harder_than_franka_lets_them():
-    """The stick hangs 0.33 m below joint 6, which bears 12 N m: about 37 N along the reach."""
+    """Joint 6 bears 12 N m with a lever of 0.205 m: about 58 N along the reach."""
     parameters = replace(rough(stock_joints=True), masses=(60.0, 60.0))
     with World(parameters) as world:
         before = world.reset(parameters.scene(beside(0.141, 0.0)))
         after = world.push(np.array([0.0, 0.0, 0.15])).after
-    assert 0.12 * GRAVITY * 120.0 > 3 * 37.0
+    assert 0.12 * GRAVITY * 120.0 > 2 * 58.0
     assert np.abs(after - before)[:, POSITION].max() < 0.01
+
+
+def test_a_light_pull_is_borne_whole_in_any_pose():
+    """Nothing is asked of Bullet then, so that what is called light must be."""
+    random = np.random.default_rng(0)
+    with World(rough(stock_joints=True)) as world:
+        arm, spring = world._cell.arm, world._cell.arm.spring
+        shares = []
+        for _ in range(300):
+            arm.place(random.uniform(LOWER_LIMITS, UPPER_LIMITS))
+            slides = random.uniform(-0.03, 0.03, 2)
+            for slide, shift in zip(SLIDES, slides, strict=True):
+                world._client.resetJointState(arm.body, slide, shift)
+            shift = float(np.abs(slides).sum())
+            most = spring._weakest / (spring._hang + shift)  # [N]
+            pull = unit(np.asarray(random.uniform(-pi, pi)))
+            assert spring._light(0.999 * most, shift) and not spring._light(1.001 * most, shift)
+            assert spring._share(0.999 * most * pull) == 1.0
+            shares.append(spring._share(2.0 * most * pull))
+        assert min(shares) < 1.0  # nor is it called heavy far too early
 
 
 def test_rough_rims_take_the_target_along():

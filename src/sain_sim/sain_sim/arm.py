@@ -106,8 +106,8 @@ class Arm:
         self.stick = STICK_LINK
         if config.tool_stiffness > 0.0:
             torques = config.tool_torque_scale * STOCK_TORQUE
-            lever = (config.tool_length - 2 * model.tool_radius) / 2
-            self.spring = ToolSpring(client, body, config.tool_stiffness, torques, lever)
+            stick = (config.tool_length, model.tool_radius)
+            self.spring = ToolSpring(client, body, config.tool_stiffness, torques, *stick)
             self.stick = self.spring.link
 
     def set_friction(self, value: float) -> None:

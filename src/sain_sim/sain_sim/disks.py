@@ -5,13 +5,13 @@ how the feet share the load, and must not be left to rounding. A core of full he
 narrower, stops it from tipping far where the table ends.
 """
 
-from math import cos, pi, sin
+from math import cos, hypot, pi, sin
 from typing import Final, NamedTuple
 
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.scene import DISK_HEIGHT, THETA, X, Y
+from sain_core.scene import DISK_HEIGHT, SETTLED_SPEED, SETTLED_SPIN, THETA, X, Y
 from sain_sim.client import Client
 from sain_sim.parameters import CUBE, FLAT
 from sain_sim.roughness import Feet, Pair
@@ -36,7 +36,11 @@ COLORS: Final = (
 )
 UNSEEN: Final = [0.001, 0.001, 0.001]  # [m], half the sides of a shape that is never drawn
 
+FALLEN_HEIGHT: Final = -0.01  # [m], a disk whose middle is lower has left the table
+CENTRED: Final[Pair] = (0.0, 0.0)  # offset of a centre of mass that is in the middle
+
 Vector = tuple[float, float, float]
+Planar = tuple[float, float, float, float, float, float]  # x y theta vx vy omega
 
 
 class Build(NamedTuple):
@@ -45,7 +49,7 @@ class Build(NamedTuple):
     shape: str  # one of `sain_sim.parameters.SHAPES`
     mass: float  # [kg]
     radius: float  # [m], half the width of a cube
-    mass_offset: Pair = (0.0, 0.0)  # [m], centre of mass in the disk's frame
+    mass_offset: Pair = CENTRED  # [m], centre of mass in the disk's frame
     feet: Feet = REGULAR_FEET
 
 
@@ -109,10 +113,31 @@ class Disk:
         pose = self._client.getBasePositionAndOrientation(self.body)
         return BodyState(*pose, *self._client.getBaseVelocity(self.body))
 
+    def planar(self, state: BodyState) -> Planar:
+        """Return place, heading and velocity of the disk's middle when its body is in a state."""
+        x, y, _ = state.position
+        vx, vy, _ = state.velocity
+        omega = state.spin[2]
+        heading = self._client.getEulerFromQuaternion(state.orientation)[2]
+        if self.build.mass_offset != CENTRED:  # a body's place is its centre of mass
+            along, across = turned(self.build.mass_offset, heading)
+            x, y, vx, vy = x - along, y - across, vx + across * omega, vy - along * omega
+        return x, y, heading, vx, vy, omega
 
-def resting(
-    client: Client, state: Float[ndarray, "8"], mass_offset: Pair = (0.0, 0.0)
-) -> BodyState:
+    def fallen(self) -> bool:
+        """Tell whether the disk has left the table."""
+        return self.place()[2] < FALLEN_HEIGHT
+
+    def still(self) -> bool:
+        """Tell whether the disk is settled; of one that is in its middle, this asks only speeds."""
+        if self.build.mass_offset == CENTRED:
+            (vx, vy, _), (_, _, omega) = self._client.getBaseVelocity(self.body)
+        else:
+            *_, vx, vy, omega = self.planar(self.state())
+        return hypot(vx, vy) < SETTLED_SPEED and abs(omega) < SETTLED_SPIN
+
+
+def resting(client: Client, state: Float[ndarray, "8"], mass_offset: Pair = CENTRED) -> BodyState:
     """Return the body state of a disk's state (8,) that stands on the table at rest.
 
     Args:
@@ -128,7 +153,7 @@ def resting(
 
 def turned(pair: Pair, angle: float) -> Pair:
     """Return a vector turned by an angle [rad]; what has no length stays as it is."""
-    if pair == (0.0, 0.0):
+    if pair == CENTRED:
         return pair
     x, y = pair
     return cos(angle) * x - sin(angle) * y, sin(angle) * x + cos(angle) * y

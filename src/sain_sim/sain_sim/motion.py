@@ -36,8 +36,8 @@ class MotionConfig(Config):
 
     def stroke(self, start: ndarray, end: ndarray) -> Tips:
         """Return the tips (T, 3) of a push from start (2,) to end (2,) [m]."""
-        low = np.array([self.tip_height])
-        return self.line(np.r_[start, low], np.r_[end, low], self.speed)
+        low_start, low_end = (np.array([*place, self.tip_height]) for place in (start, end))
+        return self.line(low_start, low_end, self.speed)
 
     def line(self, start: ndarray, end: ndarray, speed: float | None = None) -> Tips:
         """Return the tips (T, 3) on a straight line from start (3,) to end (3,) [m]."""

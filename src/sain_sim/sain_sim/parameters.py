@@ -5,6 +5,7 @@ one between disks and table. Rims and tool keep its nominal value.
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Final, NamedTuple, Self
 
 import numpy as np
@@ -119,6 +120,7 @@ class WorldParameters(Config):
         )
 
 
+@cache
 def nominal_parameters(
     count: int = 2, shape: str = THREE_FEET, shapes: tuple[str, ...] | None = None
 ) -> WorldParameters:

@@ -89,8 +89,10 @@ class Roughness(Config):
 
     def friction_factor(self, x: float, y: float) -> float:
         """Return the friction at a place on the table [m], over its mean; 1 without patches."""
-        waves = [cos(along_x * x + along_y * y + phase) for along_x, along_y, phase in self.patches]
-        return float(np.exp(PATCH_DEPTH * sum(waves) / max(len(waves), 1)))
+        height = 0.0
+        for along_x, along_y, phase in self.patches:
+            height += cos(along_x * x + along_y * y + phase)
+        return float(np.exp(PATCH_DEPTH * height / max(len(self.patches), 1)))
 
     def gravity(self, strength: float) -> tuple[float, float, float]:
         """Return the pull [m/s^2] that a level table feels as this one feels gravity."""

@@ -75,6 +75,9 @@ def _remove(parent: ElementTree.Element, tag: str) -> None:
 
 
 def _hide(robot: ElementTree.Element) -> None:
+    """Leave out what nobody sees and what Bullet does not use; it takes time to read."""
+    for joint in robot.findall("joint"):
+        _remove(joint, "safety_controller")
     for link in robot.findall("link"):
         _remove(link, "visual")
         if link.find("collision") is not None:

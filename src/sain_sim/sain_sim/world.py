@@ -1,5 +1,6 @@
 """The simulated world: a table, disks, and a Panda that pushes the mid disk with its stick."""
 
+from itertools import accumulate
 from types import TracebackType
 from typing import Final, Self
 
@@ -64,6 +65,7 @@ class World:
     def load(self, scene: Scene, parameters: WorldParameters | None = None) -> None:
         """Put the disks in a scene (N, 8) that nobody checked; overlaps get pushed apart."""
         self.parameters = parameters or self.parameters
+        self._model = self._described()
         offsets = self.parameters.mass_offsets
         disks = zip(scene, offsets, strict=True)
         states = [resting(self._client, state, offset) for state, offset in disks]
@@ -73,10 +75,10 @@ class World:
 
     def _build(self, origin: Origin) -> None:
         self._cell = Workcell(
-            self._client, self._model(), self.config, self.parameters, origin, self._steps
+            self._client, self._model, self.config, self.parameters, origin, self._steps
         )
 
-    def _model(self) -> PandaModel:
+    def _described(self) -> PandaModel:
         """Return the arm of this world; arms are described on disk once each."""
         arm = self.parameters.roughness.arm(self.config.arm)
         if arm not in self._models:
@@ -120,12 +122,12 @@ class World:
         check_on_table(scene, feasibility.table)
         if not self._cell.stage.still():
             raise StaleSceneError("the disks still move; a push needs a settled scene")
+        if not is_idle(push):
+            check_reach(scene, push, feasibility)
+            check_gap(scene, push, feasibility)
         stroke = Stroke.of_push(scene, push, feasibility.limits)
-        if is_idle(push):
-            return stroke, None
-        check_reach(scene, push, feasibility)
-        check_gap(scene, push, feasibility)
-        return stroke, self._route(stroke)
+        route = None if is_idle(push) else self._route(stroke)
+        return stroke, route
 
     def push(self, push: PushArray, on_step: Observer | None = None, every: int = 1) -> PushOutcome:
         """Carry out one push (3,) and wait until everything is at rest.
@@ -193,14 +195,15 @@ class World:
         motion, arm = self.config.motion, self._cell.arm
         tips = motion.stroke(stroke.start, stroke.end)
         above_start, above_end = (np.array([*tip[:2], motion.raised]) for tip in tips[[0, -1]])
-        ways = (
-            motion.arc(arm.tip(), above_start),
-            motion.line(above_start, tips[0]),
-            tips,
-            motion.line(tips[-1], above_end),
-        )
+        if self.config.full_motion:
+            approach = motion.arc(arm.tip(), above_start)
+            lower, lift = motion.line(above_start, tips[0]), motion.line(tips[-1], above_end)
+        else:  # left out: an arm that can stand at both ends of these ways can go all along them
+            approach, lower, lift = above_start[None], tips[:1], above_end[None]
+        ways = (approach, lower, tips, lift)
         joints = arm.kinematics.joints(np.concatenate(ways))
-        return Route(*np.split(joints, np.cumsum([len(way) for way in ways[:-1]])))
+        ends = accumulate(len(way) for way in ways)
+        return Route(*(joints[end - len(way) : end] for way, end in zip(ways, ends, strict=True)))
 
     def _watches(self, observer: Observer | None, every: int) -> Watches:
         """Return everyone who looks: the observer, if any, and the window, if any."""
