@@ -7,7 +7,7 @@ network alone; for the last also automatic differentiation, and how far the two 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -21,13 +21,13 @@ from benchmarks.planar_prior import fastest, on_threads
 from sain_core.dynamics import RolloutModel, as_rollout
 from sain_core.feasibility import Feasibility
 from sain_core.push import LENGTH
-from sain_core.scene import POSE
+from sain_core.scene import POSE, POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.types import PushSequences, Scalars
 from sain_eval.scenarios import SCENARIOS, ScenarioScene
 from sain_model.differentiable import DifferentiableRollout
 from sain_model.load import load_dynamics, load_sain
-from sain_mppi.algorithms.gradient import take_slopes
+from sain_mppi.algorithms.gradient import descend, take_slopes
 from sain_mppi.config import PlannerConfig
 from sain_mppi.cost import cost_terms, make_rollout, total_cost
 from sain_mppi.proposals import draw_permitted, propose
@@ -55,6 +55,8 @@ class Command:
     """scenes of `anywhere`, from seed 1000"""
     starts: int = 8
     """sequences in each, the best of 512"""
+    descended: int = 0
+    """steps that the planner's descent has taken from there before slopes are looked at"""
     differences: tuple[float, ...] = (0.2, 0.05, 0.02, 0.005, 0.001)
     """nudges, in standard deviations of the noise"""
     step: float = 0.01
@@ -89,8 +91,19 @@ def places(model: RolloutModel, command: Command) -> list[Place]:
         drawn = draw_permitted(search, draw, 512, CONFIG.horizon, random)
         costs = search.evaluate(drawn)
         best = np.argsort(costs, kind="stable")[: command.starts]
-        found.append(Place(search, drawn[best], costs[best]))
+        config = replace(CONFIG, gradient=replace(CONFIG.gradient, steps=command.descended))
+        found.append(Place(search, *descend(search, drawn[best], costs[best], config)))
     return found
+
+
+def distances(where: list[Place]) -> Scalars:
+    """Return how far from the goal [m] the sequences leave the target."""
+    left = []
+    for place in where:
+        predicted = place.search.model.rollout(place.search.scene, place.sequences)
+        off = predicted[:, -1, TARGET, POSITION] - place.search.goal
+        left.append(np.linalg.norm(off, axis=1))
+    return np.concatenate(left)
 
 
 def by_differences(size: float) -> Slopes:
@@ -98,13 +111,18 @@ def by_differences(size: float) -> Slopes:
     return lambda place: UNIT * take_slopes(place.search, place.sequences, place.costs, size * UNIT)
 
 
-def by_autograd(rollout: DifferentiableRollout) -> Slopes:
-    """Return what takes slopes through the network by PyTorch, those of the cost by themselves."""
+def by_autograd(rollout: DifferentiableRollout, cost: bool = True) -> Slopes:
+    """Return what takes slopes through the network by PyTorch, those of the cost by themselves.
+
+    Without the cost, which is not in PyTorch: of the sum of all poses, to see how long it takes.
+    """
 
     def slopes(place: Place) -> PushSequences:
         leaf = torch.from_numpy(place.sequences.copy()).requires_grad_()
         poses = rollout.rollout(place.search.scene, leaf)
-        by_pose, by_push = cost_slopes(place, poses.detach().numpy())
+        by_pose, by_push = np.ones(poses.shape), np.zeros(leaf.shape)
+        if cost:
+            by_pose, by_push = cost_slopes(place, poses.detach().numpy())
         poses.backward(torch.from_numpy(by_pose))
         assert leaf.grad is not None
         moving = place.sequences[..., LENGTH, None] > 0.0
@@ -147,7 +165,14 @@ def any_way(place: Place) -> PushSequences:
     return np.asarray(random.standard_normal(place.sequences.shape) * moving)
 
 
-def row(name: str, slopes: Slopes, where: list[Place], step: float, exact: list | None) -> str:
+def row(
+    name: str,
+    slopes: Slopes,
+    where: list[Place],
+    step: float,
+    exact: list[PushSequences] | None,
+    timed: Slopes,
+) -> str:
     """Return a line of the table."""
     taken = [slopes(place) for place in where]
     small, kept, best, fall = [], [], [], []
@@ -163,7 +188,7 @@ def row(name: str, slopes: Slopes, where: list[Place], step: float, exact: list 
     cells.insert(1, f"{np.median(np.concatenate(kept)):.2f}")
     cosines = "" if exact is None else f"{np.median(cosine(taken, exact)):.3f}"
     with on_threads(1):
-        time = np.median([fastest(partial(slopes, place), 2) for place in where[:6]])
+        time = np.median([fastest(partial(timed, place), 3) for place in where[:6]])
     return f"| {name} | {' | '.join(cells)} | {cosines} | {1e3 * time:.1f} |"
 
 
@@ -189,6 +214,7 @@ def main() -> None:
     command = tyro.cli(Command, description=__doc__)
     console = Console(width=160, highlight=False)
     learned = load_sain(command.learned)
+    rollout = DifferentiableRollout(learned)
     models = {
         f"network and planar prior ({command.sain})": load_dynamics(command.sain),
         "planar prior alone": load_dynamics("planar"),
@@ -196,15 +222,18 @@ def main() -> None:
     }
     for name, dynamics in models.items():
         where = places(as_rollout(dynamics), command)
-        console.print(f"\n{name}\n\n{HEAD}", markup=False)
-        exact = by_autograd(DifferentiableRollout(learned)) if dynamics is learned else None
+        left = f"target {1e3 * np.median(distances(where)):.2f} mm from the goal at the end"
+        console.print(f"\n{name}: {left}\n\n{HEAD}", markup=False)
+        exact = by_autograd(rollout) if dynamics is learned else None
         known = [exact(place) for place in where] if exact else None
         ways = {f"differences of {size}": by_differences(size) for size in command.differences}
         if exact:
             ways["automatic differentiation"] = exact
         ways["random direction"] = any_way
         for way, slopes in ways.items():
-            console.print(row(way, slopes, where, command.step, known), markup=False)
+            timed = by_autograd(rollout, cost=False) if slopes is exact else slopes
+            line = row(way, slopes, where, command.step, known, timed)
+            console.print(line, markup=False)
 
 
 if __name__ == "__main__":

@@ -41,11 +41,11 @@ class IcemConfig(Config):
 class GradientConfig(Config):
     """What gradient descent has of its own; a push counts in standard deviations of the noise."""
 
-    drawn: float = option(
-        0.5, "share of K that is drawn; from the best it goes downhill", minimum=0.0, maximum=1.0
+    drawn: float = option(0.5, "share of K that is drawn", minimum=0.0, maximum=1.0)
+    descending: float = option(
+        0.008, "share of K, the best drawn, that go downhill side by side", minimum=0.0, maximum=1.0
     )
-    starts: int = option(8, "S, best samples that go downhill side by side", minimum=1)
-    steps: int = option(8, "steps of each", minimum=1)
+    steps: int = option(7, "steps of each", minimum=0)
     difference: float = option(
         0.02, "how far each number is nudged to see the cost's slope", minimum=1e-6, maximum=1.0
     )
@@ -126,7 +126,6 @@ class PlannerConfig(Config):
             self,
             samples=round(self.widening * self.samples),
             noise=self.noise.scaled(self.widening),
-            gradient=replace(self.gradient, starts=round(self.widening * self.gradient.starts)),
             warm_start=False,
         )
 

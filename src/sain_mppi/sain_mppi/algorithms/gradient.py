@@ -29,24 +29,25 @@ def gradient(
     """
     mean = start[0] if len(start) else None
     draw = partial(propose, search, mean, 0, config=config, generator=generator)
-    count = max(round(config.gradient.drawn * config.samples), 1)
+    shares = config.gradient.drawn, config.gradient.descending
+    count, descending = (max(round(share * config.samples), 1) for share in shares)
     for attempt in range(1 + config.stuck_rounds):
         if attempt and (search.over or search.improves):
             break
         sequences = draw_permitted(search, draw, count, config.horizon, generator)
         costs = search.evaluate(sequences)
-        best = np.argsort(costs, kind="stable")[: config.gradient.starts]
+        best = np.argsort(costs, kind="stable")[:descending]
         best = best[np.isfinite(costs[best])]
-        _descend(search, sequences[best], costs[best], config)
+        descend(search, sequences[best], costs[best], config)
 
 
-def _descend(
+def descend(
     search: Search, sequences: PushSequences, costs: Scalars, config: PlannerConfig
-) -> None:
+) -> tuple[PushSequences, Scalars]:
     """Take steps of Adam's direction, as long as the line search finds best for each sequence.
 
     A number of a push counts in standard deviations of the noise. Rests stay rests: nothing
-    depends on how they would push.
+    depends on how they would push. Returns where the sequences end, and what that costs.
     """
     settings, unit = config.gradient, config.noise.deviations(0)
     adam = Adam(settings)
@@ -58,6 +59,7 @@ def _descend(
         longest = np.abs(way).max(axis=(1, 2), keepdims=True)
         downhill = -unit * way / np.maximum(longest, TINY)
         sequences, costs = _step(search, sequences, costs, downhill, settings.rates())
+    return sequences, costs
 
 
 def take_slopes(
