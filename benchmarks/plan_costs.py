@@ -5,7 +5,8 @@ the share of the scenes in which it is cheaper than the first planner's, rollout
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 import tyro
@@ -32,7 +33,7 @@ class Command:
     """What to compare."""
 
     algorithms: tuple[str, ...] = ("mppi_rounds", "icem", "gradient")
-    """planners, all with their usual settings"""
+    """planners"""
     samples: tuple[int, ...] = (256, 1024, 4096)
     """K"""
     model: str = "sain"
@@ -41,6 +42,9 @@ class Command:
     """scenes of `anywhere`"""
     seed: int = 0
     """of the first scene"""
+    planner: Annotated[PlannerConfig, tyro.conf.arg(help="Settings of all of them.")] = field(
+        default_factory=PlannerConfig
+    )
 
 
 def first_plans(planner: Planner, cases: list[ScenarioScene]) -> tuple[list[PlanResult], float]:
@@ -65,7 +69,7 @@ def main() -> None:
     for samples in command.samples:
         first: np.ndarray | None = None
         for algorithm in command.algorithms:
-            config = replace(PlannerConfig(), algorithm=algorithm, samples=samples)
+            config = replace(command.planner, algorithm=algorithm, samples=samples)
             with on_threads(1):
                 plans, median = first_plans(Planner(model, config), cases)
             cells = [algorithm, str(samples), *results(plans, first), f"{1e3 * median:.0f}"]
