@@ -12,6 +12,7 @@ import benchmarks
 HELPERS = {"__main__", "report", "timing", "wire", "identification"}
 ON_DATA = {
     "ensembles",
+    "gradients",
     "open_loop",
     "paper_training",
     "rollout_designs",

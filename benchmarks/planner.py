@@ -29,8 +29,9 @@ import torch
 import tyro
 from matplotlib.figure import Figure as Picture
 
-from benchmarks.inference import SIZE, Reference, fastest, multiplications, peak
+from benchmarks.inference import SIZE, Reference, multiplications, peak
 from benchmarks.report import Figure, report
+from benchmarks.timing import fastest
 from sain_core.dynamics import IdentityPrior, as_rollout
 from sain_core.scene import TARGET
 from sain_core.seeding import generator

@@ -139,6 +139,14 @@ def test_a_deadline_leaves_the_best_until_then(algorithm, scene, dynamics):
     assert 64 <= plan.samples < 105
 
 
+def test_a_deadline_in_a_later_round_leaves_the_best_until_then(algorithm, scene, dynamics):
+    """There is time for 64 sequences more, and not for the 96 of the next round."""
+    plans = planner(Slow(dynamics, 0.002), algorithm)
+    plan = plans.plan(scene, GOAL, generator(0), deadline=monotonic() + 0.31)
+    assert_permitted(plan.push, scene)
+    assert plan.samples >= 64
+
+
 def test_a_deadline_that_is_past_leaves_one_small_batch(algorithm, scene, dynamics):
     plan = planner(dynamics, algorithm).plan(scene, GOAL, generator(0), monotonic() - 1.0)
     assert plan.rounds == 1 and 0 < plan.samples <= 64

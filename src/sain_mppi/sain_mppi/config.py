@@ -3,8 +3,11 @@
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
+import numpy as np
+
 from sain_core.config import Config, option
 from sain_core.push import PaperGrid
+from sain_core.types import Scalars
 from sain_mppi.cost import CostWeights
 from sain_mppi.progress import ProgressConfig
 from sain_mppi.sampling import NoiseConfig
@@ -13,6 +16,7 @@ MPPI_ROUNDS: Final = "mppi_rounds"
 MPPI: Final = "mppi"
 ICEM: Final = "icem"
 EXHAUSTIVE: Final = "exhaustive"
+GRADIENT: Final = "gradient"
 
 ARGMIN: Final = "argmin"
 MEAN: Final = "mean"
@@ -35,13 +39,40 @@ class IcemConfig(Config):
 
 
 @dataclass(frozen=True)
+class GradientConfig(Config):
+    """What gradient descent has of its own; a push counts in standard deviations of the noise."""
+
+    drawn: float = option(0.5, "share of K that is drawn", minimum=0.0, maximum=1.0)
+    descending: float = option(
+        0.008, "share of K, the best drawn, that go downhill side by side", minimum=0.0, maximum=1.0
+    )
+    steps: int = option(7, "steps of each", minimum=0)
+    difference: float = option(
+        0.02, "how far each number is nudged to see the cost's slope", minimum=1e-6, maximum=1.0
+    )
+    longest: float = option(0.5, "longest step, of the number that moves most", minimum=1e-6)
+    shortest: float = option(0.004, "shortest; where even that is worse it stays", minimum=1e-6)
+    tries: int = option(8, "steps tried, from the longest to the shortest", minimum=1)
+    momentum: float = option(
+        0.5, "beta_1, share of the last direction that stays", minimum=0.0, maximum=0.999
+    )
+    squares: float = option(
+        0.99, "beta_2, share of the last squared slopes that stays", minimum=0.0, maximum=0.9999
+    )
+
+    def rates(self) -> Scalars:
+        """Return the lengths of the steps that are tried, (R,)."""
+        return np.geomspace(self.longest, self.shortest, self.tries)
+
+
+@dataclass(frozen=True)
 class PlannerConfig(Config):
     """How the planner samples, weighs and decides."""
 
     algorithm: str = option(
         MPPI_ROUNDS,
         "how sequences are looked for",
-        choices=(MPPI_ROUNDS, MPPI, ICEM, EXHAUSTIVE),
+        choices=(MPPI_ROUNDS, MPPI, ICEM, EXHAUSTIVE, GRADIENT),
     )
     samples: int = option(
         1024, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
@@ -93,6 +124,7 @@ class PlannerConfig(Config):
     )
     noise: NoiseConfig = NoiseConfig()
     icem: IcemConfig = IcemConfig()
+    gradient: GradientConfig = GradientConfig()
     grid: PaperGrid = PaperGrid()
     progress: ProgressConfig = ProgressConfig()
     weights: CostWeights = CostWeights()

@@ -64,7 +64,7 @@ def propose(
     config: PlannerConfig,
     generator: np.random.Generator,
 ) -> PushSequences:
-    """Draw sequences (count, H, 3) of all kinds, shuffled.
+    """Draw sequences (count, H, 3) of all kinds, shuffled; behind the mean, where there is one.
 
     Without a mean what would be drawn about it is drawn uniformly.
     """
@@ -90,7 +90,8 @@ def propose(
             mean, deviations, config.noise.spread, limits, generator, about_mean
         )
         parts.append(stop_early(near, config.stop_share, generator))
-    return np.asarray(generator.permutation(without_idle(np.concatenate(parts), limits)))
+    drawn = generator.permutation(without_idle(np.concatenate(parts), limits))
+    return np.asarray(drawn if mean is None else np.concatenate([mean[None], drawn]))
 
 
 def without_idle(sequences: PushSequences, limits: PushLimits) -> PushSequences:

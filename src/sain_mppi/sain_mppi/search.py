@@ -104,18 +104,24 @@ class Search:
         Raises:
             ModelUnavailableError: no cost is finite, or the answer is not one to this question.
         """
-        self._between = max(self._between, perf_counter() - self._idle_since)
-        costs = np.full(len(sequences), np.inf)
-        for part in self._parts(len(sequences)):
-            costs[part] = self._evaluate(sequences[part])
-            self.samples += part.stop - part.start
+        costs = self._try(sequences)
         self.rounds += 1
         if not np.isfinite(costs).any():
             raise ModelUnavailableError(
                 f"none of the model's {len(sequences)} predictions is finite; check its checkpoint"
             )
         self.effective = effective_samples(self.weights(costs))
-        self._idle_since = perf_counter()
+        return costs
+
+    def probe(self, sequences: PushSequences) -> Scalars:
+        """Return what variants (K, H, 3) of evaluated sequences cost (K,); they are no round.
+
+        Infinite as in `evaluate`, and where a first push is not permitted, all if need be.
+        """
+        costs = np.full(len(sequences), np.inf)
+        allowed = self.permitted(sequences[:, 0])
+        if allowed.any():
+            costs[allowed] = self._try(sequences[allowed])
         return costs
 
     def weights(self, costs: Scalars) -> Scalars:
@@ -164,6 +170,15 @@ class Search:
         self._rollout_time += perf_counter() - begun
         return regions
 
+    def _try(self, sequences: PushSequences) -> Scalars:
+        self._between = max(self._between, perf_counter() - self._idle_since)
+        costs = np.full(len(sequences), np.inf)
+        for part in self._parts(len(sequences)):
+            costs[part] = self._evaluate(sequences[part])
+            self.samples += part.stop - part.start
+        self._idle_since = perf_counter()
+        return costs
+
     def _parts(self, count: int) -> Iterator[slice]:
         """Yield parts of a round: one, or under a deadline as many as there is time for.
 
@@ -174,7 +189,8 @@ class Search:
             return
         start = 0
         while start < count:
-            size = PART if start else FIRST_PART
+            hurried = not start or self._late(PART * self._pace)
+            size = FIRST_PART if hurried else PART
             part = slice(start, min(start + size, count))
             if start and self._late((part.stop - part.start) * self._pace):
                 return

@@ -7,10 +7,11 @@ import numpy as np
 
 from sain_core.types import PushSequences
 from sain_mppi.algorithms.exhaustive import exhaustive
+from sain_mppi.algorithms.gradient import gradient
 from sain_mppi.algorithms.icem import icem
 from sain_mppi.algorithms.mppi import mppi
 from sain_mppi.algorithms.mppi_rounds import mppi_rounds
-from sain_mppi.config import EXHAUSTIVE, ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
+from sain_mppi.config import EXHAUSTIVE, GRADIENT, ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
 from sain_mppi.search import Search
 
 
@@ -45,4 +46,5 @@ ALGORITHMS: Final[Mapping[str, Algorithm]] = {
     MPPI: mppi,
     ICEM: icem,
     EXHAUSTIVE: exhaustive,
+    GRADIENT: gradient,
 }

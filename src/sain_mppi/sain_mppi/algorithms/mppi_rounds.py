@@ -28,26 +28,13 @@ def mppi_rounds(
         if round_number and (search.over or (stuck and search.improves)):
             break
         wide = 0 if stuck else round_number
-        draw = partial(_population, search, mean, wide, config, generator)
+        draw = partial(propose, search, mean, wide, config=config, generator=generator)
         count = config.samples_in(wide)
         sequences = draw_permitted(search, draw, count, config.horizon, generator)
         costs = search.evaluate(sequences)
         mean = _updated(mean, weighted_mean(sequences, search.weights(costs)), config.smoothing)
     if config.selection == MEAN and mean is not None:
         search.settle_on(mean)
-
-
-def _population(
-    search: Search,
-    mean: Sequence | None,
-    round_number: int,
-    config: PlannerConfig,
-    generator: np.random.Generator,
-    count: int,
-) -> PushSequences:
-    """Draw sequences, the mean the first among them."""
-    drawn = propose(search, mean, round_number, count, config, generator)
-    return drawn if mean is None else np.concatenate([mean[None], drawn])
 
 
 def _updated(mean: Sequence | None, new: Sequence, kept: float) -> Sequence:
