@@ -1,6 +1,7 @@
 """All benchmarks one after the other: ``./env python -m benchmarks [NAME ...]``.
 
-Those that need a data set are modules of their own: ``./env python -m benchmarks.NAME --help``.
+Those that need a data set, or an hour, are modules of their own:
+``./env python -m benchmarks.NAME --help``.
 """
 
 import importlib
@@ -11,6 +12,7 @@ import benchmarks
 
 HELPERS = {"__main__", "report", "timing", "wire", "identification"}
 ON_DATA = {
+    "ablations",
     "ensembles",
     "gradients",
     "open_loop",

@@ -203,14 +203,15 @@ def _progress(console: Console) -> Progress:
     )
 
 
-def main() -> None:
-    """Run from the command line."""
+def main(arguments: list[str] | None = None) -> None:
+    """Run from the command line, or with these arguments."""
     console = Console(stderr=True, soft_wrap=True)
     describe_options(PlannerConfig)
     describe_options(TruthConfig)
     try:
-        options = tyro.cli(Evaluate, prog="ros2 run sain_eval evaluate")
-        command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+        options = tyro.cli(Evaluate, prog="ros2 run sain_eval evaluate", args=arguments)
+        given = sys.argv[1:] if arguments is None else arguments
+        command = shlex.join([Path(sys.argv[0]).name, *given])
         records = evaluate(options, command, console)
     except SainError as error:
         console.print(f"evaluate: {error}", style="red", markup=False, highlight=False)
