@@ -77,7 +77,7 @@ class PlannerConfig(Config):
     samples: int = option(
         1024, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
     )
-    horizon: int = option(6, "H, pushes in a sequence", minimum=1, maximum=50)
+    horizon: int = option(4, "H, pushes in a sequence", minimum=1, maximum=50)
     rounds: int = option(3, "rounds of sampling, each nearer the best so far", minimum=1)
     thinning: float = option(
         0.5, "factor on the samples from one round to the next", minimum=0.01, maximum=1.0
