@@ -46,7 +46,7 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     ),
     "exhaustive": ("--planner.algorithm", "exhaustive"),
     **{f"K = {k}": ("--planner.samples", str(k)) for k in (128, 256, 512, 2048)},
-    **{f"H = {h}": ("--planner.horizon", str(h)) for h in (1, 2, 3, 4, 6, 8, 10, 15)},
+    **{f"H = {h}": ("--planner.horizon", str(h)) for h in (1, 2, 3, 6, 8, 10, 15)},
 }
 
 

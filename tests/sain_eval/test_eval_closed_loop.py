@@ -107,7 +107,7 @@ def test_a_checkpoint_that_is_not_there_is_refused():
 
 
 def test_a_planning_controller_learns_the_friction_of_its_episode():
-    controller = controller_maker("planar", QUICK)(ANYWHERE)
+    controller = controller_maker("planar_axes", QUICK)(ANYWHERE)
     usual = controller.model.dynamics.config.friction
     outcome = run_episode(ANYWHERE, controller, 0.005)
     assert len(controller.history) == len(outcome.record.pushes)
