@@ -496,3 +496,21 @@ def test_while_a_plan_waits_for_its_model_a_new_goal_cancels_it(graph, straw):
     push = nth_push(graph, 1)
     assert plan(graph, push_id=push.push_id).goal_id == 2
     assert not graph.find("plan", goal_id=1)
+
+
+def test_while_a_plan_waits_for_its_model_a_reset_cancels_it(graph, straw):
+    resets = []
+
+    def answer(scene, pushes, response):
+        if not resets:  # the plan for episode 1 waits for this answer
+            resets.append(2)
+            straw.show(scene_id=2, episode_id=2)
+        still(scene, pushes, response)
+
+    Remote(graph, answer)
+    remote_planner(graph, planner__rounds=4, model_timeout=30.0)
+    graph.aim(GOAL, 1)
+    straw.show()
+    push = nth_push(graph, 1)
+    assert (push.episode_id, push.scene_id) == (2, 2)
+    assert not graph.find("plan", episode_id=1)
