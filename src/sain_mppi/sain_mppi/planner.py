@@ -91,7 +91,7 @@ class Planner:
         problem = Problem(scene, goal, self.feasibility, tuple(self._refused), deadline)
         search = Search(self.model, config, problem)
         ALGORITHMS[config.algorithm](search, self._start(scene, goal, config), config, generator)
-        self._elites, self._scene, self._goal = search.elites, scene.copy(), goal.copy()
+        self._elites, self._scene, self._goal = search.finds.elites, scene.copy(), goal.copy()
         result = replace(search.result(), concern=concern)
         self.feasibility.limits.check(result.push)  # nothing else is ever sent
         return result

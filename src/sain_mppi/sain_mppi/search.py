@@ -1,9 +1,8 @@
 """One plan's search: rolls out what an algorithm tries, costs it, and keeps the best."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from time import monotonic, perf_counter
-from typing import Final
+from time import perf_counter
 
 import numpy as np
 
@@ -19,20 +18,16 @@ from sain_core.types import (
     PushSequences,
     Scalars,
     Scene,
-    Scenes,
 )
 from sain_mppi.answers import check_answer
 from sain_mppi.config import PlannerConfig
 from sain_mppi.cost import cost_terms, make_rollout, resting_cost, total_cost
+from sain_mppi.finds import Finds
 from sain_mppi.goal import Goal
+from sain_mppi.pacing import Pacing
 from sain_mppi.permission import permitted
-from sain_mppi.result import PlanResult, Shown, Times
+from sain_mppi.result import PlanResult, Times
 from sain_mppi.weights import cost_spread, effective_samples, softmin_weights
-
-ELITES: Final = 16  # sequences that the next plan may begin from
-FIRST_PART: Final = 64  # sequences, under a deadline: until it is known how long they take
-PART: Final = 256
-RESERVE: Final = 0.002  # [s] before a deadline, for what comes after the search
 
 
 @dataclass(frozen=True)
@@ -61,15 +56,12 @@ class Search:
         """Begin with nothing found."""
         self.model, self.config, self.problem = model, config, problem
         self.scene, self.goal, self.feasibility = problem.scene, problem.goal, problem.feasibility
-        self.cost, self.effective = np.inf, 0.0
+        self.finds = Finds(config.horizon, config.shown)
+        self.effective = 0.0
         self.samples = self.rounds = 0
-        self.elites = np.empty((0, config.horizon, 3))  # the best, in order
-        self._elite_costs = np.empty(0)
-        self._best: tuple[Scenes, dict[str, float]] | None = None
-        self._shown: list[Shown] = []
-        self._rollout_time = self._cost_time = self._pace = 0.0
-        self._began = self._idle_since = perf_counter()
-        self._between = 0.0  # [s], longest that an algorithm took from one round to the next
+        self._pacing = Pacing(problem.deadline)
+        self._rollout_time = self._cost_time = 0.0
+        self._began = perf_counter()
         self.rest_cost = resting_cost(
             self.scene, self.goal, config.weights, self.feasibility, config.horizon
         )
@@ -77,12 +69,12 @@ class Search:
     @property
     def improves(self) -> bool:
         """Whether the best sequence so far is better than doing nothing."""
-        return bool(self.cost < self.rest_cost)
+        return bool(self.finds.cost < self.rest_cost)
 
     @property
     def over(self) -> bool:
         """Whether there is no time left for another round."""
-        return self._late(self._between + FIRST_PART * self._pace)
+        return self._pacing.over
 
     @property
     def where(self) -> str:
@@ -135,29 +127,24 @@ class Search:
         predicted = self._rollout(sequence[None])
         costs, terms = self._costs(sequence[None], predicted)
         if np.isfinite(costs[0]):
-            self.cost = np.inf
-            self._keep(sequence[None], predicted, costs, terms)
-            self.elites = np.concatenate([sequence[None], self.elites])[:ELITES]
-            self._elite_costs = np.concatenate([costs, self._elite_costs])[:ELITES]
+            self.finds.prefer(sequence[None], predicted, costs, terms)
 
     def result(self) -> PlanResult:
         """Return the best sequence as the plan; something must have been evaluated."""
-        assert self._best is not None
-        predicted, terms = self._best
-        regions = self.regions(self.elites[:1], predicted[None])
+        finds = self.finds
+        regions = self.regions(finds.elites[:1], finds.predicted[None])
         total = perf_counter() - self._began
-        times = Times(total, self._rollout_time, self._cost_time)
         return PlanResult(
-            self.elites[0],
-            predicted,
-            self.cost,
+            finds.elites[0],
+            finds.predicted,
+            finds.cost,
             self.rest_cost,
-            terms,
+            finds.terms,
             self.effective,
             self.samples,
             self.rounds,
-            times,
-            Shown.thinned(self._shown, self.config.shown),
+            Times(total, self._rollout_time, self._cost_time),
+            finds.shown,
             None if regions is None else regions[0],
         )
 
@@ -171,50 +158,13 @@ class Search:
         return regions
 
     def _try(self, sequences: PushSequences) -> Scalars:
-        self._between = max(self._between, perf_counter() - self._idle_since)
         costs = np.full(len(sequences), np.inf)
-        for part in self._parts(len(sequences)):
-            costs[part] = self._evaluate(sequences[part])
-            self.samples += part.stop - part.start
-        self._idle_since = perf_counter()
-        return costs
-
-    def _parts(self, count: int) -> Iterator[slice]:
-        """Yield parts of a round: one, or under a deadline as many as there is time for.
-
-        The first is small, and always there: whether there is time for it, `over` tells.
-        """
-        if self.problem.deadline is None:
-            yield slice(0, count)
-            return
-        start = 0
-        while start < count:
-            hurried = not start or self._late(PART * self._pace)
-            size = FIRST_PART if hurried else PART
-            part = slice(start, min(start + size, count))
-            if start and self._late((part.stop - part.start) * self._pace):
-                return
-            begun = perf_counter()
-            yield part
-            start = part.stop
-            self._pace = max(self._pace, (perf_counter() - begun) / (part.stop - part.start))
-
-    def _late(self, needed: float) -> bool:
-        """Tell whether so many seconds more are too many."""
-        deadline = self.problem.deadline
-        return deadline is not None and monotonic() + needed + RESERVE > deadline
-
-    def _evaluate(self, sequences: PushSequences) -> Scalars:
-        predicted = self._rollout(sequences)
-        costs, terms = self._costs(sequences, predicted)
-        self._keep(sequences, predicted, costs, terms)
-        self._shown.append(Shown.of(predicted, costs, self.config.shown))
-        best = np.argsort(costs, kind="stable")[:ELITES]
-        best = best[np.isfinite(costs[best])]
-        every = np.concatenate([self._elite_costs, costs[best]])
-        order = np.argsort(every, kind="stable")[:ELITES]
-        self.elites = np.concatenate([self.elites, sequences[best]])[order]
-        self._elite_costs = every[order]
+        for part in self._pacing.parts(len(sequences)):
+            tried = sequences[part]
+            predicted = self._rollout(tried)
+            costs[part], terms = self._costs(tried, predicted)
+            self.finds.add(tried, predicted, costs[part], terms)
+            self.samples += len(tried)
         return costs
 
     def _rollout(self, sequences: PushSequences) -> PredictedScenes:
@@ -233,16 +183,3 @@ class Search:
         costs = total_cost(terms)
         self._cost_time += perf_counter() - begun
         return costs, terms
-
-    def _keep(
-        self,
-        sequences: PushSequences,
-        predicted: PredictedScenes,
-        costs: Scalars,
-        terms: dict[str, Scalars],
-    ) -> None:
-        best = int(np.argmin(costs))
-        if costs[best] < self.cost:
-            self.cost = float(costs[best])
-            chosen = {name: float(values[best]) for name, values in terms.items()}
-            self._best = predicted[best].copy(), chosen
