@@ -31,7 +31,7 @@ for axes, name in zip(figure.subplots(1, len(ALGORITHMS)), ALGORITHMS, strict=Tr
     planner = Planner(sain, replace(PlannerConfig(), algorithm=name))
     planner.plan(scene, goal, generator(7, name))  # what is loaded and compiled once
     planner.reset()
-    plan = planner.plan(scene, goal, generator(7, name))
+    plan = planner.complete(scene, planner.plan(scene, goal, generator(7, name)))
     draw_plan(axes, scene, goal, plan)
     axes.set(xlim=(0.28, 0.83), ylim=(-0.22, 0.33))  # the same for all
     axes.set_title(f"{name}\ncost {plan.cost:.2f}, {plan.samples} sequences", fontsize=10)

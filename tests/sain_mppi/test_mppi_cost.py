@@ -134,7 +134,8 @@ def test_a_sure_sequence_is_preferred_when_risk_has_a_price(scene, dynamics):
     lengths = []
     for risk in (0.0, 50.0):
         config = PlannerConfig(samples=192, weights=CostWeights(risk=risk))
-        plan = Planner(Unsure(dynamics), config).plan(scene, goal, generator(0))
+        planner = Planner(Unsure(dynamics), config)
+        plan = planner.complete(scene, planner.plan(scene, goal, generator(0)))
         lengths.append(plan.pushes[:, LENGTH].max())
         assert plan.regions.shape == (config.horizon, 2)
     assert lengths[0] > 0.06 > lengths[1]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sain_core.errors import InvalidInputError
+from sain_core.errors import InvalidInputError, ModelUnavailableError
 from sain_core.feasibility import Feasibility
 from sain_core.history import PushHistory
 from sain_core.scene import make_scene
@@ -73,4 +73,20 @@ def test_a_plan_rests_on_its_own_episode_s_pushes() -> None:
     job = Job(Task(1, 0, np.array([0.7, 0.0]), 0.01, 0), View(SCENE, 1, 1, True, 0.0), 0)
     decider.decide(job, PushHistory.empty().then(SCENE, PUSH, SCENE))
     decider.decide(job)
-    assert model.told == physics.told == [1, 0]
+    assert (model.told, physics.told) == ([1, 0], [])  # physics was not asked
+
+
+def test_physics_that_takes_over_knows_the_pushes_too() -> None:
+    class Silent(Told):
+        """Never answers."""
+
+        def rollout(self, scene: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+            raise ModelUnavailableError("silent")
+
+    physics = Told()
+    config = PlannerConfig(samples=16, rounds=2, horizon=1)
+    decider = Decider(Silent(), physics, config, Feasibility(), seed=0)
+    job = Job(Task(1, 0, np.array([0.7, 0.0]), 0.01, 0), View(SCENE, 1, 1, True, 0.0), 0)
+    decision = decider.decide(job, PushHistory.empty().then(SCENE, PUSH, SCENE))
+    assert physics.told == [1]
+    assert decider.complete(decision) is decision  # nothing is asked of a model that failed

@@ -100,3 +100,10 @@ def scenes_before(scene: Scene, predicted: PredictedScenes) -> PredictedScenes:
 def as_rollout(dynamics: Dynamics) -> RolloutModel:
     """Return the dynamics' own rollout where it has one, else a stepwise one."""
     return dynamics if isinstance(dynamics, RolloutModel) else StepwiseRollout(dynamics)
+
+
+def regions_of(
+    model: RolloutModel, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
+) -> Radii | None:
+    """Return how sure a model is of its rollouts, (K, H, N) [m], where it can tell."""
+    return model.regions(scene, pushes, predicted) if isinstance(model, RegionModel) else None

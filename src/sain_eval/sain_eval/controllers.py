@@ -130,7 +130,7 @@ class PlanningController:
 
     def decide(self, scene: Scene, goal: Goal, random: np.random.Generator) -> Decision:
         """Plan and take the first push."""
-        plan = self.planner.plan(scene, goal, random)
+        plan = self.planner.complete(scene, self.planner.plan(scene, goal, random))
         return Decision(plan.push, plan.predicted[0], plan.times.total)
 
     def refused(self, push: PushArray) -> None:

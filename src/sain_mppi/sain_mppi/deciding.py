@@ -1,6 +1,6 @@
 """From a job to a decision: the planner, its model and the physics behind it, put together."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import monotonic
 from typing import Final
 
@@ -76,6 +76,13 @@ class Decider:
         deadline = started + self._time if self._time else None
         result = self._planner.plan(job.view.scene, job.task.goal, random, deadline)
         return Decision(job, result, self._model.failure)
+
+    def complete(self, decision: Decision) -> Decision:
+        """Return the latest decision with what its push need not wait for: the model's regions."""
+        if decision.failure is not None:
+            return decision
+        result = self._planner.complete(decision.job.view.scene, decision.result)
+        return replace(decision, result=result)
 
     def refused(self, decision: Decision, for_itself: bool) -> None:
         """Take note that a decision's push was refused, for itself or for its scene."""

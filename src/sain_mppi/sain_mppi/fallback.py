@@ -35,13 +35,19 @@ class FallbackRollout:
     def __init__(self, model: RolloutModel, physics: RolloutModel) -> None:
         """Ask this model, or else this physics."""
         self._models = model, physics
-        self._model, self._physics = model, physics
+        self._model = model
+        self._physics: RolloutModel | None = physics  # None: not yet told of the pushes
+        self._history: PushHistory | None = None
         self._cancelled = Event()
         self.failure: SainError | None = None
 
     def inform(self, history: PushHistory) -> None:
-        """Let model and physics learn from the episode's earlier pushes, and from no others."""
-        self._model, self._physics = (informed_rollout(model, history) for model in self._models)
+        """Let model and physics learn from the episode's earlier pushes, and from no others.
+
+        Physics is told when it is asked: inferring a friction that nobody uses takes its time.
+        """
+        self._model = informed_rollout(self._models[0], history)
+        self._history, self._physics = history, None
 
     def until(self, moment: float | None) -> None:
         """Let the model fail where it has not answered by this `time.monotonic`."""
@@ -67,6 +73,9 @@ class FallbackRollout:
             except SainError as error:
                 logger.debug("falling back to physics: %s", error)
                 self.failure = error
+        if self._physics is None:
+            assert self._history is not None
+            self._physics = informed_rollout(self._models[1], self._history)
         return self._physics.rollout(scene, pushes)
 
     def regions(

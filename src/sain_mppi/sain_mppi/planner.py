@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.dynamics import RolloutModel
+from sain_core.dynamics import RolloutModel, regions_of
 from sain_core.feasibility import Feasibility
 from sain_core.scene import OVERLAP_TOLERANCE, check_scene, move_apart, surface_gaps
 from sain_core.types import PushArray, PushSequences, Scene
@@ -95,6 +95,15 @@ class Planner:
         result = replace(search.result(), concern=concern)
         self.feasibility.limits.check(result.push)  # nothing else is ever sent
         return result
+
+    def complete(self, scene: Scene, result: PlanResult) -> PlanResult:
+        """Return a plan from a scene (N, 8) with the model's regions, where it can tell.
+
+        Nothing that is to be executed depends on them: a push need not wait for this.
+        """
+        scene = as_disks(scene)
+        regions = regions_of(self.model, scene, result.pushes[None], result.predicted[None])
+        return result if regions is None else replace(result, regions=regions[0])
 
     def _is_last(self, scene: Scene) -> bool:
         return self._scene is not None and np.array_equal(scene, self._scene)

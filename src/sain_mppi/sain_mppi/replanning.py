@@ -57,6 +57,15 @@ class Replanner:
                 " from the goal; choose another goal, move a disk, or send the goal again"
             )
         result = planner.plan(scene, goal, generator, deadline, progress.concern)
-        regions = None if result.regions is None else result.regions[0]
-        progress.expect(scene, result.predicted[0], regions)
+        progress.expect(scene, result.predicted[0])
         return replace(result, last=progress.last)
+
+    def complete(self, scene: Scene, result: PlanResult) -> PlanResult:
+        """Return the plan just made with the model's regions; its push need not wait for this.
+
+        An error within them will be no surprise.
+        """
+        result = self.planner.complete(scene, result)
+        if result.regions is not None:
+            self._progress.expect(scene, result.predicted[0], result.regions[0])
+        return result

@@ -63,7 +63,7 @@ class PlanResult:
     rounds: int
     times: Times
     others: Shown
-    regions: Float[ndarray, "H N"] | None  # [m], radii of regions that should hold each disk
+    regions: Float[ndarray, "H N"] | None = None  # [m], radii that should hold each disk
     concern: str = ""  # why it was looked for further about than usual; empty: it was not
     last: LastPush | None = None  # what became of the push before; None: there was none
 

@@ -6,7 +6,7 @@ from time import perf_counter
 
 import numpy as np
 
-from sain_core.dynamics import Radii, RegionModel, RolloutModel
+from sain_core.dynamics import Radii, RolloutModel, regions_of
 from sain_core.errors import ModelUnavailableError
 from sain_core.feasibility import Feasibility
 from sain_core.scene import MID, POSITION
@@ -132,7 +132,6 @@ class Search:
     def result(self) -> PlanResult:
         """Return the best sequence as the plan; something must have been evaluated."""
         finds = self.finds
-        regions = self.regions(finds.elites[:1], finds.predicted[None])
         total = perf_counter() - self._began
         return PlanResult(
             finds.elites[0],
@@ -145,15 +144,11 @@ class Search:
             self.rounds,
             Times(total, self._rollout_time, self._cost_time),
             finds.shown,
-            None if regions is None else regions[0],
         )
 
-    def regions(self, sequences: PushSequences, predicted: PredictedScenes) -> Radii | None:
-        """Return how sure the model is of its predictions, where it can tell."""
-        if not isinstance(self.model, RegionModel):
-            return None
+    def _regions(self, sequences: PushSequences, predicted: PredictedScenes) -> Radii | None:
         begun = perf_counter()
-        regions = self.model.regions(self.scene, sequences, predicted)
+        regions = regions_of(self.model, self.scene, sequences, predicted)
         self._rollout_time += perf_counter() - begun
         return regions
 
@@ -176,7 +171,7 @@ class Search:
     def _costs(
         self, sequences: PushSequences, predicted: PredictedScenes
     ) -> tuple[Scalars, dict[str, Scalars]]:
-        regions = self.regions(sequences, predicted) if self.config.weights.risk > 0.0 else None
+        regions = self._regions(sequences, predicted) if self.config.weights.risk > 0.0 else None
         begun = perf_counter()
         rollout = make_rollout(self.scene, sequences, predicted, self.goal, regions)
         terms = cost_terms(rollout, self.config.weights, self.feasibility)

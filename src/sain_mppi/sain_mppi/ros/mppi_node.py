@@ -1,6 +1,7 @@
 """The planner: for each settled scene on the way to a goal, one push."""
 
 from concurrent.futures import Future
+from functools import partial
 from itertools import count
 from time import monotonic
 from typing import Any
@@ -165,7 +166,15 @@ class MppiNode(Node):
         self.pursuit.sent(push_id)
         self.sent[push_id] = decision
         model = self._model(decision)
-        self._publish(plan_of_decision(decision, push_id, model, self.config.planner))
+        plan = plan_of_decision(decision, push_id, model, self.config.planner)
+        self.worker.submit(lambda: self.decider.complete(decision), partial(self._tell, plan))
+
+    def _tell(self, plan: Plan, done: "Future[Decision]") -> None:
+        """Publish a plan whose push is on its way, with all that is now known of it."""
+        decision = done.result()
+        if decision.result.regions is not None:
+            plan.regions = codec.encode_floats(decision.result.regions)
+        self._publish(plan)
         self.marker_publisher.publish(plan_markers(decision, self.get_clock().now().to_msg()))
 
     def _publish(self, plan: Plan) -> None:

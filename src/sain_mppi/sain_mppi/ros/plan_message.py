@@ -48,8 +48,6 @@ def plan_of_decision(decision: Decision, push_id: int, model: str, config: Plann
     if result.last is not None:
         plan.last_errors = codec.encode_floats(result.last.errors)
         plan.last_expected = codec.encode_floats(result.last.expected)
-    if result.regions is not None:
-        plan.regions = codec.encode_floats(result.regions)
     plan.other_costs = codec.encode_floats(result.others.costs)
     places = result.others.predicted[..., POSITION]
     plan.other_places = array("f", places.astype(np.float32).tobytes())
