@@ -75,7 +75,7 @@ class PlannerConfig(Config):
         choices=(MPPI_ROUNDS, MPPI, ICEM, EXHAUSTIVE, GRADIENT),
     )
     samples: int = option(
-        1024, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
+        512, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
     )
     horizon: int = option(4, "H, pushes in a sequence", minimum=1, maximum=50)
     rounds: int = option(3, "rounds of sampling, each nearer the best so far", minimum=1)
