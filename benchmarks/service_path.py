@@ -1,7 +1,8 @@
 """What the service costs a plan: ``./env python -m benchmarks.service_path``.
 
 1. The same plans with the model in this process and behind its node, in turns: same K, H and
-   rounds, same scenes; bit for bit the same plans. The shortest time of some for each scene.
+   rounds, same scenes; bit for bit the same plans. The shortest time of some for each scene, at
+   the default settings and at K = 1024, H = 15.
 2. The closed loop on the whole graph, recorder and all: from the settled scene to the push, as the
    recorder received them, at the default settings; the planner's own time for the same plans beside
    it.
@@ -23,11 +24,12 @@ import tyro
 from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
 from sain_bags.reader import Bag
-from sain_core.dynamics import RolloutModel
+from sain_core.dynamics import RolloutModel, as_rollout
 from sain_core.seeding import generator
 from sain_core.types import Pushes
 from sain_eval.scenarios import SCENARIOS, ScenarioScene
 from sain_model.load import load_dynamics
+from sain_mppi.config import PlannerConfig
 from sain_mppi.planner import Planner
 
 PATIENCE_S = 120.0
@@ -54,18 +56,29 @@ def service_and_process(options: Options) -> list[Figure]:
     """Plan with the model here and behind its node, in a domain of its own."""
     import domain_coordinator  # needs the middleware
 
-    cases = [SCENARIOS["anywhere"].scene(seed) for seed in range(options.scenes)]
-    here = Planner(load_dynamics(options.model))  # type: ignore[arg-type]
+    model = as_rollout(load_dynamics(options.model))
+    figures = []
     with domain_coordinator.domain_id() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         with served(options.model) as remote:
-            there = Planner(remote)
-            pairs = [compare(case, here, there, options.repeats) for case in cases]
+            for config in (PlannerConfig(), PlannerConfig(samples=1024, horizon=15)):
+                figures += compare_all(config, model, remote, options)
+    return figures
+
+
+def compare_all(
+    config: PlannerConfig, model: RolloutModel, remote: RolloutModel, options: Options
+) -> list[Figure]:
+    """Plan from every scene with these settings, here and by the service."""
+    cases = [SCENARIOS["anywhere"].scene(seed) for seed in range(options.scenes)]
+    here, there = Planner(model, config), Planner(remote, config)
+    pairs = [compare(case, here, there, options.repeats) for case in cases]
     process, service = np.sum(pairs, axis=0) / len(pairs)
+    sizes = f"K = {config.samples}, H = {config.horizon}"
     return [
-        Figure("a plan, model in process", 1e3 * process, "ms"),
+        Figure(f"a plan, {sizes}, model in process", 1e3 * process, "ms"),
         Figure("... behind its node", 1e3 * service, "ms"),
-        Figure("service / in process", service / process, "", at_most=1.15),
+        Figure("... service / in process", service / process, "", at_most=1.15),
     ]
 
 
