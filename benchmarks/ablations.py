@@ -22,31 +22,28 @@ from sain_core.errors import ConfigError
 from sain_eval import evaluate_cli
 from sain_model.markdown import markdown_table
 from sain_model.metrics import bootstrap_over_episodes
+from sain_mppi.config import PlannerConfig
 
 TOLERANCES = (0.05, 0.02, 0.01, 0.005)
 LEARNED = "network alone, as the paper plans"
 DEFAULT = "default"
-VARIANTS: dict[str, tuple[str, ...]] = {
-    DEFAULT: (),
-    "weighted mean": ("--planner.selection", "mean"),
-    "one round, as many sequences": ("--planner.rounds", "1", "--planner.samples", "1792"),
-    "two rounds, as many sequences": ("--planner.rounds", "2", "--planner.samples", "1195"),
-    "no warm start": ("--planner.no-warm-start",),
-    "no informed candidates": ("--planner.candidate-share", "0"),
-    "no wider plans": (
-        *("--planner.progress.surprise", "9", "--planner.progress.stalled-after", "99"),
-    ),
-    "risk": ("--planner.weights.risk", "5"),
-    "gradient": ("--planner.algorithm", "gradient"),
-    "icem": ("--planner.algorithm", "icem"),
-    "mppi, as many sequences": ("--planner.algorithm", "mppi", "--planner.samples", "1792"),
-    "mppi, weighted mean": (
-        *("--planner.algorithm", "mppi", "--planner.samples", "1792"),
-        *("--planner.selection", "mean"),
-    ),
-    "exhaustive": ("--planner.algorithm", "exhaustive"),
-    **{f"K = {k}": ("--planner.samples", str(k)) for k in (128, 256, 512, 2048)},
-    **{f"H = {h}": ("--planner.horizon", str(h)) for h in (1, 2, 3, 6, 8, 10, 15)},
+Changes = dict[str, str | int | float]
+VARIANTS: dict[str, Changes] = {
+    DEFAULT: {},
+    "weighted mean": {"selection": "mean"},
+    "one round, as many sequences": {"rounds": 1, "samples": 1.75},
+    "two rounds, as many sequences": {"rounds": 2, "samples": 1.167},
+    "no warm start": {"no-warm-start": ""},
+    "no informed candidates": {"candidate-share": 0},
+    "no wider plans": {"progress.surprise": 9, "progress.stalled-after": 99},
+    "risk": {"weights.risk": 5},
+    "gradient": {"algorithm": "gradient"},
+    "icem": {"algorithm": "icem"},
+    "mppi, as many sequences": {"algorithm": "mppi", "samples": 1.75},
+    "mppi, weighted mean": {"algorithm": "mppi", "samples": 1.75, "selection": "mean"},
+    "exhaustive": {"algorithm": "exhaustive"},
+    **{f"K x {share}": {"samples": share} for share in (0.125, 0.25, 0.5, 2.0)},
+    **{f"H = {h}": {"horizon": h} for h in (1, 2, 3, 6, 8, 10, 15)},
 }
 
 
@@ -56,6 +53,8 @@ class Options:
 
     variants: tuple[str, ...] = tuple(VARIANTS)
     """Names of variants."""
+    samples: int = PlannerConfig().samples
+    """K of the default; variants that change it have so many times as many."""
     learned: Path | None = None
     """A checkpoint trained with --prior identity: the paper's way to plan, as one more variant."""
     scenario: str = "anywhere"
@@ -90,9 +89,17 @@ def play(name: str, options: Options) -> list[dict[str, Any]]:
     arguments = ["--out", str(out), "--scenario", options.scenario, "--controllers", controller]
     arguments += ["--scenes", str(options.scenes), "--workers", str(options.workers)]
     arguments += ["--world", options.world, "--tolerances", ",".join(map(str, TOLERANCES))]
-    evaluate_cli.main([*arguments, *VARIANTS.get(name, ())])
+    evaluate_cli.main(arguments + settings(VARIANTS.get(name, {}), options.samples))
     records: list[dict[str, Any]] = json.loads((out / "results.json").read_text())["scenes"]
     return records
+
+
+def settings(changes: Changes, samples: int) -> list[str]:
+    """Return changes of the planner as options of the command line."""
+    factor = float(changes.get("samples", 1.0))
+    given = {**changes, "samples": round(factor * samples)}
+    options = [(f"--planner.{name}", str(value)) for name, value in given.items()]
+    return [word for option in options for word in option if word]
 
 
 def table(scenes: dict[str, list[dict[str, Any]]]) -> str:
