@@ -35,7 +35,7 @@ from benchmarks.timing import fastest
 from sain_core.dynamics import IdentityPrior, as_rollout
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
-from sain_core.types import Scene
+from sain_core.types import Pushes, Scene
 from sain_eval.pictures import save_picture
 from sain_eval.scenarios import SCENARIOS, ScenarioScene
 from sain_model.load import load_dynamics
@@ -106,8 +106,6 @@ class Peer:
             lambda_=0.1,
             u_min=torch.tensor([-np.pi, -np.pi / 4, 0.0]),
             u_max=torch.tensor([np.pi, np.pi / 4, 0.15]),
-            U_init=torch.tensor([[0.0, 0.0, 0.075]], dtype=torch.float64).repeat(config.horizon, 1),
-            u_init=torch.tensor([0.0, 0.0, 0.075], dtype=torch.float64),
         )
 
     def step(self, state: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
@@ -120,9 +118,10 @@ class Peer:
         target = state.reshape(-1, *self.shape)[:, TARGET, :2]
         return ((target - self.goal) ** 2 @ self.weights.to(target.dtype)).to(torch.float64)
 
-    def plan(self, scene: Scene) -> torch.Tensor:
-        """Return the push to execute."""
-        return self.control.command(torch.from_numpy(scene.flatten()))
+    def plan(self, scene: Scene, mean: Pushes) -> torch.Tensor:
+        """Draw about a mean (H, 3) and return the push to execute."""
+        self.control.U = torch.from_numpy(mean)
+        return self.control.command(torch.from_numpy(scene.flatten()), False)
 
 
 def beside_peer(sain: SainDynamics, options: Options) -> list[Figure]:
@@ -132,13 +131,14 @@ def beside_peer(sain: SainDynamics, options: Options) -> list[Figure]:
 
 
 def compare(sain: SainDynamics, name: str, options: Options) -> list[Figure]:
-    """Compare both planners on a model. Both draw about what they found before."""
+    """Compare both planners on a model. Both draw about the same sequence, as widely."""
     threads, case = numba.get_num_threads(), problem()
     noise = NoiseConfig(length=0.02)  # clipping then makes few pushes of the peer's a rest
     config = PlannerConfig(algorithm=MPPI, samples=SAMPLES, horizon=HORIZON, noise=noise)
     ours, peer = Planner(as_rollout(sain), config), Peer(sain, case, config)
+    mean = ours.plan(case.disks, case.goal, generator(0, "benchmark")).pushes
     works = {
-        "peer": lambda: peer.plan(case.disks),
+        "peer": lambda: peer.plan(case.disks, mean),
         "ours": lambda: ours.plan(case.disks, case.goal, generator(0, "benchmark")),
     }
     numba.set_num_threads(1)
