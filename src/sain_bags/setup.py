@@ -20,6 +20,7 @@ setup(
         "console_scripts": [
             "record = sain_bags.ros.record:main",
             "info = sain_bags.info_cli:main",
+            "to_dataset = sain_bags.to_dataset_cli:main",
         ],
     },
 )
