@@ -3,7 +3,7 @@
 A push, its result and its prediction share a `push_id`; the scenes around it are named by
 `episode_id` and `scene_id`. Time stamps pair nothing. What streams past is not kept: at most
 `WINDOW` pushes wait for what is still to come, so that memory does not grow with the recording,
-but for the ids of the pushes that are done with.
+but for the ranges of the ids of pushes that are done with.
 """
 
 from collections import OrderedDict
@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from sain_bags.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
+from sain_bags.id_ranges import IdRanges
 from sain_bags.reader import Received
 from sain_core.errors import ErrorCode
 
@@ -60,7 +61,7 @@ class Pairing:
         self._scenes: OrderedDict[Place, Any] = OrderedDict()
         self._places: OrderedDict[Place, list[Paired]] = OrderedDict()
         self._goals: dict[int, Any] = {}
-        self._answered: dict[int, bool] = {}  # push ids, and whether they were executed
+        self._refused, self._done = IdRanges(), IdRanges()  # push ids; one may be in both
         self.late_predictions = 0  # that came when their push was no longer waited with
 
     def add(self, received: Received) -> Iterator[Paired]:
@@ -88,8 +89,8 @@ class Pairing:
             yield self._release(next(iter(self._waiting.values())))
 
     def _take_push(self, push: Any, log_time: int) -> Iterator[Paired]:
-        known = push.push_id in self._waiting or push.push_id in self._answered
-        if not known:
+        number = push.push_id
+        if not (number in self._waiting or number in self._refused or number in self._done):
             self._wait(self._paired(push, log_time))
         elif not self._results:  # else its own result tells what became of the second one
             again = self._paired(push, log_time)
@@ -97,30 +98,31 @@ class Pairing:
             yield again
 
     def _take_result(self, result: Any, log_time: int) -> Iterator[Paired]:
-        number, refused = result.push_id, result.error_code != ErrorCode.OK
-        if refused or self._answered.get(number):
-            # One of several with this id may have been executed: it keeps its place.
-            waiting = self._waiting.get(number)
-            if refused and waiting is not None and waiting.result is None:
-                del self._waiting[number]
-                paired = waiting
+        number = result.push_id
+        waiting = self._waiting.get(number)
+        executed = number in self._done or (waiting is not None and waiting.result is not None)
+        if result.error_code != ErrorCode.OK:
+            # Another push with this id may have been executed: that one keeps its place.
+            if waiting is None or executed:
+                refused = self._paired(result.push, log_time)
             else:
-                paired = self._paired(result.push, log_time)
-            paired.result, paired.repeated = result, not refused
-            self._answered.setdefault(number, False)
-            yield paired
-            return
-        if number not in self._waiting:
-            self._wait(self._paired(result.push, log_time, number))
-        self._waiting[number].result = result
-        self._waiting[number].push = result.push
-        self._answered[number] = True
+                refused = self._waiting.pop(number)
+            refused.result = result
+            self._refused.add(number)
+            yield refused
+        elif executed:
+            again = self._paired(result.push, log_time)
+            again.result, again.repeated = result, True
+            yield again
+        else:
+            waiting = waiting or self._wait(self._paired(result.push, log_time, number))
+            waiting.result, waiting.push = result, result.push
 
     def _take_prediction(self, prediction: Any) -> None:
         waiting = self._waiting.get(prediction.push_id)
         if waiting is not None:
             waiting.prediction = waiting.prediction or prediction
-        elif self._answered.get(prediction.push_id):
+        elif prediction.push_id in self._done:
             self.late_predictions += 1
         else:
             _keep(self._early, prediction.push_id, prediction, self._window)
@@ -141,8 +143,8 @@ class Pairing:
         place = (push.episode_id, push.scene_id)
         return Paired(push.push_id if number is None else number, place, log_time, push)
 
-    def _wait(self, paired: Paired) -> None:
-        """Let a new push wait, with what came before it and beside its rivals."""
+    def _wait(self, paired: Paired) -> Paired:
+        """Let a new push wait, with what came before it and beside its rivals; return it."""
         episode, number = paired.place
         paired.prediction = self._early.pop(paired.push_id, None)
         paired.before = self._scenes.get(paired.place)
@@ -153,6 +155,7 @@ class Pairing:
             paired.rivals.append(rival)
         _keep(self._places, paired.place, [*rivals, paired], self._window)
         self._waiting[paired.push_id] = paired
+        return paired
 
     def _complete(self, paired: Paired) -> bool:
         known = paired.result is not None
@@ -162,7 +165,7 @@ class Pairing:
 
     def _release(self, paired: Paired) -> Paired:
         del self._waiting[paired.push_id]
-        self._answered.setdefault(paired.push_id, True)
+        self._done.add(paired.push_id)
         episode = paired.place[0] if paired.result is None else paired.result.episode_id
         paired.goal = self._goals.get(episode) or self._goals.get(ANY_EPISODE)
         return paired
