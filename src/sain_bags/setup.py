@@ -14,7 +14,16 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["mcap", "mcap-ros2-support", "numpy", "pyyaml", "rich", "tyro", "zstandard"],
+    install_requires=[
+        "matplotlib",
+        "mcap",
+        "mcap-ros2-support",
+        "numpy",
+        "pyyaml",
+        "rich",
+        "tyro",
+        "zstandard",
+    ],
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -148,6 +148,7 @@ def test_the_command_says_what_it_did(record: Start, tmp_path: Path, capfd: Any)
     assert to_dataset_cli.main(arguments) == 0
     said = capfd.readouterr().err
     assert "1 transitions of 1 episodes in" in said
+    assert (tmp_path / "out" / "card.png").read_bytes().startswith(b"\x89PNG")
     assert "left out: 2 target moved by less than 2 mm" in said
     assert to_dataset_cli.main([str(bag), "--out", str(tmp_path / "out")]) == 1
     assert "moved_only = True, not False" in capfd.readouterr().err

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sain_bags.card_picture import histograms
 from sain_bags.conversion import ConversionConfig, Converted, convert
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.plugins import load_dynamics
@@ -219,3 +220,12 @@ def test_the_card_tells_ranges_and_where_from(record: Start) -> None:
     assert source["sha256"] == rows["bag_sha256"][0]
     assert (source["messages"]["Push"], source["transitions"]) == (6, 6)
     assert card["fields"]["state"] == [16]
+
+
+def test_the_picture_draws_what_the_card_says(record: Start) -> None:
+    _, _, card = to_rows(drive(record))
+    figure = histograms(card["ranges"])
+    for axes, (name, spread) in zip(figure.axes, card["ranges"].items(), strict=True):
+        assert axes.get_title() == name.replace("_", " ")
+        (stairs,) = axes.patches
+        assert stairs.get_data().values.tolist() == spread["histogram"]["counts"]

@@ -17,6 +17,7 @@ from sain_core.storage import PARTIAL, write_whole
 
 IDENTITY_FILE: Final = "conversion.json"
 CARD_FILE: Final = "card.json"
+PICTURE_FILE: Final = "card.png"  # drawn from the card
 
 Content = dict[str, Any]
 
@@ -62,7 +63,8 @@ class DatasetFolder:
         _write_json(self.path / CARD_FILE, card)
 
     def _claim(self) -> None:
-        leftovers = [*self.path.glob(f".*{PARTIAL}"), self.path / CARD_FILE]
+        leftovers = [*self.path.glob(f".*{PARTIAL}")]
+        leftovers += [self.path / name for name in (CARD_FILE, PICTURE_FILE)]
         if self._overwrite:
             leftovers += sorted(self.path.glob(PATTERN))
         try:

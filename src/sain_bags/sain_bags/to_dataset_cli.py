@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from sain_bags.card_picture import draw_card
 from sain_bags.conversion import ConversionConfig, Converted, convert
 from sain_core.errors import SainError
 
@@ -37,6 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
     console = Console(stderr=True)
     try:
         done = _convert_with_bar(options, console)
+        draw_card(options.out)
     except SainError as error:
         console.print(f"[red]error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return 1
