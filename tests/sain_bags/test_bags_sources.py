@@ -55,6 +55,15 @@ def test_a_folder_of_bags_is_searched(record: Start, tmp_path: Path) -> None:
     assert found == [tmp_path / "runs" / name for name in ("a/bag", "a/longer/bag", "b/bag")]
 
 
+def test_a_bag_below_a_folder_that_was_not_closed_is_not_passed_over(
+    record: Start, tmp_path: Path
+) -> None:
+    drive(record, "runs/a/bag")
+    (drive(record, "runs/b/bag", 1) / "metadata.yaml").unlink()
+    with pytest.raises(DatasetError, match="runs/b/bag was not closed"):
+        find_sources([tmp_path / "runs"])
+
+
 def test_the_same_recording_twice_would_be_on_both_sides_of_a_split(record: Start) -> None:
     bag = drive(record)
     with pytest.raises(DatasetError, match=r"bag_0.mcap are the same recording; give it once"):

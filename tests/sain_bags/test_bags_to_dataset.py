@@ -150,6 +150,7 @@ def test_unsettled_scenes_are_left_out_unless_kept(record: Start) -> None:
     bag = drive(record, parts=Parts(unsettled=(1,)))
     rows, done, _ = to_rows(bag)
     assert rows["push_id"].tolist() == [11, 13, 14, 15]
+    assert rows["step"].tolist() == [0, 2, 3, 0]  # no window spans the gap
     assert done.dropped == {"scene before or after not settled": 2}
     assert to_rows(bag, keep_unsettled=True)[1] == Converted(6, 2, {})
 
@@ -218,6 +219,7 @@ def test_the_card_tells_ranges_and_where_from(record: Start) -> None:
     assert (sum(histogram["counts"]), histogram["outside"]) == (6, 0)
     source = card["sources"][0]
     assert source["sha256"] == rows["bag_sha256"][0]
+    assert card["numpy"] == np.__version__
     assert (source["messages"]["Push"], source["transitions"]) == (6, 6)
     assert card["fields"]["state"] == [16]
 

@@ -7,6 +7,7 @@ stop, and ends with the same bytes.
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -51,7 +52,8 @@ class Numbering:
     """Counts episodes over all recordings, and the steps of each.
 
     A simulator that is started anew counts its episodes and scenes from 1 again: where a number
-    goes back, another episode has begun.
+    goes back, another episode has begun. Where scene ids tell of pushes between two rows, steps
+    leave a gap, as they do in a collection that was filtered.
     """
 
     def __init__(self) -> None:
@@ -64,7 +66,7 @@ class Numbering:
         """Return the next row with its episode and its step in it."""
         last_bag, last_episode, last_scene = self._last
         goes_on = (bag, row.episode_id) == (last_bag, last_episode) and row.scene_id >= last_scene
-        self._step = self._step + 1 if goes_on else 0
+        self._step = self._step + max(row.scene_id - last_scene, 1) if goes_on else 0
         self.episodes += not goes_on
         self._last = (bag, row.episode_id, row.scene_id)
         return Numbered(row, self.episodes - 1, self._step, bag)
@@ -108,11 +110,8 @@ def convert(
             card.add(folder.store(rows))
     if not card.transitions:
         raise DatasetError(f"no transition is left: {card.why_none()}")
-    folder.finish(
-        card.content(
-            {**identity, "episodes": numbering.episodes}, [source.describe() for source in sources]
-        )
-    )
+    about = {**identity, **_versions(), "episodes": numbering.episodes}
+    folder.finish(card.content(about, [source.describe() for source in sources]))
     return Converted(card.transitions, numbering.episodes, dict(card.dropped))
 
 
@@ -166,6 +165,10 @@ def _shards(rows: Iterator[Numbered]) -> Iterator[list[Numbered]]:
         if len(waiting[disks]) == SHARD_SIZE:
             yield waiting.pop(disks)
     yield from (waiting[disks] for disks in sorted(waiting))
+
+
+def _versions() -> dict[str, str]:
+    return {name: version(name) for name in ("numpy", "mcap", "mcap-ros2-support")}
 
 
 class _Counter:

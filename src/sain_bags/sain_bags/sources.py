@@ -95,8 +95,9 @@ def find_bags(path: Path) -> tuple[Path, ...]:
     """Return the path when it is a bag or looks like a broken one, else the bags below it."""
     if not path.is_dir() or (path / METADATA_FILE).exists() or any(path.glob("*.mcap")):
         return (path,)
-    below = tuple(sorted(found.parent for found in path.rglob(METADATA_FILE)))
-    return below or (path,)
+    # Also one that was not closed: it is named in an error, and not passed over.
+    files = [*path.rglob(METADATA_FILE), *path.rglob("*.mcap")]
+    return tuple(sorted({file.parent for file in files})) or (path,)
 
 
 def _open(path: Path, namespace: str | None) -> Source:
