@@ -1,0 +1,177 @@
+"""Recordings of a whole graph at work, as the simulator's node leaves them behind."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.highlevel import AnyReader
+
+from sain_core.scene import make_scene
+from sain_core.types import Scene
+
+OK, BLOCKED, DUPLICATE = 1, 9, 7
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What the recording lacks or has otherwise; numbers are places in the episode."""
+
+    results: bool = True
+    unanswered: tuple[int, ...] = ()  # pushes without a result
+    unpredicted: tuple[int, ...] = ()
+    failed_prediction: tuple[int, ...] = ()
+    unsettled: tuple[int, ...] = ()  # the scene after the push
+    still: tuple[int, ...] = ()  # the target does not move
+    predictions: bool = True
+    scenes: bool = True
+    namespace: str = "/sain"
+    disks: int = 2
+
+
+class Drive:
+    """Writes episodes of pushes into a recording; same seed, same episodes."""
+
+    def __init__(self, recording: Any, parts: Parts = Parts(), seed: int = 0) -> None:
+        self.recording, self.parts = recording, parts
+        self.messages = recording.messages
+        self.random = np.random.default_rng(seed)
+        self.scene_id, self.stamp = 0, 0.0
+
+    def episode(self, number: int, ids: Sequence[int]) -> None:
+        """Write one episode with a push for each id."""
+        self.scene_id += 1
+        scene = self.random_scene()
+        self._send(
+            "goal", "Goal", goal_id=number, episode_id=number, x=0.1 * number, y=0.2, tolerance=0.02
+        )
+        self.show(number, scene)
+        for place, push_id in enumerate(ids):
+            scene = self.push(number, push_id, scene, place)
+
+    def push(self, episode: int, push_id: int, before: Scene, place: int) -> Scene:
+        """Write a push and all that follows from it; return the scene after it."""
+        parts, start = self.parts, self.scene_message(episode, before)
+        push = self.push_message(push_id, episode)
+        self._send("push", push)
+        after = before.copy()
+        after[0, :2] += self.random.uniform(0.01, 0.05, 2)
+        after[1, 0] += 0.0 if place in parts.still else 0.03
+        self.show(episode, before + 0.001, settled=False)
+        self.scene_id += 1
+        self.stamp += 1.25
+        settled = place not in parts.unsettled
+        end = self.scene_message(episode, after, settled)
+        if parts.results and place not in parts.unanswered:
+            self.result(push, start, end)
+        self.show(episode, after, settled)
+        self.show(episode, after, settled)  # the simulator says it again while it idles
+        if parts.predictions and place not in parts.unpredicted:
+            self._send(
+                "physics_prediction", "PushPrediction",
+                push_id=push_id, episode_id=episode, model="bullet_nominal",
+                error_code=BLOCKED if place in parts.failed_prediction else OK,
+                disks=self.messages.disks(after + 0.002),
+            )  # fmt: skip
+        return after
+
+    def push_message(self, push_id: int, episode: int) -> Any:
+        return self.messages.make(
+            "sain_interfaces/msg/Push",
+            push_id=push_id, episode_id=episode, scene_id=self.scene_id,
+            location=self.random.uniform(-3, 3), angle=self.random.uniform(-0.7, 0.7), length=0.1,
+        )  # fmt: skip
+
+    def result(self, push: Any, before: Any, after: Any, code: int = OK) -> None:
+        """Write what became of a push."""
+        self._send(
+            "push_result", "PushResult",
+            push_id=push.push_id, episode_id=push.episode_id, error_code=code, push=push,
+            error_message="" if code == OK else "a disk is in the way",
+            before=before, after=after, duration=1.25,
+        )  # fmt: skip
+
+    def show(self, episode: int, scene: Scene, settled: bool = True) -> None:
+        """Write a scene, unless scenes are not recorded."""
+        if self.parts.scenes:
+            self._send("scene", self.scene_message(episode, scene, settled))
+
+    def scene_message(self, episode: int, scene: Scene, settled: bool = True) -> Any:
+        make, seconds = self.messages.make, int(self.stamp)
+        nanoseconds = round((self.stamp - seconds) * 1e9)
+        stamp = make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+        return make(
+            "sain_interfaces/msg/Scene",
+            header=make("std_msgs/msg/Header", stamp=stamp, frame_id="world"),
+            episode_id=episode, scene_id=self.scene_id, settled=settled,
+            disks=self.messages.disks(scene),
+        )  # fmt: skip
+
+    def random_scene(self) -> Scene:
+        count = self.parts.disks
+        positions = np.stack([0.3 + 0.16 * np.arange(count), self.random.uniform(-0.1, 0.1, count)])
+        radii = self.random.uniform(0.06, 0.075, count)
+        return make_scene(positions.T, self.random.uniform(7, 9, count), radii)
+
+    def _send(self, topic: str, message: Any, **fields: Any) -> None:
+        if isinstance(message, str):
+            message = self.messages.make(f"sain_interfaces/msg/{message}", **fields)
+        kind = type(message).__name__.rpartition("__")[2]
+        values = {name: getattr(message, name) for name in message.__dataclass_fields__}
+        values.pop("__msgtype__", None)
+        self.recording.add(f"{self.parts.namespace}/{topic}", kind, **values)
+
+
+def independent_rows(folder: Path) -> Iterator[dict[str, Any]]:
+    """Read with `rosbags` what should become of a bag's executed pushes, in their order."""
+    found: dict[str, list[Any]] = {"push_result": [], "physics_prediction": [], "goal": []}
+    heard: dict[int, int] = {}
+    with AnyReader([folder]) as reader:
+        for connection, time, raw in reader.messages():
+            short = connection.topic.rpartition("/")[2]
+            message = reader.deserialize(raw, connection.msgtype)
+            if short in ("push", "push_result"):
+                heard.setdefault(message.push_id, time)
+            if short in found:
+                found[short].append(message)
+    physics = {message.push_id: message for message in found["physics_prediction"]}
+    goals = {message.episode_id: message for message in found["goal"]}
+    for result in found["push_result"]:
+        if result.error_code != OK:
+            continue
+        goal, predicted = goals[result.episode_id], physics[result.push_id]
+        yield {
+            "state": numbers(result.before.disks),
+            "action": [result.push.location, result.push.angle, result.push.length],
+            "physics_next": numbers(predicted.disks),
+            "next_state": numbers(result.after.disks),
+            "masses": [disk.mass for disk in result.before.disks],
+            "radii": [disk.radius for disk in result.before.disks],
+            "moved": np.hypot(
+                result.after.disks[1].x - result.before.disks[1].x,
+                result.after.disks[1].y - result.before.disks[1].y,
+            ) >= 0.002,
+            "duration": result.duration,
+            "goal": [goal.x, goal.y],
+            "tolerance": goal.tolerance,
+            "push_id": result.push_id,
+            "bag_episode": result.episode_id,
+            "bag_scene": result.before.scene_id,
+            "outcome": result.error_code,
+            "stamp": nanoseconds(result.before),
+            "next_stamp": nanoseconds(result.after),
+            "log_time": heard[result.push_id],
+            "source": "push_result",
+            "physics_source": predicted.model,
+        }  # fmt: skip
+
+
+def numbers(disks: Sequence[Any]) -> list[float]:
+    return [
+        value for d in disks for value in (d.x, d.y, d.theta, d.vx, d.vy, d.omega, d.mass, d.radius)
+    ]
+
+
+def nanoseconds(scene: Any) -> int:
+    return int(scene.header.stamp.sec) * 10**9 + int(scene.header.stamp.nanosec)
