@@ -14,12 +14,22 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["mcap", "mcap-ros2-support", "numpy", "pyyaml", "rich", "tyro", "zstandard"],
+    install_requires=[
+        "lz4",
+        "mcap",
+        "mcap-ros2-support",
+        "numpy",
+        "pyyaml",
+        "rich",
+        "tyro",
+        "zstandard",
+    ],
     zip_safe=False,
     entry_points={
         "console_scripts": [
             "record = sain_bags.ros.record:main",
             "info = sain_bags.info_cli:main",
+            "recover = sain_bags.recover_cli:main",
         ],
     },
 )
