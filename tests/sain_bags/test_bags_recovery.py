@@ -174,7 +174,7 @@ def test_the_loss_is_told(zstd_bag: Original, tmp_path: Path) -> None:
     assert report.missing == {"/chat": behind - first}
     text = "\n".join(describe(report, tmp_path / "out"))
     assert f"Lost: {behind - first} messages ({behind - first} of /chat)" in text
-    assert "Damage at 1 places" in text
+    assert "Damaged places: 1; " in text
     assert "chunk 5, bytes" in text
     assert Bag(tmp_path / "out").custom_data == {
         "seed": "7",

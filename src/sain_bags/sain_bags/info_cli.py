@@ -31,8 +31,8 @@ class InfoOptions:
 def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
     """Return the bag's topics as a table, with the timings that are known."""
     table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("Topic")
-    table.add_column("Type", style="dim")
+    table.add_column("Topic", no_wrap=True)
+    table.add_column("Type", style="dim", no_wrap=True)
     for name in ("Messages", "Rate", "Longest gap", "Missing"):
         table.add_column(name, justify="right")
     for topic in bag.topics:

@@ -64,7 +64,7 @@ def _loss_lines(report: Report) -> list[str]:
     size = sum(loss.end - loss.start for loss in losses)
     chunks = sum(loss.chunk is not None for loss in losses)
     if losses:
-        lines.append(f"Damage at {len(losses)} places: {size:,} bytes, {chunks:,} chunks.")
+        lines.append(f"Damaged places: {len(losses)}; {size:,} bytes, {chunks:,} chunks.")
     lines += [f"  {loss.text(report.start)}" for loss in losses[:LISTED]]
     if len(losses) > LISTED:
         lines.append(f"  and {len(losses) - LISTED:,} more")

@@ -147,12 +147,12 @@ class _Salvage:
             self._loss = None  # the index behind the chunk counts also those that were saved
 
     def _take_description(self, record: Record) -> None:
-        description = parse(record.opcode, record.content)
-        is_schema = record.opcode == Opcode.SCHEMA
+        found = parse(record.opcode, record.content)
         try:
-            self._declare(
-                [description] if is_schema else [], [] if is_schema else [description], False
-            )
+            if record.opcode == Opcode.SCHEMA:
+                self._declare([found], [], checked=False)
+            else:
+                self._declare([], [found], checked=False)
         except DatasetError as error:
             self._lose(record, str(error))
 
