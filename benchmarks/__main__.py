@@ -17,6 +17,7 @@ ON_DATA = {
     "gradients",
     "open_loop",
     "paper_training",
+    "recovery",
     "rollout_designs",
     "rough_figure",
     "rough_world",

@@ -15,6 +15,7 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=[
+        "lz4",
         "matplotlib",
         "mcap",
         "mcap-ros2-support",
@@ -29,6 +30,7 @@ setup(
         "console_scripts": [
             "record = sain_bags.ros.record:main",
             "info = sain_bags.info_cli:main",
+            "recover = sain_bags.recover_cli:main",
             "to_dataset = sain_bags.to_dataset_cli:main",
         ],
     },

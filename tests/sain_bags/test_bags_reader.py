@@ -48,7 +48,7 @@ def test_every_cut_is_noticed(share: float, episode_bag: Path) -> None:
     file = episode_bag / "bag_0.mcap"
     content = file.read_bytes()
     file.write_bytes(content[: int(share * len(content))])
-    with pytest.raises(DatasetError, match=r"damaged or not whole .* `mcap recover"):
+    with pytest.raises(DatasetError, match=r"damaged or not whole .* `ros2 run sain_bags recover"):
         read_all(episode_bag)
 
 

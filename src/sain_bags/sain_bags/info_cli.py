@@ -1,7 +1,8 @@
-"""``ros2 run sain_bags info``: what a bag holds, after checking that it is undamaged."""
+"""``ros2 run sain_bags info``: what a bag holds, and whether it is undamaged."""
 
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,28 +13,38 @@ from rich.table import Table
 
 from sain_bags.episodes import Episode, namespaces, read_episodes
 from sain_bags.reader import Bag
+from sain_bags.timing import TopicTiming, read_timings
 from sain_core.errors import SainError
 
 
 @dataclass(frozen=True)
 class InfoOptions:
-    """Show what a bag holds: topics, rates, episodes and pushes. Every CRC is checked first."""
+    """Show what a bag holds: topics, rates, gaps, episodes and pushes."""
 
     bag: tyro.conf.Positional[Path]
     """A bag's folder, or its MCAP file."""
+    check: bool = True
+    """Read all of it first and compare every CRC; without, gaps are not told and large bags are
+    fast."""
 
 
-def topic_table(bag: Bag) -> Table:
-    """Return the bag's topics as a table."""
+def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
+    """Return the bag's topics as a table, with the timings that are known."""
     table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("Topic")
-    table.add_column("Type", style="dim")
-    table.add_column("Messages", justify="right")
-    table.add_column("Rate", justify="right")
+    table.add_column("Topic", no_wrap=True)
+    table.add_column("Type", style="dim", no_wrap=True)
+    for name in ("Messages", "Rate", "Longest gap", "Missing"):
+        table.add_column(name, justify="right")
     for topic in bag.topics:
-        rate = topic.messages / bag.duration if topic.messages > 1 and bag.duration else 0.0
+        mean = topic.messages / bag.duration if topic.messages > 1 and bag.duration else 0.0
+        timing = timings.get(topic.name, TopicTiming(mean, 0.0, None))
         table.add_row(
-            topic.name, topic.type, f"{topic.messages:,}", f"{rate:.1f} Hz" if rate else "-"
+            topic.name,
+            topic.type,
+            f"{topic.messages:,}",
+            f"{timing.rate:.1f} Hz" if timing.rate else "-",
+            f"{timing.longest_gap:.2f} s" if timing.longest_gap else "-",
+            "-" if timing.missing is None else f"{timing.missing:,}",
         )
     return table
 
@@ -60,17 +71,18 @@ def episode_table(episodes: tuple[Episode, ...]) -> Table:
     return table
 
 
-def show(path: Path, console: Console) -> None:
-    """Check a bag and print what it holds.
+def show(path: Path, console: Console, check: bool = True) -> None:
+    """Print what a bag holds, after comparing every CRC in it where that is asked for.
 
     Raises:
         DatasetError: it is not a whole, undamaged bag.
     """
     bag = Bag(path)
-    bag.check()
+    timings = read_timings(bag) if check else {}
     size = bag.file.stat().st_size / 1e6
     began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(bag.start * 1e-9))
-    console.print(f"[bold]{path}[/]  every CRC is right", highlight=False)
+    state = "every CRC is right" if check else "only its summary was checked"
+    console.print(f"[bold]{path}[/]  {state}", highlight=False)
     console.print(
         f"{bag.message_count:,} messages in {bag.duration:.1f} s from {began}, {size:.2f} MB"
         + "".join(f"\n{key}: {value}" for key, value in bag.custom_data.items()),
@@ -78,7 +90,7 @@ def show(path: Path, console: Console) -> None:
         markup=False,
     )
     console.print()
-    console.print(topic_table(bag))
+    console.print(topic_table(bag, timings))
     for namespace in namespaces(bag):
         episodes = read_episodes(bag, namespace)
         pushes = sum(len(episode.executed) for episode in episodes)
@@ -99,7 +111,7 @@ def main() -> None:
     """Run from the command line."""
     options = tyro.cli(InfoOptions, prog="ros2 run sain_bags info")
     try:
-        show(options.bag, Console())
+        show(options.bag, Console(), options.check)
     except SainError as error:
         console = Console(stderr=True, soft_wrap=True)
         console.print(f"info: {error}", style="red", markup=False, highlight=False)

@@ -11,6 +11,17 @@ LAYOUT_VERSION: Final = 9
 METADATA_FILE: Final = "metadata.yaml"
 INFINITE: Final = (9_223_372_036, 854_775_807)  # [s, ns], rmw's duration without end
 
+# rmw/types.h, by the numbers of its enumerations
+RMW_WORDS: Final[dict[str, tuple[str, ...]]] = {
+    "history": ("system_default", "keep_last", "keep_all", "unknown"),
+    "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
+    "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
+    "liveliness": (
+        "system_default", "automatic", "manual_by_node", "manual_by_topic", "unknown",
+        "best_available",
+    ),
+}  # fmt: skip
+
 
 @dataclass(frozen=True)
 class OfferedQos:
@@ -105,6 +116,27 @@ def bag_metadata(
             "ros_distro": ros_distro,
         }
     }
+
+
+def read_profiles(text: str) -> tuple[OfferedQos, ...]:
+    """Return the profiles that a channel's metadata holds; none where they cannot be understood.
+
+    Up to version 8 of the layout, rosbag2 wrote rmw's numbers for the words.
+    """
+    try:
+        return tuple(_profile(record) for record in yaml.safe_load(text) or ())
+    except (yaml.YAMLError, TypeError, KeyError, ValueError, IndexError, AttributeError):
+        return ()
+
+
+def _profile(record: Mapping[str, Any]) -> OfferedQos:
+    values: dict[str, Any] = {"depth": int(record["depth"])}
+    for name, words in RMW_WORDS.items():
+        value = record[name]
+        values[name] = value if isinstance(value, str) else words[value]
+    for name in ("deadline", "lifespan", "liveliness_lease_duration"):
+        values[name] = (int(record[name]["sec"]), int(record[name]["nsec"]))
+    return OfferedQos(**values)
 
 
 def write_metadata(folder: Path, metadata: Mapping[str, Any]) -> None:

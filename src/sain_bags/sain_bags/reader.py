@@ -12,7 +12,7 @@ import yaml
 import zstandard
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
-from mcap.records import Footer, Statistics
+from mcap.records import Footer, McapRecord, Statistics
 from mcap.stream_reader import StreamReader
 from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
@@ -22,6 +22,7 @@ from sain_core.errors import DatasetError
 
 FOOTER_SIZE: Final = 1 + 8 + 8 + 8  # [bytes], opcode, length and the footer but its CRC
 TAIL_SIZE: Final = FOOTER_SIZE + 4 + 8  # with the CRC and the closing magic
+WINDOW: Final = 1 << 20  # [bytes], compared at a time
 
 DAMAGE: Final = (
     McapError,
@@ -134,10 +135,18 @@ class Bag:
         Raises:
             DatasetError: a bit is not as it was written.
         """
+        for _ in self.records():
+            pass
+
+    def records(self) -> Iterator[McapRecord]:
+        """Yield every record as `mcap` has it, comparing every CRC on the way.
+
+        Raises:
+            DatasetError: a bit is not as it was written.
+        """
         with self._opened() as stream:
-            for _ in StreamReader(stream, validate_crcs=True).records:
-                pass
-            _check_summary(stream)
+            yield from StreamReader(stream, validate_crcs=True).records
+            check_summary(stream)
 
     def _find_file(self) -> Path:
         if self.path.is_file():
@@ -182,13 +191,11 @@ class Bag:
             ) from error
 
 
-_RESCUE: Final = (
-    "`mcap recover FILE -o NEW.mcap` (from mcap.dev) saves every message before the damage"
-)
+_RESCUE: Final = "`ros2 run sain_bags recover BAG --out NEW` saves what is undamaged"
 
 
 def _read_summary(stream: IO[bytes]) -> tuple[Summary, Statistics]:
-    _check_summary(stream)
+    check_summary(stream)
     stream.seek(0)
     summary = make_reader(stream).get_summary()
     if summary is None or summary.statistics is None:
@@ -196,8 +203,12 @@ def _read_summary(stream: IO[bytes]) -> tuple[Summary, Statistics]:
     return summary, summary.statistics
 
 
-def _check_summary(stream: IO[bytes]) -> None:
-    """Compare the summary's CRC, which mcap's readers leave unchecked."""
+def check_summary(stream: IO[bytes]) -> Footer:
+    """Compare the summary's CRC, which mcap's readers leave unchecked; return the footer.
+
+    Raises:
+        McapError: the file has no end, or the summary is damaged.
+    """
     size = stream.seek(0, 2)
     if size < TAIL_SIZE:
         raise McapError("it ends too early")
@@ -205,8 +216,13 @@ def _check_summary(stream: IO[bytes]) -> None:
     footer = next(iter(StreamReader(stream, skip_magic=True).records))
     if not isinstance(footer, Footer):
         raise McapError("it has no footer")
+    if footer.summary_start > size:
+        raise McapError("its summary is not where it should be")
     if footer.summary_start and footer.summary_crc:
+        rest, crc = max(size - TAIL_SIZE + FOOTER_SIZE - footer.summary_start, 0), 0
         stream.seek(footer.summary_start)
-        content = stream.read(size - TAIL_SIZE + FOOTER_SIZE - footer.summary_start)
-        if zlib.crc32(content) != footer.summary_crc:
+        while rest and (content := stream.read(min(rest, WINDOW))):
+            rest, crc = rest - len(content), zlib.crc32(content, crc)
+        if rest or crc != footer.summary_crc:
             raise McapError("its summary does not match its CRC")
+    return footer

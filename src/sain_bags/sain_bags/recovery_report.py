@@ -1,0 +1,128 @@
+"""What a recovery saved and what it lost."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+
+class Outcome(IntEnum):
+    """How a recovery ended; the exit code."""
+
+    LOSSLESS = 0
+    NOTHING = 1
+    LOSSY = 3
+
+
+@dataclass
+class Loss:
+    """A stretch of a file from which nothing, or not everything, could be taken."""
+
+    file: str
+    start: int  # [bytes] from the beginning of the file
+    end: int
+    reason: str
+    chunk: int | None = None  # its number in the file, from 1
+    messages: int | None = None  # None: not known
+    after: int | None = None  # [ns since the epoch], the last message that was saved before it
+    before: int | None = None  # [ns since the epoch], the first message that was saved behind it
+
+    def text(self, began: int) -> str:
+        """Describe the loss; times count from the beginning of the bag [ns since the epoch]."""
+        what = "bytes" if self.chunk is None else f"chunk {self.chunk}, bytes"
+        after = "from the start" if self.after is None else f"after {_seconds(self.after, began)}"
+        before = "to the end" if self.before is None else f"before {_seconds(self.before, began)}"
+        count = "" if self.messages is None else f", {self.messages:,} messages"
+        size = self.end - self.start
+        return (
+            f"{self.file}: {what} {self.start:,} to {self.end:,} ({size:,} bytes{count},"
+            f" {after}, {before}): {self.reason}"
+        )
+
+
+@dataclass
+class FileReport:
+    """How one MCAP file fared."""
+
+    name: str
+    size: int  # [bytes]
+    chunks: int = 0  # saved
+    losses: list[Loss] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)  # messages saved, by topic
+    extras: int = 0  # attachments and metadata seen whole
+    expected: Mapping[str, int] | None = None  # messages it once had, from an undamaged summary
+    expected_extras: int = 0
+    ended: bool = False  # the end of its data was found
+    matches: bool | None = None  # the CRC of all its data; None: there is none to compare
+    unchecked: int = 0  # messages saved that no CRC vouches for
+
+    @property
+    def damaged(self) -> bool:
+        """Whether its data is not as it was written."""
+        return bool(self.losses) or self.matches is False or not self.ended
+
+    @property
+    def doubtful(self) -> int:
+        """Messages that were saved though they may be damaged."""
+        return self.unchecked if self.damaged else 0
+
+    @property
+    def lossless(self) -> bool:
+        """Whether all that it had was saved, as far as it can tell."""
+        if self.expected is None:
+            return not self.damaged
+        return self.counts == self.expected and self.extras == self.expected_extras
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a recovery saved and what it lost."""
+
+    files: tuple[FileReport, ...]
+    counts: Mapping[str, int]  # messages saved, by topic
+    start: int  # [ns since the epoch], first message saved
+    end: int  # [ns since the epoch], last message saved
+    listed: Mapping[str, int] | None = None  # messages that metadata.yaml tells of, by topic
+    lost: str = ""  # what else is lost
+    note: str = ""
+
+    @property
+    def messages(self) -> int:
+        """Messages saved."""
+        return sum(self.counts.values())
+
+    @property
+    def losses(self) -> tuple[Loss, ...]:
+        """All stretches that were lost."""
+        return tuple(loss for file in self.files for loss in file.losses)
+
+    @property
+    def doubtful(self) -> int:
+        """Messages that were saved though they may be damaged."""
+        return sum(file.doubtful for file in self.files)
+
+    @property
+    def outcome(self) -> Outcome:
+        """Whether nothing was lost, something, or all."""
+        all_there = all(file.lossless for file in self.files) or self.counts == self.listed
+        if all_there and not self.doubtful and not self.lost:
+            return Outcome.LOSSLESS
+        return Outcome.LOSSY if self.messages else Outcome.NOTHING
+
+    @property
+    def missing(self) -> dict[str, int] | None:
+        """Messages that are lost, by topic; None where nothing tells how many there were."""
+        expected: dict[str, int] = {}
+        for file in self.files:
+            if file.expected is None:
+                return None if self.listed is None else self._missing(self.listed)
+            for topic, count in file.expected.items():
+                expected[topic] = expected.get(topic, 0) + count
+        return self._missing(expected)
+
+    def _missing(self, expected: Mapping[str, int]) -> dict[str, int]:
+        lost = {topic: count - self.counts.get(topic, 0) for topic, count in expected.items()}
+        return {topic: count for topic, count in lost.items() if count > 0}
+
+
+def _seconds(time: int, began: int) -> str:
+    return f"{1e-9 * (time - began):.3f} s"
