@@ -157,7 +157,8 @@ class ModelNode(Node):
         self.record.answer(perf_counter() - taken, well=error is None)
         self.status = OK if error is None else WARN
         self.message = "serving" if error is None else f"refused: {response.error_message}"
-        self._report()
+        if error is not None:  # else the timer reports: nobody is to wait for it
+            self._report()
         return response
 
     def _overload(self) -> BaseException | None:
