@@ -24,6 +24,9 @@ from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
 
 SPIN: Final = 0.02  # [s], also how soon a signal or a dead process is noticed
 DISCOVERY_TIME: Final = 1.0  # [s] for a graph that runs already to be seen at once
+# DDS says every 3 s who is there, should its first words have been lost. A graph of one's own takes
+# longer than that to come up; one that seems to be up sooner is another's.
+SEEN_TIME: Final = 3.5  # [s]
 OWNED: Final = ("scene", "push", "goal", "/clock")  # topics with one publisher in a graph
 PREDICTION_TIME: Final = 5.0  # [s] for the nominal world to have its say after the last push
 SERVER_PARTS: Final = {
@@ -51,6 +54,7 @@ class Director(Node):
             BusyError: another simulator, planner or closed loop is there already.
         """
         super().__init__("closed_loop", namespace=NAMESPACE)
+        self._joined = time.monotonic()
         refuse_peers(self, OWNED, DISCOVERY_TIME)
         self._check = check
         self._timeout = timeout
@@ -89,7 +93,7 @@ class Director(Node):
             refuse_rivals(self, OWNED)
             missing = self._missing()
             tell(", ".join(dict.fromkeys(part.process for part in missing)))
-            return not missing
+            return not missing and time.monotonic() - self._joined > SEEN_TIME
 
         def problem() -> str:
             missing = self._missing()
