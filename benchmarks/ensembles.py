@@ -11,7 +11,6 @@ in different orders, and one whose members see different episodes. Run it again 
 stop.
 """
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,7 +23,7 @@ import tyro
 from rich.console import Console
 
 from sain_core.scene import TARGET
-from sain_core.storage import write_whole
+from sain_core.storage import write_json
 from sain_model.batches import BOOTSTRAP, ORDER
 from sain_model.coverage import measure_intervals
 from sain_model.dataset import (
@@ -86,7 +85,7 @@ def main() -> None:
             show(row)
             report = {"dataset": str(command.dataset), "sha256": data.sha256, "speed": speed}
             report["rows"] = rows
-            write_whole(command.out / "report.json", (json.dumps(report, indent=2) + "\n").encode())
+            write_json(command.out / "report.json", report)
 
 
 def forward_times(command: Command, batch: int) -> dict[str, float]:

@@ -34,7 +34,7 @@ from sain_core.errors import SainError
 from sain_core.push import LENGTH
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
-from sain_core.storage import write_whole
+from sain_core.storage import write_json
 from sain_core.types import PushArray, Scene
 from sain_model.beside import followed
 from sain_model.dataset import Transitions, load_transitions
@@ -90,7 +90,7 @@ def main() -> None:
     print(f"{len(windows)} windows of as many episodes\n")
     show(report)
     if command.out:
-        write_whole(command.out, (json.dumps(report, indent=2) + "\n").encode())
+        write_json(command.out, report)
 
 
 def first_windows(data: Transitions, command: Command) -> Windows:

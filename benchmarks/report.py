@@ -1,6 +1,5 @@
 """Figures beside their targets, as a table on the screen and as JSON on request."""
 
-import json
 import os
 import platform
 import sys
@@ -10,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from sain_core.storage import write_whole
+from sain_core.storage import write_json
 
 
 @dataclass(frozen=True)
@@ -58,4 +57,4 @@ def report(title: str, figures: list[Figure], out: Path | None = None) -> None:
                 for figure in figures
             ],
         }
-        write_whole(out, (json.dumps(content, indent=2) + "\n").encode())
+        write_json(out, content)

@@ -10,7 +10,6 @@ over episodes. All networks are as wide; the network alone and SAIN get `--steps
 inside physics `--inside-steps`, and all the weights that do best on the validation episodes.
 """
 
-import json
 import tempfile
 from dataclasses import dataclass
 from functools import partial
@@ -24,7 +23,7 @@ import tyro
 from benchmarks.identification import identify
 from sain_core.dynamics import Dynamics
 from sain_core.scene import TARGET
-from sain_core.storage import write_whole
+from sain_core.storage import write_json
 from sain_model.dataset import (
     Split,
     Transitions,
@@ -112,7 +111,7 @@ def main() -> None:
     report |= summary(errors, split.test.episodes, best, sizes)
     show(report)
     if command.out:
-        write_whole(command.out, (json.dumps(report, indent=2) + "\n").encode())
+        write_json(command.out, report)
 
 
 def physics_errors(split: Split) -> dict[str, np.ndarray]:

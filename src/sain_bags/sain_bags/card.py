@@ -9,10 +9,10 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.dataset_shards import SHARD_SIZE
 from sain_bags.rows import Dropped
 from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import MID, POSITION, STATE_SIZE, TARGET
+from sain_core.shards import SHARD_SIZE
 
 BINS: Final = 20
 QUANTITIES: Final = {  # what is counted, its unit, and the range that its bins divide

@@ -13,13 +13,14 @@ from typing import Literal, NamedTuple
 
 from sain_bags.card import Card
 from sain_bags.dataset_folder import DatasetFolder
-from sain_bags.dataset_shards import SHARD_SIZE, Numbered
+from sain_bags.dataset_shards import Numbered
 from sain_bags.pairing import Paired, Pairing
 from sain_bags.rows import Dropped, Row, RowMaker
 from sain_bags.sources import Source, find_sources
 from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError
 from sain_core.plugins import load_dynamics
+from sain_core.shards import SHARD_SIZE
 
 Progress = Callable[[int, int, int], None]  # messages read, of how many; rows made
 

@@ -11,9 +11,10 @@ from typing import Any, Final
 
 from numpy import ndarray
 
-from sain_bags.dataset_shards import PATTERN, Numbered, write_shard
+from sain_bags.dataset_shards import Numbered, write_shard
 from sain_core.errors import OutputError
-from sain_core.storage import PARTIAL, write_whole
+from sain_core.shards import SHARD_PATTERN
+from sain_core.storage import PARTIAL, write_json
 
 IDENTITY_FILE: Final = "conversion.json"
 CARD_FILE: Final = "card.json"
@@ -60,19 +61,19 @@ class DatasetFolder:
 
     def finish(self, card: Content) -> None:
         """Write the card: the data set is whole."""
-        _write_json(self.path / CARD_FILE, card)
+        write_json(self.path / CARD_FILE, card)
 
     def _claim(self) -> None:
         leftovers = [*self.path.glob(f".*{PARTIAL}")]
         leftovers += [self.path / name for name in (CARD_FILE, PICTURE_FILE)]
         if self._overwrite:
-            leftovers += sorted(self.path.glob(PATTERN))
+            leftovers += sorted(self.path.glob(SHARD_PATTERN))
         try:
             for path in leftovers:
                 path.unlink(missing_ok=True)
         except OSError as error:
             raise OutputError(f"cannot clear {self.path}: {error.strerror or error}") from error
-        _write_json(self.path / IDENTITY_FILE, self._identity)
+        write_json(self.path / IDENTITY_FILE, self._identity)
         self._claimed = True
 
 
@@ -104,7 +105,3 @@ def _read_identity(folder: Path) -> Content | None:
 def _difference(found: Content, wanted: Content) -> str:
     name = next(key for key in {**wanted, **found} if found.get(key) != wanted.get(key))
     return f"{name} = {found.get(name)!r}, not {wanted.get(name)!r}"
-
-
-def _write_json(path: Path, content: Content) -> None:
-    write_whole(path, (json.dumps(content, indent=2) + "\n").encode())

@@ -15,10 +15,9 @@ from numpy import ndarray
 from sain_bags.rows import Row
 from sain_core.errors import DatasetError
 from sain_core.scene import MASS, RADIUS
+from sain_core.shards import shard_path
 from sain_core.storage import read_arrays, write_arrays
 
-SHARD_SIZE: Final = 1000  # transitions, as in the paper (section III-B c)
-PATTERN: Final = "shard-*.npz"
 STATES: Final = ("state", "physics_next", "next_state")
 
 
@@ -30,11 +29,6 @@ class Numbered:
     episode: int  # counted over all recordings
     step: int  # of the episode
     bag_sha256: str  # of the recording's MCAP file
-
-
-def shard_path(folder: Path, index: int) -> Path:
-    """Return where the index-th shard is."""
-    return folder / f"shard-{index:05d}.npz"
 
 
 def columns(rows: Sequence[Numbered]) -> dict[str, ndarray]:

@@ -130,7 +130,7 @@ def read_episodes(bag: Bag, namespace: str | None = None) -> tuple[Episode, ...]
             or a message that makes no sense.
     """
     chosen = _choose(namespaces(bag), namespace, bag)
-    topics = {t.name for t in bag.topics if t.type in EPISODE_TYPES and _parent(t.name) == chosen}
+    topics = {t.name for t in bag.topics if t.type in EPISODE_TYPES and parent_of(t.name) == chosen}
     try:
         return collect_episodes(bag.messages(topics))
     except InvalidInputError as error:
@@ -139,7 +139,7 @@ def read_episodes(bag: Bag, namespace: str | None = None) -> tuple[Episode, ...]
 
 def namespaces(bag: Bag) -> tuple[str, ...]:
     """Return the namespaces in which the bag has scenes."""
-    return tuple(sorted({_parent(topic.name) for topic in bag.topics if topic.type == SCENE}))
+    return tuple(sorted({parent_of(topic.name) for topic in bag.topics if topic.type == SCENE}))
 
 
 def collect_episodes(messages: Iterable[Received]) -> tuple[Episode, ...]:
@@ -241,5 +241,6 @@ def _choose(found: tuple[str, ...], wanted: str | None, bag: Bag) -> str:
     return found[0] if wanted is None else wanted
 
 
-def _parent(topic: str) -> str:
+def parent_of(topic: str) -> str:
+    """Return the namespace that a topic is in."""
     return topic.rpartition("/")[0]

@@ -11,10 +11,10 @@ from sain_core.dynamics import Dynamics
 from sain_core.errors import ErrorCode, InvalidInputError, SainError
 from sain_core.push import check_predictable
 from sain_core.scene import MASS, POSITION, RADIUS, STATE_NAMES, TARGET, check_scenes
+from sain_core.shards import MOVED
 from sain_core.types import PushArray, Scene
 from sain_core.wire import decode_disks, decode_goal, decode_push
 
-MOVED: Final = 0.002  # [m], the paper's threshold for the target (section III-B b)
 FROM_RESULT: Final = "push_result"  # where the scenes of a row are from
 FROM_SCENES: Final = "scenes"
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction

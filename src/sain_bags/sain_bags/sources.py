@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from sain_bags.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
+from sain_bags.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE, parent_of
 from sain_bags.metadata import METADATA_FILE
 from sain_bags.pairing import PUSH
 from sain_bags.reader import Bag
@@ -46,7 +46,7 @@ class Source:
         return tuple(
             topic.name
             for topic in self.bag.topics
-            if topic.type in types and _parent(topic.name) == self.namespace
+            if topic.type in types and parent_of(topic.name) == self.namespace
         )
 
     @property
@@ -106,7 +106,7 @@ def _open(path: Path, namespace: str | None) -> Source:
     chosen = _choose(bag, found, namespace)
     counts = dict.fromkeys(sorted(ALWAYS | {SCENE}), 0)
     for topic in bag.topics:
-        if topic.type in counts and _parent(topic.name) == chosen:
+        if topic.type in counts and parent_of(topic.name) == chosen:
             counts[topic.type] += topic.messages
     if not counts[PUSH_RESULT]:
         missing = [name for name in (PUSH, SCENE) if not counts[name]]
@@ -131,7 +131,7 @@ def _choose(bag: Bag, found: Sequence[str], wanted: str | None) -> str:
 
 
 def _namespaces(bag: Bag, types: Collection[str]) -> tuple[str, ...]:
-    return tuple(sorted({_parent(topic.name) for topic in bag.topics if topic.type in types}))
+    return tuple(sorted({parent_of(topic.name) for topic in bag.topics if topic.type in types}))
 
 
 def _contents(bag: Bag) -> str:
@@ -145,7 +145,3 @@ def _file_hash(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise DatasetError(f"{path} cannot be read: {error.strerror or error}") from error
-
-
-def _parent(topic: str) -> str:
-    return topic.rpartition("/")[0]

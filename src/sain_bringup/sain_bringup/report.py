@@ -1,6 +1,5 @@
 """The summary of a recording: everything in it is read back from the bag."""
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from rich.table import Table
 from sain_bags.episodes import Episode, read_episodes
 from sain_bags.reader import Bag
 from sain_core.scene import POSITION, TARGET
-from sain_core.storage import write_whole
+from sain_core.storage import write_json
 from sain_core.types import Scene
 from sain_eval.episodes import EpisodeRecord, PushRecord
 from sain_eval.scenarios import SCENARIOS
@@ -110,7 +109,7 @@ def write_summary(path: Path, bag: Bag, summaries: tuple[EpisodeSummary, ...]) -
         "successes": sum(summary.success for summary in summaries),
         "episodes": [asdict(summary) for summary in summaries],
     }
-    write_whole(path, (json.dumps(content, indent=2) + "\n").encode())
+    write_json(path, content)
 
 
 def summary_table(summaries: tuple[EpisodeSummary, ...]) -> Table:

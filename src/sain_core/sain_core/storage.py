@@ -6,13 +6,14 @@ things; here all of them become one `DatasetError` that names the file.
 """
 
 import contextlib
+import json
 import os
 import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import IO, Final
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy import ndarray
@@ -85,6 +86,11 @@ def write_arrays(path: Path, arrays: Mapping[str, ndarray]) -> None:
         np.savez_compressed(file, allow_pickle=False, **arrays)
 
     write_file(path, write)
+
+
+def write_json(path: Path, content: Any) -> Path:
+    """Write what JSON can hold, as `write_whole` does."""
+    return write_whole(path, (json.dumps(content, indent=2) + "\n").encode())
 
 
 def write_whole(path: Path, content: bytes) -> Path:

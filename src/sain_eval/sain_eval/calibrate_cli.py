@@ -1,6 +1,5 @@
 """``ros2 run sain_eval calibrate``: fit the planar prior to Bullet with the arm, and report."""
 
-import json
 import shlex
 import sys
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from sain_core.errors import SainError
-from sain_core.storage import write_whole
+from sain_core.storage import write_json, write_whole
 from sain_eval.calibrate import Calibration, CalibrationConfig, calibrate
 from sain_eval.files import output_folder
 from sain_model.dataset import Transitions, load_transitions
@@ -78,7 +77,7 @@ def run(command: Calibrate, console: Console) -> Calibration:
     text = markdown(calibration, data, _command_line())
     write_whole(out / "calibration.md", text.encode())
     content = {"command": _command_line(), "data_sha256": data.sha256, **calibration.as_dict()}
-    write_whole(out / "calibration.json", (json.dumps(content, indent=2) + "\n").encode())
+    write_json(out / "calibration.json", content)
     console.print(text, highlight=False, markup=False)
     return calibration
 

@@ -43,7 +43,7 @@ def draw_plan(
         for disk in (MID, TARGET):
             _draw_disk(axes, predicted, disk, alpha=0.06)
     for disk in (MID, TARGET):
-        way = np.concatenate([scene[None], plan.predicted])[:, disk, POSITION]
+        way = plan.way(scene, disk)
         axes.plot(*way.T, "o-", color=PALETTE.disk(disk), linewidth=2.0, markersize=3.5, zorder=6)
         if plan.regions is not None:
             region = Circle(tuple(way[1]), float(plan.regions[0, disk]), zorder=7)
@@ -67,8 +67,7 @@ def _draw_others(axes: Axes, scene: Scene, plan: PlanResult) -> None:
     count = len(plan.others.costs)
     if not count:
         return
-    start = np.broadcast_to(scene[TARGET, POSITION], (count, 1, 2))
-    ways = np.concatenate([start, plan.others.predicted[:, :, TARGET, POSITION]], axis=1)
+    ways = plan.others.ways(scene, TARGET)
     colours = COSTS(np.linspace(0.0, 1.0, count))
     lines = LineCollection(list(ways[::-1]), colors=colours[::-1], linewidths=0.8, zorder=5)
     axes.add_collection(lines)

@@ -1,6 +1,5 @@
 """``ros2 run sain_model evaluate``: prediction errors of all kinds of dynamics."""
 
-import json
 import shlex
 import sys
 from collections.abc import Mapping
@@ -16,7 +15,7 @@ from rich.console import Console
 from sain_core.dynamics import Dynamics
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.push import LENGTH
-from sain_core.storage import write_whole
+from sain_core.storage import write_json
 from sain_core.types import Mask
 from sain_model.beside import followed, opened, refusals
 from sain_model.checkpoint import SUFFIX, Card, parse_card
@@ -93,7 +92,7 @@ def run(command: EvaluateCommand, console: Console) -> None:
         "command": shlex.join(["ros2", "run", "sain_model", "evaluate", *sys.argv[1:]]),
         **errors,
     }
-    write_whole(command.out, (json.dumps(report, indent=2) + "\n").encode())
+    write_json(command.out, report)
     _show(errors, console)
     console.print(f"written to {command.out}")
 

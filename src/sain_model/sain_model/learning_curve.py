@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from sain_core.errors import CheckpointError, DatasetError
-from sain_core.storage import write_whole
+from sain_core.storage import write_json
 from sain_model.dataset import Split, check_held_out, limit_training
 from sain_model.evaluation import evaluate
 from sain_model.evaluation_history import PLANAR_HISTORY, SAIN_HISTORY
@@ -103,7 +103,7 @@ def _errors(split: Split, config: TrainingConfig, folder: Path) -> dict[str, dic
     alone = sain.kind == LEARNED_KIND
     errors = evaluate(split.test, *((None, sain) if alone else (sain, None)))
     report = {"identity": identity, **errors}
-    write_whole(path, (json.dumps(report, indent=2) + "\n").encode())
+    write_json(path, report)
     return dict(errors["all"])
 
 

@@ -1,6 +1,5 @@
 """``ros2 run sain_model learning_curve``: how many transitions a network needs."""
 
-import json
 import shlex
 import sys
 from collections.abc import Callable
@@ -13,7 +12,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from sain_core.storage import write_whole
+from sain_core.storage import write_json, write_whole
 from sain_model.command import carry_out
 from sain_model.curve_plot import save_curves
 from sain_model.dataset import load_transitions, split_by_episode
@@ -73,7 +72,7 @@ def run(command: LearningCurveCommand, console: Console) -> None:
         "command": shlex.join(["ros2", "run", "sain_model", "learning_curve", *sys.argv[1:]]),
         "points": [asdict(point) for point in points],
     }
-    write_whole(command.out / "curves.json", (json.dumps(report, indent=2) + "\n").encode())
+    write_json(command.out / "curves.json", report)
     write_whole(command.out / "curves.md", markdown(points).encode())
     save_curves(command.out / "curves.png", points)
     console.print(_table(points, len(split.test)))

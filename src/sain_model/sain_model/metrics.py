@@ -10,10 +10,10 @@ from numpy import ndarray
 
 from sain_core.scene import MID, POSITION, TARGET, THETA, wrap_angle
 from sain_core.seeding import generator
+from sain_core.shards import MOVED
 from sain_core.types import Mask, Scalars, Scenes
 from sain_model.dataset import Transitions
 
-MOVED: Final = 0.002  # [m], the paper's threshold for a target that moved (section III-B b)
 RESAMPLES: Final = 2000
 
 NO_MOTION: Final = "no motion"

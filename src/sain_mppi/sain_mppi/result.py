@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.types import PredictedScenes, PushArray, Pushes, Scalars, Scenes
+from sain_core.scene import POSITION
+from sain_core.types import PredictedScenes, PushArray, Pushes, Scalars, Scene, Scenes
 from sain_mppi.progress import LastPush
 
 
@@ -32,6 +33,11 @@ class Shown:
 
     predicted: PredictedScenes  # (R, H, N, 8)
     costs: Scalars  # (R,), finite
+
+    def ways(self, scene: Scene, disk: int) -> Float[ndarray, "R S 2"]:
+        """Return where each leads a disk, from the scene (N, 8) on: H + 1 places."""
+        start = np.broadcast_to(scene[disk, POSITION], (len(self.predicted), 1, 2))
+        return np.concatenate([start, self.predicted[:, :, disk, POSITION]], axis=1)
 
     @classmethod
     def of(cls, predicted: PredictedScenes, costs: Scalars, count: int) -> Self:
@@ -71,6 +77,10 @@ class PlanResult:
     def push(self) -> PushArray:
         """The push (3,) to execute."""
         return np.asarray(self.pushes[0])
+
+    def way(self, scene: Scene, disk: int) -> Float[ndarray, "S 2"]:
+        """Return where the plan leads a disk, from the scene (N, 8) on: H + 1 places."""
+        return np.concatenate([scene[None], self.predicted])[:, disk, POSITION]
 
     @property
     def improves(self) -> bool:

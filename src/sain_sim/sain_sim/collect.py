@@ -13,11 +13,11 @@ from typing import Any, Final, NamedTuple
 
 from sain_core.config import Config, option
 from sain_core.errors import DatasetError
-from sain_core.storage import write_whole
+from sain_core.shards import SHARD_SIZE
+from sain_core.storage import write_json
 from sain_sim.episodes import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.ray_workers import RayCrew, ray_cluster
 from sain_sim.shards import (
-    SHARD_SIZE,
     Transition,
     full_shards,
     last_transition,
@@ -93,7 +93,7 @@ def collect(
         write_shard(folder, shards, waiting)
     done = Collected(shards * SHARD_SIZE + len(waiting), journal.total)
     if done.transitions:
-        _write_json(folder / CARD_FILE, {**_identity(config), **_summary(config, done)})
+        write_json(folder / CARD_FILE, {**_identity(config), **_summary(config, done)})
     return done
 
 
@@ -140,7 +140,7 @@ def _claim(folder: Path, config: CollectConfig) -> None:
                     " use the same settings to go on, or another folder"
                 )
         return
-    _write_json(path, _identity(config))
+    write_json(path, _identity(config))
 
 
 def _read_identity(path: Path) -> dict[str, Any]:
@@ -163,7 +163,3 @@ def _summary(config: CollectConfig, done: Collected) -> dict[str, Any]:
         "shard_size": SHARD_SIZE,
         "fields": {name: list(values.shape[1:]) for name, values in data.items()},
     }
-
-
-def _write_json(path: Path, content: dict[str, Any]) -> None:
-    write_whole(path, (json.dumps(content, indent=2) + "\n").encode())

@@ -15,6 +15,7 @@ from sain_core.errors import SainError
 from sain_core.push import PaperGrid
 from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
+from sain_core.shards import MOVED
 from sain_core.types import PushArray
 from sain_sim.outcome import PushOutcome
 from sain_sim.parameters import CUBE, FLAT, PAPER, RANGES, THREE_FEET, WIDE, WorldParameters
@@ -32,7 +33,6 @@ from sain_sim.tally import Tally
 from sain_sim.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world import World, WorldConfig
 
-MOVED: Final = 0.002  # [m], the paper's threshold for the target (section III-B b)
 MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
 CIRCLE: Final = "circle"
 GRID: Final = "grid"

@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from sain_core.errors import DatasetError
+from sain_core.shards import SHARD_PATTERN, SHARD_SIZE, shard_path
 from sain_core.storage import PARTIAL, read_arrays, write_arrays
-
-SHARD_SIZE: Final = 1000  # transitions, as in the paper (section III-B c)
 
 
 class Transition(NamedTuple):
@@ -32,11 +31,6 @@ class Transition(NamedTuple):
     duration: float  # simulated time of the push [s]
     roughness: Mapping[str, np.ndarray] = {}  # what is rough; each stored as ``rough_NAME``
     cubes: np.ndarray | None = None  # (N,) which disks are cubes; stored where one is
-
-
-def shard_path(folder: Path, index: int) -> Path:
-    """Return where the index-th shard is."""
-    return folder / f"shard-{index:05d}.npz"
 
 
 def write_shard(folder: Path, index: int, transitions: Sequence[Transition]) -> None:
@@ -79,7 +73,7 @@ def load_shards(folder: Path) -> dict[str, np.ndarray]:
     Raises:
         DatasetError: when there are none, or a shard is damaged.
     """
-    paths = sorted(folder.glob("shard-*.npz"))
+    paths = sorted(folder.glob(SHARD_PATTERN))
     if not paths:
         raise DatasetError(f"{folder} holds no shards; ros2 run sain_sim collect --out makes some")
     shards = [_load(path) for path in paths]

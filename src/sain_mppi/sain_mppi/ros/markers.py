@@ -14,7 +14,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core.ros.codec import header
-from sain_core.scene import DISK_HEIGHT, MID, POSITION, RADIUS, TARGET, THETA, X, Y
+from sain_core.scene import DISK_HEIGHT, MID, RADIUS, TARGET, THETA, X, Y
 from sain_core.types import Points, Scene
 from sain_mppi.deciding import Decision
 from sain_mppi.pursuit import Task
@@ -41,8 +41,7 @@ def plan_markers(decision: Decision, stamp: Time) -> MarkerArray:
     array = goal_markers(job.task, stamp)
     array.markers.append(_others(job.view.scene, result.others, stamp))
     for disk, colour in PATH_COLOURS.items():
-        way = np.concatenate([job.view.scene[None], result.predicted])[:, disk, POSITION]
-        array.markers.append(_path(disk, way, colour, stamp))
+        array.markers.append(_path(disk, result.way(job.view.scene, disk), colour, stamp))
         array.markers.append(_ghost(disk, result.predicted[0, disk], colour, stamp))
         radius = 0.0 if result.regions is None else float(result.regions[0, disk])
         array.markers.append(_region(disk, result.predicted[0, disk], radius, stamp))
@@ -76,8 +75,7 @@ def _others(scene: Scene, others: Shown, stamp: Time) -> Marker:
     if not count:
         marker.action = Marker.DELETE
         return marker
-    start = np.broadcast_to(scene[TARGET, POSITION], (count, 1, 2))
-    ways = np.concatenate([start, others.predicted[:, :, TARGET, POSITION]], axis=1)
+    ways = others.ways(scene, TARGET)
     legs = np.stack([ways[:, :-1], ways[:, 1:]], axis=2)  # (R, H, 2, 2), from and to
     marker.points = [Point(x=x, y=y, z=DISK_HEIGHT) for x, y in legs.reshape(-1, 2).tolist()]
     rank = np.linspace(0.0, 1.0, count)[:, None]
