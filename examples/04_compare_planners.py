@@ -26,7 +26,8 @@ scene = make_scene(
 goal = np.array([0.50, 0.25])  # to the left: the mid disk must first go round the target
 sain = load_sain(shipped_checkpoint())
 
-figure = Figure(figsize=(3.0 * len(ALGORITHMS), 3.5), layout="constrained")
+figure = Figure(figsize=(3.0 * len(ALGORITHMS), 3.5))
+figure.subplots_adjust(left=0.005, right=0.995, bottom=0.01, top=0.86, wspace=0.03)
 for axes, name in zip(figure.subplots(1, len(ALGORITHMS)), ALGORITHMS, strict=True):
     planner = Planner(sain, replace(PlannerConfig(), algorithm=name))
     planner.plan(scene, goal, generator(7, name))  # what is loaded and compiled once

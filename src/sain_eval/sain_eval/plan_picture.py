@@ -87,6 +87,7 @@ def _frame(axes: Axes, scenes: np.ndarray, goal: Goal) -> None:
     axes.set(xlim=middle[0] + np.array([-half, half]), ylim=middle[1] + np.array([-half, half]))
     axes.set_aspect("equal")
     axes.set_axis_off()
-    for artist in axes.get_children():
+    # Not the titles, which stand outside.
+    for artist in (*axes.patches, *axes.lines, *axes.collections, *axes.texts):
         artist.set_clip_on(True)
         artist.set_clip_box(axes.bbox)
