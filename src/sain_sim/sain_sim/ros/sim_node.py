@@ -71,6 +71,7 @@ class SimNode(Node):
             )
         )
         self.session.begin_episode()
+        self.publishing.world(request.seed, request.world)
         self._settle(sample)
 
     def _settle(self, sample: Sample) -> None:
