@@ -174,7 +174,6 @@ def test_the_reserve_goes_when_the_file_is_closed(tmp_path: Path) -> None:
     file = ReservedFile(tmp_path / "data", reserve=4096)
     assert (tmp_path / ".data.reserve").stat().st_size == 4096
     file.write(b"abc")
-    assert file.tell() == 3
     file.close()
     assert [path.name for path in tmp_path.iterdir()] == ["data"]
 

@@ -46,12 +46,10 @@ class ReservedFile:
                 self._reserve_path.unlink()
         return len(data)
 
-    def tell(self) -> int:
-        """Return the position in the file [bytes]."""
-        return os.lseek(self._descriptor, 0, os.SEEK_CUR)
-
-    def flush(self) -> None:
-        """Do nothing: there is no buffer here."""
+    def truncate(self, size: int) -> None:
+        """Cut the file off here, and go on writing here."""
+        os.ftruncate(self._descriptor, size)
+        os.lseek(self._descriptor, size, os.SEEK_SET)
 
     def close(self) -> None:
         """Make sure that the data is on the disk, and give the reserve back."""
