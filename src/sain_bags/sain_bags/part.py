@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from sain_bags.mcap_file import McapFile
+from sain_bags.lean_writer import LeanWriter
 from sain_bags.metadata import (
     METADATA_RECORD,
     FileSummary,
@@ -33,7 +33,7 @@ class Part:
         self.name = path.name
         self._ros = ros
         self._file = ReservedFile(path)
-        self._mcap = McapFile(self._file, compression, chunk_size)
+        self._mcap = LeanWriter(self._file, compression, chunk_size)
         self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[str, int] = {}
         self.write = self._mcap.add_message  # (channel, sequence, received, published, data)

@@ -64,7 +64,7 @@ class Contents:
         return sum(self.counts.values())
 
 
-class McapFile:
+class LeanWriter:
     """One file in the making. Every method raises `OSError` where the disk fails."""
 
     def __init__(self, file: ReservedFile, compression: str, chunk_size: int) -> None:
