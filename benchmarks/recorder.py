@@ -31,6 +31,7 @@ from sain_core.seeding import generator
 
 TOPIC = "/load/scene"
 PATIENCE = 150.0  # [s]
+HEAD = 2000  # [bytes], a file that is larger has messages in it
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -154,13 +155,13 @@ class Kill:
 
 
 def kill_once(folder: Path, delay: float) -> Kill:
-    """Kill a recorder some time after its first message, and recover what it wrote."""
+    """Kill a recorder some time after its first chunk, and recover what it wrote."""
     bag, saved = folder / "bag", folder / "saved"
     command = ("ros2", "run", "sain_bags", "record", "--out", str(bag), "--topics", TOPIC)
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + PATIENCE
     file = bag / "bag_0.mcap"
-    while not file.exists() and time.monotonic() < deadline:
+    while not (file.exists() and file.stat().st_size > HEAD) and time.monotonic() < deadline:
         time.sleep(0.01)
     time.sleep(delay)
     killed = time.time_ns()
@@ -182,7 +183,7 @@ def kills(options: Options, folder: Path) -> list[Figure]:
         for number in range(options.kills):
             place = folder / f"kill_{number}"
             place.mkdir()
-            found.append(kill_once(place, float(random.uniform(1.0, 6.0))))
+            found.append(kill_once(place, float(random.uniform(0.0, 5.0))))
             print(f"kill {number + 1}: {found[-1]}", flush=True)
         end(load)
     some = [kill for kill in found if kill.saved]

@@ -71,9 +71,8 @@ class Definitions:
         service, _, part = name.rpartition("_")
         if part == "Event":
             return EVENT.format(name=service)
-        sections = self._find(type_name, f"{service}.srv").split("\n---")
-        text = sections[part == "Response"].removeprefix("---").lstrip("\n")
-        return qualified(text, package)
+        request, _, response = ("\n" + self._find(type_name, f"{service}.srv")).partition("\n---")
+        return qualified((response if part == "Response" else request).strip("\n"), package)
 
     def _find(self, type_name: str, file_name: str) -> str:
         package, kind, _ = _split(type_name)

@@ -50,7 +50,7 @@ class Gaps:
         if sequence - 1 in last:
             last[last.index(sequence - 1)] = sequence
             return
-        self._publishers = max(self._count_publishers(), 1)
+        self._publishers = max(self._publishers, self._count_publishers())
         before = [number for number in last if number < sequence]
         if not before or len(last) < self._publishers:
             last.append(sequence)  # the first of a publisher, which may be numbered already
