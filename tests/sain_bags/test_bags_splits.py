@@ -57,7 +57,7 @@ def test_files_end_after_their_time_and_nothing_is_between_them(tmp_path: Path) 
     writer = record(tmp_path / "bag", BagConfig(split_duration=5.0))
     files = [tmp_path / "bag" / f"bag_{number}.mcap" for number in range(4)]
     assert sorted((tmp_path / "bag").glob("*.mcap")) == files
-    assert writer.files == 4
+    assert len(writer.parts) == 4
     chat = [data for file in files for name, data in contents(file) if name == "/chat"]
     assert chat == [text(number) for number in range(200)]
     per_file = [Counter(name for name, _ in contents(file)) for file in files]

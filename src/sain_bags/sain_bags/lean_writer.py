@@ -2,15 +2,14 @@
 
 Format: https://mcap.dev/spec. Two things are done otherwise than `mcap`'s own writer does them:
 
-* What describes a channel stands in two chunks, not one, so that no single lost chunk takes the
-  channel with it.
+* What describes a channel stands in two chunks: none that is lost takes the channel with it.
 * What a failed write left behind is cut off, so that the file can still be ended and is whole up to
   there. The statistics tell of what is in the file, never of what should have been.
 """
 
 import struct
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -191,7 +190,7 @@ class LeanWriter:
             contents.counts[channel] = contents.counts.get(channel, 0) + len(index) // 2
 
     def _summary(self) -> bytes:
-        groups = (
+        groups: tuple[tuple[int, Sequence[McapRecord]], ...] = (
             (Opcode.SCHEMA, self._schemas),
             (Opcode.CHANNEL, self._channels),
             (Opcode.STATISTICS, [self._statistics()]),
@@ -212,15 +211,14 @@ class LeanWriter:
         return summary + _record(footer) + MCAP0_MAGIC
 
     def _statistics(self) -> Statistics:
-        contents = self.contents
         return Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
-            channel_message_counts=dict(sorted(contents.counts.items())),
+            channel_message_counts=dict(sorted(self.contents.counts.items())),
             chunk_count=len(self._chunk_indexes),
-            message_count=contents.messages,
-            message_end_time=contents.end,
-            message_start_time=contents.start,
+            message_count=self.contents.messages,
+            message_end_time=self.contents.end,
+            message_start_time=self.contents.start,
             metadata_count=len(self._metadata_indexes),
             schema_count=len(self._schemas),
         )

@@ -37,7 +37,13 @@ class RecordingStatus:
         counts = writer.counts
         missing = tuple((name, gap.text()) for name, gap in gaps.items() if gap.missing)
         return cls(
-            seconds, sum(counts.values()), len(counts), unusable, writer.size, writer.files, missing
+            seconds,
+            sum(counts.values()),
+            len(counts),
+            unusable,
+            writer.parts.size,
+            len(writer.parts),
+            missing,
         )
 
     def line(self, rate: float) -> str:

@@ -6,18 +6,19 @@ rosbag2 and its readers refuse such a folder, and what was flushed (`BagConfig.f
 can still be recovered from the file.
 """
 
-import os
 import time
 from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Final
 
+from sain_bags.integrity import RESCUE
 from sain_bags.latched import Held, Latched
 from sain_bags.metadata import Topic, bag_metadata, write_metadata
 from sain_bags.part import Part
+from sain_bags.parts import Parts
+from sain_bags.reserve import free_space, removed_on_error
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError, OutputError
 
@@ -68,28 +69,17 @@ class BagWriter:
         self._channels: dict[str, int] = {}  # in the part
         self._counts: dict[str, int] = {}
         self._latched = Latched()
-        self._parts: list[Part] = []
+        self.parts = Parts()
         self._part_start = 0  # [ns since the epoch], its first message; 0: it has none yet
         self._flush_at: float | None = None  # by `time.monotonic`; None: just flushed
-        self._finisher = ThreadPoolExecutor(1, "finisher")  # the disk may take its time
-        self._finished: list[Future[None]] = []
         self._closed = False
         self._part = self._create()
+        self.parts.add(self._part)
 
     @property
     def counts(self) -> dict[str, int]:
         """Messages written so far, by topic; what was repeated in a later file counts once."""
         return dict(self._counts)
-
-    @property
-    def size(self) -> int:
-        """Of all files so far, and of what waits to be written [bytes]."""
-        return sum(part.size for part in self._parts)
-
-    @property
-    def files(self) -> int:
-        """Files so far."""
-        return len(self._parts)
 
     def add_topic(self, topic: Topic) -> None:
         """Announce a topic, or say more about one: the offered profiles of later publishers."""
@@ -174,11 +164,10 @@ class BagWriter:
         if self._closed:
             return
         self._closed = True
-        self._finish_part()
-        self._finisher.shutdown()
-        failures = [error for done in self._finished if (error := done.exception())]
+        self.parts.finish_last(self._topics.values(), self.custom_data)
+        failures = self.parts.close()
         try:
-            if all(part.whole for part in self._parts):
+            if self.parts.are_whole:
                 write_metadata(self.folder, self._metadata())
         except OSError as error:
             failures.append(error)
@@ -212,65 +201,51 @@ class BagWriter:
     def _split(self, received: int) -> None:
         """Begin another file, which repeats what latched topics hold; end this one meanwhile."""
         part = self._begin_part()
-        self._finish_part()
+        self.parts.finish_last(self._topics.values(), self.custom_data)
+        self.parts.add(part)
         self._part, self._part_start, self._flush_at = part, 0, None
         self._channels = {name: part.channel(topic) for name, topic in self._topics.items()}
         for topic, held in self._latched:
             part.write(self._channels[topic], held.sequence, received, held.published, held.data)
 
-    def _finish_part(self) -> None:
-        topics, custom_data = list(self._topics.values()), dict(self.custom_data)
-        self._finished.append(self._finisher.submit(self._part.finish, topics, custom_data))
-
     def _begin_part(self) -> Part:
-        path = self.folder / f"{self.folder.name}_{len(self._parts)}.mcap"
+        path = self.folder / f"{self.folder.name}_{len(self.parts)}.mcap"
         config = self._config
-        part = Part(path, config.compression, config.chunk_size, self.custom_data, self._ros_distro)
-        self._parts.append(part)
-        return part
+        return Part(path, config.compression, config.chunk_size, self.custom_data, self._ros_distro)
 
     def _metadata(self) -> dict[str, object]:
-        counts = dict.fromkeys(self._topics, 0)
-        for part in self._parts:
-            for name, count in part.counts.items():
-                counts[name] += count
+        counts = self.parts.counts(self._topics)
         topics = [(topic, counts[name]) for name, topic in self._topics.items()]
-        files = [part.summary for part in self._parts]
-        return bag_metadata(files, topics, self.custom_data, self._ros_distro)
+        return bag_metadata(self.parts.summaries, topics, self.custom_data, self._ros_distro)
 
     def _check(self) -> None:
         if self._part.full:
             raise OutputError(f"no space left for the bag {self.folder}; close it")
-        for done in self._finished:
-            if done.done():
-                done.result()
-        self._check_free_space(self.folder)
+        self.parts.check()
+        self._check_free_space()
 
-    def _check_free_space(self, folder: Path) -> None:
-        disk = os.statvfs(folder)
-        free = disk.f_bavail * disk.f_frsize
-        if free < self._config.min_free_space:
+    def _check_free_space(self) -> None:
+        free, least = free_space(self.folder), self._config.min_free_space
+        if free < least:
             raise OutputError(
-                f"only {free / 1e6:,.0f} MB are left on the disk for the bag {self.folder}; it must"
-                f" keep {self._config.min_free_space / 1e6:,.0f} MB (--bag.min-free-space)"
+                f"only {free / 1e6:,.0f} MB are left on the disk for the bag {self.folder};"
+                f" {least / 1e6:,.0f} MB must stay free (--bag.min-free-space)"
             )
 
     def _create(self) -> Part:
         folder = self.folder
         try:
             folder.mkdir(parents=True)
+            with removed_on_error(folder):
+                self._check_free_space()
+                return self._begin_part()
         except FileExistsError as error:
             raise OutputError(
                 f"{folder} exists; a bag is never overwritten, choose another"
             ) from error
         except OSError as error:
             raise self._error(error) from error
-        try:
-            self._check_free_space(folder)
-            return self._begin_part()
-        except (OSError, OutputError) as error:
-            folder.rmdir()
-            raise (self._error(error) if isinstance(error, OSError) else error) from error
 
     def _error(self, error: OSError) -> OutputError:
-        return OutputError(f"cannot write the bag {self.folder}: {error.strerror or error}")
+        rescue = f"; {RESCUE}" if self._closed and not self.parts.are_whole else ""
+        return OutputError(f"cannot write the bag {self.folder}: {error.strerror or error}{rescue}")

@@ -7,7 +7,7 @@ turn, a hundred times a second. The middleware keeps what comes in between, and 
 
 import time
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from rclpy.node import Node
@@ -119,8 +119,11 @@ class Recorder(Node):
 
     def _take_on(self, name: str, types: list[str], publishers: list[TopicEndpointInfo]) -> None:
         offers = tuple(offered_qos(info) for info in publishers)
-        known = self._recorded.get(name)
+        known, publisher_count = self._recorded.get(name), len(self._known_publishers[name])
         if known is not None and set(known.offers) == set(offers):
+            if known.topic.publishers != publisher_count:
+                known.topic = replace(known.topic, publishers=publisher_count)
+                self._writer.add_topic(known.topic)
             return
         type_name = known.topic.type if known else _only(types)
         message_type = message_class(type_name)
@@ -133,7 +136,7 @@ class Recorder(Node):
             # Readers take a service's types by other names than these, and find other hashes.
             "" if "/srv/" in type_name else str(publishers[0].topic_type_hash),
             merged,
-            len(self._known_publishers[name]),
+            publisher_count,
         )
         self._writer.add_topic(topic)
         self._subscribe(topic, offers, message_type)
@@ -150,7 +153,8 @@ class Recorder(Node):
         gaps = Gaps(lambda: self._count_publishers(topic.name))
         new = Recorded(topic, offers, wanted, subscription, gaps, deque(maxlen=SEEN))
         if known is not None:
-            self._take(known)
+            while self._take(known):
+                pass
             self.destroy_subscription(known.subscription)
             new.gaps, new.seen, new.repeated = known.gaps, known.seen, frozenset(known.seen)
         self._recorded[topic.name] = new
