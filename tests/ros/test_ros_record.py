@@ -15,8 +15,10 @@ from std_msgs.msg import String
 
 from sain_bags.reader import Bag
 from sain_bags.ros.endpoints import message_class
-from sain_bags.ros.record import Recorder, parse_custom_data
-from sain_bags.writer import BagWriter
+from sain_bags.ros.record import drain, parse_custom_data
+from sain_bags.ros.recorder import Recorder
+from sain_bags.selection import Selection
+from sain_bags.writer import BagConfig, BagWriter
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_interfaces.msg import DiskState, Scene
 
@@ -27,24 +29,24 @@ LOSSY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class Studio:
-    """A recorder and a node that publishes, on one executor."""
+    """A recorder, and a node that publishes."""
 
     def __init__(self, context: rclpy.Context, folder: Path) -> None:
         self.executor = SingleThreadedExecutor(context=context)
-        self.writer = BagWriter(folder)
+        self.writer = BagWriter(folder, BagConfig(flush_period=0.2))
         self.context = context
         self.player = Node("player", context=context)
         self.executor.add_node(self.player)
 
     def start(self, *chosen: str) -> None:
-        self.recorder = Recorder(self.writer, chosen, 0.2, context=self.context)
-        self.executor.add_node(self.recorder)
+        self.recorder = Recorder(self.writer, Selection(chosen), context=self.context)
 
     def spin_until(self, condition: Callable[[], bool]) -> None:
         deadline = time.monotonic() + 30.0
         while not condition():
             assert time.monotonic() < deadline, f"waited in vain; so far {self.writer.counts}"
-            self.executor.spin_once(timeout_sec=0.02)
+            self.recorder.work()
+            self.executor.spin_once(timeout_sec=0.01)
 
     def recorded(self, topic: str, count: int) -> None:
         """Spin until so many messages of a topic are in the bag."""
@@ -55,8 +57,9 @@ class Studio:
         self.spin_until(lambda: self.player.count_subscribers(topic) > 0)
 
     def end(self) -> Bag:
+        drain(self.recorder)
+        self.executor.remove_node(self.player)
         for node in (self.recorder, self.player):
-            self.executor.remove_node(node)
             node.destroy_node()
         self.writer.close()
         return Bag(self.writer.folder)

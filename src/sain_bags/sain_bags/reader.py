@@ -1,39 +1,24 @@
 """Reads bags without ROS: every message is decoded with the definitions that the bag carries."""
 
 import struct
-import zlib
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import Any, Final, NamedTuple
 
 import yaml
-import zstandard
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-from mcap.records import Footer, McapRecord, Statistics
+from mcap.records import McapRecord
 from mcap.stream_reader import StreamReader
-from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
 
+from sain_bags.bag_files import BagChannel, BagFiles
+from sain_bags.batches import Batch
+from sain_bags.integrity import RESCUE, check_summary, opened
 from sain_bags.metadata import METADATA_FILE
 from sain_core.errors import DatasetError
 
-FOOTER_SIZE: Final = 1 + 8 + 8 + 8  # [bytes], opcode, length and the footer but its CRC
-TAIL_SIZE: Final = FOOTER_SIZE + 4 + 8  # with the CRC and the closing magic
-WINDOW: Final = 1 << 20  # [bytes], compared at a time
-
-DAMAGE: Final = (
-    McapError,
-    ValueError,  # mcap's CRC errors and bad text
-    struct.error,
-    EOFError,
-    KeyError,
-    MemoryError,
-    RuntimeError,  # lz4
-    zstandard.ZstdError,
-)
+DECODING: Final = (ValueError, IndexError, KeyError, struct.error, MemoryError)
 
 
 @dataclass(frozen=True)
@@ -43,6 +28,19 @@ class TopicSummary:
     name: str
     type: str
     messages: int
+    offered_qos: str = ""  # the publishers' profiles as the recorder wrote them, YAML
+    type_hash: str = ""  # RIHS01_..., empty where the recorder did not know it
+
+
+class Raw(NamedTuple):
+    """One message as it was received, not decoded."""
+
+    topic: str
+    type: str
+    data: bytes  # CDR, with its encapsulation header
+    log_time: int  # [ns since the epoch], received
+    publish_time: int  # [ns since the epoch]
+    sequence: int  # the publisher's count, 0: not known
 
 
 @dataclass(frozen=True)
@@ -57,9 +55,9 @@ class Received:
 
 
 class Bag:
-    """A whole bag: a rosbag2 folder with one MCAP file, or such a file alone.
+    """A whole bag: a rosbag2 folder with one or more MCAP files, or one such file alone.
 
-    Everything that is read is checked against the CRCs in the file.
+    Everything that is read is checked against the CRCs in the files.
     """
 
     def __init__(self, path: Path) -> None:
@@ -70,36 +68,58 @@ class Bag:
         """
         self.path = path
         self.metadata: Mapping[str, Any] = {}
-        self.file = self._find_file()
-        with self._opened() as stream:
-            self._summary, self._statistics = _read_summary(stream)
+        self.files = self._find_files()
+        self._content = BagFiles(self.files)
+        self.channels = self._content.channels
+        self._statistics = self._content.statistics
+
+    @property
+    def file(self) -> Path:
+        """The first of its files; all of them are `files`."""
+        return self.files[0]
+
+    @property
+    def size(self) -> int:
+        """All its files' size [bytes]."""
+        return sum(file.stat().st_size for file in self.files)
 
     @property
     def topics(self) -> tuple[TopicSummary, ...]:
         """All topics, by name."""
-        counts = self._statistics.channel_message_counts
-        found = [
+        counts: Counter[tuple[str, str]] = Counter()
+        about: dict[tuple[str, str], Mapping[str, str]] = {}
+        for found in self.channels:
+            key = found.topic, found.type
+            numbers = self._statistics[found.file].channel_message_counts
+            counts[key] += numbers.get(found.channel.id, 0)
+            about[key] = {**about.get(key, {}), **found.channel.metadata}
+        return tuple(
             TopicSummary(
-                channel.topic, self._summary.schemas[channel.schema_id].name, counts.get(number, 0)
+                *key,
+                counts[key],
+                about[key].get("offered_qos_profiles", ""),
+                about[key].get("topic_type_hash", ""),
             )
-            for number, channel in self._summary.channels.items()
-        ]
-        return tuple(sorted(found, key=lambda topic: topic.name))
+            for key in sorted(counts)
+        )
 
     @property
     def message_count(self) -> int:
         """Messages in the bag."""
-        return int(self._statistics.message_count)
+        return sum(part.message_count for part in self._statistics)
 
     @property
     def start(self) -> int:
         """When the first message was received [ns since the epoch]."""
-        return int(self._statistics.message_start_time)
+        filled = (part for part in self._statistics if part.message_count)
+        return min((part.message_start_time for part in filled), default=0)
 
     @property
     def duration(self) -> float:
         """Time from the first to the last message [s]."""
-        return 1e-9 * (self._statistics.message_end_time - self.start)
+        filled = (part for part in self._statistics if part.message_count)
+        end = max((part.message_end_time for part in filled), default=0)
+        return 1e-9 * (end - self.start)
 
     @property
     def custom_data(self) -> dict[str, str]:
@@ -123,11 +143,51 @@ class Bag:
             for topic in self.topics
             if (topics is None or topic.name in topics) and (types is None or topic.type in types)
         ]
-        with self._opened() as stream:
-            reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
-            for schema, channel, message, decoded in reader.iter_decoded_messages(wanted):
-                name = schema.name if schema else ""
-                yield Received(channel.topic, name, decoded, message.log_time, message.publish_time)
+        decoders: dict[tuple[str, bytes], Callable[[bytes], Any]] = {}
+        for number, raw in self._numbered(wanted, None):
+            schema = self.channels[number].schema
+            key = (raw.type, schema.data if schema else b"")
+            if key not in decoders:
+                decoders[key] = _decoder(self.channels[number], self.path)
+            try:
+                message = decoders[key](raw.data)
+            except DECODING as error:
+                raise DatasetError(
+                    f"{self.path}: a message of {raw.topic} is not as its definition says ({error})"
+                ) from error
+            yield Received(raw.topic, raw.type, message, raw.log_time, raw.publish_time)
+
+    def raw_messages(
+        self, topics: Collection[str] | None = None, start: int | None = None
+    ) -> Iterator[Raw]:
+        """Yield messages as they are, in the order in which they were received, over all files.
+
+        Args:
+            topics: only these; None: all.
+            start: only those received then or later [ns since the epoch]; None: all.
+
+        Raises:
+            DatasetError: damage was found on the way.
+        """
+        for _, raw in self._numbered(topics, start):
+            yield raw
+
+    def batches(
+        self, topics: Collection[str] | None = None, start: int | None = None
+    ) -> Iterator[Batch]:
+        """Yield messages by the thousand, in the order in which they were received.
+
+        Args:
+            topics: only these; None: all.
+            start: only those received then or later [ns since the epoch]; None: all.
+
+        Raises:
+            DatasetError: damage was found on the way.
+        """
+        for batch in self._content.batches(topics, start):
+            chosen = batch if start is None else batch[batch.log_times >= start]
+            if len(chosen):
+                yield chosen
 
     def check(self) -> None:
         """Read the whole file and compare every CRC.
@@ -144,28 +204,45 @@ class Bag:
         Raises:
             DatasetError: a bit is not as it was written.
         """
-        with self._opened() as stream:
-            yield from StreamReader(stream, validate_crcs=True).records
-            check_summary(stream)
+        for file in self.files:
+            with opened(file) as stream:
+                yield from StreamReader(stream, validate_crcs=True).records
+                check_summary(stream)
 
-    def _find_file(self) -> Path:
+    def _numbered(
+        self, topics: Collection[str] | None, start: int | None
+    ) -> Iterator[tuple[int, Raw]]:
+        """Yield messages, each with the number of its channel in the bag."""
+        names = [(channel.topic, channel.type) for channel in self.channels]
+        for batch in self.batches(topics, start):
+            data = batch.data.tobytes()
+            columns = (
+                batch.channels, batch.starts, batch.starts + batch.sizes, batch.log_times,
+                batch.publish_times, batch.sequences,
+            )  # fmt: skip
+            rows = zip(*(column.tolist() for column in columns), strict=True)
+            for number, first, end, *rest in rows:
+                yield number, Raw(*names[number], data[first:end], *rest)
+
+    def _find_files(self) -> tuple[Path, ...]:
         if self.path.is_file():
-            return self.path
+            return (self.path,)
         if not self.path.is_dir():
             raise DatasetError(f"no bag at {self.path}")
         files = sorted(self.path.glob("*.mcap"))
         if not (self.path / METADATA_FILE).is_file():
             if not files:
                 raise DatasetError(f"{self.path} is no bag: it has no {METADATA_FILE}")
-            raise DatasetError(f"{self.path} was not closed: it has no {METADATA_FILE}; {_RESCUE}")
+            raise DatasetError(f"{self.path} was not closed: it has no {METADATA_FILE}; {RESCUE}")
         self.metadata = self._read_metadata()
         named = self.metadata.get("relative_file_paths", [])
-        if len(named) != 1 or not (self.path / named[0]).is_file():
+        missing = [name for name in named if not (self.path / name).is_file()]
+        if not named or missing:
             raise DatasetError(
-                f"{self.path / METADATA_FILE} names the files {named}; one MCAP file beside it"
-                " is what can be read here"
+                f"{self.path / METADATA_FILE} names the files {named}"
+                f"{f'; {missing[0]} is not there' if missing else ''}"
             )
-        return self.path / str(named[0])
+        return tuple(self.path / str(name) for name in named)
 
     def _read_metadata(self) -> Mapping[str, Any]:
         path = self.path / METADATA_FILE
@@ -177,52 +254,14 @@ class Bag:
                 f"{path} cannot be read ({error}); `ros2 bag reindex` makes a new one"
             ) from error
 
-    @contextmanager
-    def _opened(self) -> Iterator[IO[bytes]]:
-        try:
-            with self.file.open("rb") as stream:
-                yield stream
-        except OSError as error:
-            raise DatasetError(f"{self.file} cannot be read: {error.strerror or error}") from error
-        except DAMAGE as error:
-            reason = str(error) or type(error).__name__
-            raise DatasetError(
-                f"{self.file} is damaged or not whole ({reason}); {_RESCUE}"
-            ) from error
 
-
-_RESCUE: Final = "`ros2 run sain_bags recover BAG --out NEW` saves what is undamaged"
-
-
-def _read_summary(stream: IO[bytes]) -> tuple[Summary, Statistics]:
-    check_summary(stream)
-    stream.seek(0)
-    summary = make_reader(stream).get_summary()
-    if summary is None or summary.statistics is None:
-        raise McapError("it has no summary")
-    return summary, summary.statistics
-
-
-def check_summary(stream: IO[bytes]) -> Footer:
-    """Compare the summary's CRC, which mcap's readers leave unchecked; return the footer.
-
-    Raises:
-        McapError: the file has no end, or the summary is damaged.
-    """
-    size = stream.seek(0, 2)
-    if size < TAIL_SIZE:
-        raise McapError("it ends too early")
-    stream.seek(size - TAIL_SIZE)
-    footer = next(iter(StreamReader(stream, skip_magic=True).records))
-    if not isinstance(footer, Footer):
-        raise McapError("it has no footer")
-    if footer.summary_start > size:
-        raise McapError("its summary is not where it should be")
-    if footer.summary_start and footer.summary_crc:
-        rest, crc = max(size - TAIL_SIZE + FOOTER_SIZE - footer.summary_start, 0), 0
-        stream.seek(footer.summary_start)
-        while rest and (content := stream.read(min(rest, WINDOW))):
-            rest, crc = rest - len(content), zlib.crc32(content, crc)
-        if rest or crc != footer.summary_crc:
-            raise McapError("its summary does not match its CRC")
-    return footer
+def _decoder(source: BagChannel, path: Path) -> Callable[[bytes], Any]:
+    encoding = source.channel.message_encoding
+    found = DecoderFactory().decoder_for(encoding, source.schema)
+    if found is None:
+        described = source.schema.encoding if source.schema else "nothing"
+        raise DatasetError(
+            f"{path}: {source.topic} is {encoding!r} and described by {described!r};"
+            " only CDR that a ros2msg text describes can be decoded"
+        )
+    return found
