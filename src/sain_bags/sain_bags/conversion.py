@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 
 from sain_bags.card import Card
 from sain_bags.dataset_folder import DatasetFolder
-from sain_bags.dataset_shards import Numbered
+from sain_bags.dataset_shards import Numbered, columns
 from sain_bags.pairing import Paired, Pairing
 from sain_bags.rows import Dropped, Row, RowMaker
 from sain_bags.sources import Source, find_sources
@@ -108,7 +108,7 @@ def convert(
 
         maker = RowMaker(prior, config.prior, config.moved_only, config.keep_unsettled)
         for rows in _shards(_rows(sources, maker, numbering, card, progress)):
-            card.add(folder.store(rows))
+            card.add(folder.store(columns(rows)))
     if not card.transitions:
         raise DatasetError(f"no transition is left: {card.why_none()}")
     about = {**identity, **_versions(), "episodes": numbering.episodes}

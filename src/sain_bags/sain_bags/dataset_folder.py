@@ -5,13 +5,12 @@ to; ``card.json`` is written last, and where it stands the data set is whole.
 """
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from numpy import ndarray
 
-from sain_bags.dataset_shards import Numbered, write_shard
+from sain_bags.dataset_shards import write_shard
 from sain_core.errors import OutputError
 from sain_core.shards import SHARD_PATTERN
 from sain_core.storage import PARTIAL, write_json
@@ -47,8 +46,8 @@ class DatasetFolder:
                 " folder, or --overwrite"
             )
 
-    def store(self, rows: Sequence[Numbered]) -> dict[str, ndarray]:
-        """Write rows as the next shard, or find it written, and return its arrays.
+    def store(self, columns: dict[str, ndarray]) -> dict[str, ndarray]:
+        """Write columns as the next shard, or find it written, and return them.
 
         Raises:
             DatasetError: what is there is damaged or differs.
@@ -57,7 +56,7 @@ class DatasetFolder:
         if not self._claimed:
             self._claim()
         self._shards += 1
-        return write_shard(self.path, self._shards - 1, rows)
+        return write_shard(self.path, self._shards - 1, columns)
 
     def finish(self, card: Content) -> None:
         """Write the card: the data set is whole."""

@@ -37,14 +37,14 @@ def columns(rows: Sequence[Numbered]) -> dict[str, ndarray]:
     return {key: np.stack([record[key] for record in records]) for key in records[0]}
 
 
-def write_shard(folder: Path, index: int, rows: Sequence[Numbered]) -> dict[str, ndarray]:
-    """Write rows as a shard, whole or not at all, unless it is there already; return its arrays.
+def write_shard(folder: Path, index: int, arrays: dict[str, ndarray]) -> dict[str, ndarray]:
+    """Write columns as a shard, whole or not at all, unless it is there already; return them.
 
     Raises:
         DatasetError: there is a shard in its place, damaged or with other rows.
         OutputError: the folder cannot be written, or the disk is full.
     """
-    path, arrays = shard_path(folder, index), columns(rows)
+    path = shard_path(folder, index)
     if not path.exists():
         write_arrays(path, arrays)
         return arrays

@@ -79,7 +79,7 @@ def show(path: Path, console: Console, check: bool = True) -> None:
     """
     bag = Bag(path)
     timings = read_timings(bag) if check else {}
-    size = bag.file.stat().st_size / 1e6
+    size = bag.size / 1e6
     began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(bag.start * 1e-9))
     state = "every CRC is right" if check else "only its summary was checked"
     console.print(f"[bold]{path}[/]  {state}", highlight=False)

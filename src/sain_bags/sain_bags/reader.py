@@ -1,18 +1,20 @@
 """Reads bags without ROS: every message is decoded with the definitions that the bag carries."""
 
+import heapq
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Any, Final, NamedTuple
 
 import yaml
 import zstandard
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
-from mcap.records import Footer, McapRecord, Statistics
+from mcap.records import Channel, Footer, McapRecord, Statistics
 from mcap.stream_reader import StreamReader
 from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
@@ -43,6 +45,19 @@ class TopicSummary:
     name: str
     type: str
     messages: int
+    offered_qos: str = ""  # the publishers' profiles as the recorder wrote them, YAML
+    type_hash: str = ""  # RIHS01_..., empty where the recorder did not know it
+
+
+class Raw(NamedTuple):
+    """One message as it was received, not decoded."""
+
+    topic: str
+    type: str
+    data: bytes  # CDR, with its encapsulation header
+    log_time: int  # [ns since the epoch], received
+    publish_time: int  # [ns since the epoch]
+    sequence: int  # the publisher's count, 0: not known
 
 
 @dataclass(frozen=True)
@@ -57,9 +72,9 @@ class Received:
 
 
 class Bag:
-    """A whole bag: a rosbag2 folder with one MCAP file, or such a file alone.
+    """A whole bag: a rosbag2 folder with one or more MCAP files, or one such file alone.
 
-    Everything that is read is checked against the CRCs in the file.
+    Everything that is read is checked against the CRCs in the files.
     """
 
     def __init__(self, path: Path) -> None:
@@ -70,36 +85,56 @@ class Bag:
         """
         self.path = path
         self.metadata: Mapping[str, Any] = {}
-        self.file = self._find_file()
-        with self._opened() as stream:
-            self._summary, self._statistics = _read_summary(stream)
+        self.files = self._find_files()
+        self._summaries = [self._read_summary(file) for file in self.files]
+
+    @property
+    def file(self) -> Path:
+        """The first of its files; all of them are `files`."""
+        return self.files[0]
+
+    @property
+    def size(self) -> int:
+        """All its files' size [bytes]."""
+        return sum(file.stat().st_size for file in self.files)
 
     @property
     def topics(self) -> tuple[TopicSummary, ...]:
         """All topics, by name."""
-        counts = self._statistics.channel_message_counts
-        found = [
+        counts: Counter[tuple[str, str]] = Counter()
+        about: dict[tuple[str, str], Mapping[str, str]] = {}
+        for summary, statistics in self._summaries:
+            for number, channel in summary.channels.items():
+                key = channel.topic, _type(summary, channel)
+                counts[key] += statistics.channel_message_counts.get(number, 0)
+                about[key] = {**about.get(key, {}), **channel.metadata}
+        return tuple(
             TopicSummary(
-                channel.topic, self._summary.schemas[channel.schema_id].name, counts.get(number, 0)
+                *key,
+                counts[key],
+                about[key].get("offered_qos_profiles", ""),
+                about[key].get("topic_type_hash", ""),
             )
-            for number, channel in self._summary.channels.items()
-        ]
-        return tuple(sorted(found, key=lambda topic: topic.name))
+            for key in sorted(counts)
+        )
 
     @property
     def message_count(self) -> int:
         """Messages in the bag."""
-        return int(self._statistics.message_count)
+        return sum(statistics.message_count for _, statistics in self._summaries)
 
     @property
     def start(self) -> int:
         """When the first message was received [ns since the epoch]."""
-        return int(self._statistics.message_start_time)
+        filled = (found for _, found in self._summaries if found.message_count)
+        return min((statistics.message_start_time for statistics in filled), default=0)
 
     @property
     def duration(self) -> float:
         """Time from the first to the last message [s]."""
-        return 1e-9 * (self._statistics.message_end_time - self.start)
+        filled = (found for _, found in self._summaries if found.message_count)
+        end = max((statistics.message_end_time for statistics in filled), default=0)
+        return 1e-9 * (end - self.start)
 
     @property
     def custom_data(self) -> dict[str, str]:
@@ -123,11 +158,42 @@ class Bag:
             for topic in self.topics
             if (topics is None or topic.name in topics) and (types is None or topic.type in types)
         ]
-        with self._opened() as stream:
-            reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
-            for schema, channel, message, decoded in reader.iter_decoded_messages(wanted):
-                name = schema.name if schema else ""
-                yield Received(channel.topic, name, decoded, message.log_time, message.publish_time)
+        decoders: dict[bytes, Any] = {}
+        for schema, channel, message in self._mcap_messages(wanted, None):
+            definition = schema.data if schema else b""
+            if definition not in decoders:  # files of a split bag number their schemas as they like
+                find = DecoderFactory().decoder_for
+                decoders[definition] = find(channel.message_encoding, schema)
+            decoder = decoders[definition]
+            if decoder is None:
+                raise DatasetError(
+                    f"{self.path}: {channel.topic} is neither CDR nor described by a ros2msg text"
+                )
+            decoded = decoder(message.data)
+            name = schema.name if schema else ""
+            yield Received(channel.topic, name, decoded, message.log_time, message.publish_time)
+
+    def raw_messages(
+        self, topics: Collection[str] | None = None, start: int | None = None
+    ) -> Iterator[Raw]:
+        """Yield messages as they are, in the order in which they were received, over all files.
+
+        Args:
+            topics: only these; None: all.
+            start: only those received then or later [ns since the epoch]; None: all.
+
+        Raises:
+            DatasetError: damage was found on the way.
+        """
+        for schema, channel, message in self._mcap_messages(topics, start):
+            yield Raw(
+                channel.topic,
+                schema.name if schema else "",
+                message.data,
+                message.log_time,
+                message.publish_time,
+                message.sequence,
+            )
 
     def check(self) -> None:
         """Read the whole file and compare every CRC.
@@ -144,13 +210,22 @@ class Bag:
         Raises:
             DatasetError: a bit is not as it was written.
         """
-        with self._opened() as stream:
-            yield from StreamReader(stream, validate_crcs=True).records
-            check_summary(stream)
+        for file in self.files:
+            with _opened(file) as stream:
+                yield from StreamReader(stream, validate_crcs=True).records
+                check_summary(stream)
 
-    def _find_file(self) -> Path:
+    def _mcap_messages(self, topics: Collection[str] | None, start: int | None) -> Iterator[Any]:
+        streams = [_messages_of(file, topics, start) for file in self.files]
+        return heapq.merge(*streams, key=lambda found: found[2].log_time)
+
+    def _read_summary(self, file: Path) -> tuple[Summary, Statistics]:
+        with _opened(file) as stream:
+            return _read_summary(stream)
+
+    def _find_files(self) -> tuple[Path, ...]:
         if self.path.is_file():
-            return self.path
+            return (self.path,)
         if not self.path.is_dir():
             raise DatasetError(f"no bag at {self.path}")
         files = sorted(self.path.glob("*.mcap"))
@@ -160,12 +235,13 @@ class Bag:
             raise DatasetError(f"{self.path} was not closed: it has no {METADATA_FILE}; {_RESCUE}")
         self.metadata = self._read_metadata()
         named = self.metadata.get("relative_file_paths", [])
-        if len(named) != 1 or not (self.path / named[0]).is_file():
+        missing = [name for name in named if not (self.path / name).is_file()]
+        if not named or missing:
             raise DatasetError(
-                f"{self.path / METADATA_FILE} names the files {named}; one MCAP file beside it"
-                " is what can be read here"
+                f"{self.path / METADATA_FILE} names the files {named}"
+                f"{f'; {missing[0]} is not there' if missing else ''}"
             )
-        return self.path / str(named[0])
+        return tuple(self.path / str(name) for name in named)
 
     def _read_metadata(self) -> Mapping[str, Any]:
         path = self.path / METADATA_FILE
@@ -177,21 +253,31 @@ class Bag:
                 f"{path} cannot be read ({error}); `ros2 bag reindex` makes a new one"
             ) from error
 
-    @contextmanager
-    def _opened(self) -> Iterator[IO[bytes]]:
-        try:
-            with self.file.open("rb") as stream:
-                yield stream
-        except OSError as error:
-            raise DatasetError(f"{self.file} cannot be read: {error.strerror or error}") from error
-        except DAMAGE as error:
-            reason = str(error) or type(error).__name__
-            raise DatasetError(
-                f"{self.file} is damaged or not whole ({reason}); {_RESCUE}"
-            ) from error
-
 
 _RESCUE: Final = "`ros2 run sain_bags recover BAG --out NEW` saves what is undamaged"
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[IO[bytes]]:
+    try:
+        with file.open("rb") as stream:
+            yield stream
+    except OSError as error:
+        raise DatasetError(f"{file} cannot be read: {error.strerror or error}") from error
+    except DAMAGE as error:
+        reason = str(error) or type(error).__name__
+        raise DatasetError(f"{file} is damaged or not whole ({reason}); {_RESCUE}") from error
+
+
+def _messages_of(file: Path, topics: Collection[str] | None, start: int | None) -> Iterator[Any]:
+    with _opened(file) as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        yield from reader.iter_messages(topics, starting_at=start)
+
+
+def _type(summary: Summary, channel: Channel) -> str:
+    schema = summary.schemas.get(channel.schema_id)
+    return schema.name if schema else ""
 
 
 def _read_summary(stream: IO[bytes]) -> tuple[Summary, Statistics]:

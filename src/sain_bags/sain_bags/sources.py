@@ -21,7 +21,7 @@ class Source:
 
     bag: Bag
     namespace: str
-    sha256: str  # of the MCAP file
+    sha256: str  # of the MCAP files, one after the other
     counts: dict[str, int]  # messages by type
 
     @property
@@ -115,7 +115,7 @@ def _open(path: Path, namespace: str | None) -> Source:
                 f"{path} holds no pushes to learn from: no {PUSH_RESULT}, and to do without it"
                 f" no {' and no '.join(missing)}; it has {_contents(bag)}"
             )
-    return Source(bag, chosen, _file_hash(bag.file), counts)
+    return Source(bag, chosen, _hash(bag.files), counts)
 
 
 def _choose(bag: Bag, found: Sequence[str], wanted: str | None) -> str:
@@ -139,9 +139,13 @@ def _contents(bag: Bag) -> str:
     return ", ".join(held) or "no messages at all"
 
 
-def _file_hash(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise DatasetError(f"{path} cannot be read: {error.strerror or error}") from error
+def _hash(files: Sequence[Path]) -> str:
+    """Return the SHA-256 of files as if they were one."""
+    digest = hashlib.sha256()
+    for path in files:
+        try:
+            with path.open("rb") as file:
+                hashlib.file_digest(file, lambda: digest)
+        except OSError as error:
+            raise DatasetError(f"{path} cannot be read: {error.strerror or error}") from error
+    return digest.hexdigest()
