@@ -23,6 +23,7 @@ class Show:
         self.scenes, self.results = scenes, results
         self.stamp = 5_000_000_000
         self.scene_id = self.push_id = 0
+        self.source, self.error = "/sain/mppi_node", "disk 2 is in the way"
 
     def episode(self, number: int, disks: int, ends: Sequence[float], refused: int = -1) -> None:
         """Write an episode; each push moves every disk by so much along x and half along y."""
@@ -43,7 +44,7 @@ class Show:
         ids = {"push_id": self.push_id, "episode_id": episode}
         push = self.make(
             "sain_interfaces/msg/Push", **ids, scene_id=self.scene_id,
-            location=0.2, angle=-0.1, length=0.08, source="/sain/mppi_node",
+            location=0.2, angle=-0.1, length=0.08, source=self.source,
         )  # fmt: skip
         off = 0.001 * self.push_id
         expected = np.stack([after + _shift(after, off), after])
@@ -64,7 +65,7 @@ class Show:
         if self.results:
             self._send(
                 "push_result", "PushResult", **ids, error_code=code, push=push, before=start,
-                after=result, error_message="" if code == OK else "disk 2 is in the way",
+                after=result, error_message="" if code == OK else self.error,
             )  # fmt: skip
             self._send(
                 "physics_prediction", "PushPrediction", **ids, error_code=code,

@@ -31,7 +31,7 @@ class Content:
 def read_content(
     bag: Bag, limits: Limits = Limits(), progress: Progress = lambda: None
 ) -> Content:
-    """Read a whole bag, comparing every CRC, for its page.
+    """Read a whole bag, comparing each chunk with its CRC, for its page.
 
     Args:
         bag: any bag; one without episodes still has topics.
@@ -82,7 +82,7 @@ def _facts(bag: Bag) -> dict[str, Any]:
         "nanoseconds": nanoseconds,
         "duration": rounded(bag.duration, 3),
         "messages": bag.message_count,
-        "size": bag.file.stat().st_size,
+        "size": bag.size,
     }
 
 

@@ -1,10 +1,7 @@
 """When each topic's messages came, coarse enough to be drawn: how many where, and what is missing."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
-
-from mcap.records import Channel, Message
 
 from sain_bags.reader import Bag
 
@@ -56,16 +53,17 @@ class Lane:
 
 
 def read_lanes(bag: Bag) -> dict[str, Lane]:
-    """Read the whole bag, comparing every CRC, and return the lane of each topic.
+    """Read the whole bag, comparing each chunk with its CRC, and return the lane of each topic.
 
     Raises:
         DatasetError: a bit is not as it was written.
     """
     span = max(1, round(1e9 * bag.duration) + 1)
     lanes = {topic.name: Lane() for topic in bag.topics}
-    for topic, log_time, sequence in _headers(bag):
-        place = (log_time - bag.start) * BINS // span
-        lanes[topic].saw(log_time, sequence, min(max(place, 0), BINS - 1))
+    start = bag.start
+    for raw in bag.raw_messages():
+        place = (raw.log_time - start) * BINS // span
+        lanes[raw.topic].saw(raw.log_time, raw.sequence, min(max(place, 0), BINS - 1))
     return lanes
 
 
@@ -80,12 +78,3 @@ def describe_lane(lane: Lane, start: int) -> dict[str, Any]:
         "missing": lane.missing,
         "places": [[1e-9 * (time - start), count] for time, count in lane.places],
     }
-
-
-def _headers(bag: Bag) -> Iterator[tuple[str, int, int]]:
-    names: dict[int, str] = {}
-    for record in bag.records():
-        if isinstance(record, Channel):
-            names[record.id] = record.topic
-        elif isinstance(record, Message):
-            yield names[record.channel_id], record.log_time, record.sequence
