@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import Final, Protocol
+from typing import Final, Protocol, runtime_checkable
 
 from sain_bags.metadata import INFINITE, OfferedQos
 from sain_bags.reader import Bag, Raw, TopicSummary
@@ -139,6 +139,7 @@ class Passage:
             number += 1
 
 
+@runtime_checkable
 class Pulse(Protocol):
     """A clock to play by."""
 
