@@ -1,4 +1,4 @@
-"""A recording made to be looked at: disks that move, stamps, plans, a refused push, lost messages."""
+"""A recording made to be looked at: disks that move, stamps, plans, a refused push."""
 
 from collections.abc import Sequence
 from pathlib import Path

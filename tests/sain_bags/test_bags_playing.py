@@ -103,7 +103,9 @@ def test_what_was_latched_before_the_start_comes_first(flags):
 
 def test_a_loop_goes_on_without_a_pause_or_drift(flags):
     events = islice(passage(flags, loop=True, rate=3.0).events(), 36 * 12)
-    starts = [event.due for event in events if event.raw.sequence == 1 and event.raw.topic == "/flag"]
+    starts = [
+        event.due for event in events if event.raw.sequence == 1 and event.raw.topic == "/flag"
+    ]
     assert starts == pytest.approx([0.3 * turn for turn in range(36)], abs=1e-9)
 
 

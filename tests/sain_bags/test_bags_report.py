@@ -294,7 +294,7 @@ def test_the_page_is_written_beside_the_bag(bag, tmp_path):
     quiet = Console(quiet=True)
     assert run(ReportOptions(bag), quiet) == default_path(bag) == tmp_path / "report.html"
     assert not list(tmp_path.glob("*.partial"))
-    with pytest.raises(OutputError, match="report.html exists; --overwrite replaces it"):
+    with pytest.raises(OutputError, match=r"report\.html exists; --overwrite replaces it"):
         run(ReportOptions(bag), quiet)
     run(ReportOptions(bag, overwrite=True), quiet)
     with pytest.raises(OutputError, match="is a folder"):

@@ -28,9 +28,7 @@ class Content:
     pushes: int
 
 
-def read_content(
-    bag: Bag, limits: Limits = Limits(), progress: Progress = lambda: None
-) -> Content:
+def read_content(bag: Bag, limits: Limits = Limits(), progress: Progress = lambda: None) -> Content:
     """Read a whole bag, comparing each chunk with its CRC, for its page.
 
     Args:
@@ -61,8 +59,7 @@ def read_content(
         "view": _view(shown),
         "totals": _totals(found),
         "episodes": [
-            describe_episode(one, name, bag.start)
-            for one, name in zip(shown, names, strict=False)
+            describe_episode(one, name, bag.start) for one, name in zip(shown, names, strict=False)
         ],
         "planning": _planning(found),
         "errors": _errors(found),
@@ -160,7 +157,7 @@ def _planning(found: Sequence[Gathered]) -> dict[str, Any] | None:
 
 
 def _above(value: float) -> float:
-    """Return the first of 1, 1.2, 1.5, 2, ... times a power of ten that is larger, at least 1 ms."""
+    """Return the next larger round number, at least 1 ms."""
     power = 10.0 ** np.floor(np.log10(max(value, 1e-3)))
     for factor in (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0):
         if factor * power >= value:

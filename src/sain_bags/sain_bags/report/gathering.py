@@ -75,7 +75,7 @@ def gather(
     try:
         messages = watch.watched(bag.messages(topics))
         for run, group in groupby(messages, key=lambda _: watch.run):
-            for episode in collect_episodes(received for received in group if received.type != PUSH):
+            for episode in collect_episodes(one for one in group if one.type != PUSH):
                 told = watch.told.get((run, episode.episode_id), Told(Frames(0)))
                 found.append(Gathered(namespace, episode, told))
     except InvalidInputError as error:

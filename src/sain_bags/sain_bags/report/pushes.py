@@ -82,9 +82,7 @@ def unanswered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, An
     return found
 
 
-def _moments(
-    frames: Sequence[Frame], scenes: tuple[int, int], stamps: tuple[int, int]
-) -> Moments:
+def _moments(frames: Sequence[Frame], scenes: tuple[int, int], stamps: tuple[int, int]) -> Moments:
     """Find the frames at rest before and after a push, by scene id, else by stamp."""
     at_rest = {frame.scene_id: number for number, frame in enumerate(frames) if frame.settled}
     before = [number for number, frame in enumerate(frames) if frame.stamp <= stamps[0]]

@@ -1,4 +1,4 @@
-"""When each topic's messages came, coarse enough to be drawn: how many where, and what is missing."""
+"""When each topic's messages came, coarse enough to be drawn, and where some are missing."""
 
 from dataclasses import dataclass, field
 from typing import Any, Final
