@@ -19,10 +19,10 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from sain_core.command_line import describe_options
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
 from sain_core.storage import write_whole
-from sain_eval.command_line import describe_options
 from sain_eval.controllers import controller_maker
 from sain_eval.evaluation import Job, run_jobs
 from sain_eval.files import output_folder
