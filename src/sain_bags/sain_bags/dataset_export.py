@@ -48,10 +48,15 @@ def export(
         for path in partial.rglob("*"):
             if path.is_file():
                 _keep(path)
-        for path in partial.iterdir():
-            remove(folder / path.name)
+
+
+def put_in_place(folder: Path, name: FormatName) -> None:
+    """Let what was exported stand where an earlier data set stood; raises `OutputError`."""
+    clear(folder, name)
+    with _writing(folder):
+        for path in (folder / EXPORT).iterdir():
             path.replace(folder / path.name)
-        partial.rmdir()
+        (folder / EXPORT).rmdir()
 
 
 def clear(folder: Path, name: FormatName) -> None:

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.dataset_export import clear, export, remove
+from sain_bags.dataset_export import clear, export, put_in_place, remove
 from sain_bags.dataset_shards import write_shard
 from sain_bags.dataset_split import describe_split, split_episodes
 from sain_bags.formats import SHARDS, find_format
@@ -99,6 +99,7 @@ class DatasetFolder:
                 progress(written, self._counts.total())
 
             export(self._write, self.path, self._shards, parts, card, advance)
+            put_in_place(self.path, self._identity["format"])
             remove(self._gathered)
         write_json(self.path / CARD_FILE, card)
 

@@ -45,7 +45,7 @@ def _import_torchvision() -> None:
 _import_torchvision()
 
 from lerobot.datasets.lerobot_dataset import LeRobotDataset  # noqa: E402
-from lerobot.datasets.utils import write_info  # noqa: E402
+from lerobot.datasets.utils import write_info, write_stats  # noqa: E402
 from lerobot.utils.utils import SuppressProgressBars  # noqa: E402
 
 FRAMES_A_SECOND: Final = 1
@@ -60,7 +60,7 @@ def write(rows: StoredRows, folder: Path) -> None:
     """Write a data set; the parts of its split follow one another, as ``info.json`` says."""
     dataset: Any = None
     splits, count = {}, 0
-    with SuppressProgressBars():
+    with SuppressProgressBars(), warnings.catch_warnings(action="ignore", category=RuntimeWarning):
         for part in PARTS:
             first = count
             for columns in rows.sequences(part):
@@ -72,6 +72,7 @@ def write(rows: StoredRows, folder: Path) -> None:
         dataset.finalize()
     dataset.meta.info["splits"] = splits
     write_info(dataset.meta.info, folder)
+    write_stats(dict(sorted(dataset.meta.stats.items())), folder)  # else in the order of hashes
 
 
 def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
@@ -88,7 +89,12 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
         for key, values in frames.items()
     }
     return LeRobotDataset.create(
-        rows.name, fps=FRAMES_A_SECOND, features=features, root=folder, use_videos=False
+        rows.name,
+        fps=FRAMES_A_SECOND,
+        features=features,
+        root=folder,
+        use_videos=False,
+        video_backend="pyav",  # or it looks for another, and says what it did not find
     )
 
 
