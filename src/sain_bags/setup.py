@@ -26,6 +26,11 @@ setup(
         "tyro",
         "zstandard",
     ],
+    extras_require={
+        "parquet": ["pyarrow"],
+        "minari": ["gymnasium", "h5py", "minari"],
+        "lerobot": ["lerobot"],
+    },
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -9,11 +9,12 @@ from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from sain_bags.card import Card
 from sain_bags.dataset_folder import DatasetFolder
 from sain_bags.dataset_shards import Numbered, columns
+from sain_bags.formats import FormatName
 from sain_bags.pairing import Paired, Pairing
 from sain_bags.rows import Dropped, Row, RowMaker
 from sain_bags.sources import Source, find_sources
@@ -23,14 +24,15 @@ from sain_core.plugins import load_dynamics
 from sain_core.shards import SHARD_SIZE
 
 Progress = Callable[[int, int, int], None]  # messages read, of how many; rows made
+Writing = Callable[[int, int], None]  # rows written in a format other than npz, of how many
 
 
 @dataclass(frozen=True)
 class ConversionConfig:
     """What becomes of recordings."""
 
-    format: Literal["npz"] = "npz"
-    """Compressed shards of 1,000 with the keys of `sain_sim collect`'s."""
+    format: FormatName = "npz"
+    """Of the data set (docs/formats.md); npz: shards of 1,000 with the keys of `collect`'s."""
     prior: str = "planar"
     """Predicts the pushes that a recording has no prediction of: a name, or a checkpoint's path."""
     moved_only: bool = False
@@ -79,6 +81,7 @@ def convert(
     config: ConversionConfig = ConversionConfig(),
     overwrite: bool = False,
     progress: Progress = lambda read, messages, rows: None,
+    writing: Writing = lambda rows, of: None,
 ) -> Converted:
     """Convert recordings, going on where an earlier run of the same conversion stopped.
 
@@ -88,11 +91,12 @@ def convert(
         config: what becomes of them.
         overwrite: make anew what a conversion made there.
         progress: called after each message.
+        writing: called as rows are written in a format other than npz, after all messages.
 
     Raises:
         DatasetError: a recording is no bag, is damaged, or holds nothing to learn from; a shard
             of an earlier run is damaged.
-        ConfigError: there is no such prior.
+        ConfigError: there is no such prior, or the format's library is not installed.
         OutputError: the folder holds something else, or cannot be written.
     """
     sources = find_sources(paths, config.namespace or None)
@@ -112,7 +116,7 @@ def convert(
     if not card.transitions:
         raise DatasetError(f"no transition is left: {card.why_none()}")
     about = {**identity, **_versions(), "episodes": numbering.episodes}
-    folder.finish(card.content(about, [source.describe() for source in sources]))
+    folder.finish(card.content(about, [source.describe() for source in sources]), writing)
     return Converted(card.transitions, numbering.episodes, dict(card.dropped))
 
 

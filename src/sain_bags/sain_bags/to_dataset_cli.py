@@ -57,20 +57,27 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
     columns = (
-        TextColumn("to_dataset"),
+        TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("messages, {task.fields[rows]} transitions, left"),
+        TextColumn("{task.fields[what]}, left"),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console) as bar:
-        task = bar.add_task("to_dataset", total=None, rows=0)
+        reading = bar.add_task("to_dataset", total=None, what="messages")
+        writing = bar.add_task(options.conversion.format, visible=False, what="transitions written")
 
-        def advance(read: int, messages: int, rows: int) -> None:
-            if read % SHOWN == 0 or read == messages:
-                bar.update(task, total=messages, completed=read, rows=rows)
+        def read(messages: int, of: int, rows: int) -> None:
+            if messages % SHOWN == 0 or messages == of:
+                what = f"messages, {rows} transitions"
+                bar.update(reading, total=of, completed=messages, what=what)
 
-        return convert(options.bags, options.out, options.conversion, options.overwrite, advance)
+        def write(rows: int, of: int) -> None:
+            bar.update(writing, total=of, completed=rows, visible=True)
+
+        return convert(
+            options.bags, options.out, options.conversion, options.overwrite, read, write
+        )
 
 
 if __name__ == "__main__":

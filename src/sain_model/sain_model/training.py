@@ -12,6 +12,7 @@ import torch
 from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics
 from sain_core.seeding import generator
+from sain_core.split import SHARES, TEST, VALIDATION
 from sain_model.batches import BOOTSTRAP, ORDER, Batches
 from sain_model.dataset import Split, Transitions
 from sain_model.descent import DescentConfig
@@ -56,10 +57,13 @@ class TrainingConfig(Config):
         True, "learn every push in a mirror too, except in the frame of the world"
     )
     validation: float = option(
-        0.1, "share of the episodes that choose the best epoch", minimum=0.01, maximum=0.5
+        SHARES[VALIDATION],
+        "share of the episodes that choose the best epoch",
+        minimum=0.01,
+        maximum=0.5,
     )
     test: float = option(
-        0.15,
+        SHARES[TEST],
         "share of the episodes held out; 0: none, training and validation share all",
         minimum=0.0,
         maximum=0.5,
