@@ -52,7 +52,8 @@ class Evaluate(Config):
     out: Path
     """Folder for results.json, table.md, episodes.jsonl and pictures; made if need be."""
     scenario: str = "anywhere"
-    """One or more, with commas: paper, paper_shift, paper_cube, anywhere, clutter."""
+    """One or more, with commas: paper, paper_shift, paper_cube, anywhere, clutter, anywhere_cube,
+    anywhere_rubber."""
     scenes: int = option(40, "scenes of each scenario", minimum=1)
     """How many scenes of each scenario."""
     seed: int = option(0, "seed of the first scene; the next have the next", minimum=0)

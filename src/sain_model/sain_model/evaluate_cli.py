@@ -162,7 +162,8 @@ def unseen(data: Transitions, *cards: Card) -> Transitions:
     """
     held_out = np.ones(len(data), dtype=bool)
     for card in cards:
-        held_out &= _held_out(data, card)
+        for seen_by in card.lineage():
+            held_out &= _held_out(data, seen_by)
     if not held_out.any():
         raise DatasetError("these checkpoints were trained on all episodes between them")
     return data if held_out.all() else data.select(held_out)
