@@ -25,7 +25,7 @@ def pushes(
         "state": states[:-1],
         "next_state": states[1:].copy(),
         "episode": np.full(count, episode),
-        "step": np.arange(count) if steps is None else np.array(steps),
+        "step": np.array(steps or range(count)),
         "goal": np.tile(GOAL, (count, 1)),
         "tolerance": np.full(count, 0.02),
     }
