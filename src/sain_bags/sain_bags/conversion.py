@@ -16,6 +16,7 @@ from sain_bags.dataset_folder import DatasetFolder
 from sain_bags.dataset_shards import Numbered, columns
 from sain_bags.formats import FormatName
 from sain_bags.pairing import Paired, Pairing
+from sain_bags.parameters import KnownFriction
 from sain_bags.rows import Dropped, Row, RowMaker
 from sain_bags.sources import Source, find_sources
 from sain_core.dynamics import Dynamics
@@ -102,7 +103,7 @@ def convert(
     sources = find_sources(paths, config.namespace or None)
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
-    card, numbering = Card(), Numbering()
+    card, numbering, friction = Card(), Numbering(), KnownFriction(sources)
     with ExitStack() as stack:
 
         def prior() -> Dynamics:
@@ -112,7 +113,7 @@ def convert(
 
         maker = RowMaker(prior, config.prior, config.moved_only, config.keep_unsettled)
         for rows in _shards(_rows(sources, maker, numbering, card, progress)):
-            card.add(folder.store(columns(rows)))
+            card.add(folder.store(friction.added_to(columns(rows))))
     if not card.transitions:
         raise DatasetError(f"no transition is left: {card.why_none()}")
     about = {**identity, **_versions(), "episodes": numbering.episodes}
