@@ -17,6 +17,7 @@ from sain_bags.dataset_shards import Columns, Sharding
 from sain_bags.hearing import Hearing
 from sain_bags.numbering import Numbering
 from sain_bags.pairing import Paired, Pairing
+from sain_bags.push_run import PushRun
 from sain_bags.rows import RowMaker
 from sain_bags.sources import Source, find_sources
 from sain_core.dynamics import Dynamics
@@ -113,16 +114,16 @@ def _shards(
     yield from counter.pass_on(sharding.rest())
 
 
-def _pushes(source: Source, card: Card, counter: "_Counter") -> Iterator[list[Paired]]:
+def _pushes(source: Source, card: Card, counter: "_Counter") -> Iterator[list[Paired] | PushRun]:
     """Stream the pushes of one recording, some at a time."""
     pairing = Pairing(source.has_results, source.has_predictions)
     hearing = Hearing(source.bag.channels, pairing)
     for batch in source.bag.batches(source.topics):
         with naming(source.bag.path):
             hearing.hear(batch)
-        yield pairing.ready()
+        yield from pairing.ready()
         counter.read(len(batch))
-    yield pairing.rest()
+    yield from pairing.rest()
     card.late_predictions += pairing.late_predictions
 
 

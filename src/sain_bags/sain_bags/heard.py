@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from itertools import repeat
 from typing import Any
 
+import numpy as np
 from numpy import ndarray
 
 from sain_bags.episodes import GOAL, PREDICTION, SCENE
+from sain_bags.push_run import GoalRun
 from sain_bags.tables import PUSH, Table
 
 Arguments = Iterator[tuple[Any, ...]]  # of a method of `Pairing`
@@ -50,3 +52,8 @@ class Heard:
         names = ("episode_id", "error_code", "push.push_id")
         told = (self.column(name, rows) for name in names)
         return zip(numbers, *told, self.places(rows, "push."), times, wheres, strict=True)
+
+    def run(self, chosen: slice) -> GoalRun:
+        """Return some of them, which are goals."""
+        spots = self.spots[chosen]
+        return GoalRun(self.table, np.arange(len(self.spots))[chosen], spots)

@@ -8,7 +8,7 @@ but for the ranges of the ids of pushes that are done with.
 Of each message no more is looked at here than its ids; where the rest of it stands goes along.
 """
 
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -16,15 +16,14 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.id_ranges import IdRanges
-from sain_bags.tables import Table
+from sain_bags.push_run import ANY_EPISODE, GoalRun, PushRun, Where
 from sain_core.errors import ErrorCode
 
 WINDOW: Final = 1000  # pushes that wait, scenes and predictions that are kept for pushes to come
-ANY_EPISODE: Final = 0  # in a goal: it holds for all
+SHORT: Final = 16  # pushes that are told of sooner one by one
 OK: Final = int(ErrorCode.OK)
 
 Place = tuple[int, int]  # episode_id and scene_id
-Where = tuple[Table, int]  # a message: the table that it is in, and its row
 
 
 @dataclass(slots=True)
@@ -43,7 +42,6 @@ class Paired:
     after: Where | None = None
     goal: Where | None = None
     repeated: bool = False  # its id had been used before
-    rivals: "list[Paired] | None" = None  # pushes from the same scene, this one among them
     ambiguous: bool = False  # another one may be what moved the scene, and no result tells
     released: bool = False  # what is heard of it from now on is too late
 
@@ -60,7 +58,8 @@ class Pairing:
         """Tell which of the two are to be waited for, because the recording has some."""
         self._results, self._window = results, window
         self._waiting: OrderedDict[int, Paired] = OrderedDict()
-        self._ready: list[Paired] = []
+        self._ready: list[list[Paired] | PushRun] = []
+        self._runs: deque[PushRun] = deque()  # the latest, for rivals of pushes to come
         self._early: OrderedDict[int, Where] = OrderedDict()  # predictions of pushes to come
         self._scenes: OrderedDict[Place, Where] = OrderedDict()
         self._places: OrderedDict[Place, list[Paired]] = OrderedDict()
@@ -69,12 +68,12 @@ class Pairing:
         self.awaits_predictions = predictions
         self.late_predictions = 0  # that came when their push was no longer waited with
 
-    def ready(self) -> list[Paired]:
-        """Return the pushes that have become complete since it was asked last."""
+    def ready(self) -> list[list[Paired] | PushRun]:
+        """Return the pushes that have become complete since it was asked last, in their order."""
         ready, self._ready = self._ready, []
         return ready
 
-    def rest(self) -> list[Paired]:
+    def rest(self) -> list[list[Paired] | PushRun]:
         """Return what still waits when the recording has ended."""
         while self._waiting:
             _, first = self._waiting.popitem(last=False)
@@ -87,7 +86,7 @@ class Pairing:
             self._wait(Paired(number, place, log_time, where))
             self._release_complete()
         elif not self._results:  # else its own result tells what became of the second one
-            self._ready.append(Paired(number, place, log_time, where, repeated=True))
+            self._pass_on(Paired(number, place, log_time, where, repeated=True))
 
     def result(
         self,
@@ -109,35 +108,50 @@ class Pairing:
             else:
                 told = self._waiting.pop(number)
             self._refused.add(number)
-            self._ready.append(told)
+            self._pass_on(told)
         elif executed:
             told = Paired(push_id, place, log_time, repeated=True)
-            self._ready.append(told)
+            self._pass_on(told)
         else:
             told = waiting or self._wait(Paired(number, place, log_time))
         told.result, told.code, told.episode_id = where, code, episode
         self._release_complete()
 
-    def whole(
-        self,
-        number: int,
-        place: Place,
-        log_time: int,
-        episode: int,
-        result: Where,
-        prediction: Where | None,
-    ) -> None:
-        """Hear at once all that is said of an executed push.
+    def run(self, run: PushRun, goals: GoalRun | None) -> None:
+        """Hear at once all that is said of executed pushes, and goals in between.
 
-        Only of one that is not among `knows`, where nothing is said of another in between.
+        Only of ids that are not among `knows`, where nothing is said of other pushes in between.
         """
-        paired = Paired(number, place, log_time, None, result, OK, episode, prediction)
-        self._beside_rivals(paired)
-        if self._waiting:
-            self._waiting[number] = paired
+        if self._waiting or len(run) < SHORT:  # where something waits, they wait behind it
+            self._run_one_by_one(run, goals)
+            return
+        run.find_goals(goals, self._goals)
+        self._goals.update(goals.items() if goals else ())
+        for number in run.column("push_id").tolist():
+            self._done.add(number)
+        self._runs.append(run)
+        while sum(map(len, self._runs)) - len(self._runs[0]) > self._window:
+            self._runs.popleft()
+        self._ready.append(run)
+
+    def _run_one_by_one(self, run: PushRun, goals: GoalRun | None) -> None:
+        given = list(zip(goals.items(), goals.spots.tolist(), strict=True)) if goals else []
+        names = ("push_id", "push.episode_id", "push.scene_id", "episode_id")
+        columns = (run.column(name).tolist() for name in names)
+        rows = (run.rows, run.prediction_rows, run.times, run.spots)
+        for number, episode, scene, told, row, prediction, time, spot in zip(
+            *columns, *(column.tolist() for column in rows), strict=True
+        ):
+            while given and given[0][1] < spot:
+                (for_episode, where), _ = given.pop(0)
+                self.goal(for_episode, where)
+            paired = self._wait(Paired(number, (episode, scene), time))
+            paired.result, paired.code, paired.episode_id = (run.results, row), OK, told
+            if run.predictions is not None:
+                paired.prediction = (run.predictions, prediction)
             self._release_complete()
-        else:
-            self._release(paired)
+        for (for_episode, where), _ in given:
+            self.goal(for_episode, where)
 
     def knows(self, numbers: ndarray) -> ndarray:
         """Tell which push ids (M,) were heard before."""
@@ -187,11 +201,14 @@ class Pairing:
     def _beside_rivals(self, paired: Paired) -> None:
         rivals = self._places.get(paired.place)
         if rivals is None:
-            paired.rivals = [paired]
-            _keep(self._places, paired.place, paired.rivals, self._window)
+            _keep(self._places, paired.place, [paired], self._window + 1)  # as long as one waits
         else:
             rivals.append(paired)
-            paired.rivals = rivals
+
+    def _pass_on(self, paired: Paired) -> None:
+        if not self._ready or isinstance(self._ready[-1], PushRun):
+            self._ready.append([])
+        self._ready[-1].append(paired)  # type: ignore[union-attr]
 
     def _complete(self, paired: Paired) -> bool:
         known = paired.result is not None
@@ -212,10 +229,11 @@ class Pairing:
         paired.released = True
         if paired.result is None:
             paired.episode_id = paired.place[0]
-            rivals = (rival for rival in paired.rivals or () if rival is not paired)
-            paired.ambiguous = not all(rival.refused for rival in rivals)
+            rivals = (rival for rival in self._places.get(paired.place, ()) if rival is not paired)
+            executed = any(run.has_place(*paired.place) for run in self._runs)
+            paired.ambiguous = executed or not all(rival.refused for rival in rivals)
         paired.goal = self._goals.get(paired.episode_id) or self._goals.get(ANY_EPISODE)
-        self._ready.append(paired)
+        self._pass_on(paired)
 
 
 def _keep(kept: "OrderedDict[Any, Any]", key: Any, value: Any, most: int) -> None:

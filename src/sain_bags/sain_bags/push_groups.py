@@ -1,13 +1,15 @@
 """Pushes whose scenes are all from results, or all from scenes, as columns."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.pairing import OK, Paired, Where
-from sain_bags.tables import DISKS, Disks, gather
+from sain_bags.pairing import OK, Paired
+from sain_bags.push_run import PushRun, Where
+from sain_bags.tables import DISKS, Disks, Table, gather
 from sain_core.errors import InvalidInputError
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import MASS, RADIUS, STATE_NAMES
@@ -18,6 +20,8 @@ FROM_RESULT: Final = "push_result"  # where the scenes of a row are from
 FROM_SCENES: Final = "scenes"
 GOAL_FIELDS: Final = ("x", "y", "tolerance")
 SECOND: Final = 1_000_000_000  # [ns]
+
+Found = tuple[Table, ndarray]  # messages: the table that they are in, and their rows
 
 
 class Scenes(NamedTuple):
@@ -39,29 +43,86 @@ class Scenes(NamedTuple):
         return self.take(np.array([push]), int(self.counts[push]))[0]
 
 
+@dataclass(frozen=True)
+class Told:
+    """What is said of K pushes."""
+
+    push_ids: ndarray  # (K,)
+    planned_in: ndarray  # (K,) episode that the push names
+    episodes: ndarray  # (K,) that the result names, if there is one
+    codes: ndarray  # (K,) of the results; 0: there is none
+    times: ndarray  # (K,) [ns since the epoch] of the first message about each
+    goals: Sequence[Where | None]
+    there: ndarray  # (K,) whether there is a prediction
+    predictions: Found | None  # of those; None: there is none at all
+    results: Found | None = None
+    pushes: Found | None = None  # and the scenes before and after, where there are no results
+    scenes: tuple[Found, Found] | None = None
+
+
+def told_of_run(run: PushRun) -> Told:
+    """Return what is said of the pushes of a run."""
+    there = np.full(len(run), run.predictions is not None)
+    return Told(
+        run.column("push_id"),
+        run.column("push.episode_id"),
+        run.column("episode_id"),
+        run.column("error_code").astype(np.int64),
+        run.times,
+        run.goals,
+        there,
+        None if run.predictions is None else (run.predictions, run.prediction_rows),
+        results=(run.results, run.rows),
+    )
+
+
+def told_of_each(pushes: Sequence[Paired], source: str) -> Told:
+    """Return what is said of pushes that were told of one by one."""
+    there = np.array([paired.prediction is not None for paired in pushes])
+    told = Told(
+        np.array([paired.push_id for paired in pushes], dtype=np.uint64),
+        np.array([paired.place[0] for paired in pushes], dtype=np.uint64),
+        np.array([paired.episode_id for paired in pushes], dtype=np.uint64),
+        np.array([paired.code for paired in pushes], dtype=np.int64),
+        np.array([paired.log_time for paired in pushes], dtype=np.int64),
+        [paired.goal for paired in pushes],
+        there,
+        gather(_there([p.prediction for p in pushes])) if there.any() else None,
+    )
+    if source == FROM_RESULT:
+        return replace(told, results=gather(_there([paired.result for paired in pushes])))
+    before, after = ([p.before for p in pushes], [p.after for p in pushes])
+    scenes = gather(_there(before)), gather(_there(after))
+    return replace(told, pushes=gather(_there([p.push for p in pushes])), scenes=scenes)
+
+
 class PushGroup:
     """K pushes with the scenes before and after them."""
 
-    def __init__(self, pushes: Sequence[Paired], places: Sequence[int], source: str) -> None:
-        """Look up what is known of pushes that have scenes from this source."""
-        self.pushes, self.source = [pushes[place] for place in places], source
-        self.places = np.array(places)
+    def __init__(self, source: str, places: ndarray, told: Told) -> None:
+        """Look up what is known of pushes.
+
+        Args:
+            source: of the scenes, `FROM_RESULT` or `FROM_SCENES`.
+            places: (K,) of these pushes among all.
+            told: what is said of them.
+        """
+        self.source, self.places, self.told = source, places, told
         if source == FROM_RESULT:
-            results, rows = gather(_there([paired.result for paired in self.pushes]))
-            self.before = _scenes(results.columns, results.disks, rows, "before.")
-            self.after = _scenes(results.columns, results.disks, rows, "after.")
-            self.actions = _numbers(results.columns, rows, [f"push.{n}" for n in PUSH_NAMES])
-            self.durations = results.columns["duration"][rows]
+            table, rows = told.results
+            self.before = _scenes(table, rows, "before.")
+            self.after = _scenes(table, rows, "after.")
+            self.actions = _numbers(table, rows, [f"push.{name}" for name in PUSH_NAMES])
+            self.durations = table.columns["duration"][rows].astype(np.float64)
         else:
-            self.before = _settled_scenes([paired.before for paired in self.pushes])
-            self.after = _settled_scenes([paired.after for paired in self.pushes])
-            table, rows = gather(_there([paired.push for paired in self.pushes]))
-            self.actions = _numbers(table.columns, rows, PUSH_NAMES)
+            self.before, self.after = (_scenes(*found, "") for found in told.scenes)
+            self.actions = _numbers(*told.pushes, PUSH_NAMES)
             self.durations = 1e-9 * (self.after.stamps - self.before.stamps)
-        self.goals = self._goals()  # (K, 3) x, y, tolerance; NaN: none was given
-        self.predicted = np.zeros(len(self.pushes), dtype=bool)
-        self.models = np.full(len(self.pushes), "", dtype=object)
-        self._predictions = self._find_predictions()
+        self.given = np.array([goal is not None for goal in told.goals])
+        self.goals = np.full((len(places), len(GOAL_FIELDS)), np.nan)  # NaN: none was given
+        if self.given.any():
+            self.goals[self.given] = _numbers(*gather(_there(told.goals)), GOAL_FIELDS)
+        self.predicted, self.models, self._predictions = _predictions(told)
 
     def predictions(self, chosen: ndarray, count: int) -> ndarray:
         """Return f_p(s, a) of pushes, (len(chosen), count, 8); NaN: not as many disks, or none."""
@@ -74,7 +135,7 @@ class PushGroup:
 
     def about(self, push: int) -> str:
         """Return in words which push it is."""
-        return about(self.pushes[push])
+        return about(int(self.told.push_ids[push]), int(self.told.planned_in[push]))
 
     def why_senseless(self, push: int) -> str:
         """Return what is wrong with the scenes, the push or the prediction."""
@@ -101,29 +162,10 @@ class PushGroup:
             return str(error)
         raise AssertionError(f"nothing is wrong with the goal of {self.about(push)}")
 
-    def _goals(self) -> ndarray:
-        goals = np.full((len(self.pushes), len(GOAL_FIELDS)), np.nan)
-        self.given = np.array([paired.goal is not None for paired in self.pushes])
-        if self.given.any():
-            table, rows = gather([p.goal for p in self.pushes if p.goal is not None])
-            goals[self.given] = _numbers(table.columns, rows, GOAL_FIELDS)
-        return goals
 
-    def _find_predictions(self) -> tuple[Disks, ndarray] | None:
-        there = np.array([paired.prediction is not None for paired in self.pushes])
-        if not there.any():
-            return None
-        table, found = gather([p.prediction for p in self.pushes if p.prediction is not None])
-        rows = np.zeros(len(self.pushes), dtype=np.int64)
-        rows[there] = found
-        self.predicted[there] = table.columns["error_code"][found] == OK
-        self.models[there] = table.columns["model"][found]
-        return table.disks[DISKS], rows
-
-
-def about(paired: Paired) -> str:
+def about(push_id: int, episode: int) -> str:
     """Return in words which push it is."""
-    return f"push {paired.push_id} of episode {paired.place[0]}"
+    return f"push {push_id} of episode {episode}"
 
 
 def _there(wheres: Sequence[Where | None]) -> list[Where]:
@@ -131,27 +173,35 @@ def _there(wheres: Sequence[Where | None]) -> list[Where]:
     return [where for where in wheres if where is not None]
 
 
-def _settled_scenes(wheres: Sequence[Where | None]) -> Scenes:
-    table, rows = gather(_there(wheres))
-    return _scenes(table.columns, table.disks, rows, "")
+def _predictions(told: Told) -> tuple[ndarray, ndarray, tuple[Disks, ndarray] | None]:
+    """Return which pushes are predicted (K,), by what (K,), and where, if any is."""
+    predicted = np.zeros(len(told.there), dtype=bool)
+    models = np.full(len(told.there), "", dtype=object)
+    if told.predictions is None:
+        return predicted, models, None
+    table, found = told.predictions
+    rows = np.zeros(len(told.there), dtype=np.int64)
+    rows[told.there] = found
+    predicted[told.there] = table.columns["error_code"][found] == OK
+    models[told.there] = table.columns["model"][found]
+    return predicted, models, (table.disks[DISKS], rows)
 
 
-def _scenes(
-    columns: dict[str, ndarray], disks: dict[str, Disks], rows: ndarray, prefix: str
-) -> Scenes:
+def _scenes(table: Table, rows: ndarray, prefix: str) -> Scenes:
+    columns, disks = table.columns, table.disks[prefix + DISKS]
     seconds = columns[f"{prefix}header.stamp.sec"][rows].astype(np.int64)
     return Scenes(
-        disks[prefix + DISKS],
+        disks,
         rows,
-        disks[prefix + DISKS].counts[rows],
+        disks.counts[rows],
         columns[f"{prefix}settled"][rows] != 0,
         columns[f"{prefix}scene_id"][rows],
         seconds * SECOND + columns[f"{prefix}header.stamp.nanosec"][rows].astype(np.int64),
     )
 
 
-def _numbers(columns: dict[str, ndarray], rows: ndarray, names: Sequence[str]) -> ndarray:
-    return np.stack([columns[name][rows].astype(np.float64) for name in names], axis=-1)
+def _numbers(table: Table, rows: ndarray, names: Sequence[str]) -> ndarray:
+    return np.stack([table.columns[name][rows].astype(np.float64) for name in names], axis=-1)
 
 
 def _possible(scene: Scene, name: str) -> Scene:

@@ -7,7 +7,15 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.pairing import OK, Paired
-from sain_bags.push_groups import FROM_RESULT, FROM_SCENES, PushGroup, about
+from sain_bags.push_groups import (
+    FROM_RESULT,
+    FROM_SCENES,
+    PushGroup,
+    about,
+    told_of_each,
+    told_of_run,
+)
+from sain_bags.push_run import PushRun
 from sain_core.dynamics import Dynamics
 from sain_core.errors import ErrorCode, SainError
 from sain_core.push import check_predictable
@@ -58,21 +66,17 @@ class RowMaker:
         self._prior: Dynamics | None = None
         self._moved_only, self._keep_unsettled = moved_only, keep_unsettled
 
-    def rows(self, pushes: Sequence[Paired]) -> tuple[list[Block], list[Dropped]]:
+    def rows(self, pushes: Sequence[Paired] | PushRun) -> tuple[list[Block], list[Dropped]]:
         """Return the rows of pushes, by numbers of disks, and those that are none, in order."""
         dropped: dict[int, Dropped] = {}
-        chosen: dict[str, list[int]] = {FROM_RESULT: [], FROM_SCENES: []}
-        for place, paired in enumerate(pushes):
-            if paired.code == OK and not paired.repeated:
-                chosen[FROM_RESULT].append(place)
-            elif (found := _dismissed(paired)) is not None:
-                dropped[place] = found
-            else:
-                chosen[FROM_SCENES].append(place)
-        blocks: list[Block] = []
-        for source, places in chosen.items():
-            if places:
-                blocks += self._blocks(PushGroup(pushes, places, source), dropped)
+        if isinstance(pushes, PushRun):
+            group = PushGroup(FROM_RESULT, np.arange(len(pushes)), told_of_run(pushes))
+            blocks = self._blocks(group, dropped)
+        else:
+            blocks = []
+            for source, places in _chosen(pushes, dropped).items():
+                told = told_of_each([pushes[place] for place in places], source)
+                blocks += self._blocks(PushGroup(source, np.array(places), told), dropped)
         return _merged(blocks), [dropped[place] for place in sorted(dropped)]
 
     def _blocks(self, group: PushGroup, dropped: dict[int, Dropped]) -> list[Block]:
@@ -128,20 +132,20 @@ class RowMaker:
         return Block(group.places[chosen], columns)
 
     def _columns(self, group: PushGroup, chosen: ndarray) -> dict[str, ndarray]:
-        pushes = [group.pushes[push] for push in chosen.tolist()]
+        told = group.told
         models = np.where(group.predicted, group.models, COMPUTED + self._prior_name)[chosen]
         return {
             "action": group.actions[chosen],
-            "duration": group.durations[chosen].astype(np.float64),
+            "duration": group.durations[chosen],
             "goal": group.goals[chosen, :2],
             "tolerance": group.goals[chosen, 2],
-            "push_id": np.array([paired.push_id for paired in pushes], dtype=np.uint64),
-            "bag_episode": np.array([paired.episode_id for paired in pushes], dtype=np.uint64),
+            "push_id": told.push_ids[chosen],
+            "bag_episode": told.episodes[chosen],
             "bag_scene": group.before.numbers[chosen].astype(np.uint64),
-            "outcome": np.array([paired.code for paired in pushes], dtype=np.int64),
+            "outcome": told.codes[chosen],
             "stamp": group.before.stamps[chosen],
             "next_stamp": group.after.stamps[chosen],
-            "log_time": np.array([paired.log_time for paired in pushes], dtype=np.int64),
+            "log_time": told.times[chosen],
             "source": np.full(len(chosen), group.source),
             "physics_source": models.astype(np.str_),
         }
@@ -167,19 +171,31 @@ class RowMaker:
         return predicted, reasons
 
 
+def _chosen(pushes: Sequence[Paired], dropped: dict[int, Dropped]) -> dict[str, list[int]]:
+    """Return the places of pushes that may be rows, by the source of their scenes."""
+    chosen: dict[str, list[int]] = {}
+    for place, paired in enumerate(pushes):
+        if (found := _dismissed(paired)) is not None:
+            dropped[place] = found
+        else:
+            source = FROM_SCENES if paired.result is None else FROM_RESULT
+            chosen.setdefault(source, []).append(place)
+    return chosen
+
+
 def _dismissed(paired: Paired) -> Dropped | None:
-    """Return why a push without a result, or whose result is no row, is none; None: it may be."""
-    if paired.refused:
-        assert paired.result is not None
+    """Return why a push is no row; None: it may be one."""
+    named = about(paired.push_id, paired.place[0])
+    if paired.result is not None and paired.code != OK:
         table, row = paired.result
         message = table.columns["error_message"][row]
-        return Dropped(REFUSED, f"{about(paired)}: {_code_name(paired.code)}: {message}")
+        return Dropped(REFUSED, f"{named}: {_code_name(paired.code)}: {message}")
     if paired.repeated:
-        return Dropped(REPEATED, about(paired))
+        return Dropped(REPEATED, named)
     if paired.ambiguous:
-        return Dropped(AMBIGUOUS, about(paired))
-    if paired.before is None or paired.after is None:
-        return Dropped(UNANSWERED, about(paired))
+        return Dropped(AMBIGUOUS, named)
+    if paired.result is None and (paired.before is None or paired.after is None):
+        return Dropped(UNANSWERED, named)
     return None
 
 

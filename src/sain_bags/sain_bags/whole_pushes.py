@@ -1,7 +1,7 @@
 """Pushes of which all that is said is said in one go, with nothing of another push in between.
 
 Nearly all are. A `Pairing` hears of each once, instead of message by message, when the last of its
-messages has come; that makes no difference but to the time it takes.
+messages has come, as part of a `PushRun`; that makes no difference but to the time it takes.
 """
 
 from collections.abc import Sequence
@@ -10,11 +10,10 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
-from sain_bags.heard import Arguments, Heard
+from sain_bags.heard import Heard
 from sain_bags.pairing import OK, Pairing
+from sain_bags.push_run import NONE, PushRun
 from sain_bags.tables import PUSH
-
-NONE = -1  # in place of a row
 
 
 class WholePushes:
@@ -30,27 +29,24 @@ class WholePushes:
         """
         self.covered = np.zeros(count, dtype=bool)  # messages that are told of together
         self.spots = np.empty(0, dtype=np.int64)  # of the last message of each push
-        kinds = {messages.kind: messages for messages in heard if messages.kind != GOAL}
-        several = len(kinds) < sum(messages.kind != GOAL for messages in heard)
-        if PUSH_RESULT in kinds and SCENE not in kinds and not several:
+        kinds = {messages.kind: messages for messages in heard}
+        if PUSH_RESULT in kinds and SCENE not in kinds and len(kinds) == len(heard):
+            self.goals = kinds.pop(GOAL, None)
             self._kinds, self._pairing = kinds, pairing
             self._find(count)
 
-    def arguments(self) -> Arguments:
-        """Yield what `Pairing.whole` is told."""
-        results = self._kinds[PUSH_RESULT]
-        predictions = [None] * len(self._results)
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.spots)
+
+    def run(self) -> PushRun:
+        """Return all of them."""
+        predictions = None
         if self._pairing.awaits_predictions:
-            predictions = list(self._kinds[PREDICTION].wheres(self._predictions))
-        return zip(
-            results.column("push_id", self._results),
-            results.places(self._results, "push."),
-            self._times.tolist(),
-            results.column("episode_id", self._results),
-            results.wheres(self._results),
-            predictions,
-            strict=True,
-        )
+            predictions = self._kinds[PREDICTION].table
+        table = self._kinds[PUSH_RESULT].table
+        rows = (self._results, predictions, self._predictions, self._times, self.spots)
+        return PushRun(table, *rows)
 
     def _find(self, count: int) -> None:
         spots = np.sort(np.concatenate([messages.spots for messages in self._kinds.values()]))
@@ -70,8 +66,7 @@ class WholePushes:
             right &= rows.get(PREDICTION, np.array(NONE)) != NONE
         right &= self._executed(rows[PUSH_RESULT], said[begins], rows.get(PUSH))
         self._results = rows[PUSH_RESULT][right]
-        if PREDICTION in rows:
-            self._predictions = rows[PREDICTION][right]
+        self._predictions = rows.get(PREDICTION, rows[PUSH_RESULT])[right]
         self._times = times[spots[begins[right]]]
         ends = np.append(begins[1:], len(spots))
         self.spots = spots[ends[right] - 1]
