@@ -84,8 +84,7 @@ class RowMaker:
         left = np.ones(len(group.places), dtype=bool)
         if not self._keep_unsettled:
             left &= before.settled & after.settled
-            for push in np.flatnonzero(~left):
-                dropped[int(group.places[push])] = Dropped(UNSETTLED, group.about(push))
+            _drop(group, np.flatnonzero(~left), UNSETTLED, _no_detail, dropped)
         alike = (before.counts == after.counts) & (before.counts >= MIN_DISKS)
         _drop(group, np.flatnonzero(left & ~alike), SENSELESS, group.why_senseless, dropped)
         left &= alike
@@ -123,7 +122,7 @@ class RowMaker:
         travel = next_state[:, TARGET, POSITION] - state[:, TARGET, POSITION]
         moved = np.hypot(travel[:, 0], travel[:, 1]) >= MOVED
         if self._moved_only:
-            keep(moved, NOT_MOVED, lambda _: "")
+            keep(moved, NOT_MOVED, _no_detail)
             moved = moved[moved]
         columns = self._columns(group, chosen)
         states = {"state": state, "physics_next": physics, "next_state": next_state}
@@ -210,6 +209,10 @@ def _drop(
         detail = why(push)
         named = f"{group.about(push)}: {detail}" if detail else group.about(push)
         dropped[int(group.places[push])] = Dropped(reason, named)
+
+
+def _no_detail(_: int) -> str:
+    return ""
 
 
 def _possible(scenes: Scenes) -> ndarray:
