@@ -140,7 +140,10 @@ def test_a_run_of_whole_pushes_is_told_of_as_if_one_by_one(pushes: int, waits: b
     found = [*pairing.ready(), *pairing.rest()]
     given: list[Any] = []
     for segment in found:
-        given += segment.goals if isinstance(segment, PushRun) else [p.goal for p in segment]
+        if isinstance(segment, PushRun):
+            given += [segment.goals[goal] for goal in segment.goal_of]
+        else:
+            given += [paired.goal for paired in segment]
     if waits:
         given.pop(0)
     told = [goal if goal in (general, early) else goal[1] for goal in given]

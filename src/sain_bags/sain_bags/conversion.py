@@ -4,12 +4,14 @@ What is written depends on the recordings and the settings alone: the same comma
 stop, and ends with the same bytes.
 """
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from sain_bags.card import Card
 from sain_bags.dataset_folder import DatasetFolder
@@ -25,7 +27,9 @@ from sain_core.errors import DatasetError
 from sain_core.plugins import load_dynamics
 from sain_core.shards import SHARD_SIZE
 
-Progress = Callable[[int, int, int], None]  # messages read, of how many; rows written
+WAITING_SHARDS: Final = 2  # that are made and not stored yet
+
+Progress = Callable[[int, int, int], None]  # messages read, of how many; rows made
 
 
 @dataclass(frozen=True)
@@ -86,13 +90,28 @@ def convert(
             return dynamics
 
         maker = RowMaker(prior, config.prior, config.moved_only, config.keep_unsettled)
-        for shard in _shards(sources, maker, numbering, card, progress):
-            card.add(folder.store(shard))
+        for shard in _stored(folder, _shards(sources, maker, numbering, card, progress)):
+            card.add(shard)
     if not card.transitions:
         raise DatasetError(f"no transition is left: {card.why_none()}")
     about = {**identity, **_versions(), "episodes": numbering.episodes}
     folder.finish(card.content(about, [source.describe() for source in sources]))
     return Converted(card.transitions, numbering.episodes, dict(card.dropped))
+
+
+def _stored(folder: DatasetFolder, shards: Iterable[Columns]) -> Iterator[Columns]:
+    """Store shards, and yield each when it is stored; the next is made while a disk is waited for.
+
+    Where something goes wrong, or is stopped, those that were made before are stored first.
+    """
+    with ThreadPoolExecutor(max_workers=1) as writer:
+        waiting: deque[Future[Columns]] = deque()
+        for shard in shards:
+            waiting.append(writer.submit(folder.store, shard))
+            while len(waiting) > WAITING_SHARDS:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
 
 
 def _shards(
@@ -154,7 +173,7 @@ class _Counter:
         self._progress(self._read, self._messages, self._rows)
 
     def pass_on(self, shards: Iterable[Columns]) -> Iterator[Columns]:
-        """Yield shards, and tell of each when the next is asked for: it is written by then."""
+        """Yield shards, and tell of each when the next is asked for."""
         for shard in shards:
             yield shard
             self._rows += len(shard["push_id"])

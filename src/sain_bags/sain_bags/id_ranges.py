@@ -48,3 +48,14 @@ class IdRanges:
         if place + 1 < len(self._starts) and self._starts[place + 1] == self._ends[place] + 1:
             self._ends[place] = self._ends.pop(place + 1)
             del self._starts[place + 1]
+
+    def add_all(self, numbers: ndarray) -> None:
+        """Add numbers (M,), none of which is there yet."""
+        ordered = np.sort(numbers)
+        breaks = np.flatnonzero(ordered[1:] - ordered[:-1] != 1) + 1
+        for run in np.split(ordered, breaks):
+            first, last = int(run[0]), int(run[-1])
+            self.add(first)
+            if last > first:
+                self._ends[bisect_right(self._starts, first) - 1] = last - 1
+                self.add(last)

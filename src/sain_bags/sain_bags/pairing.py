@@ -127,8 +127,7 @@ class Pairing:
             return
         run.find_goals(goals, self._goals)
         self._goals.update(goals.items() if goals else ())
-        for number in run.column("push_id").tolist():
-            self._done.add(number)
+        self._done.add_all(run.column("push_id"))
         self._runs.append(run)
         while sum(map(len, self._runs)) - len(self._runs[0]) > self._window:
             self._runs.popleft()

@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.pairing import OK, Paired
-from sain_bags.push_run import PushRun, Where
+from sain_bags.push_run import NONE, PushRun, Where
 from sain_bags.tables import DISKS, Disks, Table, gather
 from sain_core.errors import InvalidInputError
 from sain_core.push import PUSH_NAMES
@@ -52,7 +52,8 @@ class Told:
     episodes: ndarray  # (K,) that the result names, if there is one
     codes: ndarray  # (K,) of the results; 0: there is none
     times: ndarray  # (K,) [ns since the epoch] of the first message about each
-    goals: Sequence[Where | None]
+    goals: Sequence[Where]
+    goal_of: ndarray  # (K,) in goals; `NONE`: none was given
     there: ndarray  # (K,) whether there is a prediction
     predictions: Found | None  # of those; None: there is none at all
     results: Found | None = None
@@ -70,6 +71,7 @@ def told_of_run(run: PushRun) -> Told:
         run.column("error_code").astype(np.int64),
         run.times,
         run.goals,
+        run.goal_of,
         there,
         None if run.predictions is None else (run.predictions, run.prediction_rows),
         results=(run.results, run.rows),
@@ -79,13 +81,17 @@ def told_of_run(run: PushRun) -> Told:
 def told_of_each(pushes: Sequence[Paired], source: str) -> Told:
     """Return what is said of pushes that were told of one by one."""
     there = np.array([paired.prediction is not None for paired in pushes])
+    goals = _there([paired.goal for paired in pushes])
+    given = np.array([paired.goal is not None for paired in pushes])
+    goal_of = np.where(given, np.cumsum(given) - 1, NONE)
     told = Told(
         np.array([paired.push_id for paired in pushes], dtype=np.uint64),
         np.array([paired.place[0] for paired in pushes], dtype=np.uint64),
         np.array([paired.episode_id for paired in pushes], dtype=np.uint64),
         np.array([paired.code for paired in pushes], dtype=np.int64),
         np.array([paired.log_time for paired in pushes], dtype=np.int64),
-        [paired.goal for paired in pushes],
+        goals,
+        goal_of,
         there,
         gather(_there([p.prediction for p in pushes])) if there.any() else None,
     )
@@ -118,10 +124,11 @@ class PushGroup:
             self.before, self.after = (_scenes(*found, "") for found in told.scenes)
             self.actions = _numbers(*told.pushes, PUSH_NAMES)
             self.durations = 1e-9 * (self.after.stamps - self.before.stamps)
-        self.given = np.array([goal is not None for goal in told.goals])
+        self.given = told.goal_of != NONE
         self.goals = np.full((len(places), len(GOAL_FIELDS)), np.nan)  # NaN: none was given
-        if self.given.any():
-            self.goals[self.given] = _numbers(*gather(_there(told.goals)), GOAL_FIELDS)
+        if told.goals:
+            goals = _numbers(*gather(told.goals), GOAL_FIELDS)
+            self.goals[self.given] = goals[told.goal_of[self.given]]
         self.predicted, self.models, self._predictions = _predictions(told)
 
     def predictions(self, chosen: ndarray, count: int) -> ndarray:

@@ -38,7 +38,8 @@ class PushRun:
     prediction_rows: ndarray  # (R,)
     times: ndarray  # (R,) [ns since the epoch], of the first message about each
     spots: ndarray  # (R,) growing, of the last
-    goals: list[Where | None] = field(default_factory=list)
+    goals: list[Where] = field(default_factory=list)
+    goal_of: ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # (R,) in goals
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -66,17 +67,19 @@ class PushRun:
             given: goals between these pushes.
             earlier: those before, by episode.
         """
-        wheres = [where for _, where in given.items()] if given else []
+        found = [where for _, where in given.items()] if given else []
         episodes = self.column("episode_id")
-        own = self._latest(given, episodes)
+        chosen = self._latest(given, episodes)
         general = self._latest(given, np.full_like(episodes, ANY_EPISODE))
-        for episode, at, fallback in zip(
-            episodes.tolist(), own.tolist(), general.tolist(), strict=True
-        ):
-            goal = wheres[at] if at != NONE else earlier.get(episode)
-            if goal is None:
-                goal = wheres[fallback] if fallback != NONE else earlier.get(ANY_EPISODE)
-            self.goals.append(goal)
+        for episode in np.unique(episodes[chosen == NONE]).tolist():
+            if episode in earlier:
+                chosen[(episodes == episode) & (chosen == NONE)] = len(found)
+                found.append(earlier[episode])
+        chosen = np.where(chosen == NONE, general, chosen)
+        if ANY_EPISODE in earlier:
+            chosen[chosen == NONE] = len(found)
+            found.append(earlier[ANY_EPISODE])
+        self.goals, self.goal_of = found, chosen
 
     def _latest(self, given: GoalRun | None, episodes: ndarray) -> ndarray:
         """Return which goal was the last that was given for an episode each, (R,)."""
