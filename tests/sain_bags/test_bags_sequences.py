@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sain_bags.formats.rows import Columns, StoredRows, goal_distance, reached
+from sain_bags.dataset_shards import Columns
+from sain_bags.formats.rows import StoredRows, goal_distance, reached
 from sain_core.shards import shard_path
 from sain_core.storage import write_arrays
 

@@ -13,8 +13,8 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
-from numpy import ndarray
 
+from sain_bags.dataset_shards import Columns
 from sain_bags.episodes import parent_of
 from sain_bags.sources import Source
 from sain_core.errors import ErrorCode
@@ -41,7 +41,7 @@ class KnownFriction:
                 if known != friction:
                     self._known[source.sha256, episode] = np.nan
 
-    def added_to(self, columns: dict[str, ndarray]) -> dict[str, ndarray]:
+    def added_to(self, columns: Columns) -> Columns:
         """Return columns with the friction of each row; as they are where no recording tells."""
         if not self._told:
             return columns
