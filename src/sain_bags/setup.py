@@ -25,6 +25,7 @@ setup(
         "tyro",
         "zstandard",
     ],
+    extras_require={"sqlite3": ["rosbags"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -43,6 +43,7 @@ class BagFiles:
         Raises:
             DatasetError: one is no whole MCAP file, or its summary is damaged.
         """
+        self.paths = tuple(paths)
         self._files = [McapFile(path) for path in paths]
         self.channels = tuple(
             BagChannel(number, channel, file.schema(channel))

@@ -15,6 +15,7 @@ from sain_bags.mcap_file import Messages
 
 SPARSE: Final = 4  # times as much data as messages: it is not kept for these few
 BATCH_SIZE: Final = 2 << 20  # [bytes], messages are handed on from here
+BATCH_STRETCHES: Final = 256  # or with so many read, where little is wanted of each
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def in_order(stretches: Iterable[tuple[int, Batch]]) -> Iterator[Batch]:
     for limit, batch in stretches:
         held.append(batch)
         size += len(batch.data)
-        if size < BATCH_SIZE:
+        if size < BATCH_SIZE and len(held) < BATCH_STRETCHES:
             continue
         joined = _sorted(_join(held))
         early = joined.log_times < limit
