@@ -43,6 +43,7 @@ class BagFiles:
         Raises:
             DatasetError: one is no whole MCAP file, or its summary is damaged.
         """
+        self.paths = tuple(paths)
         self._files = [McapFile(path) for path in paths]
         self.channels = tuple(
             BagChannel(number, channel, file.schema(channel))
@@ -86,7 +87,8 @@ class BagFiles:
         tables = [_table(numbers) for numbers in wanted]
         for (stretch, number, rank), limit in zip(places, limits, strict=True):
             messages = self._files[number].read(stretch, wanted[number].keys())
-            counts[number] += np.bincount(messages.heads["channel"], minlength=CHANNELS)
+            found = np.bincount(messages.heads["channel"])
+            counts[number][: len(found)] += found
             yield limit, make_batch(messages, tables[number], rank)
 
     def _wanted(self, file: int, topics: Collection[str] | None) -> dict[int, int]:
