@@ -4,8 +4,8 @@
     ./env python tools/lock.py
 
 The set-up installs the two files side by side and without resolving anything, so no package stands
-in both; what as_is.txt lists is added to the second. Locks are made for the Python that runs this; with any other Python the set-up resolves the
-.in files itself.
+in both; the second one has what as_is.txt lists, too. Locks are made for the Python that runs this;
+with any other Python the set-up resolves the .in files itself.
 """
 
 import json

@@ -30,6 +30,7 @@ setup(
         "parquet": ["pyarrow"],
         "minari": ["gymnasium", "h5py", "minari"],
         "lerobot": ["lerobot"],
+        "sqlite3": ["rosbags"],
     },
     zip_safe=False,
     entry_points={

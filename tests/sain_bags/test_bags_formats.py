@@ -326,7 +326,7 @@ def test_a_full_disk_leaves_no_data_set(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(dataset_folder, "find_format", lambda name: full)
-    with pytest.raises(OutputError, match="cannot write .*No space left on device"):
+    with pytest.raises(OutputError, match=r"cannot write .*No space left on device"):
         to("parquet", bag, tmp_path / "out")
     monkeypatch.undo()
     assert not (tmp_path / "out" / "card.json").exists()

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sain_bags.formats.rows import Columns, StoredRows, goal_distance, reached
+from sain_bags.dataset_shards import Columns
+from sain_bags.formats.rows import StoredRows, goal_distance, reached
 from sain_core.shards import shard_path
 from sain_core.storage import write_arrays
 
@@ -25,7 +26,7 @@ def pushes(
         "state": states[:-1],
         "next_state": states[1:].copy(),
         "episode": np.full(count, episode),
-        "step": np.arange(count) if steps is None else np.array(steps),
+        "step": np.array(steps or range(count)),
         "goal": np.tile(GOAL, (count, 1)),
         "tolerance": np.full(count, 0.02),
     }

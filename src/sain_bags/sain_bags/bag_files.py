@@ -1,6 +1,5 @@
 """The MCAP files of a bag, read as one."""
 
-from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +10,8 @@ from mcap.records import Channel, Schema, Statistics
 from numpy import ndarray
 
 from sain_bags.batches import Batch, in_order, make_batch
-from sain_bags.mcap_file import McapFile, Stretch
+from sain_bags.mcap_file import CHANNELS, McapFile, Stretch
 
-CHANNELS: Final = 1 << 16  # MCAP's channel ids have 16 bits
 NEVER: Final = (1 << 63) - 1  # [ns], later than every message
 
 
@@ -45,6 +43,7 @@ class BagFiles:
         Raises:
             DatasetError: one is no whole MCAP file, or its summary is damaged.
         """
+        self.paths = tuple(paths)
         self._files = [McapFile(path) for path in paths]
         self.channels = tuple(
             BagChannel(number, channel, file.schema(channel))
@@ -68,14 +67,14 @@ class BagFiles:
             DatasetError: damage was found on the way.
         """
         wanted = [self._wanted(number, topics) for number in range(len(self._files))]
-        counts = [dict.fromkeys(numbers, 0) for numbers in wanted]
+        counts = [np.zeros(CHANNELS, dtype=np.int64) for _ in self._files]
         yield from in_order(self._stretches(wanted, start, counts))
         if start is None:
-            for file, found in zip(self._files, counts, strict=True):
-                file.compare(found)
+            for file, numbers, found in zip(self._files, wanted, counts, strict=True):
+                file.compare({number: int(found[number]) for number in numbers})
 
     def _stretches(
-        self, wanted: list[dict[int, int]], start: int | None, counts: list[dict[int, int]]
+        self, wanted: list[dict[int, int]], start: int | None, counts: list[ndarray]
     ) -> Iterator[tuple[int, Batch]]:
         """Yield stretches by their beginning, each with when the next begins; count messages."""
         places: list[tuple[Stretch, int, int]] = []  # with its file and its rank
@@ -88,8 +87,8 @@ class BagFiles:
         tables = [_table(numbers) for numbers in wanted]
         for (stretch, number, rank), limit in zip(places, limits, strict=True):
             messages = self._files[number].read(stretch, wanted[number].keys())
-            for channel, count in Counter(messages.heads["channel"].tolist()).items():
-                counts[number][channel] += count
+            found = np.bincount(messages.heads["channel"])
+            counts[number][: len(found)] += found
             yield limit, make_batch(messages, tables[number], rank)
 
     def _wanted(self, file: int, topics: Collection[str] | None) -> dict[int, int]:

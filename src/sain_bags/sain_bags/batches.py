@@ -13,7 +13,9 @@ from numpy import ndarray
 
 from sain_bags.mcap_file import Messages
 
+SPARSE: Final = 4  # times as much data as messages: it is not kept for these few
 BATCH_SIZE: Final = 2 << 20  # [bytes], messages are handed on from here
+BATCH_STRETCHES: Final = 256  # or with so many read, where little is wanted of each
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ def make_batch(messages: Messages, channels: ndarray, rank: int) -> Batch:
         rank: the stretch's place in the bag.
     """
     heads = messages.heads
-    return Batch(
+    batch = Batch(
         messages.data,
         messages.starts,
         heads["length"].astype(np.int64) - 22,
@@ -67,6 +69,8 @@ def make_batch(messages: Messages, channels: ndarray, rank: int) -> Batch:
         heads["sequence"].copy(),
         np.full(len(heads), rank),
     )
+    sparse = SPARSE * int(batch.sizes.sum()) < len(batch.data)
+    return batch.compact() if sparse else batch
 
 
 def in_order(stretches: Iterable[tuple[int, Batch]]) -> Iterator[Batch]:
@@ -77,9 +81,11 @@ def in_order(stretches: Iterable[tuple[int, Batch]]) -> Iterator[Batch]:
             batch; batches in the order in which they begin.
     """
     held: list[Batch] = []
+    size = 0
     for limit, batch in stretches:
         held.append(batch)
-        if sum(len(part.data) for part in held) < BATCH_SIZE:
+        size += len(batch.data)
+        if size < BATCH_SIZE and len(held) < BATCH_STRETCHES:
             continue
         joined = _sorted(_join(held))
         early = joined.log_times < limit
@@ -89,6 +95,7 @@ def in_order(stretches: Iterable[tuple[int, Batch]]) -> Iterator[Batch]:
         else:
             held = [joined[~early].compact()]
             yield joined[early]
+        size = sum(len(part.data) for part in held)
     if held:
         yield _sorted(_join(held))
 

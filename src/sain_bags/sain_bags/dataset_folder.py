@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy import ndarray
 
 from sain_bags.dataset_export import clear, export, put_in_place, remove
-from sain_bags.dataset_shards import write_shard
+from sain_bags.dataset_shards import Columns, write_shard
 from sain_bags.dataset_split import describe_split, split_episodes
 from sain_bags.formats import SHARDS, find_format
 from sain_core.errors import OutputError
@@ -60,7 +59,7 @@ class DatasetFolder:
                 " folder, or --overwrite"
             )
 
-    def store(self, columns: dict[str, ndarray]) -> dict[str, ndarray]:
+    def store(self, columns: Columns) -> Columns:
         """Write columns as the next shard, or find it written, and return them.
 
         Raises:

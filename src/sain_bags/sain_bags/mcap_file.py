@@ -26,6 +26,7 @@ from sain_bags.integrity import check_summary, opened
 from sain_core.errors import DatasetError
 
 MAGIC_SIZE: Final = 8
+CHANNELS: Final = 1 << 16  # their numbers have 16 bits
 STRETCH: Final = 1 << 18  # [bytes], of messages outside of chunks that are read together
 
 INDEX_HEAD: Final = struct.Struct("<BQHI")  # opcode, length; channel, length of the entries
@@ -179,12 +180,14 @@ def _at(data: ndarray, places: ndarray, channels: Collection[int]) -> Messages:
     if places.min() < 0 or places.max() + MESSAGE.itemsize > len(data):
         raise McapError("a message is not inside its chunk")
     windows = np.lib.stride_tricks.sliding_window_view(data, MESSAGE.itemsize)
-    heads = windows[places].view(MESSAGE)[:, 0]
+    heads = windows.view(MESSAGE)[:, 0][places]
     lengths = heads["length"].astype(np.int64)
     wrong = (heads["opcode"] != Opcode.MESSAGE) | (lengths < MESSAGE_HEAD.size)
     if wrong.any() or (places + RECORD_HEAD.size + lengths > len(data)).any():
         raise McapError("a message is not inside its chunk")
-    wanted = np.isin(heads["channel"], list(channels))
+    chosen = np.zeros(CHANNELS, dtype=bool)
+    chosen[list(channels)] = True
+    wanted = chosen[heads["channel"]]
     return Messages(data, heads[wanted], places[wanted] + MESSAGE.itemsize)
 
 

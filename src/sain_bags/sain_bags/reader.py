@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-import yaml
 from mcap.records import McapRecord
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
 from sain_bags.bag_files import BagChannel, BagFiles
+from sain_bags.bag_folder import find_files
 from sain_bags.batches import Batch
-from sain_bags.integrity import RESCUE, check_summary, opened
-from sain_bags.metadata import METADATA_FILE
+from sain_bags.foreign import CopiedBag, is_foreign
+from sain_bags.integrity import check_summary, opened
 from sain_core.errors import DatasetError
 
 DECODING: Final = (ValueError, IndexError, KeyError, struct.error, MemoryError)
@@ -55,9 +55,10 @@ class Received:
 
 
 class Bag:
-    """A whole bag: a rosbag2 folder with one or more MCAP files, or one such file alone.
+    """A whole bag: a rosbag2 folder with one or more files, or one MCAP file alone.
 
-    Everything that is read is checked against the CRCs in the files.
+    Everything that is read is checked against the CRCs in MCAP files. Of any other storage a copy
+    is made for as long as the bag is read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -67,9 +68,9 @@ class Bag:
             DatasetError: not a bag, not whole, or damaged; the message says what to do.
         """
         self.path = path
-        self.metadata: Mapping[str, Any] = {}
-        self.files = self._find_files()
-        self._content = BagFiles(self.files)
+        self.metadata, self.files = find_files(path)
+        self._copy = CopiedBag(path) if is_foreign(self.metadata) else None
+        self._content = BagFiles((self._copy.file,) if self._copy else self.files)
         self.channels = self._content.channels
         self._statistics = self._content.statistics
 
@@ -93,12 +94,13 @@ class Bag:
             numbers = self._statistics[found.file].channel_message_counts
             counts[key] += numbers.get(found.channel.id, 0)
             about[key] = {**about.get(key, {}), **found.channel.metadata}
+        told = self._told_topics()
         return tuple(
             TopicSummary(
                 *key,
                 counts[key],
                 about[key].get("offered_qos_profiles", ""),
-                about[key].get("topic_type_hash", ""),
+                about[key].get("topic_type_hash") or told.get(key, ""),
             )
             for key in sorted(counts)
         )
@@ -204,10 +206,19 @@ class Bag:
         Raises:
             DatasetError: a bit is not as it was written.
         """
-        for file in self.files:
+        for file in self._content.paths:
             with opened(file) as stream:
                 yield from StreamReader(stream, validate_crcs=True).records
                 check_summary(stream)
+
+    def _told_topics(self) -> dict[tuple[str, str], str]:
+        """Return the hashes of types that ``metadata.yaml`` tells of, by topic and type."""
+        listed = self.metadata.get("topics_with_message_count") or []
+        topics = [entry.get("topic_metadata", {}) for entry in listed]
+        return {
+            (topic.get("name"), topic.get("type")): str(topic.get("type_description_hash") or "")
+            for topic in topics
+        }
 
     def _numbered(
         self, topics: Collection[str] | None, start: int | None
@@ -223,36 +234,6 @@ class Bag:
             rows = zip(*(column.tolist() for column in columns), strict=True)
             for number, first, end, *rest in rows:
                 yield number, Raw(*names[number], data[first:end], *rest)
-
-    def _find_files(self) -> tuple[Path, ...]:
-        if self.path.is_file():
-            return (self.path,)
-        if not self.path.is_dir():
-            raise DatasetError(f"no bag at {self.path}")
-        files = sorted(self.path.glob("*.mcap"))
-        if not (self.path / METADATA_FILE).is_file():
-            if not files:
-                raise DatasetError(f"{self.path} is no bag: it has no {METADATA_FILE}")
-            raise DatasetError(f"{self.path} was not closed: it has no {METADATA_FILE}; {RESCUE}")
-        self.metadata = self._read_metadata()
-        named = self.metadata.get("relative_file_paths", [])
-        missing = [name for name in named if not (self.path / name).is_file()]
-        if not named or missing:
-            raise DatasetError(
-                f"{self.path / METADATA_FILE} names the files {named}"
-                f"{f'; {missing[0]} is not there' if missing else ''}"
-            )
-        return tuple(self.path / str(name) for name in named)
-
-    def _read_metadata(self) -> Mapping[str, Any]:
-        path = self.path / METADATA_FILE
-        try:
-            content = yaml.safe_load(path.read_text(encoding="utf-8"))
-            return dict(content["rosbag2_bagfile_information"])
-        except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError) as error:
-            raise DatasetError(
-                f"{path} cannot be read ({error}); `ros2 bag reindex` makes a new one"
-            ) from error
 
 
 def _decoder(source: BagChannel, path: Path) -> Callable[[bytes], Any]:

@@ -67,8 +67,12 @@ def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
         reading = bar.add_task("to_dataset", total=None, what="messages")
         writing = bar.add_task(options.conversion.format, visible=False, what="transitions written")
 
+        shown = 0
+
         def read(messages: int, of: int, rows: int) -> None:
-            if messages % SHOWN == 0 or messages == of:
+            nonlocal shown
+            if messages >= shown + SHOWN or messages == of:
+                shown = messages
                 what = f"messages, {rows} transitions"
                 bar.update(reading, total=of, completed=messages, what=what)
 

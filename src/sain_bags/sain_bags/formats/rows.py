@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from sain_bags.dataset_shards import Columns
 from sain_core.scene import POSITION, STATE_SIZE, TARGET
 from sain_core.shards import MOVED
 from sain_core.storage import read_arrays
-
-Columns = dict[str, ndarray]  # by key, each with one entry a row
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ import numpy as np
 import torch
 from numpy import ndarray
 
-from sain_bags.formats.rows import Columns, StoredRows, goal_distance, reached
+from sain_bags.dataset_shards import Columns
+from sain_bags.formats.rows import StoredRows, goal_distance, reached
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
 from sain_core.split import PARTS

@@ -20,7 +20,8 @@ from minari.data_collector import EpisodeBuffer
 from minari.dataset.minari_storage import MinariStorage
 from numpy import ndarray
 
-from sain_bags.formats.rows import Columns, StoredRows, goal_distance, reached
+from sain_bags.dataset_shards import Columns
+from sain_bags.formats.rows import StoredRows, goal_distance, reached
 from sain_core.push import PUSH_NAMES, PushLimits
 from sain_core.scene import STATE_SIZE
 from sain_core.split import PARTS

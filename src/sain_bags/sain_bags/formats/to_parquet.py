@@ -17,7 +17,8 @@ import pyarrow
 from numpy import ndarray
 from pyarrow.parquet import ParquetWriter
 
-from sain_bags.formats.rows import Columns, StoredRows
+from sain_bags.dataset_shards import Columns
+from sain_bags.formats.rows import StoredRows
 from sain_core.split import PARTS
 
 CHUNKS: Final = 100  # in a file, each of a shard's rows of one part; about 50 MB

@@ -1,0 +1,130 @@
+"""Bags of any size for benchmarks: pushes with results and predictions, or a whole graph at work.
+
+The messages have the sizes of a recording of `make demo`. The states of pushes are random, so that
+they compress no better than real ones; of what else a graph says a few numbers change each time.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from sain_bags.definitions import Definitions
+from sain_bags.metadata import Topic
+from sain_bags.writer import BagConfig, BagWriter
+from sain_core.scene import STATE_NAMES
+from sain_core.seeding import generator
+
+INTERFACES = ("DiskState", "Scene", "Goal", "Push", "PushResult", "PushPrediction")
+BESIDE = {  # what else a graph says for each scene, with its size [bytes] in CDR
+    "/clock": ("rosgraph_msgs/msg/Clock", 12),
+    "/sain/joint_states": ("sensor_msgs/msg/JointState", 296),
+    "/sain/markers": ("visualization_msgs/msg/MarkerArray", 1404),
+}
+CHANGING = 128  # [bytes] of each of these that are not as before
+PUSHES_AN_EPISODE = 8
+PERIOD = 10_000_000  # [ns] between scenes
+
+
+class MadeBag:
+    """Writes one bag."""
+
+    def __init__(self, folder: Path, config: BagConfig = BagConfig(), seed: int = 0) -> None:
+        """Begin a bag in a new folder."""
+        self.writer, self._random = BagWriter(folder, config), generator(seed, 0)
+        self._store, self._definitions = get_typestore(Stores.ROS2_JAZZY), Definitions()
+        for name in INTERFACES:
+            full = f"sain_interfaces/msg/{name}"
+            self._store.register(get_types_from_msg(self._definitions.text(full), full))
+        self._now, self._scene_id = 1_700_000_000_000_000_000, 0
+
+    def pushes(self, count: int, first: int = 1, results: bool = True) -> None:
+        """Write pushes, each planned from the scene that the one before led to."""
+        for number in range(first, first + count):
+            episode = 1 + number // PUSHES_AN_EPISODE
+            if number == first or number % PUSHES_AN_EPISODE == 0:
+                self._scene_id += 1
+                self._send("goal", "Goal", goal_id=episode, episode_id=episode, x=0.8, y=0.1)
+            self._push(number, episode, results)
+
+    def scenes(self, count: int, beside: bool = True) -> None:
+        """Write scenes of something that moves, at 100 Hz, and what else a graph says."""
+        message = self._scene(1, settled=False)
+        data = self._serialize("Scene", message)
+        for _ in range(count):
+            self._write("/sain/scene", "sain_interfaces/msg/Scene", data, PERIOD)
+            for topic, (kind, size) in (BESIDE if beside else {}).items():
+                fresh = self._random.bytes(min(size, CHANGING))
+                self._write(topic, kind, bytes(size - len(fresh)) + fresh, 0)
+
+    def images(self, count: int, size: int) -> None:
+        """Write images of a camera that nobody asked for."""
+        data = self._random.bytes(size)
+        for _ in range(count):
+            self._write("/camera", "sensor_msgs/msg/Image", data, PERIOD)
+
+    def _push(self, number: int, episode: int, result: bool) -> None:
+        ids = {"push_id": number, "episode_id": episode}
+        angles = self._random.uniform(-0.7, 0.7, 2)
+        before = self._scene(episode)
+        push = self._make(
+            "Push", **ids, scene_id=self._scene_id, location=angles[0], angle=angles[1],
+            length=0.1, source="mppi",
+        )  # fmt: skip
+        self._write("/sain/push", "sain_interfaces/msg/Push", self._serialize("Push", push))
+        self._scene_id += 1
+        after = self._scene(episode)
+        if result:
+            self._send(
+                "push_result", "PushResult", **ids, error_code=1, push=push, before=before,
+                after=after, duration=1.25,
+            )  # fmt: skip
+        else:
+            for scene in (before, after):
+                data = self._serialize("Scene", scene)
+                self._write("/sain/scene", "sain_interfaces/msg/Scene", data)
+        self._send(
+            "physics_prediction", "PushPrediction", **ids, error_code=1, model="bullet_nominal",
+            disks=self._disks(),
+        )  # fmt: skip
+
+    def _scene(self, episode: int, settled: bool = True) -> Any:
+        header = self._make("Header", package="std_msgs", frame_id="world")
+        return self._make(
+            "Scene", header=header, episode_id=episode, scene_id=self._scene_id, settled=settled,
+            disks=self._disks(),
+        )  # fmt: skip
+
+    def _disks(self) -> list[Any]:
+        poses = self._random.uniform(0.2, 0.8, (2, 3))
+        values = ([*pose, 0.0, 0.0, 0.0, 8.0, 0.06] for pose in poses.tolist())
+        return [
+            self._make("DiskState", **dict(zip(STATE_NAMES, disk, strict=True))) for disk in values
+        ]
+
+    def _make(self, name: str, package: str = "sain_interfaces", **fields: Any) -> Any:
+        full = f"{package}/msg/{name}"
+        kind = self._store.types[full]
+        for field in kind.__annotations__:
+            if field in ("header", "stamp") and field not in fields:
+                nested = ("Header", "std_msgs") if field == "header" else _TIME
+                fields[field] = self._make(*nested)
+        blank = {"frame_id": "", "error_message": "", "sec": 0, "nanosec": 0}
+        names = [name for name in kind.__dataclass_fields__ if name != "__msgtype__"]
+        return kind(**{name: fields.get(name, blank.get(name, 0)) for name in names})
+
+    def _send(self, topic: str, name: str, **fields: Any) -> None:
+        data = self._serialize(name, self._make(name, **fields))
+        self._write(f"/sain/{topic}", f"sain_interfaces/msg/{name}", data)
+
+    def _serialize(self, name: str, message: Any) -> bytes:
+        return bytes(self._store.serialize_cdr(message, f"sain_interfaces/msg/{name}"))
+
+    def _write(self, topic: str, kind: str, data: bytes, wait: int = 1_000_000) -> None:
+        if topic not in self.writer.counts:
+            self.writer.add_topic(Topic(topic, kind, self._definitions.joined(kind)))
+        self._now += wait + 1
+        self.writer.write(topic, data, self._now)
+
+
+_TIME = ("Time", "builtin_interfaces")
