@@ -218,6 +218,18 @@ def test_without_results_the_scenes_tell(record, tmp_path):
     assert data["totals"]["unanswered"] == 2
 
 
+def test_what_another_push_did_is_not_ascribed_to_one_without_a_result(record, tmp_path):
+    recording = record()
+    show = Show(recording)
+    show.episode(1, 2, [0.05])
+    recording.add("/sain/push", "Push", push_id=77, episode_id=1, scene_id=1, length=0.1)
+    recording.writer.close()
+    pushes = content(tmp_path / "bag")["episodes"][0]["pushes"]
+    assert [(push["outcome"], push["after"] is None) for push in pushes] == [
+        ("executed", False), ("unanswered", True)
+    ]  # fmt: skip
+
+
 def test_a_simulator_that_was_started_anew_gives_episodes_of_its_own(record, tmp_path):
     recording = record()
     for _ in range(2):

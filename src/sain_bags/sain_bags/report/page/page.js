@@ -107,7 +107,8 @@ class Episodes {
     const last = Math.max(this.episode.frames.time.length - 1, 1);
     this.marks = this.episode.pushes.map((push, number) => {
       const mark = make("button", { type: "button", class: push.outcome, "aria-label": `Go to push ${number + 1}` }, String(number + 1));
-      mark.style.left = `${(100 * (push.from ?? 0)) / last}%`;
+      const before = this.episode.pushes.slice(0, number).filter((other) => other.from === push.from).length;
+      mark.style.left = `calc(${(100 * (push.from ?? 0)) / last}% + ${13 * before}px)`;
       mark.addEventListener("click", () => this.jump(number));
       return mark;
     });
