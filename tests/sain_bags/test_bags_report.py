@@ -19,7 +19,7 @@ from sain_bags.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.frames import Frame, Frames, frame_times
 from sain_bags.report.gathering import Limits
-from sain_bags.report.timeline import BINS, read_lanes
+from sain_bags.report.timeline import BINS, Lane, read_lanes
 from sain_bags.report.writing import render_page
 from sain_bags.report_cli import ReportOptions, default_path, run
 from sain_bags.timing import read_timings
@@ -330,3 +330,10 @@ def test_the_command_fails_with_one_line(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 1
     assert done.stderr == f"report: no bag at {tmp_path / 'none'}\n"
+
+
+def test_what_a_split_repeats_is_counted_once():
+    lane = Lane()
+    for log_time, sequence, published in ((10, 1, 9), (20, 1, 9), (30, 2, 29), (40, 2, 29)):
+        lane.saw(log_time, sequence, published, 0)
+    assert (lane.messages, lane.missing, lane.longest_gap) == (2, 0, 20)
