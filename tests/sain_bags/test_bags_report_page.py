@@ -222,8 +222,15 @@ def test_what_is_missing_is_told(browser, record, messages, tmp_path):
     browser.one("#gaps summary").click()
     assert browser.text("#gaps li") == "/tick 4 before 2.00\u202fs, 1 before 4.00\u202fs"
     assert len(browser.all("#topics .missing")) == 2
+    assert "Messages missing\n5\n" in browser.text("#tiles")
     assert not browser.one("#episodes").is_displayed()
     assert browser.complaints() == []
+
+
+def test_what_cannot_be_told_is_not_called_none(browser, page):
+    browser.open(page)  # its messages have no numbers
+    assert "Messages missing\n–" in browser.text("#tiles")
+    assert {cell.text for cell in browser.all("#topics td:last-child")} == {"–"}
 
 
 def test_strangers_text_stays_text(browser, record, tmp_path):
