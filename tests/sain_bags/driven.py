@@ -1,12 +1,10 @@
 """Recordings of a whole graph at work, as the simulator's node leaves them behind."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.highlevel import AnyReader
 
 from sain_core.scene import make_scene
 from sain_core.types import Scene
@@ -121,57 +119,3 @@ class Drive:
         values = {name: getattr(message, name) for name in message.__dataclass_fields__}
         values.pop("__msgtype__", None)
         self.recording.add(f"{self.parts.namespace}/{topic}", kind, **values)
-
-
-def independent_rows(folder: Path) -> Iterator[dict[str, Any]]:
-    """Read with `rosbags` what should become of a bag's executed pushes, in their order."""
-    found: dict[str, list[Any]] = {"push_result": [], "physics_prediction": [], "goal": []}
-    heard: dict[int, int] = {}
-    with AnyReader([folder]) as reader:
-        for connection, time, raw in reader.messages():
-            short = connection.topic.rpartition("/")[2]
-            message = reader.deserialize(raw, connection.msgtype)
-            if short in ("push", "push_result"):
-                heard.setdefault(message.push_id, time)
-            if short in found:
-                found[short].append(message)
-    physics = {message.push_id: message for message in found["physics_prediction"]}
-    goals = {message.episode_id: message for message in found["goal"]}
-    for result in found["push_result"]:
-        if result.error_code != OK:
-            continue
-        goal, predicted = goals[result.episode_id], physics[result.push_id]
-        yield {
-            "state": numbers(result.before.disks),
-            "action": [result.push.location, result.push.angle, result.push.length],
-            "physics_next": numbers(predicted.disks),
-            "next_state": numbers(result.after.disks),
-            "masses": [disk.mass for disk in result.before.disks],
-            "radii": [disk.radius for disk in result.before.disks],
-            "moved": np.hypot(
-                result.after.disks[1].x - result.before.disks[1].x,
-                result.after.disks[1].y - result.before.disks[1].y,
-            ) >= 0.002,
-            "duration": result.duration,
-            "goal": [goal.x, goal.y],
-            "tolerance": goal.tolerance,
-            "push_id": result.push_id,
-            "bag_episode": result.episode_id,
-            "bag_scene": result.before.scene_id,
-            "outcome": result.error_code,
-            "stamp": nanoseconds(result.before),
-            "next_stamp": nanoseconds(result.after),
-            "log_time": heard[result.push_id],
-            "source": "push_result",
-            "physics_source": predicted.model,
-        }  # fmt: skip
-
-
-def numbers(disks: Sequence[Any]) -> list[float]:
-    return [
-        value for d in disks for value in (d.x, d.y, d.theta, d.vx, d.vy, d.omega, d.mass, d.radius)
-    ]
-
-
-def nanoseconds(scene: Any) -> int:
-    return int(scene.header.stamp.sec) * 10**9 + int(scene.header.stamp.nanosec)

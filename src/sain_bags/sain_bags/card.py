@@ -97,7 +97,7 @@ class Card:
         self._moved += int(shard["moved"].sum())
         self._fields = {key: list(values.shape[1:]) for key, values in shard.items()}
         for key in ("source", "physics_source", "bag_sha256"):
-            self._counts[key].update(shard[key].tolist())
+            self._counts[key].update(_occurrences(shard[key]))
         self._counts["disks"][str(shard["masses"].shape[1])] += rows
         for name, values in _quantities(shard).items():
             self._spreads[name].add(values)
@@ -128,6 +128,13 @@ class Card:
             "ranges": {name: spread.content() for name, spread in self._spreads.items()},
             "fields": self._fields,
         }
+
+
+def _occurrences(texts: ndarray) -> dict[str, int]:
+    """Return how often each text (M,) occurs, in the order in which they do first."""
+    if (texts == texts[0]).all():
+        return {str(texts[0]): len(texts)}
+    return Counter(texts.tolist())
 
 
 def _quantities(shard: dict[str, ndarray]) -> dict[str, ndarray]:

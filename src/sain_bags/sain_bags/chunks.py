@@ -5,6 +5,7 @@ Format: https://mcap.dev/spec, section "Chunk".
 
 import struct
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -50,14 +51,35 @@ def open_chunk(content: bytes) -> OpenedChunk:
     Raises:
         DatasetError: it is damaged; the message says how it shows.
     """
+    data, checked = chunk_data(memoryview(content))
+    records = tuple((opcode, data[start:end]) for opcode, start, end in _records(data))
+    return OpenedChunk(records, checked)
+
+
+def chunk_data(content: memoryview) -> tuple[memoryview, bool]:
+    """Decompress a chunk record's content; return it, and whether it has a CRC, which is right.
+
+    Raises:
+        DatasetError: it is damaged; the message says how it shows.
+    """
     _, _, size, crc = CHUNK_HEAD.unpack_from(content)
     name_end = CHUNK_HEAD.size + 4 + int.from_bytes(content[28:32], "little")
-    data = _decompress(content[32:name_end], memoryview(content)[name_end + 8 :], size)
+    data = _decompress(bytes(content[32:name_end]), content[name_end + 8 :], size)
     if crc and zlib.crc32(data) != crc:
         raise DatasetError("its CRC is wrong")
     if not crc and len(data) != size:
         raise DatasetError(f"it has {len(data)} bytes instead of {size}")
-    return OpenedChunk(_split(memoryview(data)), checked=bool(crc))
+    return memoryview(data), bool(crc)
+
+
+def message_places(data: memoryview) -> list[int]:
+    """Return where the message records of a chunk begin.
+
+    Raises:
+        DatasetError: its records do not fit into it.
+    """
+    head = RECORD_HEAD.size
+    return [start - head for opcode, start, _ in _records(data) if opcode == Opcode.MESSAGE]
 
 
 def _decompress(compression: bytes, data: memoryview, size: int) -> Any:
@@ -77,15 +99,15 @@ def _decompress(compression: bytes, data: memoryview, size: int) -> Any:
     return data
 
 
-def _split(data: memoryview) -> tuple[tuple[int, memoryview], ...]:
-    records, place = [], 0
-    while place < len(data):
+def _records(data: memoryview) -> Iterator[tuple[int, int, int]]:
+    """Yield each record's opcode, and where its content begins and ends."""
+    place, size = 0, len(data)
+    while place < size:
         start = place + RECORD_HEAD.size
-        if start > len(data):
+        if start > size:
             raise DatasetError("it ends inside a record")
         opcode, length = RECORD_HEAD.unpack_from(data, place)
         place = start + length
-        if place > len(data) or (opcode == Opcode.MESSAGE and length < MESSAGE_HEAD.size):
+        if place > size or (opcode == Opcode.MESSAGE and length < MESSAGE_HEAD.size):
             raise DatasetError("its records do not fit into it")
-        records.append((opcode, data[start:place]))
-    return tuple(records)
+        yield opcode, start, place

@@ -4,23 +4,30 @@ What is written depends on the recordings and the settings alone: the same comma
 stop, and ends with the same bytes.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from sain_bags.card import Card
 from sain_bags.dataset_folder import DatasetFolder
-from sain_bags.dataset_shards import Numbered, columns
+from sain_bags.dataset_shards import Columns, Sharding
+from sain_bags.hearing import Hearing
+from sain_bags.numbering import Numbering
 from sain_bags.pairing import Paired, Pairing
-from sain_bags.rows import Dropped, Row, RowMaker
+from sain_bags.push_run import PushRun
+from sain_bags.rows import RowMaker
 from sain_bags.sources import Source, find_sources
 from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError
 from sain_core.plugins import load_dynamics
 from sain_core.shards import SHARD_SIZE
+
+WAITING_SHARDS: Final = 2  # that are made and not stored yet
 
 Progress = Callable[[int, int, int], None]  # messages read, of how many; rows made
 
@@ -49,30 +56,6 @@ class Converted(NamedTuple):
     dropped: dict[str, int]  # pushes that are no row, by reason
 
 
-class Numbering:
-    """Counts episodes over all recordings, and the steps of each.
-
-    A simulator that is started anew counts its episodes and scenes from 1 again: where a number
-    goes back, another episode has begun. Where scene ids tell of pushes between two rows, steps
-    leave a gap, as they do in a collection that was filtered.
-    """
-
-    def __init__(self) -> None:
-        """Begin with episode 0."""
-        self.episodes = 0
-        self._step = 0
-        self._last: tuple[str, int, int] = ("", 0, 0)  # bag, and its numbers
-
-    def number(self, row: Row, bag: str) -> Numbered:
-        """Return the next row with its episode and its step in it."""
-        last_bag, last_episode, last_scene = self._last
-        goes_on = (bag, row.episode_id) == (last_bag, last_episode) and row.scene_id >= last_scene
-        self._step = self._step + max(row.scene_id - last_scene, 1) if goes_on else 0
-        self.episodes += not goes_on
-        self._last = (bag, row.episode_id, row.scene_id)
-        return Numbered(row, self.episodes - 1, self._step, bag)
-
-
 def convert(
     paths: Sequence[Path],
     out: Path,
@@ -87,7 +70,7 @@ def convert(
         out: a new or empty folder, or that of a conversion.
         config: what becomes of them.
         overwrite: make anew what a conversion made there.
-        progress: called after each message.
+        progress: called as messages are read and shards written.
 
     Raises:
         DatasetError: a recording is no bag, is damaged, or holds nothing to learn from; a shard
@@ -107,8 +90,8 @@ def convert(
             return dynamics
 
         maker = RowMaker(prior, config.prior, config.moved_only, config.keep_unsettled)
-        for rows in _shards(_rows(sources, maker, numbering, card, progress)):
-            card.add(folder.store(columns(rows)))
+        for shard in _stored(folder, _shards(sources, maker, numbering, card, progress)):
+            card.add(shard)
     if not card.transitions:
         raise DatasetError(f"no transition is left: {card.why_none()}")
     about = {**identity, **_versions(), "episodes": numbering.episodes}
@@ -116,69 +99,82 @@ def convert(
     return Converted(card.transitions, numbering.episodes, dict(card.dropped))
 
 
-def _rows(
+def _stored(folder: DatasetFolder, shards: Iterable[Columns]) -> Iterator[Columns]:
+    """Store shards, and yield each when it is stored; the next is made while a disk is waited for.
+
+    Where something goes wrong, or is stopped, those that were made before are stored first.
+    """
+    with ThreadPoolExecutor(max_workers=1) as writer:
+        waiting: deque[Future[Columns]] = deque()
+        for shard in shards:
+            waiting.append(writer.submit(folder.store, shard))
+            while len(waiting) > WAITING_SHARDS:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+
+
+def _shards(
     sources: Sequence[Source],
     maker: RowMaker,
     numbering: Numbering,
     card: Card,
     progress: Progress,
-) -> Iterator[Numbered]:
-    """Stream all recordings as rows, and count on the card what is dropped."""
+) -> Iterator[Columns]:
+    """Stream all recordings as shards, and count on the card what is dropped."""
     counter = _Counter(sum(source.messages for source in sources), progress)
+    sharding = Sharding(SHARD_SIZE)
     for source in sources:
-        for row in _outcomes(source, maker, card, counter):
-            if isinstance(row, Dropped):
-                card.drop(source.bag.path, row)
-            else:
-                counter.rows += 1
-                yield numbering.number(row, source.sha256)
+        for pushes in _pushes(source, card, counter):
+            blocks, dropped = maker.rows(pushes)
+            for push in dropped:
+                card.drop(source.bag.path, push)
+            yield from counter.pass_on(sharding.add(numbering.number(blocks, source.sha256)))
+    yield from counter.pass_on(sharding.rest())
 
 
-def _outcomes(
-    source: Source, maker: RowMaker, card: Card, counter: "_Counter"
-) -> Iterator[Row | Dropped]:
-    """Stream what became of the pushes of one recording."""
-    try:
-        for paired in _pushes(source, card, counter):
-            yield maker.row(paired)
-    except AttributeError as error:  # a message without a field that is asked of it
-        raise DatasetError(
-            f"{source.bag.path} holds messages of another definition than this graph's: {error}"
-        ) from error
-
-
-def _pushes(source: Source, card: Card, counter: "_Counter") -> Iterator[Paired]:
-    """Stream the pushes of one recording."""
+def _pushes(source: Source, card: Card, counter: "_Counter") -> Iterator[list[Paired] | PushRun]:
+    """Stream the pushes of one recording, some at a time."""
     pairing = Pairing(source.has_results, source.has_predictions)
-    for received in source.bag.messages(source.topics):
-        yield from pairing.add(received)
-        counter.read_one()
+    hearing = Hearing(source.bag.channels, pairing)
+    for batch in source.bag.batches(source.topics):
+        with naming(source.bag.path):
+            hearing.hear(batch)
+        yield from pairing.ready()
+        counter.read(len(batch))
     yield from pairing.rest()
     card.late_predictions += pairing.late_predictions
 
 
-def _shards(rows: Iterator[Numbered]) -> Iterator[list[Numbered]]:
-    """Gather rows into shards, each of scenes with one number of disks."""
-    waiting: dict[int, list[Numbered]] = {}
-    for numbered in rows:
-        disks = len(numbered.row.state)
-        waiting.setdefault(disks, []).append(numbered)
-        if len(waiting[disks]) == SHARD_SIZE:
-            yield waiting.pop(disks)
-    yield from (waiting[disks] for disks in sorted(waiting))
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Name the bag in the error when a message in it is not as it should be."""
+    try:
+        yield
+    except DatasetError as error:
+        raise DatasetError(
+            f"{path} holds messages of another definition than this graph's: {error}"
+        ) from error
 
 
 def _versions() -> dict[str, str]:
-    return {name: version(name) for name in ("numpy", "mcap", "mcap-ros2-support")}
+    return {name: version(name) for name in ("numpy", "mcap")}
 
 
 class _Counter:
     """Tells how far the reading has come."""
 
     def __init__(self, messages: int, progress: Progress) -> None:
-        self.rows, self._read = 0, 0
         self._messages, self._progress = messages, progress
+        self._read = self._rows = 0
 
-    def read_one(self) -> None:
-        self._read += 1
-        self._progress(self._read, self._messages, self.rows)
+    def read(self, messages: int) -> None:
+        self._read += messages
+        self._progress(self._read, self._messages, self._rows)
+
+    def pass_on(self, shards: Iterable[Columns]) -> Iterator[Columns]:
+        """Yield shards, and tell of each when the next is asked for."""
+        for shard in shards:
+            yield shard
+            self._rows += len(shard["push_id"])
+            self._progress(self._read, self._messages, self._rows)

@@ -1,43 +1,64 @@
-"""Rows on disk: the paper's compressed npz shards, with the keys of a collection's.
+"""Rows on disk: the paper's npz shards, with the keys of a collection's.
 
 The keys of `sain_sim`'s shards mean the same here, so that a model trains on either; what only a
 recording knows has keys of its own.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.rows import Row
+from sain_bags.rows import Block
 from sain_core.errors import DatasetError
-from sain_core.scene import MASS, RADIUS
-from sain_core.shards import shard_path
+from sain_core.shards import SHARD_SIZE, shard_path
 from sain_core.storage import read_arrays, write_arrays
 
 STATES: Final = ("state", "physics_next", "next_state")
+KEYS: Final = (
+    "state", "action", "physics_next", "next_state", "episode", "step", "masses", "radii", "moved",
+    "duration", "goal", "tolerance", "push_id", "bag_episode", "bag_scene", "outcome", "stamp",
+    "next_stamp", "log_time", "source", "physics_source", "bag_sha256",
+)  # fmt: skip
+
+Columns = dict[str, ndarray]
 
 
-@dataclass(frozen=True)
-class Numbered:
-    """A row, and where it stands in the data set."""
+class Sharding:
+    """Gathers rows into shards, each of scenes with one number of disks."""
 
-    row: Row
-    episode: int  # counted over all recordings
-    step: int  # of the episode
-    bag_sha256: str  # of the recording's MCAP file
+    def __init__(self, size: int = SHARD_SIZE) -> None:
+        """Begin with nothing; a shard is full with so many rows."""
+        self._size = size
+        self._waiting: dict[int, list[Columns]] = {}  # by number of disks
+
+    def add(self, blocks: Sequence[Block]) -> list[Columns]:
+        """Take more rows; return the shards that are full by them, in the order of that."""
+        full: list[tuple[int, Columns]] = []
+        for block in blocks:
+            disks = block.columns["masses"].shape[1]
+            waiting = self._waiting.setdefault(disks, [])
+            before = sum(map(_length, waiting))
+            rows = _joined([*waiting, block.columns])
+            ends = range(self._size, _length(rows) + 1, self._size)
+            for end in ends:
+                last = int(block.places[end - before - 1])
+                full.append((last, _tidy(rows, slice(end - self._size, end))))
+            left = len(ends) * self._size
+            self._waiting[disks] = [_cut(rows, slice(left, None))]
+        return [columns for _, columns in sorted(full, key=lambda shard: shard[0])]
+
+    def rest(self) -> Iterator[Columns]:
+        """Yield what has not filled a shard."""
+        for disks in sorted(self._waiting):
+            rows = _joined(self._waiting[disks])
+            if _length(rows):
+                yield _tidy(rows, slice(None))
 
 
-def columns(rows: Sequence[Numbered]) -> dict[str, ndarray]:
-    """Return rows with one number of disks as arrays, one entry a row."""
-    records = [_record(numbered) for numbered in rows]
-    return {key: np.stack([record[key] for record in records]) for key in records[0]}
-
-
-def write_shard(folder: Path, index: int, arrays: dict[str, ndarray]) -> dict[str, ndarray]:
+def write_shard(folder: Path, index: int, arrays: Columns) -> Columns:
     """Write columns as a shard, whole or not at all, unless it is there already; return them.
 
     Raises:
@@ -46,7 +67,7 @@ def write_shard(folder: Path, index: int, arrays: dict[str, ndarray]) -> dict[st
     """
     path = shard_path(folder, index)
     if not path.exists():
-        write_arrays(path, arrays)
+        write_arrays(path, arrays, deflate_numbers=False)
         return arrays
     found = read_arrays(path)
     for key, wanted in arrays.items():
@@ -59,30 +80,27 @@ def write_shard(folder: Path, index: int, arrays: dict[str, ndarray]) -> dict[st
     return arrays
 
 
-def _record(numbered: Numbered) -> dict[str, ndarray]:
-    row = numbered.row
-    record: dict[str, Any] = {
-        "state": row.state.ravel(),
-        "action": row.action,
-        "physics_next": row.physics_next.ravel(),
-        "next_state": row.next_state.ravel(),
-        "episode": np.int64(numbered.episode),
-        "step": np.int64(numbered.step),
-        "masses": row.state[:, MASS],
-        "radii": row.state[:, RADIUS],
-        "moved": row.moved,
-        "duration": row.duration,
-        "goal": row.goal,
-        "tolerance": row.tolerance,
-        "push_id": np.uint64(row.push_id),
-        "bag_episode": np.uint64(row.episode_id),
-        "bag_scene": np.uint64(row.scene_id),
-        "outcome": np.int64(row.outcome),
-        "stamp": np.int64(row.stamps[0]),
-        "next_stamp": np.int64(row.stamps[1]),
-        "log_time": np.int64(row.log_time),
-        "source": row.source,
-        "physics_source": row.physics_source,
-        "bag_sha256": numbered.bag_sha256,
-    }
-    return {key: np.asarray(value) for key, value in record.items()}
+def _length(columns: Columns) -> int:
+    return len(columns["push_id"])
+
+
+def _joined(parts: Sequence[Columns]) -> Columns:
+    if len(parts) == 1:
+        return parts[0]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _cut(columns: Columns, rows: slice) -> Columns:
+    return {name: column[rows] for name, column in columns.items()}
+
+
+def _tidy(columns: Columns, rows: slice) -> Columns:
+    """Return some rows with their keys in order, and texts no wider than the longest of them."""
+    tidy = {}
+    for name in KEYS:
+        column = columns[name][rows]
+        if column.dtype.kind == "U":
+            width = max(int(np.strings.str_len(column).max()), 1)
+            column = column.astype(f"<U{width}")
+        tidy[name] = np.ascontiguousarray(column)
+    return tidy

@@ -1,41 +1,24 @@
 """Reads bags without ROS: every message is decoded with the definitions that the bag carries."""
 
-import heapq
 import struct
-import zlib
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import yaml
-import zstandard
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-from mcap.records import Channel, Footer, McapRecord, Statistics
+from mcap.records import McapRecord
 from mcap.stream_reader import StreamReader
-from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
 
+from sain_bags.bag_files import BagChannel, BagFiles
+from sain_bags.batches import Batch
+from sain_bags.integrity import RESCUE, check_summary, opened
 from sain_bags.metadata import METADATA_FILE
 from sain_core.errors import DatasetError
 
-FOOTER_SIZE: Final = 1 + 8 + 8 + 8  # [bytes], opcode, length and the footer but its CRC
-TAIL_SIZE: Final = FOOTER_SIZE + 4 + 8  # with the CRC and the closing magic
-WINDOW: Final = 1 << 20  # [bytes], compared at a time
-
-DAMAGE: Final = (
-    McapError,
-    ValueError,  # mcap's CRC errors and bad text
-    struct.error,
-    EOFError,
-    KeyError,
-    MemoryError,
-    RuntimeError,  # lz4
-    zstandard.ZstdError,
-)
+DECODING: Final = (ValueError, IndexError, KeyError, struct.error, MemoryError)
 
 
 @dataclass(frozen=True)
@@ -86,7 +69,9 @@ class Bag:
         self.path = path
         self.metadata: Mapping[str, Any] = {}
         self.files = self._find_files()
-        self._summaries = [self._read_summary(file) for file in self.files]
+        self._content = BagFiles(self.files)
+        self.channels = self._content.channels
+        self._statistics = self._content.statistics
 
     @property
     def file(self) -> Path:
@@ -103,11 +88,11 @@ class Bag:
         """All topics, by name."""
         counts: Counter[tuple[str, str]] = Counter()
         about: dict[tuple[str, str], Mapping[str, str]] = {}
-        for summary, statistics in self._summaries:
-            for number, channel in summary.channels.items():
-                key = channel.topic, _type(summary, channel)
-                counts[key] += statistics.channel_message_counts.get(number, 0)
-                about[key] = {**about.get(key, {}), **channel.metadata}
+        for found in self.channels:
+            key = found.topic, found.type
+            numbers = self._statistics[found.file].channel_message_counts
+            counts[key] += numbers.get(found.channel.id, 0)
+            about[key] = {**about.get(key, {}), **found.channel.metadata}
         return tuple(
             TopicSummary(
                 *key,
@@ -121,19 +106,19 @@ class Bag:
     @property
     def message_count(self) -> int:
         """Messages in the bag."""
-        return sum(statistics.message_count for _, statistics in self._summaries)
+        return sum(part.message_count for part in self._statistics)
 
     @property
     def start(self) -> int:
         """When the first message was received [ns since the epoch]."""
-        filled = (found for _, found in self._summaries if found.message_count)
-        return min((statistics.message_start_time for statistics in filled), default=0)
+        filled = (part for part in self._statistics if part.message_count)
+        return min((part.message_start_time for part in filled), default=0)
 
     @property
     def duration(self) -> float:
         """Time from the first to the last message [s]."""
-        filled = (found for _, found in self._summaries if found.message_count)
-        end = max((statistics.message_end_time for statistics in filled), default=0)
+        filled = (part for part in self._statistics if part.message_count)
+        end = max((part.message_end_time for part in filled), default=0)
         return 1e-9 * (end - self.start)
 
     @property
@@ -158,20 +143,19 @@ class Bag:
             for topic in self.topics
             if (topics is None or topic.name in topics) and (types is None or topic.type in types)
         ]
-        decoders: dict[bytes, Any] = {}
-        for schema, channel, message in self._mcap_messages(wanted, None):
-            definition = schema.data if schema else b""
-            if definition not in decoders:  # files of a split bag number their schemas as they like
-                find = DecoderFactory().decoder_for
-                decoders[definition] = find(channel.message_encoding, schema)
-            decoder = decoders[definition]
-            if decoder is None:
+        decoders: dict[tuple[str, bytes], Callable[[bytes], Any]] = {}
+        for number, raw in self._numbered(wanted, None):
+            schema = self.channels[number].schema
+            key = (raw.type, schema.data if schema else b"")
+            if key not in decoders:
+                decoders[key] = _decoder(self.channels[number], self.path)
+            try:
+                message = decoders[key](raw.data)
+            except DECODING as error:
                 raise DatasetError(
-                    f"{self.path}: {channel.topic} is neither CDR nor described by a ros2msg text"
-                )
-            decoded = decoder(message.data)
-            name = schema.name if schema else ""
-            yield Received(channel.topic, name, decoded, message.log_time, message.publish_time)
+                    f"{self.path}: a message of {raw.topic} is not as its definition says ({error})"
+                ) from error
+            yield Received(raw.topic, raw.type, message, raw.log_time, raw.publish_time)
 
     def raw_messages(
         self, topics: Collection[str] | None = None, start: int | None = None
@@ -185,15 +169,25 @@ class Bag:
         Raises:
             DatasetError: damage was found on the way.
         """
-        for schema, channel, message in self._mcap_messages(topics, start):
-            yield Raw(
-                channel.topic,
-                schema.name if schema else "",
-                message.data,
-                message.log_time,
-                message.publish_time,
-                message.sequence,
-            )
+        for _, raw in self._numbered(topics, start):
+            yield raw
+
+    def batches(
+        self, topics: Collection[str] | None = None, start: int | None = None
+    ) -> Iterator[Batch]:
+        """Yield messages by the thousand, in the order in which they were received.
+
+        Args:
+            topics: only these; None: all.
+            start: only those received then or later [ns since the epoch]; None: all.
+
+        Raises:
+            DatasetError: damage was found on the way.
+        """
+        for batch in self._content.batches(topics, start):
+            chosen = batch if start is None else batch[batch.log_times >= start]
+            if len(chosen):
+                yield chosen
 
     def check(self) -> None:
         """Read the whole file and compare every CRC.
@@ -211,17 +205,24 @@ class Bag:
             DatasetError: a bit is not as it was written.
         """
         for file in self.files:
-            with _opened(file) as stream:
+            with opened(file) as stream:
                 yield from StreamReader(stream, validate_crcs=True).records
                 check_summary(stream)
 
-    def _mcap_messages(self, topics: Collection[str] | None, start: int | None) -> Iterator[Any]:
-        streams = [_messages_of(file, topics, start) for file in self.files]
-        return heapq.merge(*streams, key=lambda found: found[2].log_time)
-
-    def _read_summary(self, file: Path) -> tuple[Summary, Statistics]:
-        with _opened(file) as stream:
-            return _read_summary(stream)
+    def _numbered(
+        self, topics: Collection[str] | None, start: int | None
+    ) -> Iterator[tuple[int, Raw]]:
+        """Yield messages, each with the number of its channel in the bag."""
+        names = [(channel.topic, channel.type) for channel in self.channels]
+        for batch in self.batches(topics, start):
+            data = batch.data.tobytes()
+            columns = (
+                batch.channels, batch.starts, batch.starts + batch.sizes, batch.log_times,
+                batch.publish_times, batch.sequences,
+            )  # fmt: skip
+            rows = zip(*(column.tolist() for column in columns), strict=True)
+            for number, first, end, *rest in rows:
+                yield number, Raw(*names[number], data[first:end], *rest)
 
     def _find_files(self) -> tuple[Path, ...]:
         if self.path.is_file():
@@ -232,7 +233,7 @@ class Bag:
         if not (self.path / METADATA_FILE).is_file():
             if not files:
                 raise DatasetError(f"{self.path} is no bag: it has no {METADATA_FILE}")
-            raise DatasetError(f"{self.path} was not closed: it has no {METADATA_FILE}; {_RESCUE}")
+            raise DatasetError(f"{self.path} was not closed: it has no {METADATA_FILE}; {RESCUE}")
         self.metadata = self._read_metadata()
         named = self.metadata.get("relative_file_paths", [])
         missing = [name for name in named if not (self.path / name).is_file()]
@@ -254,61 +255,13 @@ class Bag:
             ) from error
 
 
-_RESCUE: Final = "`ros2 run sain_bags recover BAG --out NEW` saves what is undamaged"
-
-
-@contextmanager
-def _opened(file: Path) -> Iterator[IO[bytes]]:
-    try:
-        with file.open("rb") as stream:
-            yield stream
-    except OSError as error:
-        raise DatasetError(f"{file} cannot be read: {error.strerror or error}") from error
-    except DAMAGE as error:
-        reason = str(error) or type(error).__name__
-        raise DatasetError(f"{file} is damaged or not whole ({reason}); {_RESCUE}") from error
-
-
-def _messages_of(file: Path, topics: Collection[str] | None, start: int | None) -> Iterator[Any]:
-    with _opened(file) as stream:
-        reader = make_reader(stream, validate_crcs=True)
-        yield from reader.iter_messages(topics, starting_at=start)
-
-
-def _type(summary: Summary, channel: Channel) -> str:
-    schema = summary.schemas.get(channel.schema_id)
-    return schema.name if schema else ""
-
-
-def _read_summary(stream: IO[bytes]) -> tuple[Summary, Statistics]:
-    check_summary(stream)
-    stream.seek(0)
-    summary = make_reader(stream).get_summary()
-    if summary is None or summary.statistics is None:
-        raise McapError("it has no summary")
-    return summary, summary.statistics
-
-
-def check_summary(stream: IO[bytes]) -> Footer:
-    """Compare the summary's CRC, which mcap's readers leave unchecked; return the footer.
-
-    Raises:
-        McapError: the file has no end, or the summary is damaged.
-    """
-    size = stream.seek(0, 2)
-    if size < TAIL_SIZE:
-        raise McapError("it ends too early")
-    stream.seek(size - TAIL_SIZE)
-    footer = next(iter(StreamReader(stream, skip_magic=True).records))
-    if not isinstance(footer, Footer):
-        raise McapError("it has no footer")
-    if footer.summary_start > size:
-        raise McapError("its summary is not where it should be")
-    if footer.summary_start and footer.summary_crc:
-        rest, crc = max(size - TAIL_SIZE + FOOTER_SIZE - footer.summary_start, 0), 0
-        stream.seek(footer.summary_start)
-        while rest and (content := stream.read(min(rest, WINDOW))):
-            rest, crc = rest - len(content), zlib.crc32(content, crc)
-        if rest or crc != footer.summary_crc:
-            raise McapError("its summary does not match its CRC")
-    return footer
+def _decoder(source: BagChannel, path: Path) -> Callable[[bytes], Any]:
+    encoding = source.channel.message_encoding
+    found = DecoderFactory().decoder_for(encoding, source.schema)
+    if found is None:
+        described = source.schema.encoding if source.schema else "nothing"
+        raise DatasetError(
+            f"{path}: {source.topic} is {encoding!r} and described by {described!r};"
+            " only CDR that a ros2msg text describes can be decoded"
+        )
+    return found

@@ -1,24 +1,30 @@
-"""Pushes of a recording as rows of a data set, and why a push is none."""
+"""Pushes of a recording as rows of a data set, by the thousand; and why a push is none."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
-from sain_bags.pairing import Paired
+from sain_bags.pairing import OK, Paired
+from sain_bags.push_groups import (
+    FROM_RESULT,
+    FROM_SCENES,
+    PushGroup,
+    about,
+    told_of_each,
+    told_of_run,
+)
+from sain_bags.push_run import PushRun
 from sain_core.dynamics import Dynamics
-from sain_core.errors import ErrorCode, InvalidInputError, SainError
+from sain_core.errors import ErrorCode, SainError
 from sain_core.push import check_predictable
-from sain_core.scene import MASS, POSITION, RADIUS, STATE_NAMES, TARGET, check_scenes
+from sain_core.scene import MASS, POSITION, RADIUS, TARGET, check_scenes
 from sain_core.shards import MOVED
-from sain_core.types import PushArray, Scene
-from sain_core.wire import decode_disks, decode_goal, decode_push
+from sain_core.types import Pushes, Scenes
+from sain_core.wire import MIN_DISKS
 
-FROM_RESULT: Final = "push_result"  # where the scenes of a row are from
-FROM_SCENES: Final = "scenes"
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction
-NO_GOAL: Final = (np.full(2, np.nan), float("nan"))
 
 # Why a push is no row.
 REFUSED: Final = "refused"
@@ -38,30 +44,11 @@ class Dropped(NamedTuple):
     detail: str
 
 
-@dataclass(frozen=True)
-class Row:
-    """One push and what came of it; scenes (N, 8)."""
+class Block(NamedTuple):
+    """Rows whose scenes have one number of disks."""
 
-    state: Scene
-    action: PushArray
-    physics_next: Scene
-    next_state: Scene
-    moved: bool  # the target moved by 2 mm or more
-    goal: np.ndarray  # (2,) [m], NaN: none was given
-    tolerance: float  # [m], NaN likewise
-    push_id: int
-    episode_id: int  # as the recording has it
-    scene_id: int  # of the scene before
-    outcome: int  # `ErrorCode` of the result; 0: there is none
-    stamps: tuple[int, int]  # [ns] simulated time of the scenes before and after
-    log_time: int  # [ns since the epoch] when the push was first heard of
-    duration: float  # [s] simulated, from start to settled
-    source: str  # `FROM_RESULT` or `FROM_SCENES`
-    physics_source: str  # the model that predicted, `COMPUTED` before it if that was done here
-
-
-class _UnpredictableError(SainError):
-    """A push that the prior cannot predict."""
+    places: ndarray  # (M,) of their pushes among those that were given
+    columns: dict[str, ndarray]  # (M, ...) as in a shard, but for what numbers them
 
 
 class RowMaker:
@@ -79,100 +66,178 @@ class RowMaker:
         self._prior: Dynamics | None = None
         self._moved_only, self._keep_unsettled = moved_only, keep_unsettled
 
-    def row(self, paired: Paired) -> Row | Dropped:
-        """Return the row of a push, or why there is none."""
-        about = f"push {paired.push_id} of episode {paired.place[0]}"
-        if paired.refused:
-            result = paired.result
-            name = _code_name(result.error_code)
-            return Dropped(REFUSED, f"{about}: {name}: {result.error_message}")
-        if paired.repeated:
-            return Dropped(REPEATED, about)
-        if paired.ambiguous:
-            return Dropped(AMBIGUOUS, about)
-        before, after = _scenes(paired)
-        if before is None or after is None:
-            return Dropped(UNANSWERED, about)
-        if not (self._keep_unsettled or (before.settled and after.settled)):
-            return Dropped(UNSETTLED, about)
-        try:
-            row = self._row(paired, before, after)
-        except InvalidInputError as error:
-            return Dropped(SENSELESS, f"{about}: {error}")
-        except _UnpredictableError as error:
-            return Dropped(UNPREDICTED, f"{about}: {error}")
-        return Dropped(NOT_MOVED, about) if self._moved_only and not row.moved else row
+    def rows(self, pushes: Sequence[Paired] | PushRun) -> tuple[list[Block], list[Dropped]]:
+        """Return the rows of pushes, by numbers of disks, and those that are none, in order."""
+        dropped: dict[int, Dropped] = {}
+        if isinstance(pushes, PushRun):
+            group = PushGroup(FROM_RESULT, np.arange(len(pushes)), told_of_run(pushes))
+            blocks = self._blocks(group, dropped)
+        else:
+            blocks = []
+            for source, places in _chosen(pushes, dropped).items():
+                told = told_of_each([pushes[place] for place in places], source)
+                blocks += self._blocks(PushGroup(source, np.array(places), told), dropped)
+        return _merged(blocks), [dropped[place] for place in sorted(dropped)]
 
-    def _row(self, paired: Paired, before: Any, after: Any) -> Row:
-        state, next_state = _scene(before, "before"), _scene(after, "after")
-        if len(state) != len(next_state):
-            raise InvalidInputError(f"{len(state)} disks before the push, {len(next_state)} after")
-        action = decode_push(paired.push)
-        physics_next, physics_source = self._physics(paired, state, action)
-        result = paired.result
-        stamps = (_nanoseconds(before), _nanoseconds(after))
-        goal, tolerance = _goal(paired.goal)
-        travel = np.hypot(*(next_state[TARGET, POSITION] - state[TARGET, POSITION]))
-        return Row(
-            state=state,
-            action=action,
-            physics_next=physics_next,
-            next_state=next_state,
-            moved=bool(travel >= MOVED),
-            goal=goal,
-            tolerance=tolerance,
-            push_id=paired.push_id,
-            episode_id=paired.place[0] if result is None else result.episode_id,
-            scene_id=before.scene_id,
-            outcome=int(ErrorCode.UNKNOWN if result is None else result.error_code),
-            stamps=stamps,
-            log_time=paired.log_time,
-            duration=1e-9 * (stamps[1] - stamps[0]) if result is None else result.duration,
-            source=FROM_SCENES if result is None else FROM_RESULT,
-            physics_source=physics_source,
-        )
+    def _blocks(self, group: PushGroup, dropped: dict[int, Dropped]) -> list[Block]:
+        before, after = group.before, group.after
+        left = np.ones(len(group.places), dtype=bool)
+        if not self._keep_unsettled:
+            left &= before.settled & after.settled
+            _drop(group, np.flatnonzero(~left), UNSETTLED, _no_detail, dropped)
+        alike = (before.counts == after.counts) & (before.counts >= MIN_DISKS)
+        _drop(group, np.flatnonzero(left & ~alike), SENSELESS, group.why_senseless, dropped)
+        left &= alike
+        return [
+            self._block(group, np.flatnonzero(left & (before.counts == count)), dropped)
+            for count in np.unique(before.counts[left])
+        ]
 
-    def _physics(self, paired: Paired, state: Scene, action: PushArray) -> tuple[Scene, str]:
-        prediction = paired.prediction
-        if prediction is not None and prediction.error_code == ErrorCode.OK:
-            predicted = decode_disks(prediction.disks, "prediction")
-            if len(predicted) != len(state):
-                raise InvalidInputError(f"{len(state)} disks, {len(predicted)} in the prediction")
-            return predicted, prediction.model
+    def _block(self, group: PushGroup, chosen: ndarray, dropped: dict[int, Dropped]) -> Block:
+        """Return the rows of pushes whose scenes have one number of disks."""
+
+        def keep(right: ndarray, reason: str, why: Callable[[int], str]) -> None:
+            nonlocal chosen, state, next_state, physics
+            if not right.all():
+                _drop(group, chosen[~right], reason, why, dropped)
+                chosen, state = chosen[right], state[right]
+                next_state, physics = next_state[right], physics[right]
+
+        count = int(group.before.counts[chosen[0]])
+        state = group.before.take(chosen, count)  # (M, N, 8)
+        next_state = group.after.take(chosen, count)
+        physics = group.predictions(chosen, count)
+        sensible = _possible(state) & _possible(next_state)
+        sensible &= np.isfinite(group.actions[chosen]).all(axis=-1)
+        sensible &= np.isfinite(physics).all(axis=(1, 2)) | ~group.predicted[chosen]
+        keep(sensible, SENSELESS, group.why_senseless)
+        lacking = np.flatnonzero(~group.predicted[chosen])
+        if len(lacking):
+            computed, reasons = self._predict(state[lacking], group.actions[chosen[lacking]])
+            physics[lacking] = computed
+            why = {int(chosen[lacking[place]]): reason for place, reason in reasons.items()}
+            keep(~np.isin(chosen, list(why)), UNPREDICTED, why.__getitem__)
+        finite = np.isfinite(group.goals[chosen]).all(axis=-1) | ~group.given[chosen]
+        keep(finite, SENSELESS, group.why_no_goal)
+        travel = next_state[:, TARGET, POSITION] - state[:, TARGET, POSITION]
+        moved = np.hypot(travel[:, 0], travel[:, 1]) >= MOVED
+        if self._moved_only:
+            keep(moved, NOT_MOVED, _no_detail)
+            moved = moved[moved]
+        columns = self._columns(group, chosen)
+        states = {"state": state, "physics_next": physics, "next_state": next_state}
+        flat = {name: scenes.reshape(len(chosen), -1) for name, scenes in states.items()}
+        columns |= flat | {"masses": state[..., MASS], "radii": state[..., RADIUS], "moved": moved}
+        return Block(group.places[chosen], columns)
+
+    def _columns(self, group: PushGroup, chosen: ndarray) -> dict[str, ndarray]:
+        told = group.told
+        models = np.where(group.predicted, group.models, COMPUTED + self._prior_name)[chosen]
+        return {
+            "action": group.actions[chosen],
+            "duration": group.durations[chosen],
+            "goal": group.goals[chosen, :2],
+            "tolerance": group.goals[chosen, 2],
+            "push_id": told.push_ids[chosen],
+            "bag_episode": told.episodes[chosen],
+            "bag_scene": group.before.numbers[chosen].astype(np.uint64),
+            "outcome": told.codes[chosen],
+            "stamp": group.before.stamps[chosen],
+            "next_stamp": group.after.stamps[chosen],
+            "log_time": told.times[chosen],
+            "source": np.full(len(chosen), group.source),
+            "physics_source": models.astype(np.str_),
+        }
+
+    def _predict(self, scenes: Scenes, pushes: Pushes) -> tuple[Scenes, dict[int, str]]:
+        """Return what the prior predicts (M, N, 8), and for which it cannot, with the reason."""
         if self._prior is None:
             self._prior = self._make_prior()
+        reasons: dict[int, str] = {}
         try:
-            scenes, pushes = check_scenes(state[None]), check_predictable(action[None])
-            computed = self._prior.step(scenes, pushes)[0]
-        except SainError as error:
-            raise _UnpredictableError(str(error)) from error
-        if not np.isfinite(computed).all():
-            raise _UnpredictableError(f"{self._prior_name} predicted NaN or Inf")
-        return computed, COMPUTED + self._prior_name
+            predicted = self._prior.step(check_scenes(scenes), check_predictable(pushes))
+        except SainError:  # one spoils all: each is looked at alone
+            predicted = np.zeros_like(scenes)
+            for row in range(len(scenes)):
+                one = slice(row, row + 1)
+                try:
+                    checked = check_scenes(scenes[one]), check_predictable(pushes[one])
+                    predicted[one] = self._prior.step(*checked)
+                except SainError as error:
+                    reasons[row] = str(error)
+        for row in np.flatnonzero(~np.isfinite(predicted).all(axis=(1, 2))).tolist():
+            reasons[row] = f"{self._prior_name} predicted NaN or Inf"
+        return predicted, reasons
 
 
-def _scenes(paired: Paired) -> tuple[Any, Any]:
-    """Return the messages of the scenes before and after a push."""
-    if paired.result is None:
-        return paired.before, paired.after
-    return paired.result.before, paired.result.after
+def _chosen(pushes: Sequence[Paired], dropped: dict[int, Dropped]) -> dict[str, list[int]]:
+    """Return the places of pushes that may be rows, by the source of their scenes."""
+    chosen: dict[str, list[int]] = {}
+    for place, paired in enumerate(pushes):
+        if (found := _dismissed(paired)) is not None:
+            dropped[place] = found
+        else:
+            source = FROM_SCENES if paired.result is None else FROM_RESULT
+            chosen.setdefault(source, []).append(place)
+    return chosen
 
 
-def _scene(message: Any, name: str) -> Scene:
-    scene = decode_disks(message.disks, f"scene {name}")
-    for column in (MASS, RADIUS):
-        if (scene[:, column] <= 0.0).any():
-            raise InvalidInputError(f"scene {name}: a {STATE_NAMES[column]} is not positive")
-    return scene
+def _dismissed(paired: Paired) -> Dropped | None:
+    """Return why a push is no row; None: it may be one."""
+    named = about(paired.push_id, paired.place[0])
+    if paired.result is not None and paired.code != OK:
+        table, row = paired.result
+        message = table.columns["error_message"][row]
+        return Dropped(REFUSED, f"{named}: {_code_name(paired.code)}: {message}")
+    if paired.repeated:
+        return Dropped(REPEATED, named)
+    if paired.ambiguous:
+        return Dropped(AMBIGUOUS, named)
+    if paired.result is None and (paired.before is None or paired.after is None):
+        return Dropped(UNANSWERED, named)
+    return None
 
 
-def _goal(message: Any) -> tuple[np.ndarray, float]:
-    return NO_GOAL if message is None else (decode_goal(message), float(message.tolerance))
+def _drop(
+    group: PushGroup,
+    pushes: ndarray,
+    reason: str,
+    why: Callable[[int], str],
+    dropped: dict[int, Dropped],
+) -> None:
+    for push in pushes.tolist():
+        detail = why(push)
+        named = f"{group.about(push)}: {detail}" if detail else group.about(push)
+        dropped[int(group.places[push])] = Dropped(reason, named)
 
 
-def _nanoseconds(scene: Any) -> int:
-    stamp = scene.header.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+def _no_detail(_: int) -> str:
+    return ""
+
+
+def _possible(scenes: Scenes) -> ndarray:
+    """Tell which scenes (M, N, 8) are of finite numbers, with masses and radii."""
+    finite = np.isfinite(scenes).all(axis=(1, 2))
+    return finite & (scenes[..., [MASS, RADIUS]] > 0.0).all(axis=(1, 2))
+
+
+def _merged(blocks: list[Block]) -> list[Block]:
+    """Return blocks of rows in their order, one for each number of disks."""
+    merged: dict[int, Block] = {}
+    for block in blocks:
+        disks = block.columns["masses"].shape[1]
+        if disks in merged:
+            places = np.concatenate([merged[disks].places, block.places])
+            order = np.argsort(places)
+            first = merged[disks].columns
+            columns = {
+                name: np.concatenate([first[name], column])[order]
+                for name, column in block.columns.items()
+            }
+            merged[disks] = Block(places[order], columns)
+        else:
+            merged[disks] = block
+    return [block for block in merged.values() if len(block.places)]
 
 
 def _code_name(code: int) -> str:

@@ -17,7 +17,7 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Metadata, Sche
 from mcap.writer import MCAP0_MAGIC
 
 from sain_bags.chunks import LIMIT, MESSAGE_HEAD, RECORD_HEAD, chunk_content_fits, open_chunk
-from sain_bags.reader import DAMAGE
+from sain_bags.integrity import DAMAGE
 from sain_core.errors import DatasetError
 
 WINDOW: Final = 1 << 20  # [bytes], searched at a time

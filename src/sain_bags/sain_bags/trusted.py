@@ -9,8 +9,8 @@ import yaml
 from mcap.records import Channel, Schema, Statistics
 from mcap.stream_reader import StreamReader
 
+from sain_bags.integrity import DAMAGE, check_summary
 from sain_bags.metadata import METADATA_FILE
-from sain_bags.reader import DAMAGE, check_summary
 from sain_core.errors import DatasetError
 
 DEFAULT_DISTRO: Final = "jazzy"

@@ -35,11 +35,18 @@ def decode_disks(disks: Sequence[Any], name: str = "scene") -> Scene:
     Raises:
         InvalidInputError: fewer than two disks, NaN or Inf.
     """
-    if len(disks) < MIN_DISKS:
-        raise InvalidInputError(f"{name} has {len(disks)} disks; it needs at least {MIN_DISKS}")
-    scene = np.array(
-        [[getattr(disk, column) for column in STATE_NAMES] for disk in disks], dtype=np.float64
-    )
+    values = [[getattr(disk, column) for column in STATE_NAMES] for disk in disks]
+    return check_disks(np.array(values, dtype=np.float64).reshape(-1, STATE_SIZE), name)
+
+
+def check_disks(scene: Scene, name: str = "scene") -> Scene:
+    """Return a scene (N, 8) that came over the wire when it has the numbers of one.
+
+    Raises:
+        InvalidInputError: fewer than two disks, NaN or Inf.
+    """
+    if len(scene) < MIN_DISKS:
+        raise InvalidInputError(f"{name} has {len(scene)} disks; it needs at least {MIN_DISKS}")
     if not np.isfinite(scene).all():
         disk, column = (int(index) for index in np.argwhere(~np.isfinite(scene))[0])
         value = scene[disk, column]
@@ -157,6 +164,15 @@ def decode_floats(values: Sequence[float], shape: tuple[int, ...], name: str) ->
 
 def _decode_fields(message: Any, fields: tuple[str, ...], name: str) -> np.ndarray:
     values = np.array([getattr(message, field) for field in fields], dtype=np.float64)
+    return check_fields(values, fields, name)
+
+
+def check_fields(values: np.ndarray, fields: tuple[str, ...], name: str) -> np.ndarray:
+    """Return numbers that came over the wire, one a field, when they are finite.
+
+    Raises:
+        InvalidInputError: one is NaN or Inf.
+    """
     for field, value in zip(fields, values, strict=True):
         if not np.isfinite(value):
             raise InvalidInputError(f"{field} of the {name} is {value}; must be finite")

@@ -1,0 +1,142 @@
+"""Another reader of bags, with `rosbags` and nothing of ours: what the rows of a bag should be.
+
+It keeps the whole bag in memory and pairs by ids alone. By hand, beside a converted data set:
+
+    python -m tests.sain_bags.independent BAG DATASET
+"""
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.highlevel import AnyReader
+
+OK = 1
+NAMES = ("x", "y", "theta", "vx", "vy", "omega", "mass", "radius")
+KINDS = {"Push", "PushResult", "PushPrediction", "Goal", "Scene"}
+
+
+def independent_rows(folder: Path) -> Iterator[dict[str, Any]]:
+    """Yield what should become of a bag's executed pushes, in the order in which they were sent.
+
+    Where no model predicted a push, its row has no `physics_next` and no `physics_source`.
+    """
+    found, heard = read(folder)
+    physics = by_id(found["PushPrediction"], "push_id")
+    results = by_id(
+        [result for result in found["PushResult"] if result.error_code == OK], "push_id"
+    )
+    sent = by_id(found["Push"], "push_id")
+    goals = {goal.episode_id: goal for goal in found["Goal"]}
+    scenes: dict[tuple[int, int], Any] = {}
+    for scene in found["Scene"]:
+        if scene.settled:
+            scenes.setdefault((scene.episode_id, scene.scene_id), scene)
+    for number in heard:
+        result = results.get(number)
+        push = result.push if result else sent.get(number)
+        if result:
+            before, after, episode = result.before, result.after, result.episode_id
+        elif push:
+            episode, place = push.episode_id, push.scene_id
+            before, after = scenes.get((episode, place)), scenes.get((episode, place + 1))
+        if not push or not before or not after:
+            continue
+        row = {
+            **scene_fields(before, after),
+            "action": [push.location, push.angle, push.length],
+            "duration": result.duration if result else 1e-9 * (stamp(after) - stamp(before)),
+            **goal_fields(goals.get(episode) or goals.get(0)),
+            "push_id": number,
+            "bag_episode": episode,
+            "outcome": OK if result else 0,
+            "log_time": heard[number],
+            "source": "push_result" if result else "scenes",
+        }
+        predicted = physics.get(number)
+        if predicted and predicted.error_code == OK:
+            row |= {"physics_next": numbers(predicted.disks), "physics_source": predicted.model}
+        yield row
+
+
+def compare(rows: Mapping[str, Any], folder: Path) -> int:
+    """Compare rows, a column each, with what the bag should become; return how many fields.
+
+    Raises:
+        AssertionError: a field of a row differs, or a row is missing or too much.
+    """
+    expected = list(independent_rows(folder))
+    count = len(rows["push_id"])
+    assert count == len(expected), f"{count} rows, not {len(expected)}"
+    compared = 0
+    for place, row in enumerate(expected):
+        for name, value in row.items():
+            np.testing.assert_array_equal(
+                np.asarray(rows[name][place]), np.asarray(value), f"{name} of row {place}"
+            )
+            compared += 1
+    return compared
+
+
+def read(folder: Path) -> tuple[dict[str, list[Any]], dict[int, int]]:
+    """Return a bag's messages by kind, and when each push was first heard of."""
+    found: dict[str, list[Any]] = {kind: [] for kind in KINDS}
+    heard: dict[int, int] = {}
+    with AnyReader([folder]) as reader:
+        wanted = [c for c in reader.connections if c.msgtype.rpartition("/")[2] in KINDS]
+        for connection, time, raw in reader.messages(wanted):
+            kind = connection.msgtype.rpartition("/")[2]
+            message = reader.deserialize(raw, connection.msgtype)
+            found[kind].append(message)
+            if kind in ("Push", "PushResult"):
+                heard.setdefault(message.push_id, time)
+    return found, heard
+
+
+def by_id(messages: Sequence[Any], name: str) -> dict[int, Any]:
+    """Return the first message with each id."""
+    return {getattr(message, name): message for message in reversed(messages)}
+
+
+def scene_fields(before: Any, after: Any) -> dict[str, Any]:
+    """Return what a row has of the two scenes."""
+    way = (after.disks[1].x - before.disks[1].x, after.disks[1].y - before.disks[1].y)
+    return {
+        "state": numbers(before.disks),
+        "next_state": numbers(after.disks),
+        "masses": [disk.mass for disk in before.disks],
+        "radii": [disk.radius for disk in before.disks],
+        "moved": np.hypot(*way) >= 0.002,
+        "bag_scene": before.scene_id,
+        "stamp": stamp(before),
+        "next_stamp": stamp(after),
+    }
+
+
+def goal_fields(goal: Any) -> dict[str, Any]:
+    """Return what a row has of its goal; NaN without one."""
+    if not goal:
+        return {"goal": [np.nan, np.nan], "tolerance": np.nan}
+    return {"goal": [goal.x, goal.y], "tolerance": goal.tolerance}
+
+
+def numbers(disks: Sequence[Any]) -> list[float]:
+    """Return the state of disks, one after the other."""
+    return [getattr(disk, name) for disk in disks for name in NAMES]
+
+
+def stamp(scene: Any) -> int:
+    """Return a scene's simulated time [ns]."""
+    return int(scene.header.stamp.sec) * 10**9 + int(scene.header.stamp.nanosec)
+
+
+def shards(folder: Path) -> dict[str, Any]:
+    """Return the columns of all npz shards of a data set, with one number of disks, as one."""
+    parts = [dict(np.load(path)) for path in sorted(folder.glob("shard-*.npz"))]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+if __name__ == "__main__":
+    print(compare(shards(Path(sys.argv[2])), Path(sys.argv[1])), "fields are equal")
