@@ -124,6 +124,10 @@ def test_a_loop_goes_on_without_a_pause_or_drift(flags):
     assert starts == pytest.approx([0.3 * turn for turn in range(36)], abs=1e-9)
 
 
+def test_a_topic_without_messages_plays_nothing(flags):
+    assert not list(Passage(Bag(flags), {"/parameter_events"}).events())
+
+
 def test_a_loop_over_one_moment_does_not_run_away(record, messages, tmp_path):
     recording = record()
     recording.add("/flag", "std_msgs/msg/Bool", data=True)

@@ -15,9 +15,8 @@ from sain_bags.episodes import (
 )
 from sain_bags.reader import Bag, Received
 from sain_bags.report.frames import Frame, Frames
+from sain_bags.tables import PUSH
 from sain_core.errors import DatasetError, InvalidInputError
-
-PUSH: Final = "sain_interfaces/msg/Push"
 
 Progress = Callable[[], object]
 TYPES: Final = EPISODE_TYPES | {PUSH}
