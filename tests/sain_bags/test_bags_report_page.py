@@ -144,6 +144,19 @@ def test_a_push_is_shown_with_what_was_expected(browser, bag, page):
     assert "Push 2 of 2" in facts and "Expected by sain" in facts and "bullet_nominal" in facts
 
 
+def test_the_push_stays_when_the_window_changes(browser, page):
+    browser.open(page)
+    assert len(browser.all("#view .push .tool")) == 1 and browser.all("#view .ghost")
+    browser.chrome.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": 500, "height": 900, "deviceScaleFactor": 1, "mobile": False},
+    )
+    browser.settle()
+    (badge,) = browser.all("#view .push .badge")
+    assert badge.rect["width"] == pytest.approx(18 + 2, abs=2.5)  # as large as before
+    assert browser.all("#view .ghost") and browser.complaints() == []
+
+
 def test_a_refused_push_says_why(browser, page):
     browser.open(page)
     browser.all("#list button")[1].click()

@@ -12,7 +12,7 @@ class TopView {
     this.layers = {};
     this.shown = { expected: true, physics: true, paths: true };
     svg.setAttribute("viewBox", [left, -top, right - left, top - bottom].join(" "));
-    onWidth(svg.parentElement, () => this.episode && this.show(this.episode, this.index));
+    onWidth(svg.parentElement, () => this.resize());
   }
 
   // How many millimetres so many pixels are.
@@ -20,7 +20,16 @@ class TopView {
     return (pixels * this.box.width) / (this.svg.clientWidth || this.box.width);
   }
 
+  // Badges, texts and arrow heads keep their size in pixels, so they are drawn anew.
+  resize() {
+    if (!this.episode) return;
+    const [push, number] = this.push;
+    this.show(this.episode, this.index);
+    this.showPush(push, number);
+  }
+
   show(episode, index) {
+    this.push = [];
     this.episode = episode;
     this.svg.style.setProperty("--pixel", this.px(1));
     this.svg.setAttribute("aria-label", `Top view of episode ${episode.number}: table, arm, disks, goal, pushes`);
@@ -89,6 +98,7 @@ class TopView {
   }
 
   showPush(push, number) {
+    this.push = [push, number];
     this.layers.push.replaceChildren();
     this.layers.ghosts.replaceChildren();
     if (!push) return;
