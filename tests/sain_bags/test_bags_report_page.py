@@ -14,6 +14,7 @@ from sain_bags.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.writing import write_page
 from tests.sain_bags.browser import Browser, opened_browser
+from tests.sain_bags.conftest import resting_scene
 from tests.sain_bags.shown import Show, recorded, shown_scenes
 
 WIDTHS, SCHEMES = (400, 1400), ("light", "dark")
@@ -244,6 +245,20 @@ def test_what_cannot_be_told_is_not_called_none(browser, page):
     browser.open(page)  # its messages have no numbers
     assert "Messages missing\n–" in browser.text("#tiles")
     assert {cell.text for cell in browser.all("#topics td:last-child")} == {"–"}
+
+
+def test_numbers_that_make_no_sense_are_drawn_without_complaint(browser, record, tmp_path):
+    recording = record()
+    scene = resting_scene(0.5)
+    scene[0, 7], scene[1, :2] = -0.08, 1e6
+    recording.add("/sain/goal", "Goal", goal_id=1, episode_id=1, x=0.5, tolerance=-1.0)
+    for stamp in range(3):
+        recording.scene(1, stamp, scene)
+    recording.push(1, 1, scene, resting_scene(0.6), location=1e9)
+    recording.writer.close()
+    browser.open(page_of(tmp_path / "bag"))
+    slide_to(browser, Keys.END)
+    assert browser.complaints() == [] and len(browser.disks()) == 2
 
 
 def test_strangers_text_stays_text(browser, record, tmp_path):
