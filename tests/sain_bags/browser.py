@@ -57,7 +57,10 @@ class Browser:
         self.chrome.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         self.chrome.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
         self.chrome.get(page.resolve().as_uri())
-        # Charts are drawn when their width is known, which is a frame later.
+        self.settle()
+
+    def settle(self) -> None:
+        """Wait until charts are drawn: when their width is known, which is a frame later."""
         wait = "requestAnimationFrame(() => requestAnimationFrame(arguments[0]))"
         self.chrome.execute_async_script(wait)
 

@@ -101,12 +101,31 @@ def test_what_was_latched_before_the_start_comes_first(flags):
     assert len(list(passage(flags, {"/word": 5}).events())) == 12  # none is played twice
 
 
+@pytest.mark.parametrize("start", [0.0, 0.5])
+def test_what_a_split_repeats_is_played_once(record, messages, tmp_path, start):
+    recording, kind = record(), "std_msgs/msg/Bool"
+    data = bytes(messages.store.serialize_cdr(messages.make(kind), kind))
+    recording.writer.add_topic(messages.topic("/word", kind, offered_qos=(LATCHED,)))
+    for place in range(4):  # the second and third word are the same, said once
+        published = START + (1 if place == 2 else place)
+        recording.writer.write("/word", data, START + place * SECOND, published, published % 7)
+    recording.writer.close()
+    config = PassageConfig(start=start)
+    word = Passage(Bag(tmp_path / "bag"), {"/word"}, config, {"/word": 1})
+    expected = [0.0, 1.0, 3.0] if not start else [0.0, 0.5, 2.5]
+    assert [event.due for event in word.events()] == pytest.approx(expected)
+
+
 def test_a_loop_goes_on_without_a_pause_or_drift(flags):
     events = islice(passage(flags, loop=True, rate=3.0).events(), 36 * 12)
     starts = [
         event.due for event in events if event.raw.sequence == 1 and event.raw.topic == "/flag"
     ]
     assert starts == pytest.approx([0.3 * turn for turn in range(36)], abs=1e-9)
+
+
+def test_a_topic_without_messages_plays_nothing(flags):
+    assert not list(Passage(Bag(flags), {"/parameter_events"}).events())
 
 
 def test_a_loop_over_one_moment_does_not_run_away(record, messages, tmp_path):

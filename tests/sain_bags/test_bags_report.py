@@ -19,7 +19,7 @@ from sain_bags.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.frames import Frame, Frames, frame_times
 from sain_bags.report.gathering import Limits
-from sain_bags.report.timeline import BINS, read_lanes
+from sain_bags.report.timeline import BINS, Lane, read_lanes
 from sain_bags.report.writing import render_page
 from sain_bags.report_cli import ReportOptions, default_path, run
 from sain_bags.timing import read_timings
@@ -218,6 +218,18 @@ def test_without_results_the_scenes_tell(record, tmp_path):
     assert data["totals"]["unanswered"] == 2
 
 
+def test_what_another_push_did_is_not_ascribed_to_one_without_a_result(record, tmp_path):
+    recording = record()
+    show = Show(recording)
+    show.episode(1, 2, [0.05])
+    recording.add("/sain/push", "Push", push_id=77, episode_id=1, scene_id=1, length=0.1)
+    recording.writer.close()
+    pushes = content(tmp_path / "bag")["episodes"][0]["pushes"]
+    assert [(push["outcome"], push["after"] is None) for push in pushes] == [
+        ("executed", False), ("unanswered", True)
+    ]  # fmt: skip
+
+
 def test_a_simulator_that_was_started_anew_gives_episodes_of_its_own(record, tmp_path):
     recording = record()
     for _ in range(2):
@@ -318,3 +330,10 @@ def test_the_command_fails_with_one_line(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 1
     assert done.stderr == f"report: no bag at {tmp_path / 'none'}\n"
+
+
+def test_what_a_split_repeats_is_counted_once():
+    lane = Lane()
+    for log_time, sequence, published in ((10, 1, 9), (20, 1, 9), (30, 2, 29), (40, 2, 29)):
+        lane.saw(log_time, sequence, published, 0)
+    assert (lane.messages, lane.missing, lane.longest_gap) == (2, 0, 20)

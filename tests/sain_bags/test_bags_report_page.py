@@ -14,6 +14,7 @@ from sain_bags.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.writing import write_page
 from tests.sain_bags.browser import Browser, opened_browser
+from tests.sain_bags.conftest import resting_scene
 from tests.sain_bags.shown import Show, recorded, shown_scenes
 
 WIDTHS, SCHEMES = (400, 1400), ("light", "dark")
@@ -144,6 +145,19 @@ def test_a_push_is_shown_with_what_was_expected(browser, bag, page):
     assert "Push 2 of 2" in facts and "Expected by sain" in facts and "bullet_nominal" in facts
 
 
+def test_the_push_stays_when_the_window_changes(browser, page):
+    browser.open(page)
+    assert len(browser.all("#view .push .tool")) == 1 and browser.all("#view .ghost")
+    browser.chrome.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": 500, "height": 900, "deviceScaleFactor": 1, "mobile": False},
+    )
+    browser.settle()
+    (badge,) = browser.all("#view .push .badge")
+    assert badge.rect["width"] == pytest.approx(18 + 2, abs=2.5)  # as large as before
+    assert browser.all("#view .ghost") and browser.complaints() == []
+
+
 def test_a_refused_push_says_why(browser, page):
     browser.open(page)
     browser.all("#list button")[1].click()
@@ -222,8 +236,29 @@ def test_what_is_missing_is_told(browser, record, messages, tmp_path):
     browser.one("#gaps summary").click()
     assert browser.text("#gaps li") == "/tick 4 before 2.00\u202fs, 1 before 4.00\u202fs"
     assert len(browser.all("#topics .missing")) == 2
+    assert "Messages missing\n5\n" in browser.text("#tiles")
     assert not browser.one("#episodes").is_displayed()
     assert browser.complaints() == []
+
+
+def test_what_cannot_be_told_is_not_called_none(browser, page):
+    browser.open(page)  # its messages have no numbers
+    assert "Messages missing\n–" in browser.text("#tiles")
+    assert {cell.text for cell in browser.all("#topics td:last-child")} == {"–"}
+
+
+def test_numbers_that_make_no_sense_are_drawn_without_complaint(browser, record, tmp_path):
+    recording = record()
+    scene = resting_scene(0.5)
+    scene[0, 7], scene[1, :2] = -0.08, 1e6
+    recording.add("/sain/goal", "Goal", goal_id=1, episode_id=1, x=0.5, tolerance=-1.0)
+    for stamp in range(3):
+        recording.scene(1, stamp, scene)
+    recording.push(1, 1, scene, resting_scene(0.6), location=1e9)
+    recording.writer.close()
+    browser.open(page_of(tmp_path / "bag"))
+    slide_to(browser, Keys.END)
+    assert browser.complaints() == [] and len(browser.disks()) == 2
 
 
 def test_strangers_text_stays_text(browser, record, tmp_path):

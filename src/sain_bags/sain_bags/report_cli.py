@@ -10,7 +10,7 @@ from rich.progress import Progress
 
 from sain_bags.reader import Bag
 from sain_bags.report.content import read_content
-from sain_bags.report.gathering import Limits
+from sain_bags.report.gathering import Limits, messages_to_read
 from sain_bags.report.writing import write_page
 from sain_core.errors import OutputError, SainError
 
@@ -58,7 +58,7 @@ def run(options: ReportOptions, console: Console) -> Path:
     bag = Bag(options.bag)
     limits = Limits(max(options.frames, 1), max(options.episodes, 1))
     with Progress(console=console, transient=True) as progress:
-        task = progress.add_task("reading", total=None)
+        task = progress.add_task("reading", total=messages_to_read(bag))
         content = read_content(bag, limits, lambda: progress.advance(task))
     write_page(out, content.data)
     console.print(

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import Any
+from typing import Any, Final
 
 from sain_bags.episodes import (
     EPISODE_TYPES,
@@ -13,13 +13,13 @@ from sain_bags.episodes import (
     collect_episodes,
     parent_of,
 )
-from sain_bags.pairing import PUSH
 from sain_bags.reader import Bag, Received
 from sain_bags.report.frames import Frame, Frames
+from sain_bags.tables import PUSH
 from sain_core.errors import DatasetError, InvalidInputError
 
 Progress = Callable[[], object]
-TYPES = EPISODE_TYPES | {PUSH}
+TYPES: Final = EPISODE_TYPES | {PUSH}
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,16 @@ def graphs(bag: Bag) -> tuple[str, ...]:
     shown = {SCENE, PUSH_RESULT}
     found = {parent_of(topic.name) for topic in bag.topics if topic.type in shown}
     return tuple(sorted(found))
+
+
+def messages_to_read(bag: Bag) -> int:
+    """Return how many messages `gather` reads, over all graphs."""
+    found = graphs(bag)
+    return sum(
+        topic.messages
+        for topic in bag.topics
+        if topic.type in TYPES and parent_of(topic.name) in found
+    )
 
 
 def gather(

@@ -56,10 +56,11 @@ def answered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, Any]
 def unanswered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, Any]]:
     """Return pushes without a result: the scenes at rest around them tell what came of each.
 
-    Where two name the same scene, which of them was executed is not known.
+    Where two name the same scene, which of them was executed is not known, unless a result tells.
     """
     at_rest = {frame.scene_id: number for number, frame in enumerate(frames) if frame.settled}
     named = [push.scene_id for push in gathered.told.sent.values()]
+    named += [gathered.told.scenes[push.push_id][0] for push in gathered.episode.executed]
     plans = {plan.push_id: plan for plan in gathered.episode.plans if plan.push_id}
     found = []
     for push in gathered.told.sent.values():

@@ -22,9 +22,18 @@ class Lane:
     missing: int | None = 0  # numbers that never came; None: not known
     places: list[tuple[int, int]] = field(default_factory=list)  # [ns since the epoch], how many
     _sequence: int = 0
+    _published: int = 0  # [ns since the epoch]
 
-    def saw(self, log_time: int, sequence: int, place: int) -> None:
-        """Count a message in the bin of this place."""
+    def saw(self, log_time: int, sequence: int, published: int, place: int) -> None:
+        """Count a message in the bin of this place, but not one that was seen before: a latched
+        topic's, repeated at the head of a later file.
+        """
+        if (
+            self.messages
+            and sequence
+            and (sequence, published) == (self._sequence, self._published)
+        ):
+            return
         if self.messages:
             if log_time - self.last > self.longest_gap:
                 self.longest_gap, self.gap_start = log_time - self.last, self.last
@@ -34,7 +43,7 @@ class Lane:
             self.missing = 0 if sequence else None
         self.messages += 1
         self.counts[place] += 1
-        self.last, self._sequence = log_time, sequence
+        self.last, self._sequence, self._published = log_time, sequence, published
 
     @property
     def rate(self) -> float:
@@ -63,7 +72,8 @@ def read_lanes(bag: Bag) -> dict[str, Lane]:
     start = bag.start
     for raw in bag.raw_messages():
         place = (raw.log_time - start) * BINS // span
-        lanes[raw.topic].saw(raw.log_time, raw.sequence, min(max(place, 0), BINS - 1))
+        place = min(max(place, 0), BINS - 1)
+        lanes[raw.topic].saw(raw.log_time, raw.sequence, raw.publish_time, place)
     return lanes
 
 

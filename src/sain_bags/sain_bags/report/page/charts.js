@@ -56,7 +56,7 @@ function drawDistance(box, width, episode) {
   const y = (value) => floor - (value / highest) * (floor - 18);
   const svg = canvas(box, width, height, `Distance from target to goal, from ${values[0].toFixed(0)} to ${values.at(-1).toFixed(1)} mm`);
   const points = values.map((value, index) => `${x(index).toFixed(1)} ${y(value).toFixed(1)}`);
-  const reached = floor - y(1000 * (episode.tolerance ?? 0));
+  const reached = floor - y(size(episode.tolerance));
   const cursor = draw("line", { class: "cursor", y1: 14, y2: floor });
   svg.append(
     draw("text", { x: 0, y: 9 }, "Target to goal"),

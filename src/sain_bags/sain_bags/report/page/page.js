@@ -7,9 +7,10 @@ function showHeader() {
   find("name").textContent = bag.name;
   find("facts").textContent = [bag.began, length(bag.duration), counted(bag.messages, "message"),
     counted(topics.length, "topic"), bytes(bag.size)].filter(Boolean).join(" · ");
-  const missing = topics.reduce((sum, topic) => sum + (topic.missing ?? 0), 0);
+  const told = topics.map((topic) => topic.missing).filter((missing) => missing !== null);
+  const missing = told.length ? told.reduce((sum, count) => sum + count, 0).toLocaleString("en") : UNKNOWN;
   const refused = [totals.refused && `${totals.refused} refused`, totals.unanswered && `${totals.unanswered} without a result`];
-  const tiles = [["Messages missing", missing.toLocaleString("en"), "by their publishers’ numbers"]];
+  const tiles = [["Messages missing", missing, told.length ? "by their publishers’ numbers" : "their publishers’ numbers do not tell"]];
   if (totals.episodes) tiles.unshift(
     ["Goals reached", `${totals.reached} of ${totals.withGoal}`, counted(totals.episodes, "episode")],
     ["Pushes", totals.executed.toLocaleString("en"), refused.filter(Boolean).join(", ") || "none refused"]);
@@ -107,7 +108,8 @@ class Episodes {
     const last = Math.max(this.episode.frames.time.length - 1, 1);
     this.marks = this.episode.pushes.map((push, number) => {
       const mark = make("button", { type: "button", class: push.outcome, "aria-label": `Go to push ${number + 1}` }, String(number + 1));
-      mark.style.left = `${(100 * (push.from ?? 0)) / last}%`;
+      const before = this.episode.pushes.slice(0, number).filter((other) => other.from === push.from).length;
+      mark.style.left = `calc(${(100 * (push.from ?? 0)) / last}% + ${13 * before}px)`;
       mark.addEventListener("click", () => this.jump(number));
       return mark;
     });

@@ -12,7 +12,7 @@ class TopView {
     this.layers = {};
     this.shown = { expected: true, physics: true, paths: true };
     svg.setAttribute("viewBox", [left, -top, right - left, top - bottom].join(" "));
-    onWidth(svg.parentElement, () => this.episode && this.show(this.episode, this.index));
+    onWidth(svg.parentElement, () => this.resize());
   }
 
   // How many millimetres so many pixels are.
@@ -20,7 +20,16 @@ class TopView {
     return (pixels * this.box.width) / (this.svg.clientWidth || this.box.width);
   }
 
+  // Badges, texts and arrow heads keep their size in pixels, so they are drawn anew.
+  resize() {
+    if (!this.episode) return;
+    const [push, number] = this.push;
+    this.show(this.episode, this.index);
+    this.showPush(push, number);
+  }
+
   show(episode, index) {
+    this.push = [];
     this.episode = episode;
     this.svg.style.setProperty("--pixel", this.px(1));
     this.svg.setAttribute("aria-label", `Top view of episode ${episode.number}: table, arm, disks, goal, pushes`);
@@ -55,7 +64,7 @@ class TopView {
     if (!this.episode.goal) return;
     const [x, y] = place(this.episode.goal), arm = this.px(7);
     this.layers.goal.append(
-      draw("circle", { class: "ring", cx: x, cy: y, r: 1000 * (this.episode.tolerance ?? 0) }),
+      draw("circle", { class: "ring", cx: x, cy: y, r: size(this.episode.tolerance) }),
       draw("path", { class: "cross", d: `M${x - arm} ${y}h${2 * arm}M${x} ${y - arm}v${2 * arm}` }),
     );
   }
@@ -63,7 +72,7 @@ class TopView {
   drawDisks() {
     const poses = this.episode.frames.poses;
     this.disks = this.episode.disks.map((disk, number) => {
-      const name = NAMES[number] ?? "other", r = 1000 * disk.radius;
+      const name = NAMES[number] ?? "other", r = size(disk.radius);
       const [x, y] = place(poses[0][number]);
       this.layers.starts.append(draw("circle", { class: `start ${name}`, cx: x, cy: y, r }));
       const group = draw("g", { class: `disk ${name}`, "data-disk": number },
@@ -89,6 +98,7 @@ class TopView {
   }
 
   showPush(push, number) {
+    this.push = [push, number];
     this.layers.push.replaceChildren();
     this.layers.ghosts.replaceChildren();
     if (!push) return;
@@ -106,7 +116,7 @@ class TopView {
       if (!moved || !this.episode.disks[number]) return [];
       const [x, y] = place(pose), arm = this.px(3.5);
       return [
-        draw("circle", { class: `ghost ${kind}`, "data-disk": number, cx: x, cy: y, r: 1000 * this.episode.disks[number].radius }),
+        draw("circle", { class: `ghost ${kind}`, "data-disk": number, cx: x, cy: y, r: size(this.episode.disks[number].radius) }),
         draw("path", { class: `ghost ${kind}`, d: `M${x - arm} ${y}h${2 * arm}M${x} ${y - arm}v${2 * arm}` }),
       ];
     });
@@ -130,6 +140,11 @@ class TopView {
 
 function place(pose) {
   return [1000 * pose[0], -1000 * pose[1]];
+}
+
+// What was recorded may make no sense, and a circle must.
+function size(metres) {
+  return 1000 * Math.max(metres ?? 0, 0);
 }
 
 function apart(one, other) {

@@ -15,7 +15,7 @@ function topicRow(topic, data) {
   return make("tr", {},
     make("td", { class: "topic" }, topic.name, make("small", {}, topic.type)),
     make("td", { "data-head": "Messages" }, topic.messages.toLocaleString("en")),
-    make("td", { "data-head": "Rate" }, topic.rate ? fixed(topic.rate, topic.rate < 10 ? 1 : 0, "Hz") : UNKNOWN),
+    make("td", { "data-head": "Rate" }, topic.rate ? fixed(topic.rate, topic.rate < 1 ? 2 : topic.rate < 10 ? 1 : 0, "Hz") : UNKNOWN),
     make("td", { class: "lane" }, lane(topic, data)),
     make("td", { "data-head": "Silence", title: silence }, topic.gap ? length(topic.gap) : UNKNOWN),
     make("td", { "data-head": "Missing", class: missing }, topic.missing === null ? UNKNOWN : topic.missing.toLocaleString("en")));
