@@ -59,7 +59,7 @@ def running(*command: str) -> Iterator["subprocess.Popen[str]"]:
         yield process
     finally:
         if process.poll() is None:
-            process.send_signal(signal.SIGINT)
+            process.terminate()
             process.communicate(timeout=PATIENCE)
 
 
@@ -162,6 +162,8 @@ def kill_once(folder: Path, delay: float) -> Kill:
     deadline = time.monotonic() + PATIENCE
     file = bag / "bag_0.mcap"
     while not (file.exists() and file.stat().st_size > HEAD):
+        if process.poll() is not None:
+            sys.exit(f"the recorder ended before it was killed: {process.returncode}")
         if time.monotonic() > deadline:
             process.kill()
             sys.exit(f"the recorder found nothing to record in {PATIENCE:g} s")

@@ -6,7 +6,6 @@ Every node of ROS 2 Jazzy and later answers on ``<node>/get_type_description``, 
 import time
 from typing import Final
 
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -20,22 +19,24 @@ ONCE: Final = 0.5  # [s], for one answer
 NAME: Final = "_recorder_asking"  # hidden
 
 
-def ask_definition(publisher: TopicEndpointInfo, context: Context) -> str:
+def ask_definition(publisher: TopicEndpointInfo, of: Node) -> str:
     """Return the definition of what a publisher sends, with those of all it refers to.
 
     It waits for the answer; empty: the publisher's node gave none.
+
+    Args:
+        publisher: of the type.
+        of: a node of the context to ask in.
     """
+    context = of.context
     node = Node(NAME, context=context, start_parameter_services=False, enable_rosout=False)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
     try:
-        return _ask(node, executor, publisher)
+        return _ask(node, publisher)
     finally:
-        executor.shutdown()
         node.destroy_node()
 
 
-def _ask(node: Node, executor: SingleThreadedExecutor, publisher: TopicEndpointInfo) -> str:
+def _ask(node: Node, publisher: TopicEndpointInfo) -> str:
     deadline = time.monotonic() + PATIENCE
     owner = f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"
     client = node.create_client(GetTypeDescription, f"{owner}/get_type_description")
@@ -44,15 +45,18 @@ def _ask(node: Node, executor: SingleThreadedExecutor, publisher: TopicEndpointI
         type_hash=str(publisher.topic_type_hash),
         include_type_sources=True,
     )
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
     client.wait_for_service(PATIENCE)
-    while time.monotonic() < deadline:
+    while True:
         # An answer is lost where its sender has not found this client yet: ask again.
         answer, until = client.call_async(request), time.monotonic() + ONCE
         while not answer.done() and time.monotonic() < until:
             executor.spin_once(timeout_sec=0.1)
-        if answer.done():
-            return _joined(publisher.topic_type, answer.result())
-    return ""
+        if answer.done() or time.monotonic() > deadline:
+            break
+    executor.shutdown()
+    return _joined(publisher.topic_type, answer.result()) if answer.done() else ""
 
 
 def _joined(type_name: str, answer: GetTypeDescription.Response) -> str:

@@ -3,7 +3,7 @@
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
-from rclpy.context import Context
+from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from sain_bags.definitions import Definitions
@@ -26,9 +26,9 @@ class MessageType:
 class MessageTypes:
     """Finds types where they are installed, and asks a publisher's node for those that are not."""
 
-    def __init__(self, context: Context) -> None:
-        """Ask with nodes of this context."""
-        self._context = context
+    def __init__(self, node: Node) -> None:
+        """Ask for this node."""
+        self._node = node
         self._definitions = Definitions()
         self._known: dict[tuple[str, str], MessageType] = {}
         self._asker = ThreadPoolExecutor(1, "asker")  # messages do not wait for the answer
@@ -52,6 +52,6 @@ class MessageTypes:
             definition.set_result(self._definitions.joined(name))
         except InvalidInputError:
             found = stand_in(name, type_hash)
-            definition = self._asker.submit(ask_definition, publisher, self._context)
+            definition = self._asker.submit(ask_definition, publisher, self._node)
         # Readers take a service's types by other names than these, and find other hashes.
         return MessageType(name, "" if "/srv/" in name else type_hash, found, definition)

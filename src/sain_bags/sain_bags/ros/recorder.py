@@ -68,7 +68,7 @@ class Recorder(Node):
         self.unusable: dict[str, str] = {}  # topics that cannot be recorded, and why
         self._writer = writer
         self._selection = selection
-        self._types = MessageTypes(self.context)
+        self._types = MessageTypes(self)
         self._recorded: dict[str, Recorded] = {}
         self._known_publishers: dict[str, set[bytes]] = {}  # that ever were, by topic
         self._counts: dict[str, int] = {}  # of publishers, when last looked
@@ -110,11 +110,11 @@ class Recorder(Node):
                 continue
             count = self.count_publishers(name)
             if is_revision or count != self._counts.get(name, 0):
-                self._counts[name] = count
                 self._look_at(name, types)
 
     def _look_at(self, name: str, types: list[str]) -> None:
         publishers = self.get_publishers_info_by_topic(name)
+        self._counts[name] = len(publishers)
         if not publishers:
             return
         self._count_publishers(name, publishers)
