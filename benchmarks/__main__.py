@@ -10,7 +10,7 @@ import sys
 
 import benchmarks
 
-HELPERS = {"__main__", "report", "timing", "wire", "identification"}
+HELPERS = {"__main__", "report", "timing", "wire", "identification", "recorder_parts"}
 ON_DATA = {
     "ablations",
     "ensembles",

@@ -18,6 +18,7 @@ from sain_bags.ros.endpoints import message_class
 from sain_bags.ros.record import drain, parse_custom_data
 from sain_bags.ros.recorder import Recorder
 from sain_bags.selection import Selection
+from sain_bags.timing import read_timings
 from sain_bags.writer import BagConfig, BagWriter
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_interfaces.msg import DiskState, Scene
@@ -161,3 +162,56 @@ def test_custom_data_must_be_pairs() -> None:
     assert parse_custom_data(("a=1", "b=x=y")) == {"a": "1", "b": "x=y"}
     with pytest.raises(ConfigError, match="'nonsense'; it must be KEY=VALUE"):
         parse_custom_data(("nonsense",))
+
+
+def test_what_is_latched_is_recorded_once_though_it_is_subscribed_to_anew(studio: Studio) -> None:
+    studio.start()
+    studio.player.create_publisher(String, "goal", LATCHED).publish(String(data="the goal"))
+    studio.recorded("/goal", 1)
+
+    def asks_for(durability: DurabilityPolicy) -> bool:
+        found = studio.player.get_subscriptions_info_by_topic("/goal")
+        return [info.qos_profile.durability for info in found] == [durability]
+
+    passing = studio.player.create_publisher(String, "goal", 10)
+    studio.spin_until(lambda: asks_for(DurabilityPolicy.VOLATILE))
+    studio.player.destroy_publisher(passing)
+    studio.spin_until(lambda: asks_for(DurabilityPolicy.TRANSIENT_LOCAL))
+    marker = studio.player.create_publisher(String, "marker", LATCHED)
+    marker.publish(String(data="later"))
+    studio.recorded("/marker", 1)
+    for _ in range(50):  # what was latched would have come by now
+        studio.recorder.work()
+        time.sleep(0.01)
+    recorder_gaps = studio.recorder.gaps["/goal"]
+    assert [received.message.data for received in studio.end().messages(["/goal"])] == ["the goal"]
+    assert recorder_gaps.missing == 0
+
+
+def test_a_message_that_never_came_is_counted(studio: Studio) -> None:
+    studio.start()
+    numbers = studio.player.create_publisher(String, "numbers", LOSSY)
+    studio.listened("/numbers")
+    for number in range(3):
+        numbers.publish(String(data=str(number)))
+    studio.recorded("/numbers", 3)
+    subscription = studio.recorder._recorded["/numbers"].subscription
+    assert subscription is not None
+    numbers.publish(String(data="lost"))
+    lost: list[object] = []
+
+    def steal() -> bool:
+        with subscription.handle:
+            lost.extend(filter(None, [subscription.handle.take_message(String, True)]))
+        return bool(lost)
+
+    deadline = time.monotonic() + 30.0
+    while not steal():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    numbers.publish(String(data="found"))
+    studio.recorded("/numbers", 4)
+    gaps = studio.recorder.gaps["/numbers"]
+    assert (gaps.missing, gaps.is_exact) == (1, True)
+    bag = studio.end()
+    assert read_timings(bag)["/numbers"].missing == 1  # as the bag itself shows

@@ -97,9 +97,10 @@ class LeanWriter:
         return self._end + len(self._chunk)
 
     def add_schema(self, name: str, definition: str) -> int:
-        """Describe a message type; return its number."""
+        """Describe a message type, by its name alone if that is all; return its number."""
         number = len(self._schemas) + 1
-        schema = Schema(number, definition.encode(), SchemaEncoding.ROS2, name)
+        encoding = SchemaEncoding.ROS2 if definition else SchemaEncoding.SelfDescribing
+        schema = Schema(number, definition.encode(), encoding, name)
         self._schemas.append(schema)
         self._describe(schema)
         return number

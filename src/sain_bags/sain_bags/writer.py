@@ -158,8 +158,7 @@ class BagWriter:
         """Make the bag whole: end the file, then write ``metadata.yaml``.
 
         Raises:
-            OutputError: the disk failed. Where that lost only what waited to be written, the bag is
-                whole nevertheless.
+            OutputError: the disk failed; the bag may be whole nevertheless, without its last chunk.
         """
         if self._closed:
             return
@@ -220,7 +219,7 @@ class BagWriter:
 
     def _check(self) -> None:
         if self._part.full:
-            raise OutputError(f"no space left for the bag {self.folder}; close it")
+            raise OutputError(f"no space left for the bag {self.folder}: nothing more is recorded")
         self.parts.check()
         self._check_free_space()
 
@@ -228,8 +227,8 @@ class BagWriter:
         free, least = free_space(self.folder), self._config.min_free_space
         if free < least:
             raise OutputError(
-                f"only {free / 1e6:,.0f} MB are left on the disk for the bag {self.folder};"
-                f" {least / 1e6:,.0f} MB must stay free (--bag.min-free-space)"
+                f"only {free / 1e6:,.1f} MB are left on the disk for the bag {self.folder};"
+                f" {least / 1e6:,.1f} MB must stay free (--bag.min-free-space)"
             )
 
     def _create(self) -> Part:
@@ -247,5 +246,7 @@ class BagWriter:
             raise self._error(error) from error
 
     def _error(self, error: OSError) -> OutputError:
+        if isinstance(error, OutputError):
+            return error
         rescue = f"; {RESCUE}" if self._closed and not self.parts.are_whole else ""
         return OutputError(f"cannot write the bag {self.folder}: {error.strerror or error}{rescue}")

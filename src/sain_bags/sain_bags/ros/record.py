@@ -96,6 +96,7 @@ def record(options: RecordOptions, console: Console) -> None:
 
 def drain(recorder: Recorder) -> None:
     """Take what has come before the stop."""
+    recorder.await_definitions()
     enough, quiet = time.monotonic() + DRAIN_TIME, 0
     # Passes are counted: for a process that was halted, time passes too.
     while quiet < QUIET_PASSES and (time.monotonic() < enough or not quiet):

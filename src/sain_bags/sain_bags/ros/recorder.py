@@ -7,7 +7,8 @@ turn, a hundred times a second. The middleware keeps what comes in between, and 
 
 import time
 from collections import deque
-from dataclasses import dataclass, replace
+from concurrent.futures import wait
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from rclpy.node import Node
@@ -15,16 +16,17 @@ from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from sain_bags.definitions import Definitions
 from sain_bags.gaps import Gaps
-from sain_bags.metadata import OfferedQos, Topic
-from sain_bags.ros.endpoints import message_class, offered_qos, request_profile
+from sain_bags.metadata import Topic
+from sain_bags.ros.endpoints import offered_qos, request_profile
+from sain_bags.ros.message_types import MessageType, MessageTypes
 from sain_bags.selection import RequestedQos, Selection, adapt
 from sain_bags.writer import BagWriter
 from sain_core.errors import InvalidInputError
 
 DISCOVERY_PERIOD: Final = 0.05  # [s] between looks for new topics
 REVISION_PERIOD: Final = 1.0  # [s] between looks at all publishers, also where their number stays
+ANSWERS_TIME: Final = 5.0  # [s], at most, for answers at the end
 TAKEN_AT_ONCE: Final = 500  # messages of a topic before the others have their turn
 SEEN: Final = 1000  # messages of a topic that are known again: as many as any is latched for
 ENTITIES: Final = {  # of every node, and nobody would serve them here
@@ -37,12 +39,15 @@ class Recorded:
     """One topic that is recorded."""
 
     topic: Topic
-    offers: tuple[OfferedQos, ...]  # of the publishers that are there
-    wanted: RequestedQos
-    subscription: Subscription
+    kind: MessageType
     gaps: Gaps
-    seen: deque[tuple[int, int]]  # the latest messages, by number and time
-    repeated: frozenset[tuple[int, int]] = frozenset()  # were seen by the subscription before
+    wanted: RequestedQos | None = None
+    subscription: Subscription | None = None
+    told: Topic | None = None  # as the bag describes it; None: not yet, its definition is awaited
+    seen: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=SEEN))
+    """The latest messages, by number and time."""
+    repeated: frozenset[tuple[int, int]] = frozenset()
+    """Those that the subscription before had seen."""
 
 
 class Recorder(Node):
@@ -63,7 +68,7 @@ class Recorder(Node):
         self.unusable: dict[str, str] = {}  # topics that cannot be recorded, and why
         self._writer = writer
         self._selection = selection
-        self._definitions = Definitions()
+        self._types = MessageTypes(self)
         self._recorded: dict[str, Recorded] = {}
         self._known_publishers: dict[str, set[bytes]] = {}  # that ever were, by topic
         self._counts: dict[str, int] = {}  # of publishers, when last looked
@@ -97,16 +102,19 @@ class Recorder(Node):
         is_revision = now >= self._next_revision
         if is_revision:
             self._next_revision = now + REVISION_PERIOD
+        for recorded in self._recorded.values():
+            if recorded.told is None:
+                self._announce(recorded)
         for name, types in self.get_topic_names_and_types():
             if not self._selection.wants(name):
                 continue
             count = self.count_publishers(name)
             if is_revision or count != self._counts.get(name, 0):
-                self._counts[name] = count
                 self._look_at(name, types)
 
     def _look_at(self, name: str, types: list[str]) -> None:
         publishers = self.get_publishers_info_by_topic(name)
+        self._counts[name] = len(publishers)
         if not publishers:
             return
         self._count_publishers(name, publishers)
@@ -120,44 +128,51 @@ class Recorder(Node):
     def _take_on(self, name: str, types: list[str], publishers: list[TopicEndpointInfo]) -> None:
         offers = tuple(offered_qos(info) for info in publishers)
         known, publisher_count = self._recorded.get(name), len(self._known_publishers[name])
-        if known is not None and set(known.offers) == set(offers):
-            if known.topic.publishers != publisher_count:
-                known.topic = replace(known.topic, publishers=publisher_count)
-                self._writer.add_topic(known.topic)
-            return
-        type_name = known.topic.type if known else _only(types)
-        message_type = message_class(type_name)
         # Profiles of publishers that are gone stay on record: their messages do, too.
         merged = tuple(dict.fromkeys((*(known.topic.offered_qos if known else ()), *offers)))
-        topic = Topic(
-            name,
-            type_name,
-            self._definitions.joined(type_name),
-            # Readers take a service's types by other names than these, and find other hashes.
-            "" if "/srv/" in type_name else str(publishers[0].topic_type_hash),
-            merged,
-            publisher_count,
-        )
-        self._writer.add_topic(topic)
-        self._subscribe(topic, offers, message_type)
-        self.unusable.pop(name, None)
+        if known is None:
+            kind = self._types.learn(_only(types), publishers[0])
+            known = self._recorded[name] = Recorded(
+                Topic(name, kind.name, "", kind.hash, merged, publisher_count),
+                kind,
+                Gaps(lambda: self._count_publishers(name)),
+            )
+            self.unusable.pop(name, None)
+        known.topic = replace(known.topic, offered_qos=merged, publishers=publisher_count)
+        self._announce(known)
+        wanted = adapt(offers)
+        if known.wanted != wanted:
+            self._subscribe(known, wanted)
 
-    def _subscribe(self, topic: Topic, offers: tuple[OfferedQos, ...], message_type: type) -> None:
-        wanted, known = adapt(offers), self._recorded.get(topic.name)
-        if known is not None and known.wanted == wanted:
-            known.topic, known.offers = topic, offers
+    def await_definitions(self) -> None:
+        """Wait for the answers of nodes that were asked: what came meanwhile is taken then."""
+        awaited = [one.kind.definition for one in self._recorded.values() if one.told is None]
+        wait(awaited, ANSWERS_TIME)
+        for recorded in self._recorded.values():
+            self._announce(recorded)
+
+    def _announce(self, recorded: Recorded) -> None:
+        """Describe a topic in the bag, once its definition is there: only then it is taken."""
+        if not recorded.kind.definition.done():
             return
+        definition = recorded.kind.definition
+        text = "" if definition.exception() else definition.result()
+        topic = replace(recorded.topic, definition=text)
+        if topic != recorded.told:
+            self._writer.add_topic(topic)
+            recorded.told = topic
+
+    def _subscribe(self, recorded: Recorded, wanted: RequestedQos) -> None:
+        name, former = recorded.topic.name, recorded.subscription
         subscription = self.create_subscription(
-            message_type, topic.name, _unused, request_profile(wanted), raw=True
+            recorded.kind.message_class, name, _unused, request_profile(wanted), raw=True
         )
-        gaps = Gaps(lambda: self._count_publishers(topic.name))
-        new = Recorded(topic, offers, wanted, subscription, gaps, deque(maxlen=SEEN))
-        if known is not None:
-            while self._take(known):
+        if former is not None:
+            while self._take(recorded):
                 pass
-            self.destroy_subscription(known.subscription)
-            new.gaps, new.seen, new.repeated = known.gaps, known.seen, frozenset(known.seen)
-        self._recorded[topic.name] = new
+            self.destroy_subscription(former)
+            recorded.repeated = frozenset(recorded.seen)
+        recorded.subscription, recorded.wanted = subscription, wanted
 
     def _count_publishers(
         self, name: str, publishers: list[TopicEndpointInfo] | None = None
@@ -170,6 +185,8 @@ class Recorder(Node):
 
     def _take(self, recorded: Recorded) -> int:
         """Write what has come of a topic; return how much that was."""
+        if recorded.told is None or recorded.subscription is None:
+            return 0
         name, gaps, write = recorded.topic.name, recorded.gaps, self._writer.write
         saw, repeated = recorded.seen.append, recorded.repeated
         handle, kind = recorded.subscription.handle, recorded.subscription.msg_type
