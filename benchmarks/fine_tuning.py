@@ -38,7 +38,15 @@ from sain_model.training import Trainer
 
 BULLET, PRIOR, AS_SHIPPED = "Bullet, nominal: f_p", "its prior", "SAIN as shipped"
 TUNED, SCRATCH = "fine-tuned", "from new weights"
-COLUMNS: Final = ("learned from", "target mean, mm", "to shipped", "median", "regions hold", "old")
+COLUMNS: Final = (
+    "learned from",
+    "target mean, mm",
+    "to shipped",
+    "to new weights",
+    "median",
+    "regions hold",
+    "old world",
+)
 
 
 @dataclass(frozen=True)
@@ -100,8 +108,12 @@ def compare(
             for rate in command.rates or (parent.settings.learning_rate,)
         }
         learned[SCRATCH] = train(split, parent, command)
+        scratch = target_errors(learned[SCRATCH], test)
         for name, model in learned.items():
-            about = {"bags": bags, "transitions": len(seen)}
+            about: dict[str, Any] = {"bags": bags, "transitions": len(seen)}
+            if name != SCRATCH:
+                errors = target_errors(model, test)
+                about["to new"] = ratio_over_episodes(errors, scratch, test.episodes, seed=0)
             rows.append(about | model_row(name, model, shipped, test, old))
     episodes = len(np.unique(test.episodes))
     return {"held out": len(test), "episodes": episodes, "rows": rows}
@@ -168,6 +180,7 @@ def show(world: str, report: dict[str, Any]) -> None:
             f"{one['transitions']:,} pushes, {one['bags']} bags" if "bags" in one else "",
             "{:.2f} [{:.2f}, {:.2f}]".format(*one["mean"]),
             "{:.2f} [{:.2f}, {:.2f}]".format(*one["to shipped"]),
+            "{:.2f} [{:.2f}, {:.2f}]".format(*one["to new"]) if "to new" in one else "",
             f"{one['median']:.2f}",
             f"{100 * one['regions']:.0f} %" if "regions" in one else "",
             f"{one['old']:.2f}" if "old" in one else "",

@@ -216,7 +216,7 @@ def test_the_shipped_checkpoint_can_be_a_parent() -> None:
     assert parent.settings.prior == "planar_axes"
     assert parent.settings.network.members == 3
     assert parent.settings.loss.position_scale == 2e-4
-    assert parent.settings.learning_rate < parent.card.training["learning_rate"]
+    assert parent.settings.weight_decay == parent.card.training["weight_decay"] == 0.01
 
 
 def test_a_card_with_settings_of_nonsense_is_refused(parent: Path, tmp_path: Path) -> None:

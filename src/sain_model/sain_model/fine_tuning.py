@@ -26,9 +26,9 @@ from sain_model.sain import RECURRENT, SainDynamics
 from sain_model.training import EPISODE, NOTHING, TrainingConfig
 
 KEPT: Final = ("prior", "prior_friction", "history")  # and its network: weights fit no others
-USUAL: Final = TrainingConfig(epochs=100, learning_rate=1e-3, batch=64, validation=0.2)
-"""Of what a checkpoint does not say: fewer rows than it was trained on, so smaller batches and
-more of the episodes to choose the best epoch by; docs/training.md has what was tried."""
+USUAL: Final = TrainingConfig(epochs=100, batch=64, validation=0.2)
+"""For fewer rows than most are trained on: smaller batches, more epochs, and more of the episodes
+to choose the best by; docs/training.md tells what was tried."""
 
 
 @dataclass(frozen=True)
