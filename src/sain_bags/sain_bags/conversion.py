@@ -20,7 +20,7 @@ from sain_bags.formats import FormatName
 from sain_bags.hearing import Hearing
 from sain_bags.numbering import Numbering
 from sain_bags.pairing import Paired, Pairing
-from sain_bags.parameters import KnownFriction
+from sain_bags.parameters import KnownParameters
 from sain_bags.push_run import PushRun
 from sain_bags.rows import RowMaker
 from sain_bags.sources import Source, find_sources
@@ -86,7 +86,7 @@ def convert(
     sources = find_sources(paths, config.namespace or None)
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
-    card, numbering, friction = Card(), Numbering(), KnownFriction(sources)
+    card, numbering, parameters = Card(), Numbering(), KnownParameters(sources)
     with ExitStack() as stack:
 
         def prior() -> Dynamics:
@@ -96,7 +96,7 @@ def convert(
 
         maker = RowMaker(prior, config.prior, config.moved_only, config.keep_unsettled)
         shards = _shards(sources, maker, numbering, card, progress)
-        for shard in _stored(folder, map(friction.added_to, shards)):
+        for shard in _stored(folder, map(parameters.added_to, shards)):
             card.add(shard)
     if not card.transitions:
         raise DatasetError(f"no transition is left: {card.why_none()}")

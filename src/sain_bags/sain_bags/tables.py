@@ -22,6 +22,12 @@ from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES, STATE_SIZE
 
 PUSH: Final = "sain_interfaces/msg/Push"
+WORLD: Final = "sain_interfaces/msg/WorldParameters"
+FRICTIONS: Final = (
+    "friction",
+    "rim_friction",
+    "tool_friction",
+)  # with the table, of rims, of the tool
 DISKS: Final = "disks"
 KEPT_LAYOUTS: Final = 100  # of messages of one size
 
@@ -35,6 +41,7 @@ FIELDS: Final = {
     SCENE: _SCENE,
     PREDICTION: ("push_id", "error_code", "model", DISKS),
     GOAL: ("episode_id", "x", "y", "tolerance"),
+    WORLD: ("episode_id", *FRICTIONS),
     PUSH_RESULT: (
         *_IDS, "error_code", "error_message", "duration",
         *(f"push.{name}" for name in _PUSH),
