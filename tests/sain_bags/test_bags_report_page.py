@@ -1,5 +1,6 @@
 """The page in a real browser: what is drawn is what was recorded, and nothing else runs."""
 
+import math
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -112,6 +113,26 @@ def test_disks_and_goal_have_their_true_size(browser, bag, page):
     ring = browser.one("#view .ring")
     place = [float(ring.get_attribute(name)) for name in ("cx", "cy", "r")]
     assert place == pytest.approx([1000 * goal.x, -1000 * goal.y, 1000 * goal.tolerance], abs=0.05)
+
+
+def test_a_cube_is_drawn_as_one_wherever_it_stands(browser, record, tmp_path):
+    recording = record()
+    shapes = ["three_feet", "cube"]
+    recording.add("/sain/world_parameters", "WorldParameters", episode_id=1, shapes=shapes)
+    show = Show(recording)
+    show.episode(1, 2, [0.05])
+    show.episode(2, 2, [0.05])
+    recording.writer.close()
+    browser.open(page_of(tmp_path / "bag"))
+    expected = recorded(tmp_path / "bag")["physics_prediction"][0].disks[1]
+    width = browser.numbers("#view .disk rect", "width")
+    assert width == pytest.approx([2000 * expected.radius], abs=0.1)
+    (ghost,) = browser.all("#view rect.ghost.physics")
+    turn = float(ghost.get_attribute("transform").removeprefix("rotate(").split()[0])
+    assert turn == pytest.approx(-math.degrees(expected.theta), abs=0.1)
+    assert len(browser.all("#view .disk circle")) == 1 and browser.complaints() == []
+    browser.all("#list button")[1].send_keys(Keys.ENTER)
+    assert not browser.all("#view .disk rect")
 
 
 def test_an_episode_is_chosen(browser, bag, page):

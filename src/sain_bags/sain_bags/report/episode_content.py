@@ -10,8 +10,10 @@ from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import Gathered
 from sain_bags.report.pushes import answered, poses, rounded, unanswered
 from sain_core.scene import MASS, POSE, RADIUS
+from sain_core.types import Scene
 
 STATUS: Final = ("unknown", "push", "reached", "no push", "exhausted")  # sain_interfaces/msg/Plan
+CUBE: Final = "cube"  # in sain_interfaces/msg/WorldParameters; all else is drawn as a disk
 PUSHES: Final = 300  # of one episode that are shown
 
 
@@ -44,10 +46,7 @@ def describe_episode(gathered: Gathered, name: str, start: int) -> dict[str, Any
         "maxPushes": episode.max_pushes,
         "start": rounded(1e-9 * (episode.interval[0] - start), 3),
         "end": rounded(1e-9 * (episode.interval[1] - start), 3),
-        "disks": [
-            {"radius": rounded(disk[RADIUS]), "mass": rounded(disk[MASS], 3)}
-            for disk in (frames[0].scene if frames else episode.start)
-        ],
+        "disks": _disks(frames[0].scene if frames else episode.start, gathered.told.shapes),
         "frames": _frames(frames, gathered, replaced, len(pushes) > len(shown)),
         "pushes": shown,
         "counts": _counts(pushes),
@@ -60,6 +59,14 @@ def outcome(episode: Episode) -> str:
     if episode.goal is None:
         return "no goal"
     return "reached" if episode.success else "not reached"
+
+
+def _disks(scene: Scene, shapes: Sequence[str]) -> list[dict[str, Any]]:
+    named = (*shapes, *("" for _ in scene))
+    return [
+        {"radius": rounded(disk[RADIUS]), "mass": rounded(disk[MASS], 3), "cube": shape == CUBE}
+        for disk, shape in zip(scene, named, strict=False)
+    ]
 
 
 def _counts(pushes: Sequence[dict[str, Any]]) -> dict[str, int]:

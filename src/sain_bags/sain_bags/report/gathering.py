@@ -15,11 +15,11 @@ from sain_bags.episodes import (
 )
 from sain_bags.reader import Bag, Received
 from sain_bags.report.frames import Frame, Frames
-from sain_bags.tables import PUSH
+from sain_bags.tables import PUSH, WORLD
 from sain_core.errors import DatasetError, InvalidInputError
 
 Progress = Callable[[], object]
-TYPES: Final = EPISODE_TYPES | {PUSH}
+TYPES: Final = EPISODE_TYPES | {PUSH, WORLD}
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,7 @@ class Told:
     scenes: dict[int, tuple[int, int]] = field(default_factory=dict)  # before, after, by push id
     stamps: dict[int, tuple[int, int]] = field(default_factory=dict)  # [ns], the same
     sent: dict[int, Any] = field(default_factory=dict)  # sain_interfaces/msg/Push, unanswered
+    shapes: tuple[str, ...] = ()  # of the disks; none: not told
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def gather(
     try:
         messages = watch.watched(bag.messages(topics))
         for run, group in groupby(messages, key=lambda _: watch.run):
-            for episode in collect_episodes(one for one in group if one.type != PUSH):
+            for episode in collect_episodes(one for one in group if one.type in EPISODE_TYPES):
                 told = watch.told.get((run, episode.episode_id), Told(Frames(0)))
                 found.append(Gathered(namespace, episode, told))
     except InvalidInputError as error:
@@ -105,6 +106,7 @@ class _Watch:
         self.told: dict[tuple[int, int], Told] = {}
         self._limits, self._progress = limits, progress
         self._last = (0, 0)  # episode and stamp [ns] of the last scene
+        self._world: Any = None  # sain_interfaces/msg/WorldParameters, told before its scenes
 
     def watched(self, messages: Iterable[Received]) -> Iterator[Received]:
         for received in messages:
@@ -115,6 +117,8 @@ class _Watch:
                 self._of(push.episode_id).sent.setdefault(push.push_id, push)
             elif received.type == PUSH_RESULT:
                 self._result(received.message)
+            elif received.type == WORLD:
+                self._world = received.message
             self._progress()
             yield received
 
@@ -123,7 +127,10 @@ class _Watch:
         episode, last = self._last
         self.run += message.episode_id < episode and stamp < last
         self._last = (message.episode_id, stamp)
-        self._of(message.episode_id).frames.add(message, log_time)
+        told = self._of(message.episode_id)
+        told.frames.add(message, log_time)
+        if self._world is not None and self._world.episode_id == message.episode_id:
+            told.shapes = tuple(self._world.shapes)
 
     def _result(self, result: Any) -> None:
         told = self._of(result.episode_id)

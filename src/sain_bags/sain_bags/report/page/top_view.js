@@ -73,10 +73,9 @@ class TopView {
     const poses = this.episode.frames.poses;
     this.disks = this.episode.disks.map((disk, number) => {
       const name = NAMES[number] ?? "other", r = size(disk.radius);
-      const [x, y] = place(poses[0][number]);
-      this.layers.starts.append(draw("circle", { class: `start ${name}`, cx: x, cy: y, r }));
+      this.layers.starts.append(outline(disk, poses[0][number], { class: `start ${name}` }));
       const group = draw("g", { class: `disk ${name}`, "data-disk": number },
-        draw("circle", { r }), draw("line", { x1: 0.62 * r, x2: 0.94 * r }));
+        outline(disk, [0, 0, 0]), draw("line", { x1: 0.62 * r, x2: 0.94 * r }));
       this.layers.disks.append(group);
       const paths = ["ahead", "behind"].map((part) => draw("polyline", { class: `path ${part} ${name}` }));
       const points = poses.map((pose) => place(pose[number]).map((value) => value.toFixed(1)).join(","));
@@ -90,7 +89,7 @@ class TopView {
     this.index = index;
     this.disks.forEach(({ group, paths, points }, number) => {
       const pose = this.episode.frames.poses[index][number], [x, y] = place(pose);
-      group.setAttribute("transform", `translate(${x} ${y}) rotate(${(-180 * pose[2]) / Math.PI})`);
+      group.setAttribute("transform", `translate(${x} ${y}) rotate(${degrees(pose)})`);
       paths[0].setAttribute("points", points.slice(index).join(" "));
       paths[1].setAttribute("points", points.slice(0, index + 1).join(" "));
     });
@@ -116,7 +115,7 @@ class TopView {
       if (!moved || !this.episode.disks[number]) return [];
       const [x, y] = place(pose), arm = this.px(3.5);
       return [
-        draw("circle", { class: `ghost ${kind}`, "data-disk": number, cx: x, cy: y, r: size(this.episode.disks[number].radius) }),
+        outline(this.episode.disks[number], pose, { class: `ghost ${kind}`, "data-disk": number }),
         draw("path", { class: `ghost ${kind}`, d: `M${x - arm} ${y}h${2 * arm}M${x} ${y - arm}v${2 * arm}` }),
       ];
     });
@@ -145,6 +144,18 @@ function place(pose) {
 // What was recorded may make no sense, and a circle must.
 function size(metres) {
   return 1000 * Math.max(metres ?? 0, 0);
+}
+
+// A disk from above, or a cube, whose radius is half its width.
+function outline(disk, pose, attributes = {}) {
+  const [x, y] = place(pose), r = size(disk.radius);
+  if (!disk.cube) return draw("circle", { ...attributes, cx: x, cy: y, r });
+  const turn = `rotate(${degrees(pose)} ${x} ${y})`;
+  return draw("rect", { ...attributes, x: x - r, y: y - r, width: 2 * r, height: 2 * r, transform: turn });
+}
+
+function degrees(pose) {
+  return (-180 * pose[2]) / Math.PI;
 }
 
 function apart(one, other) {
