@@ -29,7 +29,7 @@ setup(
     extras_require={
         "parquet": ["pyarrow"],
         "minari": ["gymnasium", "h5py", "minari"],
-        "lerobot": ["lerobot"],
+        "lerobot": ["lerobot", "torch", "torchvision"],
         "sqlite3": ["rosbags"],
     },
     zip_safe=False,

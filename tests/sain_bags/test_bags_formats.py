@@ -334,7 +334,7 @@ def test_a_full_disk_leaves_no_data_set(
 
 
 @pytest.mark.parametrize(
-    ("name", "library"), [("parquet", "pyarrow"), ("minari", "gymnasium"), ("lerobot", "lerobot")]
+    ("name", "library"), [("parquet", "pyarrow"), ("minari", "h5py"), ("lerobot", "lerobot")]
 )
 def test_a_library_that_is_missing_is_named_before_anything_is_read(
     name: FormatName, library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bag: Path

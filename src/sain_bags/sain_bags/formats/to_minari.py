@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
+import h5py  # noqa: F401  # which Minari itself would miss only when all recordings are read
 import numpy as np
 from gymnasium.spaces import Box
 from minari.data_collector import EpisodeBuffer
