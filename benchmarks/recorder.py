@@ -31,6 +31,7 @@ from sain_core.seeding import generator
 
 TOPIC = "/load/scene"
 PATIENCE = 120.0  # [s]
+MEETING = 20.0  # [s], for a recorder and a publisher
 HEAD = 2000  # [bytes], a file that is larger has messages in it
 TICKS = os.sysconf("SC_CLK_TCK")
 
@@ -152,33 +153,43 @@ class Kill:
     saved: int
     is_told: bool  # that something is lost, or that nothing could be saved
     holes: int  # messages that are missing before the last one that was saved
+    deaf: int  # recorders before it that heard nothing
 
 
-def kill_once(folder: Path, delay: float) -> Kill:
-    """Kill a recorder some time after its first chunk, and recover what it wrote."""
-    bag, saved = folder / "bag", folder / "saved"
+def started(bag: Path) -> "subprocess.Popen[bytes] | None":
+    """Start a recorder; None where it heard nothing, as may be after the one before was killed."""
     command = ("ros2", "run", "sain_bags", "record", "--out", str(bag), "--topics", TOPIC)
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    deadline = time.monotonic() + PATIENCE
-    file = bag / "bag_0.mcap"
+    deadline = time.monotonic() + MEETING
+    file = bag / f"{bag.name}_0.mcap"
     while not (file.exists() and file.stat().st_size > HEAD):
         if process.poll() is not None:
             sys.exit(f"the recorder ended before it was killed: {process.returncode}")
         if time.monotonic() > deadline:
             process.kill()
-            sys.exit(f"the recorder found nothing to record in {PATIENCE:g} s")
+            process.wait()
+            return None
         time.sleep(0.01)
+    return process
+
+
+def kill_once(folder: Path, delay: float) -> Kill:
+    """Kill a recorder some time after its first chunk, and recover what it wrote."""
+    tries = 0
+    while (process := started(folder / f"bag_{tries}")) is None:
+        tries += 1
+    bag, saved = folder / f"bag_{tries}", folder / "saved"
     time.sleep(delay)
     killed = time.time_ns()
     process.kill()
     process.wait()
     report = recover(bag, saved)
     if report.outcome == Outcome.NOTHING:
-        return Kill(float("inf"), 0, True, 0)
+        return Kill(float("inf"), 0, True, 0, tries)
     messages = [received.message.scene_id for received in Bag(saved).messages([TOPIC])]
     holes = int(messages[-1] - messages[0] + 1 - len(messages))
     told = report.outcome == Outcome.LOSSY and "was not closed" in report.note
-    return Kill(1e-9 * (killed - report.end), len(messages), told, holes)
+    return Kill(1e-9 * (killed - report.end), len(messages), told, holes, tries)
 
 
 def kills(options: Options, folder: Path) -> list[Figure]:
@@ -199,6 +210,7 @@ def kills(options: Options, folder: Path) -> list[Figure]:
         Figure("lost, mean", float(np.mean([kill.lost for kill in found])), "s"),
         Figure("messages missing before", sum(kill.holes for kill in found), "", at_most=0),
         Figure("messages saved", sum(kill.saved for kill in found), ""),
+        Figure("recorders that heard nothing", sum(kill.deaf for kill in found), ""),
     ]
 
 
