@@ -3,13 +3,17 @@
 import errno
 import os
 from collections import Counter
+from io import StringIO
 from pathlib import Path
 
 import pytest
 import yaml
 from mcap.reader import make_reader
+from rich.console import Console
 from rosbags.highlevel import AnyReader
 
+from sain_bags.gaps import MISSING_KEY
+from sain_bags.info_cli import show
 from sain_bags.metadata import OfferedQos, Topic
 from sain_bags.part import Part
 from sain_bags.reader import Bag
@@ -163,3 +167,16 @@ def test_a_disk_that_fails_while_a_file_is_ended_stops_the_recording(
     with pytest.raises(OutputError, match="Input/output error"):
         writer.close()
     assert not (tmp_path / "bag" / "metadata.yaml").exists()  # one file is not whole
+
+
+def test_info_tells_of_files_and_of_what_the_recorder_missed(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag", BagConfig(split_duration=5.0)) as writer:
+        writer.add_topic(topic("/several", publishers=2))
+        for number, sequence in enumerate((1, 7, 2, 9)):
+            writer.write("/several", text(number), SECOND * (10 * number + 1), sequence=sequence)
+        writer.custom_data[MISSING_KEY] = '{"/several": ">= 1"}'
+    out = StringIO()
+    show(tmp_path / "bag", Console(file=out, width=120))
+    assert "MB in 4 files" in out.getvalue()
+    (row,) = [line for line in out.getvalue().splitlines() if line.startswith("/several")]
+    assert row.split()[-2:] == [">=", "1"]

@@ -205,8 +205,7 @@ class LeanWriter:
             if content:
                 offsets += _record(SummaryOffset(opcode, start, len(content)))
             summary += content
-        start, offset_start = self._end, self._end + len(summary)
-        summary += offsets
+        start, offset_start, summary = self._end, self._end + len(summary), summary + offsets
         begun = FOOTER_START.pack(Opcode.FOOTER, FOOTER_SIZE, start, offset_start)
         footer = Footer(start, offset_start, zlib.crc32(begun, zlib.crc32(summary)))
         return summary + _record(footer) + MCAP0_MAGIC

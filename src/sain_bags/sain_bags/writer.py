@@ -132,9 +132,8 @@ class BagWriter:
         Raises:
             OutputError: as `flush`.
         """
-        now = time.monotonic()
-        if self._flush_at is None:
-            self._flush_at = now + EARLY * self._config.flush_period
+        now, period = time.monotonic(), EARLY * self._config.flush_period
+        self._flush_at = now + period if self._flush_at is None else self._flush_at
         if now >= self._flush_at:
             self.flush()
         elif self._part.full:
@@ -144,8 +143,7 @@ class BagWriter:
         """Hand everything written so far to the operating system.
 
         Raises:
-            OutputError: the disk is full, nearly full or failed. The bag can, and should, still be
-                closed.
+            OutputError: the disk is full, nearly full or failed. The bag should still be closed.
         """
         self._flush_at = None
         try:
