@@ -26,7 +26,7 @@ class Heard:
 
     def column(self, name: str, rows: ndarray) -> list[Any]:
         """Return a column of some messages as Python's own numbers."""
-        return self.table.columns[name][rows].tolist()  # type: ignore[no-any-return]
+        return self.table.columns[name][rows].tolist()
 
     def places(self, rows: ndarray, prefix: str = "") -> Iterator[tuple[int, int]]:
         """Yield the `Place` of some messages."""
