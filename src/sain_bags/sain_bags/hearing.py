@@ -53,8 +53,6 @@ class Hearing:
             if len(whole) and messages is whole.goals:
                 continue
             rows = np.flatnonzero(~whole.covered[messages.spots])
-            if messages.kind == SCENE:
-                rows = _first_settled(messages.table)
             turns[messages.spots[rows]] = len(told)
             told.append((tell[messages.kind], messages.arguments(rows)))
         runs = _runs(whole, np.flatnonzero(turns != NOTHING))
@@ -71,7 +69,11 @@ class Hearing:
             self._readers[number] = TableReader(self._channels[number])
         spots = np.flatnonzero(batch.channels == number)
         table = self._readers[number].read(batch[spots])
-        return Heard(self._channels[number].type, table, spots, batch.log_times[spots])
+        kind = self._channels[number].type
+        if kind == SCENE:  # one is kept long after the others of its table: they are not kept
+            rows = _first_settled(table)
+            table, spots = table.take(rows), spots[rows]
+        return Heard(kind, table, spots, batch.log_times[spots])
 
 
 def _runs(whole: WholePushes, others: ndarray) -> Iterator[tuple[PushRun, GoalRun | None]]:

@@ -56,6 +56,13 @@ class Disks:
         """Return those of some scenes that have so many disks, (len(places), count, 8)."""
         return self.values[self.firsts[places][:, None] + np.arange(count)]
 
+    def take(self, places: ndarray) -> "Disks":
+        """Return those of some scenes, and nothing of the others."""
+        counts = self.counts[places]
+        firsts = np.cumsum(counts) - counts
+        rows = np.repeat(self.firsts[places] - firsts, counts) + np.arange(counts.sum())
+        return Disks(self.values[rows], firsts, counts)
+
 
 @dataclass(frozen=True)
 class Table:
@@ -67,6 +74,11 @@ class Table:
     def __len__(self) -> int:
         """Return how many messages there are."""
         return len(next(iter(self.columns.values())))
+
+    def take(self, rows: ndarray) -> "Table":
+        """Return some messages, and nothing of the others."""
+        columns = {name: column[rows] for name, column in self.columns.items()}
+        return Table(columns, {name: disks.take(rows) for name, disks in self.disks.items()})
 
 
 def join_tables(tables: Sequence[Table]) -> Table:
