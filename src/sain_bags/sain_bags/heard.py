@@ -10,7 +10,8 @@ from numpy import ndarray
 
 from sain_bags.episodes import GOAL, PREDICTION, SCENE
 from sain_bags.push_run import GoalRun
-from sain_bags.tables import PUSH, Table
+from sain_bags.tables import Table
+from sain_bags.wanted_fields import PUSH
 
 Arguments = Iterator[tuple[Any, ...]]  # of a method of `Pairing`
 

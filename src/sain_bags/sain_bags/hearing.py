@@ -13,7 +13,8 @@ from sain_bags.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
 from sain_bags.heard import Arguments, Heard
 from sain_bags.pairing import Pairing
 from sain_bags.push_run import GoalRun, PushRun
-from sain_bags.tables import FIELDS, PUSH, Table, TableReader
+from sain_bags.tables import Table, TableReader
+from sain_bags.wanted_fields import FIELDS, PUSH
 from sain_bags.whole_pushes import WholePushes
 
 NOTHING: Final = -1

@@ -9,7 +9,8 @@ from numpy import ndarray
 
 from sain_bags.pairing import OK, Paired
 from sain_bags.push_run import NONE, PushRun, Where
-from sain_bags.tables import DISKS, Disks, Table, gather
+from sain_bags.tables import Disks, Table, gather
+from sain_bags.wanted_fields import DISKS
 from sain_core.errors import InvalidInputError
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import MASS, RADIUS, STATE_NAMES
