@@ -44,13 +44,13 @@ SCENE = 211  # [bytes], with its record
 class Options:
     """What to measure."""
 
-    pushes: int = 30_000
+    pushes: int = 100_000
     """in the first bag"""
     graph_pushes: int = 2_000
     """in the second"""
     scenes: int = 50
     """between two pushes, in the second"""
-    repeats: int = 5
+    repeats: int = 3
     """of each, of which the fastest counts"""
     memory: bool = False
     """measure memory instead"""

@@ -14,7 +14,7 @@ from numpy import ndarray
 from sain_bags.mcap_file import Messages
 
 SPARSE: Final = 4  # times as much data as messages: it is not kept for these few
-BATCH_SIZE: Final = 2 << 20  # [bytes], messages are handed on from here
+BATCH_SIZE: Final = 8 << 20  # [bytes], messages are handed on from here
 BATCH_STRETCHES: Final = 256  # or with so many read, where little is wanted of each
 
 
