@@ -3,7 +3,6 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 import tyro
 from rich.console import Console
@@ -13,8 +12,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from sain_bags.card_picture import draw_card
 from sain_bags.conversion import ConversionConfig, Converted, convert
 from sain_core.errors import SainError
-
-SHOWN: Final = 50  # messages, between two looks at the bar
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +64,7 @@ def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
         task = bar.add_task("to_dataset", total=None, rows=0)
 
         def advance(read: int, messages: int, rows: int) -> None:
-            if read % SHOWN == 0 or read == messages:
-                bar.update(task, total=messages, completed=read, rows=rows)
+            bar.update(task, total=messages, completed=read, rows=rows)
 
         return convert(options.bags, options.out, options.conversion, options.overwrite, advance)
 
