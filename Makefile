@@ -3,7 +3,7 @@
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint format bench table clean
 
-SHELL_SCRIPTS := env .ci/run tools/recipe.sh tools/setup.sh tools/jobs.sh tools/activation.sh docker/entrypoint.sh
+SHELL_SCRIPTS := env .ci/run tools/recipe.sh tools/setup.sh tools/jobs.sh tools/activation.sh tools/browser.sh docker/entrypoint.sh
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-8s %s\n", $$1, $$2 }'
@@ -13,6 +13,7 @@ demo: ## the closed loop on the whole graph, headless: a few episodes, a bag and
 	@./env ros2 run sain_bringup closed_loop $(ARGS)
 
 test: ## every test; a part of them with ARGS="tests/sain_core -k wrap"
+	@tools/browser.sh
 	@./env python -m pytest $(ARGS)
 
 lint: ## style, types, import boundaries, shell scripts, Docker files

@@ -10,7 +10,15 @@ import sys
 
 import benchmarks
 
-HELPERS = {"__main__", "made_bags", "report", "timing", "wire", "identification"}
+HELPERS = {
+    "__main__",
+    "identification",
+    "made_bags",
+    "recorder_parts",
+    "report",
+    "timing",
+    "wire",
+}
 ON_DATA = {
     "ablations",
     "ensembles",

@@ -4,8 +4,8 @@
     ./env python tools/lock.py
 
 The set-up installs the two files side by side and without resolving anything, so no package stands
-in both. Locks are made for the Python that runs this; with any other Python the set-up resolves the
-.in files itself.
+in both; the second one has what as_is.txt lists, too. Locks are made for the Python that runs this;
+with any other Python the set-up resolves the .in files itself.
 """
 
 import json
@@ -27,6 +27,12 @@ def resolve(*sources: str) -> dict[str, str]:
     return {package["name"].lower(): package["version"] for package in packages}
 
 
+def pinned(source: str) -> dict[str, str]:
+    """Name -> version of what a source lists itself."""
+    lines = (REQUIREMENTS / source).read_text().splitlines()
+    return dict(line.split("==") for line in lines if not line.startswith("#"))
+
+
 def write(kind: str, packages: dict[str, str]) -> None:
     path = REQUIREMENTS / f"lock-{sys.version_info.major}.{sys.version_info.minor}-{kind}.txt"
     lines = [f"{name}=={version}" for name, version in sorted(packages.items())]
@@ -40,7 +46,8 @@ def main() -> None:
     everything = {name: resolved[name] for name in resolved if not is_torch_or_cuda(name)}
     ros = {name: everything[name] for name in resolve("ros.in")}
     write("ros", ros)
-    write("python", {name: version for name, version in everything.items() if name not in ros})
+    python = {name: version for name, version in everything.items() if name not in ros}
+    write("python", python | pinned("as_is.txt"))
 
 
 def is_torch_or_cuda(name: str) -> bool:

@@ -160,9 +160,13 @@ install_locked_python() { install --ignore-installed --no-deps -r "$lock-python.
 
 update_locked() { install --no-deps -r "$lock-ros.txt" -r "$lock-python.txt" && mend_wheels; }
 
-install_unlocked() { (cd "$root/requirements" && install -r ros.in -r python.in) && mend_wheels; }
+install_unlocked() {
+  (cd "$root/requirements" && install -r ros.in -r python.in && install --no-deps -r as_is.txt) && mend_wheels
+}
 
-install_beside_ros() { (cd "$root/requirements" && install -c jazzy-constraints.txt -r python.in); }
+install_beside_ros() {
+  (cd "$root/requirements" && install -c jazzy-constraints.txt -r python.in && install --no-deps -r as_is.txt)
+}
 
 install_torch() {
   local constraints=()

@@ -10,6 +10,7 @@ setup(
     maintainer="SAIN maintainers",
     maintainer_email="sain@example.org",
     packages=find_packages(),
+    package_data={package_name: ["report/page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
@@ -25,13 +26,20 @@ setup(
         "tyro",
         "zstandard",
     ],
-    extras_require={"sqlite3": ["rosbags"]},
+    extras_require={
+        "parquet": ["pyarrow"],
+        "minari": ["gymnasium", "h5py", "minari"],
+        "lerobot": ["lerobot", "torch", "torchvision"],
+        "sqlite3": ["rosbags"],
+    },
     zip_safe=False,
     entry_points={
         "console_scripts": [
             "record = sain_bags.ros.record:main",
+            "play = sain_bags.ros.play:main",
             "info = sain_bags.info_cli:main",
             "recover = sain_bags.recover_cli:main",
+            "report = sain_bags.report_cli:main",
             "to_dataset = sain_bags.to_dataset_cli:main",
         ],
     },

@@ -18,7 +18,7 @@ from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.types import Scene
-from sain_interfaces.msg import Goal, Plan, Push, PushPrediction, PushResult
+from sain_interfaces.msg import Goal, Plan, Push, PushPrediction, PushResult, WorldParameters
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
 
@@ -32,6 +32,7 @@ HEARD = {
     "plan": Plan,
     "push": Push,
     "plan_markers": MarkerArray,
+    "world_parameters": WorldParameters,
 }
 
 

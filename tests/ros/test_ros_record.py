@@ -15,8 +15,11 @@ from std_msgs.msg import String
 
 from sain_bags.reader import Bag
 from sain_bags.ros.endpoints import message_class
-from sain_bags.ros.record import Recorder, parse_custom_data
-from sain_bags.writer import BagWriter
+from sain_bags.ros.record import drain, parse_custom_data
+from sain_bags.ros.recorder import Recorder
+from sain_bags.selection import Selection
+from sain_bags.timing import read_timings
+from sain_bags.writer import BagConfig, BagWriter
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_interfaces.msg import DiskState, Scene
 
@@ -27,24 +30,24 @@ LOSSY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class Studio:
-    """A recorder and a node that publishes, on one executor."""
+    """A recorder, and a node that publishes."""
 
     def __init__(self, context: rclpy.Context, folder: Path) -> None:
         self.executor = SingleThreadedExecutor(context=context)
-        self.writer = BagWriter(folder)
+        self.writer = BagWriter(folder, BagConfig(flush_period=0.2))
         self.context = context
         self.player = Node("player", context=context)
         self.executor.add_node(self.player)
 
     def start(self, *chosen: str) -> None:
-        self.recorder = Recorder(self.writer, chosen, 0.2, context=self.context)
-        self.executor.add_node(self.recorder)
+        self.recorder = Recorder(self.writer, Selection(chosen), context=self.context)
 
     def spin_until(self, condition: Callable[[], bool]) -> None:
         deadline = time.monotonic() + 30.0
         while not condition():
             assert time.monotonic() < deadline, f"waited in vain; so far {self.writer.counts}"
-            self.executor.spin_once(timeout_sec=0.02)
+            self.recorder.work()
+            self.executor.spin_once(timeout_sec=0.01)
 
     def recorded(self, topic: str, count: int) -> None:
         """Spin until so many messages of a topic are in the bag."""
@@ -55,8 +58,9 @@ class Studio:
         self.spin_until(lambda: self.player.count_subscribers(topic) > 0)
 
     def end(self) -> Bag:
+        drain(self.recorder)
+        self.executor.remove_node(self.player)
         for node in (self.recorder, self.player):
-            self.executor.remove_node(node)
             node.destroy_node()
         self.writer.close()
         return Bag(self.writer.folder)
@@ -158,3 +162,56 @@ def test_custom_data_must_be_pairs() -> None:
     assert parse_custom_data(("a=1", "b=x=y")) == {"a": "1", "b": "x=y"}
     with pytest.raises(ConfigError, match="'nonsense'; it must be KEY=VALUE"):
         parse_custom_data(("nonsense",))
+
+
+def test_what_is_latched_is_recorded_once_though_it_is_subscribed_to_anew(studio: Studio) -> None:
+    studio.start()
+    studio.player.create_publisher(String, "goal", LATCHED).publish(String(data="the goal"))
+    studio.recorded("/goal", 1)
+
+    def asks_for(durability: DurabilityPolicy) -> bool:
+        found = studio.player.get_subscriptions_info_by_topic("/goal")
+        return [info.qos_profile.durability for info in found] == [durability]
+
+    passing = studio.player.create_publisher(String, "goal", 10)
+    studio.spin_until(lambda: asks_for(DurabilityPolicy.VOLATILE))
+    studio.player.destroy_publisher(passing)
+    studio.spin_until(lambda: asks_for(DurabilityPolicy.TRANSIENT_LOCAL))
+    marker = studio.player.create_publisher(String, "marker", LATCHED)
+    marker.publish(String(data="later"))
+    studio.recorded("/marker", 1)
+    for _ in range(50):  # what was latched would have come by now
+        studio.recorder.work()
+        time.sleep(0.01)
+    recorder_gaps = studio.recorder.gaps["/goal"]
+    assert [received.message.data for received in studio.end().messages(["/goal"])] == ["the goal"]
+    assert recorder_gaps.missing == 0
+
+
+def test_a_message_that_never_came_is_counted(studio: Studio) -> None:
+    studio.start()
+    numbers = studio.player.create_publisher(String, "numbers", LOSSY)
+    studio.listened("/numbers")
+    for number in range(3):
+        numbers.publish(String(data=str(number)))
+    studio.recorded("/numbers", 3)
+    subscription = studio.recorder._recorded["/numbers"].subscription
+    assert subscription is not None
+    numbers.publish(String(data="lost"))
+    lost: list[object] = []
+
+    def steal() -> bool:
+        with subscription.handle:
+            lost.extend(filter(None, [subscription.handle.take_message(String, True)]))
+        return bool(lost)
+
+    deadline = time.monotonic() + 30.0
+    while not steal():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    numbers.publish(String(data="found"))
+    studio.recorded("/numbers", 4)
+    gaps = studio.recorder.gaps["/numbers"]
+    assert (gaps.missing, gaps.is_exact) == (1, True)
+    bag = studio.end()
+    assert read_timings(bag)["/numbers"].missing == 1  # as the bag itself shows

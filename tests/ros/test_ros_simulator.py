@@ -10,6 +10,7 @@ from sain_core.errors import BusyError, ErrorCode
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_interfaces.srv import ResetScene
+from sain_sim.episode import draw_episode
 from sain_sim.ros.sim_node import SimNode
 
 AHEAD = (0.0, 0.0, 0.1)
@@ -131,6 +132,25 @@ def test_a_reset_starts_a_new_episode_that_its_seed_decides(graph, simulator):
     assert [m.scene_id for m in (first, other, again)] == [2, 3, 4]
     assert first.disks == again.disks
     assert first.disks != other.disks
+
+
+def test_each_episode_tells_what_its_world_is_made_of(graph, simulator):
+    scene = graph.reset(seed=3, world="randomised", shapes=["disk", "cube"])
+    given = graph.reset(seed=4, friction=0.3)
+
+    def told(scene):
+        return graph.find("world_parameters", episode_id=scene.episode_id)
+
+    graph.wait(lambda: told(given), "the second world")
+    drawn, _ = draw_episode(3, "randomised", shapes=("disk", "cube"))
+    (first,), (second,) = told(scene), told(given)
+    assert (first.seed, first.world, first.shapes) == (3, "randomised", ["three_feet", "cube"])
+    assert [first.friction, first.rim_friction, first.tool_friction] == [
+        drawn.friction,
+        drawn.rim_friction,
+        drawn.tool_friction,
+    ]
+    assert (second.world, second.friction) == (simulator.simulator.config.world, 0.3)
 
 
 def test_after_a_reset_old_scenes_are_of_an_unknown_episode(graph, simulator):

@@ -14,7 +14,9 @@ from sain_bags.writer import BagWriter
 from sain_core.scene import STATE_NAMES, make_scene
 from sain_core.types import Scene
 
-INTERFACES = ("DiskState", "Scene", "Goal", "Push", "PushResult", "PushPrediction", "Plan")
+INTERFACES = (
+    "DiskState", "Scene", "Goal", "Push", "PushResult", "PushPrediction", "Plan", "WorldParameters",
+)  # fmt: skip
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
 

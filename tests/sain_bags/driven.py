@@ -48,6 +48,14 @@ class Drive:
         for place, push_id in enumerate(ids):
             scene = self.push(number, push_id, scene, place)
 
+    def world(self, episode: int, friction: float) -> None:
+        """Tell what an episode's world is made of."""
+        self._send(
+            "world_parameters", "WorldParameters",
+            episode_id=episode, world="randomised", shapes=["three_feet"] * self.parts.disks,
+            friction=friction, rim_friction=2 * friction, tool_friction=3 * friction,
+        )  # fmt: skip
+
     def push(self, episode: int, push_id: int, before: Scene, place: int) -> Scene:
         """Write a push and all that follows from it; return the scene after it."""
         parts, start = self.parts, self.scene_message(episode, before)

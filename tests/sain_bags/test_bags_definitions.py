@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from sain_bags.definitions import SEPARATOR, Definitions, referred_types
 from sain_core.errors import InvalidInputError
@@ -51,3 +52,28 @@ def test_what_is_no_message_name_is_refused(name: str, tmp_path: Path) -> None:
 def test_constants_comments_and_numbers_are_no_types() -> None:
     text = "# Foo x\nuint8 A=1\nfloat64[] values # Bar\nDisk[2] disks\nbool<=3 flag\n\n"
     assert list(referred_types("p/msg/T", text)) == ["p/msg/Disk"]
+
+
+def install_service(prefix: Path, name: str, text: str) -> None:
+    folder = prefix / "share" / "a" / "srv"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{name}.srv").write_text(text, encoding="utf-8")
+
+
+def test_service_events_are_defined_by_their_service(tmp_path: Path) -> None:
+    install(tmp_path, "a/msg/Inner", "float64 x\n")
+    install(tmp_path, "service_msgs/msg/ServiceEventInfo", "uint8 event_type\n")
+    install_service(tmp_path, "Ask", "# Inner\nInner[] things\nstring<=9 name\n---\nbool done\n")
+    install_service(tmp_path, "Trigger", "---\nbool done  # or not\n")
+    definitions = Definitions((tmp_path,))
+    assert definitions.text("a/srv/Ask_Request") == "# Inner\na/Inner[] things\nstring<=9 name\n"
+    assert definitions.text("a/srv/Ask_Response") == "bool done\n"
+    assert definitions.text("a/srv/Trigger_Request") == "\n"
+    assert definitions.text("a/srv/Trigger_Response") == "bool done  # or not\n"
+    types = get_types_from_msg(definitions.joined("a/srv/Ask_Event"), "a/srv/Ask_Event")
+    store = get_typestore(Stores.EMPTY)
+    store.register(types)  # raises when one is missing
+    assert set(types) == {
+        "a/msg/Inner", "a/srv/msg/Ask_Event", "a/srv/msg/Ask_Request", "a/srv/msg/Ask_Response",
+        "service_msgs/msg/ServiceEventInfo",
+    }  # fmt: skip

@@ -3,7 +3,7 @@
 import pytest
 
 from sain_bags.metadata import OfferedQos
-from sain_bags.selection import RequestedQos, adapt, is_hidden, is_wanted
+from sain_bags.selection import RequestedQos, Selection, adapt, is_hidden
 
 LATCHED = OfferedQos(durability="transient_local")
 LOSSY = OfferedQos(reliability="best_effort")
@@ -15,12 +15,20 @@ LOSSY = OfferedQos(reliability="best_effort")
 )
 def test_hidden_topics(topic: str, hidden: bool) -> None:
     assert is_hidden(topic) == hidden
-    assert is_wanted(topic, ()) == (not hidden)
+    assert Selection().wants(topic) == (not hidden)
+    assert Selection(hidden=True).wants(topic)
 
 
 def test_chosen_topics_are_all_there_is() -> None:
-    assert is_wanted("/a/_b", {"/a/_b"})
-    assert not is_wanted("/a", {"/a/_b"})
+    assert Selection({"/a/_b"}).wants("/a/_b")
+    assert not Selection({"/a/_b"}).wants("/a")
+    assert not Selection({"/a/_b"}, hidden=True).wants("/a")
+    assert not Selection({"/a/_b"}).wants("/sain/rollout/_service_event")
+
+
+def test_service_calls_are_recorded_though_their_topics_are_hidden() -> None:
+    assert is_hidden("/sain/rollout/_service_event")
+    assert Selection().wants("/sain/rollout/_service_event")
 
 
 @pytest.mark.parametrize(

@@ -18,9 +18,12 @@ from rosbags.rosbag2 import Reader
 
 from sain_bags.metadata import OfferedQos, Topic
 from sain_bags.reader import Bag
+from sain_bags.recovery import recover
+from sain_bags.recovery_report import Outcome
 from sain_bags.reserve import RESERVE, ReservedFile
 from sain_bags.writer import BagConfig, BagWriter
 from sain_core.errors import ConfigError, InvalidInputError, OutputError
+from tests.sain_bags.doctor import examine
 
 TEXT = Topic("/chat", "std_msgs/msg/String", "string data\n", "RIHS01_ab", (OfferedQos(),))
 HELLO = b"\x00\x01\x00\x00\x06\x00\x00\x00hello\x00"
@@ -174,7 +177,6 @@ def test_the_reserve_goes_when_the_file_is_closed(tmp_path: Path) -> None:
     file = ReservedFile(tmp_path / "data", reserve=4096)
     assert (tmp_path / ".data.reserve").stat().st_size == 4096
     file.write(b"abc")
-    assert file.tell() == 3
     file.close()
     assert [path.name for path in tmp_path.iterdir()] == ["data"]
 
@@ -218,3 +220,90 @@ def test_a_disk_full_from_the_start_leaves_nothing(
     with pytest.raises(OutputError, match="No space left on device"):
         BagWriter(tmp_path / "bag")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_disk_that_is_nearly_full_ends_the_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer = BagWriter(tmp_path / "bag", BagConfig(min_free_space=1))
+    writer.add_topic(TEXT)
+    writer.write("/chat", HELLO, 1)
+    free = os.statvfs(tmp_path).f_bavail * os.statvfs(tmp_path).f_frsize
+    monkeypatch.setattr(writer, "_config", BagConfig(min_free_space=2 * free))
+    with pytest.raises(OutputError, match=r"MB are left on the disk .*\(--bag.min-free-space\)"):
+        writer.flush()
+    writer.close()
+    assert Bag(tmp_path / "bag").message_count == 1
+    with pytest.raises(OutputError, match="MB are left on the disk"):
+        BagWriter(tmp_path / "other", BagConfig(min_free_space=2 * free))
+    assert not (tmp_path / "other").exists()
+
+
+def test_what_a_failed_write_left_behind_is_cut_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer = BagWriter(tmp_path / "bag", BagConfig(compression="none", chunk_size=4096))
+    writer.add_topic(TEXT)
+    for number in range(100):
+        writer.write("/chat", HELLO, number + 1)
+    writer.flush()
+    real, tries = os.write, []
+
+    def fail(descriptor: int, data: memoryview) -> int:
+        tries.append(len(data))
+        if len(tries) == 1:
+            return real(descriptor, data[:100])
+        if len(tries) == 2:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return real(descriptor, data)
+
+    monkeypatch.setattr(os, "write", fail)
+    with pytest.raises(OutputError, match="Input/output error"), writer:
+        for number in range(100, 1000):
+            writer.write("/chat", HELLO, number + 1)
+    assert tries[1] == tries[0] - 100
+    assert examine(tmp_path / "bag" / "bag_0.mcap").message_count == 100
+    assert [received.log_time for received in Bag(writer.folder).messages()] == [*range(1, 101)]
+    assert (
+        yaml.safe_load((writer.folder / "metadata.yaml").read_text(encoding="utf-8"))[
+            "rosbag2_bagfile_information"
+        ]["message_count"]
+        == 100
+    )
+
+
+@pytest.mark.parametrize("lost", [0, 1, 2])
+def test_no_lost_chunk_takes_a_channel_with_it(lost: int, tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag", BagConfig(compression="none", chunk_size=1024)) as writer:
+        for number in range(300):
+            if number in (0, 100):
+                name = f"/chat_{number}"
+                writer.add_topic(Topic(name, "std_msgs/msg/String", "string data\n"))
+            writer.write(name, HELLO, number + 1)
+    file = tmp_path / "bag" / "bag_0.mcap"
+    content = bytearray(file.read_bytes())
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert lost < len(summary.chunk_indexes)
+    index = summary.chunk_indexes[lost]
+    content[index.chunk_start_offset + 200] ^= 1
+    del content[summary.chunk_indexes[-1].chunk_start_offset :]  # and the summary
+    file.write_bytes(content)
+    report = recover(file, tmp_path / "saved")
+    assert {topic for topic, count in report.counts.items() if count} == {"/chat_0", "/chat_100"}
+    assert sum(1 for loss in report.losses if loss.messages) <= 1
+
+
+def test_what_a_recording_says_of_itself_survives_it(tmp_path: Path) -> None:
+    """Nothing is closed: the recorder was killed."""
+    writer = BagWriter(tmp_path / "bag", custom_data={"seed": "7"}, ros_distro="kilted")
+    writer.add_topic(TEXT)
+    writer.write("/chat", HELLO, 1)
+    writer.flush()
+    report = recover(tmp_path / "bag", tmp_path / "saved")
+    writer.close()
+    assert report.outcome == Outcome.LOSSY
+    saved = Bag(tmp_path / "saved")
+    assert saved.custom_data == {"seed": "7", "recovered": "with losses, from bag"}
+    assert saved.metadata["ros_distro"] == "kilted"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.feasibility import Feasibility, reachable
-from sain_core.scene import MID, POSITION, RADIUS, TARGET, check_scene, surface_gaps
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, check_scene, surface_gaps
 from sain_eval.scenarios import CONTACT_GAP, SCENARIOS
 from sain_sim.parameters import CUBE, FLAT, THREE_FEET
 from sain_sim.truth import TruthConfig
@@ -19,8 +19,10 @@ def scenario(request):
     return SCENARIOS[request.param]
 
 
-def test_the_five_scenarios_are_there():
-    assert set(SCENARIOS) == {"paper", "paper_shift", "paper_cube", "anywhere", "clutter"}
+def test_the_scenarios_are_there():
+    paper = {"paper", "paper_shift", "paper_cube"}
+    anywhere = {"anywhere", "clutter", "anywhere_cube", "anywhere_rubber"}
+    assert set(SCENARIOS) == paper | anywhere
 
 
 def test_the_same_seed_gives_the_same_scene_and_another_another(scenario):
@@ -52,11 +54,13 @@ def test_parameters_are_in_the_papers_ranges(scenario):
     cases = [scenario.scene(seed) for seed in SEEDS]
     friction = np.array([case.friction for case in cases])
     mid = np.array([case.disks[MID, RADIUS] for case in cases])
-    assert friction.min() >= 0.08 and friction.max() <= 0.20 and np.ptp(friction) > 0.08
+    low, high = (0.25, 0.45) if scenario.name == "anywhere_rubber" else (0.08, 0.20)
+    assert friction.min() >= low and friction.max() <= high
+    assert np.ptp(friction) > 0.65 * (high - low)
     assert mid.min() >= 0.075 and mid.max() <= 0.085 and np.ptp(mid) > 0.006
 
 
-@pytest.mark.parametrize("name", ["anywhere", "clutter"])
+@pytest.mark.parametrize("name", ["anywhere", "clutter", "anywhere_cube", "anywhere_rubber"])
 def test_a_straight_push_from_behind_reaches_the_goal(name):
     for seed in SEEDS:
         case = SCENARIOS[name].scene(seed)
@@ -75,6 +79,15 @@ def test_anywhere_is_anywhere():
     bearing = np.arctan2(side[:, 1], side[:, 0])
     counts, _ = np.histogram(bearing, 8, (-np.pi, np.pi))
     assert counts.min() >= 5
+
+
+def test_a_cube_turns_a_side_to_the_mid_disk():
+    for seed in SEEDS:
+        case = SCENARIOS["anywhere_cube"].scene(seed)
+        assert case.shapes == ("disk", "cube")
+        side = case.disks[TARGET, POSITION] - case.disks[MID, POSITION]
+        assert case.disks[TARGET, THETA] == pytest.approx(np.arctan2(side[1], side[0]))
+    assert (SCENARIOS["anywhere"].scene(0).disks[:, THETA] == 0.0).all()
 
 
 def test_clutter_has_one_to_three_more_disks():

@@ -170,6 +170,7 @@ def test_simulated_time_never_goes_back(played: Run) -> None:
 
 
 def test_the_pictures_are_pictures(played: Run) -> None:
+    assert "anywhere 1" in (played.out / "report.html").read_text(encoding="utf-8")
     for name in ("episode_1.png", "overview.png"):
         with Image.open(played.out / name) as picture:
             picture.verify()

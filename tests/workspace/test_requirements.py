@@ -20,10 +20,10 @@ def pins(path: Path) -> dict[str, str]:
     return {re.sub(r"[-_.]+", "-", match[1]).lower(): match[2] for match in wanted}
 
 
-@pytest.mark.parametrize("kind", LOCKS)
-def test_what_is_asked_for_is_what_is_locked(kind):
+@pytest.mark.parametrize("file", ["ros.in", "python.in", "as_is.txt"])
+def test_what_is_asked_for_is_what_is_locked(file):
     locked = pins(LOCKS["ros"]) | pins(LOCKS["python"])
-    asked = pins(REQUIREMENTS / f"{kind}.in")
+    asked = pins(REQUIREMENTS / file)
     assert {name: locked.get(name) for name in asked} == asked, "run ./env python tools/lock.py"
 
 
@@ -43,9 +43,8 @@ def test_colcon_gets_a_setuptools_that_it_can_use():
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES)
 def test_what_a_package_needs_is_pinned(package):
-    pinned = {
-        name for file in ("ros.in", "python.in", "torch.txt") for name in pins(REQUIREMENTS / file)
-    }
+    files = ("ros.in", "python.in", "as_is.txt", "torch.txt")
+    pinned = {name for file in files for name in pins(REQUIREMENTS / file)}
     assert {name.lower() for name in requirements_of(package)} <= pinned
 
 

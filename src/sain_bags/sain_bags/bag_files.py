@@ -83,7 +83,7 @@ class BagFiles:
                 if start is None or stretch.last >= start:
                     places.append((stretch, number, len(places)))
         places.sort(key=lambda place: (place[0].first, place[2]))
-        limits = [*(stretch.first for stretch, _, _ in places[1:]), NEVER]
+        limits = [*(stretch.first for stretch, _, _ in places), NEVER][1:]
         tables = [_table(numbers) for numbers in wanted]
         for (stretch, number, rank), limit in zip(places, limits, strict=True):
             messages = self._files[number].read(stretch, wanted[number].keys())

@@ -11,14 +11,16 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final, Literal, NamedTuple
+from typing import Final, NamedTuple
 
 from sain_bags.card import Card
 from sain_bags.dataset_folder import DatasetFolder
 from sain_bags.dataset_shards import Columns, Sharding
+from sain_bags.formats import FormatName
 from sain_bags.hearing import Hearing
 from sain_bags.numbering import Numbering
 from sain_bags.pairing import Paired, Pairing
+from sain_bags.parameters import KnownParameters
 from sain_bags.push_run import PushRun
 from sain_bags.rows import RowMaker
 from sain_bags.sources import Source, find_sources
@@ -30,14 +32,15 @@ from sain_core.shards import SHARD_SIZE
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
 
 Progress = Callable[[int, int, int], None]  # messages read, of how many; rows made
+Writing = Callable[[int, int], None]  # rows written in a format other than npz, of how many
 
 
 @dataclass(frozen=True)
 class ConversionConfig:
     """What becomes of recordings."""
 
-    format: Literal["npz"] = "npz"
-    """Compressed shards of 1,000 with the keys of `sain_sim collect`'s."""
+    format: FormatName = "npz"
+    """Of the data set (docs/formats.md); npz: shards of 1,000 with the keys of `collect`'s."""
     prior: str = "planar"
     """Predicts the pushes that a recording has no prediction of: a name, or a checkpoint's path."""
     moved_only: bool = False
@@ -62,6 +65,7 @@ def convert(
     config: ConversionConfig = ConversionConfig(),
     overwrite: bool = False,
     progress: Progress = lambda read, messages, rows: None,
+    writing: Writing = lambda rows, of: None,
 ) -> Converted:
     """Convert recordings, going on where an earlier run of the same conversion stopped.
 
@@ -71,17 +75,18 @@ def convert(
         config: what becomes of them.
         overwrite: make anew what a conversion made there.
         progress: called as messages are read and shards written.
+        writing: called as rows are written in a format other than npz, after all messages.
 
     Raises:
         DatasetError: a recording is no bag, is damaged, or holds nothing to learn from; a shard
             of an earlier run is damaged.
-        ConfigError: there is no such prior.
+        ConfigError: there is no such prior, or the format's library is not installed.
         OutputError: the folder holds something else, or cannot be written.
     """
     sources = find_sources(paths, config.namespace or None)
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
-    card, numbering = Card(), Numbering()
+    card, numbering, parameters = Card(), Numbering(), KnownParameters(sources)
     with ExitStack() as stack:
 
         def prior() -> Dynamics:
@@ -90,12 +95,13 @@ def convert(
             return dynamics
 
         maker = RowMaker(prior, config.prior, config.moved_only, config.keep_unsettled)
-        for shard in _stored(folder, _shards(sources, maker, numbering, card, progress)):
+        shards = _shards(sources, maker, numbering, card, progress)
+        for shard in _stored(folder, map(parameters.added_to, shards)):
             card.add(shard)
     if not card.transitions:
         raise DatasetError(f"no transition is left: {card.why_none()}")
     about = {**identity, **_versions(), "episodes": numbering.episodes}
-    folder.finish(card.content(about, [source.describe() for source in sources]))
+    folder.finish(card.content(about, [source.describe() for source in sources]), writing)
     return Converted(card.transitions, numbering.episodes, dict(card.dropped))
 
 

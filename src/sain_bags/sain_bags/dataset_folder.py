@@ -1,23 +1,30 @@
 """The folder that a data set is written to: whose it is, and when it is whole.
 
 ``conversion.json`` is written before the first shard and says which conversion the folder belongs
-to; ``card.json`` is written last, and where it stands the data set is whole.
+to; ``card.json`` is written last, and where it stands the data set is whole. Rows of any format
+are gathered as npz shards, which makes every conversion one to go on with.
 """
 
 import json
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from numpy import ndarray
+import numpy as np
 
-from sain_bags.dataset_shards import write_shard
+from sain_bags.dataset_export import clear, export, put_in_place, remove
+from sain_bags.dataset_shards import Columns, write_shard
+from sain_bags.dataset_split import describe_split, split_episodes
+from sain_bags.formats import SHARDS, find_format
 from sain_core.errors import OutputError
-from sain_core.shards import SHARD_PATTERN
+from sain_core.shards import shard_path
 from sain_core.storage import PARTIAL, write_json
 
 IDENTITY_FILE: Final = "conversion.json"
 CARD_FILE: Final = "card.json"
 PICTURE_FILE: Final = "card.png"  # drawn from the card
+GATHERED: Final = ".rows"  # folder of the shards until they are written in another format
 
 Content = dict[str, Any]
 
@@ -30,23 +37,29 @@ class DatasetFolder:
 
         Args:
             path: a new or empty folder, or that of a conversion.
-            identity: what makes two conversions the same; as JSON would give it back.
+            identity: what makes two conversions the same, the format among it; as JSON would
+                give it back.
             overwrite: make anew what a conversion made there.
 
         Raises:
+            ConfigError: the format's library is not installed.
             OutputError: it holds something else, or another conversion and is not to be
                 overwritten.
         """
         self.path, self._identity = path, identity
-        self._overwrite, self._claimed, self._shards = overwrite, False, 0
-        found = _read_identity(path)
+        self._write = find_format(identity["format"])
+        self._gathered = path / GATHERED if self._write else path
+        self._overwrite, self._claimed = overwrite, False
+        self._shards: dict[int, list[Path]] = {}  # by the number of disks
+        self._counts: Counter[tuple[int, int]] = Counter()  # rows, by that and episode
+        self._found = found = _read_identity(path)
         if found is not None and found != identity and not overwrite:
             raise OutputError(
                 f"{path} holds another conversion ({_difference(found, identity)}); choose another"
                 " folder, or --overwrite"
             )
 
-    def store(self, columns: dict[str, ndarray]) -> dict[str, ndarray]:
+    def store(self, columns: Columns) -> Columns:
         """Write columns as the next shard, or find it written, and return them.
 
         Raises:
@@ -55,21 +68,50 @@ class DatasetFolder:
         """
         if not self._claimed:
             self._claim()
-        self._shards += 1
-        return write_shard(self.path, self._shards - 1, columns)
+        disks, index = columns["masses"].shape[1], sum(map(len, self._shards.values()))
+        stored = write_shard(self._gathered, index, columns)
+        self._shards.setdefault(disks, []).append(shard_path(self._gathered, index))
+        for episode, count in zip(*np.unique(columns["episode"], return_counts=True), strict=True):
+            self._counts[disks, int(episode)] += int(count)
+        return stored
 
-    def finish(self, card: Content) -> None:
-        """Write the card: the data set is whole."""
+    def finish(
+        self, card: Content, progress: Callable[[int, int], None] = lambda rows, of: None
+    ) -> None:
+        """Write the gathered rows in the format, and the card: the data set is whole.
+
+        Args:
+            card: all that is told of the data set but its split.
+            progress: told how many rows are written, of how many.
+
+        Raises:
+            OutputError: the folder cannot be written, or the disk is full.
+        """
+        parts = split_episodes(self._counts)
+        card = {**card, "split": describe_split(parts, self._counts)}
+        if self._write:
+            written = 0
+
+            def advance(rows: int) -> None:
+                nonlocal written
+                written += rows
+                progress(written, self._counts.total())
+
+            export(self._write, self.path, self._shards, parts, card, advance)
+            put_in_place(self.path, self._identity["format"])
+            remove(self._gathered)
         write_json(self.path / CARD_FILE, card)
 
     def _claim(self) -> None:
         leftovers = [*self.path.glob(f".*{PARTIAL}")]
         leftovers += [self.path / name for name in (CARD_FILE, PICTURE_FILE)]
         if self._overwrite:
-            leftovers += sorted(self.path.glob(SHARD_PATTERN))
+            leftovers.append(self.path / GATHERED)
+        if self._overwrite and self._found is not None:
+            clear(self.path, self._found.get("format", SHARDS))
         try:
             for path in leftovers:
-                path.unlink(missing_ok=True)
+                remove(path)
         except OSError as error:
             raise OutputError(f"cannot clear {self.path}: {error.strerror or error}") from error
         write_json(self.path / IDENTITY_FILE, self._identity)

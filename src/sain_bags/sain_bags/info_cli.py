@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from sain_bags.episodes import Episode, namespaces, read_episodes
+from sain_bags.gaps import read_gaps
 from sain_bags.reader import Bag
 from sain_bags.timing import TopicTiming, read_timings
 from sain_core.errors import SainError
@@ -35,6 +36,7 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
     table.add_column("Type", style="dim", no_wrap=True)
     for name in ("Messages", "Rate", "Longest gap", "Missing"):
         table.add_column(name, justify="right")
+    told = read_gaps(bag.custom_data) or {}
     for topic in bag.topics:
         mean = topic.messages / bag.duration if topic.messages > 1 and bag.duration else 0.0
         timing = timings.get(topic.name, TopicTiming(mean, 0.0, None))
@@ -44,7 +46,7 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
             f"{topic.messages:,}",
             f"{timing.rate:.1f} Hz" if timing.rate else "-",
             f"{timing.longest_gap:.2f} s" if timing.longest_gap else "-",
-            "-" if timing.missing is None else f"{timing.missing:,}",
+            _missing(timing.missing, told.get(topic.name)),
         )
     return table
 
@@ -80,11 +82,12 @@ def show(path: Path, console: Console, check: bool = True) -> None:
     bag = Bag(path)
     timings = read_timings(bag) if check else {}
     size = bag.size / 1e6
+    files = f" in {len(bag.files)} files" if len(bag.files) > 1 else ""
     began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(bag.start * 1e-9))
     state = "every CRC is right" if check else "only its summary was checked"
     console.print(f"[bold]{path}[/]  {state}", highlight=False)
     console.print(
-        f"{bag.message_count:,} messages in {bag.duration:.1f} s from {began}, {size:.2f} MB"
+        f"{bag.message_count:,} messages in {bag.duration:.1f} s from {began}, {size:.2f} MB{files}"
         + "".join(f"\n{key}: {value}" for key, value in bag.custom_data.items()),
         highlight=False,
         markup=False,
@@ -101,6 +104,13 @@ def show(path: Path, console: Console, check: bool = True) -> None:
             highlight=False,
         )
         console.print(episode_table(episodes))
+
+
+def _missing(counted: int | None, told: str | None) -> str:
+    """What the bag shows is certain; of several publishers only their recorder could tell."""
+    if counted is not None:
+        return f"{counted:,}"
+    return told or "-"
 
 
 def _millimetres(metres: float) -> str:

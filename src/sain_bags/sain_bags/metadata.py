@@ -6,9 +6,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import yaml
+from mcap.records import Metadata
 
 LAYOUT_VERSION: Final = 9
 METADATA_FILE: Final = "metadata.yaml"
+METADATA_RECORD: Final = "rosbag2"  # by this name a file's record of the same content is found
+METADATA_KEY: Final = "serialized_metadata"
 INFINITE: Final = (9_223_372_036, 854_775_807)  # [s, ns], rmw's duration without end
 
 # rmw/types.h, by the numbers of its enumerations
@@ -60,6 +63,15 @@ class Topic:
     definition: str  # of the type and all it refers to
     type_hash: str = ""  # RIHS01_..., empty when not known
     offered_qos: tuple[OfferedQos, ...] = ()
+    publishers: int = 1  # that it ever had
+
+    @property
+    def is_latched(self) -> bool:
+        """Whether who joins late is given what was last said, however long ago that was."""
+        return any(
+            qos.durability == "transient_local" and qos.lifespan >= INFINITE
+            for qos in self.offered_qos
+        )
 
     def qos_text(self) -> str:
         """Return the offered profiles as the text that a channel's metadata holds."""
@@ -75,47 +87,50 @@ class Span:
     messages: int = 0
 
 
+@dataclass(frozen=True)
+class FileSummary:
+    """One file of a bag."""
+
+    name: str  # in the bag's folder
+    span: Span
+
+
 def bag_metadata(
-    file_name: str,
-    span: Span,
+    files: Sequence[FileSummary],
     topics: Sequence[tuple[Topic, int]],
     custom_data: Mapping[str, str],
     ros_distro: str,
 ) -> dict[str, Any]:
-    """Return the content of ``metadata.yaml`` for a bag of one file.
+    """Return what is known of a bag, in rosbag2's words.
 
     Args:
-        file_name: the MCAP file's name in the bag's folder.
-        span: of all messages.
+        files: in the order in which they were written.
         topics: each with its number of messages.
         custom_data: whatever the recording should say about itself.
         ros_distro: for example jazzy.
     """
-    duration = {"nanoseconds": span.end - span.start}
-    start = {"nanoseconds_since_epoch": span.start}
+    span = whole_span([file.span for file in files])
     return {
-        "rosbag2_bagfile_information": {
-            "version": LAYOUT_VERSION,
-            "storage_identifier": "mcap",
-            "duration": duration,
-            "starting_time": start,
-            "message_count": span.messages,
-            "topics_with_message_count": [_topic(topic, count) for topic, count in topics],
-            "compression_format": "",  # of the layout; MCAP compresses its chunks by itself
-            "compression_mode": "",
-            "relative_file_paths": [file_name],
-            "files": [
-                {
-                    "path": file_name,
-                    "starting_time": dict(start),
-                    "duration": dict(duration),
-                    "message_count": span.messages,
-                }
-            ],
-            "custom_data": dict(custom_data) or None,
-            "ros_distro": ros_distro,
-        }
+        "version": LAYOUT_VERSION,
+        "storage_identifier": "mcap",
+        **_span(span),
+        "topics_with_message_count": [_topic(topic, count) for topic, count in topics],
+        "compression_format": "",  # of the layout; MCAP compresses its chunks by itself
+        "compression_mode": "",
+        "relative_file_paths": [file.name for file in files],
+        "files": [{"path": file.name, **_span(file.span)} for file in files],
+        "custom_data": dict(custom_data) or None,
+        "ros_distro": ros_distro,
     }
+
+
+def whole_span(spans: Sequence[Span]) -> Span:
+    """Return the span of all messages; parts without any do not count."""
+    some = [span for span in spans if span.messages]
+    if not some:
+        return Span()
+    start, end = min(span.start for span in some), max(span.end for span in some)
+    return Span(start, end, sum(span.messages for span in some))
 
 
 def read_profiles(text: str) -> tuple[OfferedQos, ...]:
@@ -139,11 +154,33 @@ def _profile(record: Mapping[str, Any]) -> OfferedQos:
     return OfferedQos(**values)
 
 
+def metadata_record(metadata: Mapping[str, Any]) -> dict[str, str]:
+    """Return what a file's record `METADATA_RECORD` holds, as rosbag2 writes it."""
+    return {METADATA_KEY: yaml.safe_dump(dict(metadata), sort_keys=False)}
+
+
+def read_record(record: Metadata) -> dict[str, Any]:
+    """Return what such a record says of its bag; nothing where it cannot be understood."""
+    try:
+        return dict(yaml.safe_load(record.metadata[METADATA_KEY]))
+    except (yaml.YAMLError, KeyError, TypeError, ValueError):
+        return {}
+
+
 def write_metadata(folder: Path, metadata: Mapping[str, Any]) -> None:
     """Write ``metadata.yaml``, whole or not at all."""
+    content = {"rosbag2_bagfile_information": dict(metadata)}
     part = folder / f".{METADATA_FILE}.part"
-    part.write_text(yaml.safe_dump(dict(metadata), sort_keys=False), encoding="utf-8")
+    part.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
     part.replace(folder / METADATA_FILE)
+
+
+def _span(span: Span) -> dict[str, Any]:
+    return {
+        "duration": {"nanoseconds": span.end - span.start},
+        "starting_time": {"nanoseconds_since_epoch": span.start},
+        "message_count": span.messages,
+    }
 
 
 def _topic(topic: Topic, count: int) -> dict[str, Any]:

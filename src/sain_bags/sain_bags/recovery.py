@@ -7,20 +7,25 @@ they are taken too, and reported as unchecked where the file is damaged.
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
 from sain_bags.bag_copy import BagCopy
 from sain_bags.chunks import MESSAGE_HEAD, OpenedChunk, open_chunk
+from sain_bags.metadata import METADATA_RECORD, read_record
 from sain_bags.recovery_report import FileReport, Loss, Outcome, Report
 from sain_bags.scanner import Gap, Record, Scanner, is_exact, parse
-from sain_bags.trusted import Sidecar, TrustedSummary, read_sidecar, read_trusted_summary
+from sain_bags.trusted import (
+    Sidecar,
+    TrustedSummary,
+    complete_sidecar,
+    read_sidecar,
+    read_trusted_summary,
+)
 from sain_core.errors import DatasetError, OutputError
 
 Advance = Callable[[int], object]  # told how many bytes were gone through
-STALE: Final = "rosbag2"  # metadata in the file that repeats metadata.yaml, which is made anew
 
 
 def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Report:
@@ -39,6 +44,7 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
     try:
         with BagCopy(out) as copy:
             files = tuple(_recover_file(path, copy, advance) for path in sidecar.files)
+            sidecar = complete_sidecar(sidecar, files[-1].about, files[-1].said)
             report = _report(files, copy, sidecar)
             if report.outcome != Outcome.NOTHING:
                 copy.finish(_custom_data(sidecar, report, source), sidecar.ros_distro)
@@ -99,6 +105,7 @@ class _Salvage:
         if summary is not None:
             self._declare(list(summary.schemas.values()), list(summary.channels.values()))
             report.expected, report.expected_extras = summary.counts, summary.extras
+            report.said = summary.says
 
     def take(self, found: Record | Gap) -> None:
         """Save a record, or note what is lost."""
@@ -194,8 +201,10 @@ class _Salvage:
 
     def _take_extra(self, record: Record) -> None:
         extra = parse(record.opcode, record.content)
-        self._report.extras += 1
-        if not isinstance(extra, Metadata) or extra.name != STALE:
+        if isinstance(extra, Metadata) and extra.name == METADATA_RECORD:  # it is made anew
+            self._report.about = read_record(extra) or self._report.about
+        else:
+            self._report.extras += 1
             self._copy.add_extra(extra)
 
     def _lose(

@@ -1,7 +1,9 @@
-"""A file that can still be finished when the disk runs full."""
+"""A file that can still be finished when the disk runs full, and how full the disk is."""
 
 import errno
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -46,12 +48,10 @@ class ReservedFile:
                 self._reserve_path.unlink()
         return len(data)
 
-    def tell(self) -> int:
-        """Return the position in the file [bytes]."""
-        return os.lseek(self._descriptor, 0, os.SEEK_CUR)
-
-    def flush(self) -> None:
-        """Do nothing: there is no buffer here."""
+    def truncate(self, size: int) -> None:
+        """Cut the file off here, and go on writing here."""
+        os.ftruncate(self._descriptor, size)
+        os.lseek(self._descriptor, size, os.SEEK_SET)
 
     def close(self) -> None:
         """Make sure that the data is on the disk, and give the reserve back."""
@@ -70,3 +70,23 @@ class ReservedFile:
             raise
         finally:
             os.close(descriptor)
+
+
+def free_space(folder: Path) -> int:
+    """Return what is left on a folder's disk [bytes].
+
+    Raises:
+        OSError: it cannot be told.
+    """
+    disk = os.statvfs(folder)
+    return disk.f_bavail * disk.f_frsize
+
+
+@contextmanager
+def removed_on_error(folder: Path) -> Iterator[None]:
+    """Remove a folder, which must be empty, when something goes wrong."""
+    try:
+        yield
+    except BaseException:
+        folder.rmdir()
+        raise

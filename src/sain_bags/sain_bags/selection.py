@@ -2,8 +2,11 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from sain_bags.metadata import OfferedQos
+
+SERVICE_EVENT: Final = "/_service_event"  # ends the names of the topics of service introspection
 
 
 @dataclass(frozen=True)
@@ -14,14 +17,26 @@ class RequestedQos:
     transient_local: bool
 
 
+@dataclass(frozen=True)
+class Selection:
+    """Which topics to record."""
+
+    chosen: Collection[str] = ()  # full names; none: all
+    hidden: bool = False  # also those that are hidden
+
+    def wants(self, topic: str) -> bool:
+        """Tell whether to record a topic.
+
+        One that was chosen, or any that is not hidden; service calls are, and are wanted too.
+        """
+        if self.chosen:
+            return topic in self.chosen
+        return self.hidden or topic.endswith(SERVICE_EVENT) or not is_hidden(topic)
+
+
 def is_hidden(topic: str) -> bool:
     """Tell whether a topic is hidden: a part of its name starts with an underscore."""
     return any(part.startswith("_") for part in topic.split("/"))
-
-
-def is_wanted(topic: str, chosen: Collection[str]) -> bool:
-    """Tell whether to record a topic: one that was chosen, or any that is not hidden."""
-    return topic in chosen if chosen else not is_hidden(topic)
 
 
 def adapt(offers: Sequence[OfferedQos]) -> RequestedQos:

@@ -23,9 +23,12 @@ class _Progress:
     last: int = 0
     longest: int = 0  # [ns]
     sequence: int = 0
+    published: int = 0  # [ns since the epoch]
     missing: int | None = 0
 
     def saw(self, message: Message) -> None:
+        if self.messages and message.sequence == self.sequence and self._is_repeated(message):
+            return
         if self.messages:
             self.longest = max(self.longest, message.log_time - self.last)
             self._count(message.sequence)
@@ -34,6 +37,11 @@ class _Progress:
             self.missing = 0 if message.sequence else None
         self.messages += 1
         self.last, self.sequence = message.log_time, message.sequence
+        self.published = message.publish_time
+
+    def _is_repeated(self, message: Message) -> bool:
+        """Tell whether it is what a latched topic held, again at the head of a later file."""
+        return bool(message.sequence) and message.publish_time == self.published
 
     def _count(self, sequence: int) -> None:
         # Numbers of several publishers run side by side, and what is missing cannot be told.

@@ -3,6 +3,7 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import tyro
 from rich.console import Console
@@ -12,6 +13,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from sain_bags.card_picture import draw_card
 from sain_bags.conversion import ConversionConfig, Converted, convert
 from sain_core.errors import SainError
+
+SHOWN: Final = 50  # messages, between two looks at the bar
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,19 +57,31 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
     columns = (
-        TextColumn("to_dataset"),
+        TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("messages, {task.fields[rows]} transitions, left"),
+        TextColumn("{task.fields[what]}, left"),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console) as bar:
-        task = bar.add_task("to_dataset", total=None, rows=0)
+        reading = bar.add_task("to_dataset", total=None, what="messages")
+        writing = bar.add_task(options.conversion.format, visible=False, what="transitions written")
 
-        def advance(read: int, messages: int, rows: int) -> None:
-            bar.update(task, total=messages, completed=read, rows=rows)
+        shown = 0
 
-        return convert(options.bags, options.out, options.conversion, options.overwrite, advance)
+        def read(messages: int, of: int, rows: int) -> None:
+            nonlocal shown
+            if messages >= shown + SHOWN or messages == of:
+                shown = messages
+                what = f"messages, {rows} transitions"
+                bar.update(reading, total=of, completed=messages, what=what)
+
+        def write(rows: int, of: int) -> None:
+            bar.update(writing, total=of, completed=rows, visible=True)
+
+        return convert(
+            options.bags, options.out, options.conversion, options.overwrite, read, write
+        )
 
 
 if __name__ == "__main__":

@@ -11,6 +11,8 @@ from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
 
 PUSH: Final = "sain_interfaces/msg/Push"
+WORLD: Final = "sain_interfaces/msg/WorldParameters"
+FRICTIONS: Final = ("friction", "rim_friction", "tool_friction")  # table, rims, tool
 DISKS: Final = "disks"
 
 _IDS: Final = ("push_id", "episode_id")
@@ -23,6 +25,7 @@ FIELDS: Final = {
     SCENE: _SCENE,
     PREDICTION: ("push_id", "error_code", "model", DISKS),
     GOAL: ("episode_id", "x", "y", "tolerance"),
+    WORLD: ("episode_id", *FRICTIONS),
     PUSH_RESULT: (
         *_IDS, "error_code", "error_message", "duration",
         *(f"push.{name}" for name in _PUSH),

@@ -1,4 +1,4 @@
-"""Writes bags: a folder with one MCAP file and ``metadata.yaml``, as rosbag2 lays it out.
+"""Writes bags: a folder with MCAP files and ``metadata.yaml``, as rosbag2 lays it out.
 
 A bag is whole when ``metadata.yaml`` stands, and that is written last, in one move. While it is
 being recorded, or after a crash, the folder holds an MCAP file without an end and no metadata:
@@ -13,16 +13,17 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
-from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
-from mcap.writer import CompressionType
-from mcap.writer import Writer as McapWriter
-
-from sain_bags.metadata import Span, Topic, bag_metadata, write_metadata
-from sain_bags.reserve import ReservedFile
+from sain_bags.integrity import RESCUE
+from sain_bags.latched import Held, Latched
+from sain_bags.metadata import Topic, bag_metadata, write_metadata
+from sain_bags.part import Part
+from sain_bags.parts import Parts
+from sain_bags.reserve import free_space, removed_on_error
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError, OutputError
 
-LIBRARY: Final = "sain_bags"
+EARLY: Final = 0.9  # of the flush period: flushing takes a moment, too
+WORD: Final = 0xFFFFFFFF  # sequence numbers have 32 bits in MCAP
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,15 @@ class BagConfig(Config):
     chunk_size: int = option(256 << 10, "chunks end at this size", unit="B", minimum=1 << 10)
     flush_period: float = option(
         1.0, "at most this much is lost in a crash", unit="s", minimum=0.01, maximum=60.0
+    )
+    split_size: int = option(
+        0, "another file is begun where one has grown to this size; 0: never", unit="B", minimum=0
+    )
+    split_duration: float = option(
+        0.0, "another file is begun after this time; 0: never", unit="s", minimum=0.0
+    )
+    min_free_space: int = option(
+        64 << 20, "recording ends with an error where the disk has less", unit="B", minimum=0
     )
 
 
@@ -46,54 +56,37 @@ class BagWriter:
         custom_data: Mapping[str, str] | None = None,
         ros_distro: str = "jazzy",
     ) -> None:
-        """Create the folder and the MCAP file in it.
+        """Create the folder and the first MCAP file in it.
 
         Raises:
             OutputError: the folder exists, or cannot be written.
         """
         self.folder = folder
+        self.custom_data = dict(custom_data or {})  # may be added to until the bag is closed
         self._config = config
-        self._custom_data = dict(custom_data or {})
         self._ros_distro = ros_distro
         self._topics: dict[str, Topic] = {}
-        self._channels: dict[str, int] = {}
-        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}  # in the part
         self._counts: dict[str, int] = {}
-        self._span = Span()
+        self._latched = Latched()
+        self.parts = Parts()
+        self._part_start = 0  # [ns since the epoch], its first message; 0: it has none yet
+        self._flush_at: float | None = None  # by `time.monotonic`; None: just flushed
         self._closed = False
-        self._flushed_at = time.monotonic()
-        self._file = _create(folder)
-        self._mcap = McapWriter(
-            self._file,  # type: ignore[arg-type]  # write, tell and flush are all that is used
-            chunk_size=config.chunk_size,
-            compression=CompressionType[config.compression.upper()],
-            enable_data_crcs=True,
-        )
-        self._mcap.start(profile=Profile.ROS2, library=LIBRARY)
+        self._part = self._create()
+        self.parts.add(self._part)
 
     @property
     def counts(self) -> dict[str, int]:
-        """Messages written so far, by topic."""
+        """Messages written so far, by topic; what was repeated in a later file counts once."""
         return dict(self._counts)
 
     def add_topic(self, topic: Topic) -> None:
         """Announce a topic, or say more about one: the offered profiles of later publishers."""
-        if topic.name not in self._topics:
-            schema = self._schemas.get(topic.type)
-            if schema is None:
-                schema = self._mcap.register_schema(
-                    topic.type, SchemaEncoding.ROS2, topic.definition.encode()
-                )
-                self._schemas[topic.type] = schema
-            about = {
-                "offered_qos_profiles": topic.qos_text(),
-                "topic_type_hash": topic.type_hash,
-            }
-            self._channels[topic.name] = self._mcap.register_channel(
-                topic.name, MessageEncoding.CDR, schema, about
-            )
-            self._counts[topic.name] = 0
         self._topics[topic.name] = topic
+        self._counts.setdefault(topic.name, 0)
+        self._latched.add(topic)
+        self._channels[topic.name] = self._part.channel(topic)
 
     def write(
         self,
@@ -116,54 +109,71 @@ class BagWriter:
             InvalidInputError: the topic was not added.
             OutputError: the disk is full or failed. The bag can, and should, still be closed.
         """
-        channel = self._channels.get(topic)
-        if channel is None:
+        if topic not in self._channels:
             raise InvalidInputError(f"topic {topic!r} was not added to the bag")
+        published = published or received
+        sequence &= WORD
         try:
-            self._mcap.add_message(
-                channel, received, data, published or received, sequence & 0xFFFFFFFF
-            )
+            if self._is_part_done(received):
+                self._split(received)
+            self._part.write(self._channels[topic], sequence, received, published, data)
         except OSError as error:
-            raise _output_error(self.folder, error) from error
+            raise self._error(error) from error
+        self._part_start = self._part_start or received
         self._counts[topic] += 1
-        first = min(self._span.start, received) if self._span.messages else received
-        self._span = Span(first, max(self._span.end, received), self._span.messages + 1)
-        if time.monotonic() - self._flushed_at >= self._config.flush_period:
+        held = self._latched.of(topic)
+        if held is not None:
+            held.append(Held(sequence, published, data))
+        self.flush_if_due()
+
+    def flush_if_due(self) -> None:
+        """Flush if what waits must not wait longer; call this also while nothing comes.
+
+        Raises:
+            OutputError: as `flush`.
+        """
+        now = time.monotonic()
+        if self._flush_at is None:
+            self._flush_at = now + EARLY * self._config.flush_period
+        if now >= self._flush_at:
             self.flush()
-        else:
-            self._check_space()
+        elif self._part.full:
+            self._check()
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system.
 
         Raises:
-            OutputError: the disk is full or failed. The bag can, and should, still be closed.
+            OutputError: the disk is full, nearly full or failed. The bag can, and should, still be
+                closed.
         """
-        self._flushed_at = time.monotonic()
+        self._flush_at = None
         try:
-            self._mcap.flush()
+            self._part.end_chunk()
+            self._check()
         except OSError as error:
-            raise _output_error(self.folder, error) from error
-        self._check_space()
+            raise self._error(error) from error
 
     def close(self) -> None:
         """Make the bag whole: end the file, then write ``metadata.yaml``.
 
         Raises:
-            OutputError: the disk failed, and the bag is not whole.
+            OutputError: the disk failed; the bag may be whole nevertheless, without its last chunk.
         """
         if self._closed:
             return
         self._closed = True
+        self.parts.finish_last(self._topics.values(), self.custom_data)
+        failures = self.parts.close()
         try:
-            self._mcap.finish()
-            self._file.close()
-            topics = [(topic, self._counts[name]) for name, topic in self._topics.items()]
-            name = self._file.path.name
-            metadata = bag_metadata(name, self._span, topics, self._custom_data, self._ros_distro)
-            write_metadata(self.folder, metadata)
+            if self.parts.are_whole:
+                write_metadata(self.folder, self._metadata())
         except OSError as error:
-            raise _output_error(self.folder, error) from error
+            failures.append(error)
+        for failure in failures:
+            if isinstance(failure, OSError):
+                raise self._error(failure) from failure
+            raise failure
 
     def __enter__(self) -> "BagWriter":
         """Return the writer."""
@@ -178,24 +188,65 @@ class BagWriter:
         """Make the bag whole, also after an error elsewhere: what was recorded is true."""
         self.close()
 
-    def _check_space(self) -> None:
-        if self._file.full:
-            raise OutputError(f"no space left for the bag {self.folder}; close it")
+    def _is_part_done(self, received: int) -> bool:
+        config = self._config
+        if not self._part_start or not (config.split_size or config.split_duration):
+            return False
+        if config.split_size and self._part.size >= config.split_size:
+            return True
+        age = 1e-9 * (received - self._part_start)
+        return 0.0 < config.split_duration <= age
 
+    def _split(self, received: int) -> None:
+        """Begin another file, which repeats what latched topics hold; end this one meanwhile."""
+        part = self._begin_part()
+        self.parts.finish_last(self._topics.values(), self.custom_data)
+        self.parts.add(part)
+        self._part, self._part_start, self._flush_at = part, 0, None
+        self._channels = {name: part.channel(topic) for name, topic in self._topics.items()}
+        for topic, held in self._latched:
+            part.write(self._channels[topic], held.sequence, received, held.published, held.data)
 
-def _create(folder: Path) -> ReservedFile:
-    try:
-        folder.mkdir(parents=True)
-    except FileExistsError as error:
-        raise OutputError(f"{folder} exists; a bag is never overwritten, choose another") from error
-    except OSError as error:
-        raise _output_error(folder, error) from error
-    try:
-        return ReservedFile(folder / f"{folder.name}_0.mcap")
-    except OSError as error:
-        folder.rmdir()
-        raise _output_error(folder, error) from error
+    def _begin_part(self) -> Part:
+        path = self.folder / f"{self.folder.name}_{len(self.parts)}.mcap"
+        config = self._config
+        return Part(path, config.compression, config.chunk_size, self.custom_data, self._ros_distro)
 
+    def _metadata(self) -> dict[str, object]:
+        counts = self.parts.counts(self._topics)
+        topics = [(topic, counts[name]) for name, topic in self._topics.items()]
+        return bag_metadata(self.parts.summaries, topics, self.custom_data, self._ros_distro)
 
-def _output_error(folder: Path, error: OSError) -> OutputError:
-    return OutputError(f"cannot write the bag {folder}: {error.strerror or error}")
+    def _check(self) -> None:
+        if self._part.full:
+            raise OutputError(f"no space left for the bag {self.folder}: nothing more is recorded")
+        self.parts.check()
+        self._check_free_space()
+
+    def _check_free_space(self) -> None:
+        free, least = free_space(self.folder), self._config.min_free_space
+        if free < least:
+            raise OutputError(
+                f"only {free / 1e6:,.1f} MB are left on the disk for the bag {self.folder};"
+                f" {least / 1e6:,.1f} MB must stay free (--bag.min-free-space)"
+            )
+
+    def _create(self) -> Part:
+        folder = self.folder
+        try:
+            folder.mkdir(parents=True)
+            with removed_on_error(folder):
+                self._check_free_space()
+                return self._begin_part()
+        except FileExistsError as error:
+            raise OutputError(
+                f"{folder} exists; a bag is never overwritten, choose another"
+            ) from error
+        except OSError as error:
+            raise self._error(error) from error
+
+    def _error(self, error: OSError) -> OutputError:
+        if isinstance(error, OutputError):
+            return error
+        rescue = f"; {RESCUE}" if self._closed and not self.parts.are_whole else ""
+        return OutputError(f"cannot write the bag {self.folder}: {error.strerror or error}{rescue}")

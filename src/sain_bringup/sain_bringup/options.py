@@ -32,7 +32,8 @@ class ClosedLoopOptions:
     episodes: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
     """Episodes to play; by default 1 of a chosen scenario."""
     scenario: str | None = None
-    """paper, paper_shift, paper_cube, anywhere or clutter; by default the demo's."""
+    """paper, paper_shift, paper_cube, anywhere, clutter, anywhere_cube or anywhere_rubber; by
+    default the demo's."""
     seed: int = 0
     """Of the first episode; the next one has the next seed."""
     tolerance: float = 0.02

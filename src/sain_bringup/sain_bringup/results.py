@@ -1,8 +1,10 @@
-"""What a run leaves behind: summary, top views and the moving picture, all made from the bag."""
+"""What a run leaves behind: summary, pictures and a page, all made from the bag."""
 
 from pathlib import Path
 
 from sain_bags.reader import Bag
+from sain_bags.report.content import read_content
+from sain_bags.report.writing import write_page
 from sain_bringup.display import Display
 from sain_bringup.movie import (
     MovieConfig,
@@ -36,6 +38,7 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
         write_summary(folder / "summary.json", bag, summaries)
     with display.stage("drawing the episodes", "episodes drawn"):
         draw_pictures(folder, played)
+        write_page(folder / "report.html", read_content(bag).data)
     if video and played:
         with display.stage("rendering the moving picture", "moving picture rendered"):
             render_movie(folder / "closed_loop.gif", bag, choose_episode(played), display)

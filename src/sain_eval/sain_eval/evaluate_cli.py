@@ -19,10 +19,10 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from sain_core.command_line import describe_options
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
 from sain_core.storage import write_whole
-from sain_eval.command_line import describe_options
 from sain_eval.controllers import controller_maker
 from sain_eval.evaluation import Job, run_jobs
 from sain_eval.files import output_folder
@@ -52,7 +52,8 @@ class Evaluate(Config):
     out: Path
     """Folder for results.json, table.md, episodes.jsonl and pictures; made if need be."""
     scenario: str = "anywhere"
-    """One or more, with commas: paper, paper_shift, paper_cube, anywhere, clutter."""
+    """One or more, with commas: paper, paper_shift, paper_cube, anywhere, clutter, anywhere_cube,
+    anywhere_rubber."""
     scenes: int = option(40, "scenes of each scenario", minimum=1)
     """How many scenes of each scenario."""
     seed: int = option(0, "seed of the first scene; the next have the next", minimum=0)

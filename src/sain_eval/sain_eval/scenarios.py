@@ -11,12 +11,20 @@ from typing import Final, Protocol, runtime_checkable
 import numpy as np
 
 from sain_core.feasibility import Feasibility
-from sain_core.scene import POSITION, TARGET, check_scene, unit
+from sain_core.scene import POSITION, TARGET, THETA, check_scene, unit
 from sain_core.seeding import generator
 from sain_core.types import Scene
 from sain_eval.placement import draw_extra_disks, draw_goal, touching_distance
 from sain_mppi.goal import Goal
-from sain_sim.parameters import CUBE, THREE_FEET, WorldParameters, sample_parameters
+from sain_sim.parameters import (
+    CUBE,
+    FRICTION_RANGE,
+    PAPER,
+    RANGES,
+    THREE_FEET,
+    WorldParameters,
+    sample_parameters,
+)
 from sain_sim.truth import RANDOMISED_TRUTH, TruthConfig
 
 MAX_PUSHES: Final = 15  # paper section II-D
@@ -102,13 +110,17 @@ class AnywhereScenario:
     scatter: float = 0.03  # [m], of the mid disk in x and y
     goal_distance: tuple[float, float] = (0.15, 0.30)  # [m], from the target
     extra_disks: tuple[int, int] = (0, 0)  # fewest and most further disks
+    target_shape: str = DISK  # a cube turns a side to the mid disk
+    friction: tuple[float, float] = FRICTION_RANGE  # with the table
 
     def scene(self, seed: int) -> ScenarioScene:
         """Draw parameters, places and goal; redraw the places until the scene can be solved."""
         random = generator(seed, "scenario", self.name)
         low, high = self.extra_disks
         count = 2 + int(random.integers(low, high + 1))
-        drawn = sample_parameters(random, count)
+        ranges = RANGES[PAPER]._replace(friction=self.friction)
+        drawn = sample_parameters(random, count, ranges=ranges)
+        shapes = (DISK, self.target_shape, *(DISK,) * (count - 2))
         feasibility = Feasibility()
         while True:
             pair = self._draw_pair(random, drawn)
@@ -119,8 +131,9 @@ class AnywhereScenario:
             if extra is None:
                 continue
             positions = np.concatenate([pair[:, POSITION], extra])
-            disks = check_scene(drawn.scene(positions), feasibility.table)
-            return ScenarioScene(self.name, seed, disks, drawn.friction, (DISK,) * count, goal)
+            headings = np.append(pair[:, THETA], np.zeros(count - 2))
+            disks = check_scene(drawn.scene(positions, headings), feasibility.table)
+            return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, goal)
 
     def _draw_pair(self, random: np.random.Generator, drawn: WorldParameters) -> Scene:
         """Return mid disk and target (2, 8), touching at a uniform bearing."""
@@ -129,6 +142,7 @@ class AnywhereScenario:
         pair = WorldParameters(drawn.masses[:2], drawn.radii[:2], drawn.shapes[:2], drawn.friction)
         scene = pair.scene(np.stack([mid, mid]))
         scene[TARGET, POSITION] = mid + (touching_distance(scene) + CONTACT_GAP) * unit(bearing)
+        scene[TARGET, THETA] = bearing if self.target_shape == CUBE else 0.0
         return scene
 
 
@@ -141,6 +155,10 @@ SCENARIOS: Final[dict[str, Scenario]] = {
         AnywhereScenario(),
         AnywhereScenario(
             "clutter", "as anywhere, with 1 to 3 more disks about", extra_disks=(1, 3)
+        ),
+        AnywhereScenario("anywhere_cube", "as anywhere, the target a cube", target_shape=CUBE),
+        AnywhereScenario(
+            "anywhere_rubber", "as anywhere, on a table that grips", friction=(0.25, 0.45)
         ),
     )
 }

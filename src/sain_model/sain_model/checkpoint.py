@@ -8,6 +8,7 @@ import dataclasses
 import hashlib
 import io
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -48,6 +49,7 @@ class Card:
         versions: of Python, its packages, this project, system and processor.
         command: the command line that made it.
         weights_sha256: of the safetensors file.
+        parent: card of the checkpoint that it was fine-tuned from; None: from none.
         feature_version: of `sain_model.features`.
     """
 
@@ -64,11 +66,26 @@ class Card:
     versions: dict[str, str] = field(default_factory=dict)
     command: str = ""
     weights_sha256: str = ""
+    parent: dict[str, Any] | None = None
     architecture: str = ARCHITECTURE
     feature_version: int = FEATURE_VERSION
     disk_features: int = DISK_FEATURES
     relation_features: int = RELATION_FEATURES
     format_version: int = FORMAT_VERSION
+
+    def lineage(self) -> Iterator["Card"]:
+        """Yield this card, that of its parent, and so on.
+
+        Raises:
+            CheckpointError: a parent's is no card.
+        """
+        card: Card | None = self
+        while card is not None:
+            yield card
+            try:
+                card = Card(**card.parent) if card.parent else None
+            except TypeError as error:
+                raise CheckpointError(f"parent on a card is no card: {error}") from error
 
 
 def card_path(weights: Path) -> Path:

@@ -13,7 +13,7 @@ from numpy import ndarray
 from sain_core.errors import DatasetError
 from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
-from sain_core.seeding import generator
+from sain_core.split import draw_parts
 from sain_core.types import Mask, Pushes, Scalars, Scenes
 from sain_model.friction import EpisodeFriction, FrictionFilter
 from sain_model.shard import FLOOR, FRICTION, NEEDED, NO_STEP, STEP, read_shard
@@ -153,21 +153,6 @@ def split_by_episode(data: Transitions, seed: int, validation: float, test: floa
     """
     parts = draw_parts(data.episodes, seed, validation, test)
     return Split(*(data.select(rows) for rows in parts))
-
-
-def draw_parts(
-    labels: Int[ndarray, "M"], seed: int, validation: float, test: float
-) -> tuple[Mask, Mask, Mask]:
-    """Return which rows (M,) are to train, validate and test on; see `split_by_episode`."""
-    episodes = np.unique(labels)
-    held = [max(round(share * len(episodes)), 1) if share else 0 for share in (validation, test)]
-    if len(episodes) <= sum(held):
-        wanted = "train, validate and test" if test else "train and validate"
-        raise DatasetError(f"{len(episodes)} episodes are too few to {wanted}")
-    shuffled = generator(seed, "split").permutation(episodes)
-    in_test = np.isin(labels, shuffled[: held[1]])
-    in_validation = np.isin(labels, shuffled[held[1] : sum(held)])
-    return ~(in_test | in_validation), in_validation, in_test
 
 
 def check_held_out(split: Split) -> None:

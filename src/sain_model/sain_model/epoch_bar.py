@@ -29,7 +29,7 @@ class EpochBar:
     def _advance(self, epoch: int, history: History) -> None:
         losses = (
             f"training {history.train[-1]:.3f}, validation {history.validation[-1]:.3f},"
-            f" best {history.validation[history.best]:.3f}"
+            f" best {history.best_loss:.3f}"
         )
         self._bar.update(self._task, completed=epoch, losses=losses)
 

@@ -41,6 +41,15 @@ def history_table(errors: dict[str, Any]) -> Table:
     return table
 
 
+def gain_line(gain: dict[str, Any], parent: str, part: str) -> str:
+    """Return in words what `sain_model.fine_tuning.Parent.gain` found, on this part of the data."""
+    ratio, low, high = gain["ratio"]
+    return (
+        f"target's mean error on the {part} episodes: {gain['before']:.2f} mm with {parent},"
+        f" {gain['after']:.2f} mm now; ratio {ratio:.2f} \\[{low:.2f}, {high:.2f}]"
+    )
+
+
 def interval_table(intervals: dict[str, Any]) -> Table:
     """Return what `sain_model.coverage.measure_intervals` found of the target as a table."""
     ranks = intervals["target"]["rank_correlation"]

@@ -15,12 +15,13 @@ from rich.console import Console
 from sain_core.dynamics import Dynamics
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.push import LENGTH
+from sain_core.split import draw_parts
 from sain_core.storage import write_json
 from sain_core.types import Mask
 from sain_model.beside import followed, opened, refusals
 from sain_model.checkpoint import SUFFIX, Card, parse_card
 from sain_model.command import carry_out
-from sain_model.dataset import Transitions, draw_parts, load_transitions
+from sain_model.dataset import Transitions, load_transitions
 from sain_model.error_table import error_table, history_table, interval_table
 from sain_model.evaluation import evaluate
 from sain_model.load import (
@@ -161,7 +162,8 @@ def unseen(data: Transitions, *cards: Card) -> Transitions:
     """
     held_out = np.ones(len(data), dtype=bool)
     for card in cards:
-        held_out &= _held_out(data, card)
+        for seen_by in card.lineage():
+            held_out &= _held_out(data, seen_by)
     if not held_out.any():
         raise DatasetError("these checkpoints were trained on all episodes between them")
     return data if held_out.all() else data.select(held_out)

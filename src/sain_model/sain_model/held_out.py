@@ -4,7 +4,7 @@ from typing import Any
 
 from sain_model.dataset import Split, Transitions
 from sain_model.evaluation import evaluate
-from sain_model.mixed import MixedSplit
+from sain_model.mixed import MixedSplit, MixedTransitions
 from sain_model.open_loop import card_errors
 from sain_model.sain import LEARNED, SainDynamics
 
@@ -14,13 +14,17 @@ def held_out_errors(split: Split | MixedSplit, sain: SainDynamics) -> dict[str, 
 
     Where numbers of disks differ: those with the fewest disks, and all under "by_disks".
     """
-    held_out = split.test if len(split.test) else split.validation
-    errors = {part.disks: _errors(part, sain) for part in held_out.parts}
+    errors = {part.disks: _errors(part, sain) for part in held_out_part(split).parts}
     result = dict(errors[min(errors)])
     result["held_out"] = "test" if len(split.test) else "validation"
     if len(errors) > 1:
         result["by_disks"] = {str(disks): part for disks, part in errors.items()}
     return result
+
+
+def held_out_part(split: Split | MixedSplit) -> Transitions | MixedTransitions:
+    """Return what errors are measured on: the test part, or without one the validation part."""
+    return split.test if len(split.test) else split.validation
 
 
 def _errors(test: Transitions, sain: SainDynamics) -> dict[str, Any]:

@@ -103,9 +103,9 @@ def load_sain(path: Path) -> SainDynamics:
         prior = load_prior(card.prior, card.prior_config)
         friction = intervals = rollouts = None
         if card.friction is not None:
-            friction = _part("friction", FrictionConfig, card.friction)
+            friction = card_part("friction", FrictionConfig, card.friction)
         if card.rollouts is not None:
-            rollouts = _part("rollouts", RolloutConfig, card.rollouts)
+            rollouts = card_part("rollouts", RolloutConfig, card.rollouts)
         if card.intervals is not None:
             with _naming("intervals"):
                 intervals = Intervals.from_card(card.intervals)
@@ -130,7 +130,7 @@ def load_inside(path: Path) -> InsideSain:
     content, card, text = read_checkpoint(path, INSIDE_ARCHITECTURE)
     with _naming(str(card_path(path))):
         prior = load_told_prior(card.prior, card.prior_config)
-        networks = InsideNetworks(_part("network", InsideNetworkConfig, card.network))
+        networks = InsideNetworks(card_part("network", InsideNetworkConfig, card.network))
     fill(path, content, networks)
     return InsideSain(networks, prior, card.prior, card.weights_sha256, text)
 
@@ -153,7 +153,7 @@ def _naming(part: str) -> Iterator[None]:
         raise CheckpointError(f"{part}: {error}") from error
 
 
-def _part(name: str, kind: type[C], settings: Settings) -> C:
+def card_part(name: str, kind: type[C], settings: Settings) -> C:
     """Return the settings of this name on a card.
 
     Raises:
@@ -172,7 +172,7 @@ def _typed(kind: type[Config], settings: Settings) -> Settings:
     right = get_type_hints(kind)
     for name, value in dict(settings).items():
         allowed = (int, float) if right.get(name) is float else (right.get(name, object),)
-        if isinstance(value, bool) or not isinstance(value, allowed):
+        if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
             raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
     return settings
 

@@ -9,14 +9,15 @@ from sain_model.training_state import History
 
 
 def save_loss_curve(path: Path, history: History) -> None:
-    """Write a PNG with the losses after each epoch, the best epoch marked."""
+    """Write a PNG with the losses after each epoch, the weights that are kept marked."""
     figure = Figure(figsize=(7, 4), layout="constrained")
     axes = figure.subplots()
     epochs = range(1, len(history.train) + 1)
     axes.plot(epochs, history.train, label="training", color="#3b6fb5")
     axes.plot(epochs, history.validation, label="validation", color="#e8762c")
-    best = history.best
-    axes.plot(best + 1, history.validation[best], "o", color="#e8762c", label="kept")
+    axes.plot(history.best + 1, history.best_loss, "o", color="#e8762c", label="kept")
+    if history.start is not None:
+        axes.axhline(history.start, color="#888888", linestyle=":", label="validation, before")
     axes.set(xlabel="epoch", ylabel="loss")
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)

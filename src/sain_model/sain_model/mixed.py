@@ -17,11 +17,11 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError
+from sain_core.split import draw_parts
 from sain_core.types import Mask
 from sain_model.dataset import (
     Split,
     Transitions,
-    draw_parts,
     from_shards,
     read_shards,
     split_by_episode,

@@ -41,6 +41,11 @@ class ServingConfig(Config):
         32, "most disks of a scene: pairs grow with the square", minimum=2, maximum=1024
     )
     max_queue: int = option(1000, "requests that may wait; further ones are refused", minimum=1)
+    service_introspection: str = option(
+        "disabled",
+        "publish what is asked of services and answered: not, when and by whom, or all of it",
+        choices=("disabled", "metadata", "contents"),
+    )
 
 
 @dataclass(frozen=True)

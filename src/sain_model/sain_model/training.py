@@ -12,6 +12,7 @@ import torch
 from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics
 from sain_core.seeding import generator
+from sain_core.split import SHARES, TEST, VALIDATION
 from sain_model.batches import BOOTSTRAP, ORDER, Batches
 from sain_model.dataset import Split, Transitions
 from sain_model.descent import DescentConfig
@@ -23,7 +24,7 @@ from sain_model.load import PLANAR, PRIORS, load_prior
 from sain_model.loss import LossConfig, mixed_loss
 from sain_model.mixed import MixedSplit, MixedTransitions
 from sain_model.network import NetworkConfig, new_network
-from sain_model.sain import IDENTITY
+from sain_model.sain import IDENTITY, SainDynamics
 from sain_model.threads import settle_threads
 from sain_model.training_state import History, TrainingState
 
@@ -56,10 +57,13 @@ class TrainingConfig(Config):
         True, "learn every push in a mirror too, except in the frame of the world"
     )
     validation: float = option(
-        0.1, "share of the episodes that choose the best epoch", minimum=0.01, maximum=0.5
+        SHARES[VALIDATION],
+        "share of the episodes that choose the best epoch",
+        minimum=0.01,
+        maximum=0.5,
     )
     test: float = option(
-        0.15,
+        SHARES[TEST],
         "share of the episodes held out; 0: none, training and validation share all",
         minimum=0.0,
         maximum=0.5,
@@ -111,6 +115,7 @@ class Trainer:
         config: TrainingConfig,
         folder: Path,
         friction: FrictionFilter | None = None,
+        parent: SainDynamics | None = None,
     ) -> None:
         """Prepare the data; go on from the folder's state when one is there.
 
@@ -120,6 +125,7 @@ class Trainer:
             config: how.
             folder: of the state.
             friction: infers the friction that the prior is told; None: it is the nominal one.
+            parent: whose weights it starts from, and keeps if no epoch is better; None: new ones.
 
         Raises:
             CheckpointError: the state in the folder is damaged or of other settings or data.
@@ -137,6 +143,9 @@ class Trainer:
         identity = f"{config} {split.train.sha256} {about}"
         settle_threads()
         self.network = new_network(config.network, config.seed)
+        if parent is not None:
+            identity += f" from {parent.model_hash}"
+            self.network.load_state_dict(parent.network.state_dict())
         self._optimizer = config.descent.make(
             self.network.parameters(), config.learning_rate, config.weight_decay
         )
@@ -148,7 +157,10 @@ class Trainer:
             config.diversity,
             config.epoch_steps,
         )
-        self._state = TrainingState(folder / self.STATE, identity, self.network, self._optimizer)
+        start = None if parent is None else self._measure_validation()
+        self._state = TrainingState(
+            folder / self.STATE, identity, self.network, self._optimizer, start
+        )
 
     @property
     def history(self) -> History:
@@ -199,6 +211,9 @@ class Trainer:
         """Return the loss of the members' mean, of now or of when it was last looked at."""
         if (epoch + 1) % self.config.validate_every and epoch + 1 < self.config.epochs:
             return self.history.validation[-1] if epoch else math.inf
+        return self._measure_validation()
+
+    def _measure_validation(self) -> float:
         data = self._validation
         self.network.eval()
         with torch.inference_mode():

@@ -1,5 +1,6 @@
 """What a training keeps after each epoch, so that it goes on after a stop to the same bytes."""
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,15 +18,32 @@ class History:
     """Losses after each epoch, and which epoch was best.
 
     An epoch that was not validated has the last loss that was, or infinity before the first.
+
+    Attributes:
+        train: of the training part.
+        validation: of the validation part.
+        start: of the validation part before the first epoch, where the weights to start from may
+            be kept; None: they may not.
     """
 
     train: list[float] = field(default_factory=list)
     validation: list[float] = field(default_factory=list)
+    start: float | None = None
 
     @property
     def best(self) -> int:
-        """The epoch (from 0) with the lowest validation loss."""
-        return int(np.argmin(self.validation))
+        """The epoch (from 0) with the lowest validation loss; -1: none is below the start's."""
+        lowest = int(np.argmin(self.validation)) if self.validation else -1
+        if self.start is None or (lowest >= 0 and self.validation[lowest] < self.start):
+            return lowest
+        return -1
+
+    @property
+    def best_loss(self) -> float:
+        """The validation loss of the weights that are kept; infinity while there are none."""
+        if self.best >= 0:
+            return self.validation[self.best]
+        return math.inf if self.start is None else self.start
 
 
 class TrainingState:
@@ -36,7 +54,12 @@ class TrainingState:
     """
 
     def __init__(
-        self, path: Path, identity: str, network: nn.Module, optimizer: torch.optim.Optimizer
+        self,
+        path: Path,
+        identity: str,
+        network: nn.Module,
+        optimizer: torch.optim.Optimizer,
+        start: float | None = None,
     ) -> None:
         """Go on from the file when it is there.
 
@@ -45,11 +68,12 @@ class TrainingState:
             identity: of settings and data; a state of another is refused.
             network: gets the weights of the file.
             optimizer: likewise its state.
+            start: validation loss of the network as it is, if it may be the best; None: it may not.
 
         Raises:
             CheckpointError: the file is damaged or of other settings or data.
         """
-        self.history = History()
+        self.history = History(start=start)
         self._path, self._identity = path, identity
         self._network, self._optimizer = network, optimizer
         self._best = self._weights()
@@ -103,4 +127,4 @@ class TrainingState:
         self._network.load_state_dict(state["network"])
         self._optimizer.load_state_dict(state["optimizer"])
         self._best = state["best"]
-        self.history = History(state["train"], state["validation"])
+        self.history = History(state["train"], state["validation"], self.history.start)

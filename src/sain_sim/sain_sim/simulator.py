@@ -44,6 +44,11 @@ class SimulatorConfig(Config):
     peer_wait: float = option(
         1.0, "look at the start for another simulator", unit="s", minimum=0.0, maximum=60.0
     )
+    service_introspection: str = option(
+        "disabled",
+        "publish what is asked of services and answered: not, when and by whom, or all of it",
+        choices=("disabled", "metadata", "contents"),
+    )
     bullet: WorldConfig = WorldConfig()
 
     def __post_init__(self) -> None:

@@ -14,14 +14,18 @@ DEPTH: Final = 2000  # messages a burst may hold before the recorder falls behin
 
 
 def message_class(type_name: str) -> type:
-    """Return the Python class of a message type.
+    """Return the Python class of a message type, also of a service's events.
 
     Raises:
         InvalidInputError: its package is not installed, or has no such message.
     """
-    package, _, name = type_name.split("/")
+    package, kind, name = type_name.split("/")
     try:
-        found: type = getattr(importlib.import_module(f"{package}.msg"), name)
+        module = importlib.import_module(f"{package}.{kind}")
+        if kind == "srv":
+            found: type = getattr(module, name.removesuffix("_Event")).Event
+        else:
+            found = getattr(module, name)
     except (ImportError, AttributeError) as error:
         raise InvalidInputError(f"{type_name} is not installed ({error})") from error
     return found

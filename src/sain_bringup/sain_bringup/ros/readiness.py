@@ -20,7 +20,15 @@ SERVERS: Final = {
     "describe_model": "model_node",
 }
 PUBLISHED: Final = {
-    "sim_node": ("scene", "push_result", "physics_prediction", "joint_states", "markers", "/clock"),
+    "sim_node": (
+        "scene",
+        "push_result",
+        "physics_prediction",
+        "world_parameters",
+        "joint_states",
+        "markers",
+        "/clock",
+    ),
     "mppi_node": ("push", "plan", "plan_markers"),
     "model_node": ("/diagnostics",),
     "closed_loop": ("goal",),

@@ -16,6 +16,7 @@ from sain_core.errors import BusyError, ErrorCode, SainError, error_reply
 from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
+from sain_core.ros.introspection import introspect
 from sain_core.ros.node_main import NAMESPACE, node_main
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import SERVICE
@@ -48,10 +49,10 @@ class ModelNode(Node):
         self.status, self.message = OK, "serving"
         self.create_timer(REPORT_PERIOD, self._report)
         self.diagnostics = Diagnostics(self)
-        self._offer()
+        self._offer(config.service_introspection)
         self.get_logger().info(f"ready: serves {config.model}")
 
-    def _offer(self) -> None:
+    def _offer(self, introspection: str) -> None:
         group = ReentrantCallbackGroup()
         for kind, name, callback in (
             (PredictResidual, "predict_residual", self._on_predict),
@@ -59,7 +60,10 @@ class ModelNode(Node):
             (DescribeModel, "describe_model", self._on_describe),
             (LoadModel, "load_model", self._on_load),
         ):
-            self.create_service(kind, name, callback, qos_profile=SERVICE, callback_group=group)
+            service = self.create_service(
+                kind, name, callback, qos_profile=SERVICE, callback_group=group
+            )
+            introspect(self, service, introspection)
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self.add_post_set_parameters_callback(self._after_set_parameters)
 

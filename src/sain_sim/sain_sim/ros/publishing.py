@@ -10,10 +10,10 @@ from visualization_msgs.msg import MarkerArray
 
 from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.ros import codec
-from sain_core.ros.qos import RELIABLE
+from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import is_settled
 from sain_core.types import Scene
-from sain_interfaces.msg import Push, PushPrediction, PushResult
+from sain_interfaces.msg import Push, PushPrediction, PushResult, WorldParameters
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_sim.arm import JOINT_NAMES
 from sain_sim.outcome import Sample
@@ -35,6 +35,7 @@ class Publishing:
         self._prediction = node.create_publisher(PushPrediction, "physics_prediction", RELIABLE)
         self._joints = node.create_publisher(JointState, "joint_states", RELIABLE)
         self._markers = node.create_publisher(MarkerArray, "markers", RELIABLE)
+        self._world = node.create_publisher(WorldParameters, "world_parameters", LATCHED)
 
     def clock(self) -> None:
         """Publish the simulated time."""
@@ -62,6 +63,22 @@ class Publishing:
         shapes = self._simulator.parameters.shapes
         self._markers.publish(scene_markers(sample, shapes, table, stamp))
         self._scene.publish(scene)
+
+    def world(self, seed: int, world: str) -> None:
+        """Publish what an episode's world is made of."""
+        parameters = self._simulator.parameters
+        self._world.publish(
+            WorldParameters(
+                header=self._header(),
+                episode_id=self._session.episode_id,
+                seed=seed,
+                world=world or self._simulator.config.world,
+                shapes=list(parameters.shapes),
+                friction=parameters.friction,
+                rim_friction=parameters.rim_friction,
+                tool_friction=parameters.tool_friction,
+            )
+        )
 
     def result(self, push: Push, before: SceneMessage, after: SceneMessage, pushed: Pushed) -> None:
         """Publish what a push led to."""

@@ -8,6 +8,7 @@ from rclpy.node import Node
 from sain_core.errors import BusyError, CancelledError, ErrorCode, SainError, error_reply
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
+from sain_core.ros.introspection import introspect
 from sain_core.ros.node_main import NAMESPACE, node_main
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.peers import publisher_count, refuse_peers
@@ -41,7 +42,8 @@ class SimNode(Node):
         self.counts = {"executed": 0, "refused": 0}
         self._reset(ResetScene.Request(seed=config.seed))
         self.create_subscription(Push, "push", self._on_push, RELIABLE)
-        self.create_service(ResetScene, "reset_scene", self._on_reset)
+        resetting = self.create_service(ResetScene, "reset_scene", self._on_reset)
+        introspect(self, resetting, config.service_introspection)
         self.create_timer(1 / config.idle_rate, self._on_idle)
         self.get_logger().info(
             f"ready: a {config.world} world with {len(self.settled.disks)} disks"
@@ -71,6 +73,7 @@ class SimNode(Node):
             )
         )
         self.session.begin_episode()
+        self.publishing.world(request.seed, request.world)
         self._settle(sample)
 
     def _settle(self, sample: Sample) -> None:

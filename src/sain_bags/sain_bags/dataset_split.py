@@ -1,0 +1,39 @@
+"""Which episodes of a data set are to train, to validate and to test on."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from sain_core.errors import DatasetError
+from sain_core.split import PARTS, SEED, SHARES, TRAIN, draw_parts
+
+Episodes = dict[str, frozenset[int]]  # by part
+Counts = Mapping[tuple[int, int], int]  # of rows, by number of disks and episode
+
+
+def split_episodes(counts: Counts) -> Episodes:
+    """Split as `sain_model train` does with its defaults; too few episodes are all to train on."""
+    labels = [episode for _, episode in sorted(counts)]
+    try:
+        masks = draw_parts(np.arange(len(labels)), SEED, *SHARES.values())
+    except DatasetError:
+        drawn = [TRAIN] * len(labels)
+    else:
+        drawn = np.select(masks, PARTS, "").tolist()
+    parts: dict[int, str] = {}
+    for episode, part in zip(labels, drawn, strict=True):
+        parts.setdefault(episode, part)  # where disks came or went it stands there twice
+    return {
+        part: frozenset(episode for episode in parts if parts[episode] == part) for part in PARTS
+    }
+
+
+def describe_split(episodes: Episodes, counts: Counts) -> dict[str, Any]:
+    """Return what a card says of a split; episodes that it does not name are to train on."""
+    rows = {
+        part: sum(count for (_, episode), count in counts.items() if episode in episodes[part])
+        for part in PARTS
+    }
+    named = {part: sorted(episodes[part]) for part in PARTS if part != TRAIN}
+    return {"seed": SEED, "shares": SHARES, "transitions": rows, "episodes": named}

@@ -1,0 +1,75 @@
+"""Messages that never came, counted from the numbers that publishers give theirs."""
+
+import json
+from collections.abc import Callable, Mapping
+from typing import Final
+
+MISSING_KEY: Final = "missing_messages"  # in a bag's custom data
+
+
+class Gaps:
+    """Counts what is missing of one topic.
+
+    Each publisher numbers its messages from 1, and a message does not tell whose it is. What one
+    publisher's numbers leave out is missing for certain. Numbers of several run side by side; a
+    message is taken for the next of whoever it can be the next of, and only where it can be
+    nobody's something is missing, at least as much as to the nearest number before.
+    """
+
+    def __init__(self, count_publishers: Callable[[], int] = lambda: 1) -> None:
+        """Ask for the number of publishers that ever were where it matters."""
+        self.missing = 0
+        self.is_known = True  # the middleware does give numbers
+        self._count_publishers = count_publishers
+        self._last: list[int] = []  # of each publisher
+        self._publishers = 1
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether just so many are missing, and not at least so many."""
+        return self._publishers == 1
+
+    def saw(self, sequence: int) -> None:
+        """Take note of a message; 0: it has no number."""
+        last = self._last
+        if len(last) == 1 and sequence == last[0] + 1:
+            last[0] = sequence
+        elif not sequence:
+            self.is_known = False
+        else:
+            self._place(sequence)
+
+    def text(self) -> str:
+        """Return what is missing in a word."""
+        if not self.is_known:
+            return "?"
+        return str(self.missing) if self.is_exact else f">= {self.missing}"
+
+    def _place(self, sequence: int) -> None:
+        last = self._last
+        if sequence - 1 in last:
+            last[last.index(sequence - 1)] = sequence
+            return
+        self._publishers = max(self._publishers, self._count_publishers())
+        before = [number for number in last if number < sequence]
+        if not before or len(last) < self._publishers:
+            last.append(sequence)  # the first of a publisher, which may be numbered already
+            self._publishers = max(self._publishers, len(last))
+            return
+        nearest = max(before)
+        self.missing += sequence - nearest - 1
+        last[last.index(nearest)] = sequence
+
+
+def describe_gaps(gaps: Mapping[str, Gaps]) -> str:
+    """Return what a recording says about what is missing: topics and counts, in JSON."""
+    missing = {name: gap.text() for name, gap in gaps.items() if gap.missing or not gap.is_known}
+    return json.dumps(dict(sorted(missing.items())))
+
+
+def read_gaps(custom_data: Mapping[str, str]) -> dict[str, str] | None:
+    """Return what is missing of each topic as a recording says; None where it does not say."""
+    try:
+        return {str(k): str(v) for k, v in json.loads(custom_data[MISSING_KEY]).items()}
+    except (KeyError, ValueError, AttributeError):
+        return None

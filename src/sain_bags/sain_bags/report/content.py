@@ -1,0 +1,190 @@
+"""All that a page shows of a bag, as one structure that JSON can hold."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from sain_bags.reader import Bag
+from sain_bags.report.episode_content import describe_episode, outcome
+from sain_bags.report.gathering import Gathered, Limits, Progress, gather, graphs
+from sain_bags.report.pushes import rounded, target_error
+from sain_bags.report.timeline import BINS, describe_lane, read_lanes
+from sain_core.feasibility import Feasibility
+
+EPISODES_KEY: Final = "episodes"  # of the custom data: what `closed_loop` calls each with a goal
+STEPS: Final = 200  # of the curve of errors
+HISTOGRAM: Final = 24  # bars
+
+
+@dataclass(frozen=True)
+class Content:
+    """What goes into the page."""
+
+    data: dict[str, Any]
+    episodes: int
+    pushes: int
+
+
+def read_content(bag: Bag, limits: Limits = Limits(), progress: Progress = lambda: None) -> Content:
+    """Read a whole bag, comparing each chunk with its CRC, for its page.
+
+    Args:
+        bag: any bag; one without episodes still has topics.
+        limits: how much is shown.
+        progress: called for each message of an episode.
+
+    Raises:
+        DatasetError: damage, or messages that make no sense.
+    """
+    lanes = read_lanes(bag)
+    found = [one for name in graphs(bag) for one in gather(bag, name, limits, progress)]
+    names = _names(bag, found)
+    shown = found[: limits.episodes]
+    data = {
+        "bag": _facts(bag),
+        "custom": sorted(bag.custom_data.items()),
+        "bins": BINS,
+        "topics": [
+            {
+                "name": topic.name,
+                "type": topic.type,
+                **describe_lane(lanes[topic.name], bag.start),
+            }
+            for topic in bag.topics
+        ],
+        "table": _table(),
+        "view": _view(shown),
+        "totals": _totals(found),
+        "episodes": [
+            describe_episode(one, name, bag.start) for one, name in zip(shown, names, strict=False)
+        ],
+        "planning": _planning(found),
+        "errors": _errors(found),
+    }
+    pushes = sum(len(one.episode.executed) for one in found)
+    return Content(data, len(found), pushes)
+
+
+def _facts(bag: Bag) -> dict[str, Any]:
+    seconds, nanoseconds = divmod(bag.start, 10**9)
+    began = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(seconds))
+    path = bag.path.resolve()
+    return {
+        "name": path.parent.name if path.name == "bag" else path.name,
+        "path": str(path),
+        "began": f"{began} UTC" if bag.message_count else "",
+        "nanoseconds": nanoseconds,
+        "duration": rounded(bag.duration, 3),
+        "messages": bag.message_count,
+        "size": bag.size,
+    }
+
+
+def _names(bag: Bag, found: Sequence[Gathered]) -> list[str]:
+    """Return what the recording calls each episode, empty where it does not fit."""
+    with_goal = [one for one in found if one.episode.goal is not None]
+    names = bag.custom_data.get(EPISODES_KEY, "").split()
+    if len(names) != len(with_goal):
+        return [""] * len(found)
+    rest = iter(names)
+    return ["" if one.episode.goal is None else next(rest).replace(":", " ") for one in found]
+
+
+def _table() -> dict[str, Any]:
+    """Return the table and the arm's reach as the project has them; a bag does not say."""
+    feasibility = Feasibility()
+    table, reach = feasibility.table, feasibility.reach
+    return {
+        "x": [table.x_min, table.x_max],
+        "y": [table.y_min, table.y_max],
+        "inner": reach.inner,
+        "outer": reach.outer,
+        "bearing": reach.max_bearing,
+        "tool": feasibility.limits.tool_radius,
+    }
+
+
+def _view(found: Sequence[Gathered]) -> list[float]:
+    """Return the part of the world that is in view, x and y from and to [m]: all that happened."""
+    points = [np.array([[-0.07, 0.0], [0.75, -0.30], [0.75, 0.30]])]
+    for one in found:
+        scenes = [frame.scene for frame in one.frames] or [one.episode.start, one.episode.final]
+        for scene in scenes:
+            points += [scene[:, :2] - scene[:, 7:], scene[:, :2] + scene[:, 7:]]
+        if one.episode.goal is not None:
+            points += [one.episode.goal[None] - 0.03, one.episode.goal[None] + 0.03]
+    every = np.clip(np.concatenate(points), -5.0, 5.0)
+    (left, bottom), (right, top) = every.min(axis=0) - 0.05, every.max(axis=0) + 0.05
+    return [round(float(value), 3) for value in (left, right, bottom, top)]
+
+
+def _totals(found: Sequence[Gathered]) -> dict[str, int]:
+    episodes = [one.episode for one in found]
+    outcomes = [outcome(episode) for episode in episodes]
+    pushes = [push for episode in episodes for push in episode.pushes]
+    executed = sum(push.executed for push in pushes)
+    return {
+        "episodes": len(episodes),
+        "withGoal": len(outcomes) - outcomes.count("no goal"),
+        "reached": outcomes.count("reached"),
+        "executed": executed,
+        "refused": len(pushes) - executed,
+        "unanswered": sum(len(one.told.sent) for one in found),
+        "fallbacks": sum(plan.fallback for episode in episodes for plan in episode.plans),
+    }
+
+
+def _planning(found: Sequence[Gathered]) -> dict[str, Any] | None:
+    """Return how long the plans that sent a push took, as a histogram."""
+    plans = [plan for one in found for plan in one.episode.plans if plan.push_id]
+    times = np.array([plan.planning_time for plan in plans], dtype=np.float64)
+    times = times[np.isfinite(times)]
+    if not len(times):
+        return None
+    top = float(times.max())
+    counts, edges = np.histogram(times, bins=HISTOGRAM, range=(0.0, _above(top)))
+    return {
+        "counts": counts.tolist(),
+        "edges": [rounded(edge, 6) for edge in edges],
+        "plans": len(times),
+        "median": rounded(float(np.median(times))),
+        "p95": rounded(float(np.percentile(times, 95))),
+        "longest": rounded(top),
+    }
+
+
+def _above(value: float) -> float:
+    """Return the next larger round number, at least 1 ms."""
+    power = 10.0 ** np.floor(np.log10(max(value, 1e-3)))
+    for factor in (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0):
+        if factor * power >= value:
+            return float(factor * power)
+    return value
+
+
+def _errors(found: Sequence[Gathered]) -> dict[str, Any]:
+    """Return the target's errors over all executed pushes, by who predicted."""
+    pushes = [push for one in found for push in one.episode.executed]
+    return {
+        "expected": _distribution([target_error(push.predicted, push.after) for push in pushes]),
+        "physics": _distribution([target_error(push.physics, push.after) for push in pushes]),
+        "models": sorted({push.plan.dynamics for push in pushes if push.plan}),
+        "physicsModels": sorted({push.physics_model for push in pushes if push.physics_model}),
+    }
+
+
+def _distribution(errors: Sequence[float | None]) -> dict[str, Any] | None:
+    known = np.array([error for error in errors if error is not None], dtype=np.float64)
+    if not len(known):
+        return None
+    known.sort()
+    places = np.unique(np.linspace(0, len(known) - 1, STEPS).round().astype(int))
+    return {
+        "pushes": len(known),
+        "median": rounded(float(np.median(known))),
+        "sorted": [rounded(float(error)) for error in known[places]],
+        "shares": [round(float(place + 1) / len(known), 4) for place in places],
+    }

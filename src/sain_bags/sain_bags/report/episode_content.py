@@ -1,0 +1,120 @@
+"""An episode as the page's script reads it: frames, pushes, plans and what came of it."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from sain_bags.episodes import Episode
+from sain_bags.report.frames import Frame, frame_times
+from sain_bags.report.gathering import Gathered
+from sain_bags.report.pushes import answered, poses, rounded, unanswered
+from sain_core.scene import MASS, POSE, RADIUS
+from sain_core.types import Scene
+
+STATUS: Final = ("unknown", "push", "reached", "no push", "exhausted")  # sain_interfaces/msg/Plan
+CUBE: Final = "cube"  # in sain_interfaces/msg/WorldParameters; all else is drawn as a disk
+PUSHES: Final = 300  # of one episode that are shown
+
+
+def describe_episode(gathered: Gathered, name: str, start: int) -> dict[str, Any]:
+    """Return an episode for the page.
+
+    Args:
+        gathered: what is known of it.
+        name: what the recording calls it, may be empty.
+        start: of the recording [ns since the epoch].
+    """
+    episode = gathered.episode
+    frames = gathered.frames
+    replaced = not frames
+    if replaced:
+        frames = _from_pushes(gathered)
+    pushes = answered(gathered, frames) + unanswered(gathered, frames)
+    pushes.sort(key=lambda push: push["from"] or 0)
+    shown = pushes[:PUSHES]
+    if len(shown) < len(pushes) and shown[-1]["to"] is not None:
+        frames = frames[: shown[-1]["to"] + 1]
+    return {
+        "number": episode.episode_id,
+        "namespace": gathered.namespace,
+        "name": name,
+        "outcome": outcome(episode),
+        "goal": None if episode.goal is None else [rounded(value) for value in episode.goal],
+        "tolerance": rounded(episode.tolerance),
+        "distance": rounded(episode.final_distance),
+        "maxPushes": episode.max_pushes,
+        "start": rounded(1e-9 * (episode.interval[0] - start), 3),
+        "end": rounded(1e-9 * (episode.interval[1] - start), 3),
+        "disks": _disks(frames[0].scene if frames else episode.start, gathered.told.shapes),
+        "frames": _frames(frames, gathered, replaced, len(pushes) > len(shown)),
+        "pushes": shown,
+        "counts": _counts(pushes),
+        "verdicts": _verdicts(episode),
+    }
+
+
+def outcome(episode: Episode) -> str:
+    """Return how an episode ended, in the page's words."""
+    if episode.goal is None:
+        return "no goal"
+    return "reached" if episode.success else "not reached"
+
+
+def _disks(scene: Scene, shapes: Sequence[str]) -> list[dict[str, Any]]:
+    named = (*shapes, *("" for _ in scene))
+    return [
+        {"radius": rounded(disk[RADIUS]), "mass": rounded(disk[MASS], 3), "cube": shape == CUBE}
+        for disk, shape in zip(scene, named, strict=False)
+    ]
+
+
+def _counts(pushes: Sequence[dict[str, Any]]) -> dict[str, int]:
+    outcomes = [push["outcome"] for push in pushes]
+    return {word: outcomes.count(word) for word in ("executed", "refused", "unanswered")}
+
+
+def _verdicts(episode: Episode) -> list[dict[str, Any]]:
+    """Return the decisions of the planner that sent no push: the last words of it."""
+    return [
+        {
+            "status": STATUS[plan.status] if plan.status < len(STATUS) else str(plan.status),
+            "message": plan.error_message,
+            "planning": rounded(plan.planning_time),
+        }
+        for plan in episode.plans
+        if not plan.push_id
+    ][-3:]
+
+
+def _frames(
+    frames: Sequence[Frame], gathered: Gathered, replaced: bool, cut: bool
+) -> dict[str, Any]:
+    return {
+        "time": [round(float(time), 4) for time in frame_times(frames)],
+        "poses": [poses(frame.scene) for frame in frames],
+        "settled": [int(frame.settled) for frame in frames],
+        "recorded": gathered.told.frames.recorded,
+        "thinned": gathered.told.frames.stride,
+        "unusable": gathered.told.frames.unusable,
+        "fromPushes": replaced,
+        "cut": cut,
+    }
+
+
+def _from_pushes(gathered: Gathered) -> tuple[Frame, ...]:
+    """Return the scenes before and after pushes, where scenes themselves were not recorded."""
+    told, episode = gathered.told, gathered.episode
+    found: list[Frame] = []
+    for push in episode.executed:
+        scenes = (push.before, push.after)
+        ids, stamps = told.scenes[push.push_id], told.stamps[push.push_id]
+        for scene, number, stamp in zip(scenes, ids, stamps, strict=True):
+            if scene is None or (found and _same(found[-1], scene)):
+                continue
+            found.append(Frame(stamp, 0, number, True, scene))
+    return tuple(found) or (Frame(0, 0, 0, True, episode.start),)
+
+
+def _same(frame: Frame, scene: np.ndarray) -> bool:
+    return frame.scene.shape == scene.shape and np.array_equal(frame.scene[:, POSE], scene[:, POSE])

@@ -1,0 +1,151 @@
+"""What a bag tells of its episodes, read in one pass: the episodes, and the scenes to show."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import groupby
+from typing import Any, Final
+
+from sain_bags.episodes import (
+    EPISODE_TYPES,
+    PUSH_RESULT,
+    SCENE,
+    Episode,
+    collect_episodes,
+    parent_of,
+)
+from sain_bags.reader import Bag, Received
+from sain_bags.report.frames import Frame, Frames
+from sain_bags.wanted_fields import PUSH, WORLD
+from sain_core.errors import DatasetError, InvalidInputError
+
+Progress = Callable[[], object]
+TYPES: Final = EPISODE_TYPES | {PUSH, WORLD}
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How much of a recording a page can hold."""
+
+    frames: int = 600  # scenes in motion, in one episode
+    episodes: int = 200  # with their scenes; the others only with their pushes
+
+
+@dataclass
+class Told:
+    """What is known of an episode beside what `sain_bags.episodes` makes of it."""
+
+    frames: Frames
+    scenes: dict[int, tuple[int, int]] = field(default_factory=dict)  # before, after, by push id
+    stamps: dict[int, tuple[int, int]] = field(default_factory=dict)  # [ns], the same
+    sent: dict[int, Any] = field(default_factory=dict)  # sain_interfaces/msg/Push, unanswered
+    shapes: tuple[str, ...] = ()  # of the disks; none: not told
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """One episode, and what can be shown of it."""
+
+    namespace: str
+    episode: Episode
+    told: Told
+
+    @property
+    def frames(self) -> tuple[Frame, ...]:
+        """Its scenes to show, in the order they came."""
+        return self.told.frames.frames
+
+
+def graphs(bag: Bag) -> tuple[str, ...]:
+    """Return the namespaces in which the bag has scenes, or results with scenes in them."""
+    shown = {SCENE, PUSH_RESULT}
+    found = {parent_of(topic.name) for topic in bag.topics if topic.type in shown}
+    return tuple(sorted(found))
+
+
+def messages_to_read(bag: Bag) -> int:
+    """Return how many messages `gather` reads, over all graphs."""
+    found = graphs(bag)
+    return sum(
+        topic.messages
+        for topic in bag.topics
+        if topic.type in TYPES and parent_of(topic.name) in found
+    )
+
+
+def gather(
+    bag: Bag, namespace: str, limits: Limits = Limits(), progress: Progress = lambda: None
+) -> tuple[Gathered, ...]:
+    """Read the episodes of one graph, those after a restart of its simulator on their own.
+
+    Raises:
+        DatasetError: damage, or a message that makes no sense or is of another definition.
+    """
+    topics = [t.name for t in bag.topics if t.type in TYPES and parent_of(t.name) == namespace]
+    watch = _Watch(limits, progress)
+    found: list[Gathered] = []
+    try:
+        messages = watch.watched(bag.messages(topics))
+        for run, group in groupby(messages, key=lambda _: watch.run):
+            for episode in collect_episodes(one for one in group if one.type in EPISODE_TYPES):
+                told = watch.told.get((run, episode.episode_id), Told(Frames(0)))
+                found.append(Gathered(namespace, episode, told))
+    except InvalidInputError as error:
+        raise DatasetError(f"{bag.path} holds a message that makes no sense: {error}") from error
+    except AttributeError as error:
+        raise DatasetError(
+            f"{bag.path} holds messages of another definition than this graph's: {error}"
+        ) from error
+    return tuple(found)
+
+
+class _Watch:
+    """Notes what passes, and tells when a simulator was started anew."""
+
+    def __init__(self, limits: Limits, progress: Progress) -> None:
+        self.run = 0
+        self.told: dict[tuple[int, int], Told] = {}
+        self._limits, self._progress = limits, progress
+        self._last = (0, 0)  # episode and stamp [ns] of the last scene
+        self._world: Any = None  # sain_interfaces/msg/WorldParameters, told before its scenes
+
+    def watched(self, messages: Iterable[Received]) -> Iterator[Received]:
+        for received in messages:
+            if received.type == SCENE:
+                self._scene(received.message, received.log_time)
+            elif received.type == PUSH:
+                push = received.message
+                self._of(push.episode_id).sent.setdefault(push.push_id, push)
+            elif received.type == PUSH_RESULT:
+                self._result(received.message)
+            elif received.type == WORLD:
+                self._world = received.message
+            self._progress()
+            yield received
+
+    def _scene(self, message: Any, log_time: int) -> None:
+        stamp = _nanoseconds(message)
+        episode, last = self._last
+        self.run += message.episode_id < episode and stamp < last
+        self._last = (message.episode_id, stamp)
+        told = self._of(message.episode_id)
+        told.frames.add(message, log_time)
+        if self._world is not None and self._world.episode_id == message.episode_id:
+            told.shapes = tuple(self._world.shapes)
+
+    def _result(self, result: Any) -> None:
+        told = self._of(result.episode_id)
+        told.sent.pop(result.push_id, None)
+        told.scenes[result.push_id] = (result.before.scene_id, result.after.scene_id)
+        told.stamps[result.push_id] = (_nanoseconds(result.before), _nanoseconds(result.after))
+
+    def _of(self, episode: int) -> Told:
+        key = (self.run, episode)
+        if key not in self.told:
+            room = len(self.told) < self._limits.episodes
+            self.told[key] = Told(Frames(self._limits.frames if room else 0))
+        return self.told[key]
+
+
+def _nanoseconds(message: Any) -> int:
+    stamp = message.header.stamp
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)

@@ -1,0 +1,154 @@
+"""The pushes of an episode as the page shows them: what was expected of each, and what came."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from sain_bags.episodes import Episode, PushRecord
+from sain_bags.report.frames import Frame
+from sain_bags.report.gathering import Gathered
+from sain_core.errors import ErrorCode
+from sain_core.push import PUSH_NAMES, PushLimits, tool_end, tool_start
+from sain_core.scene import POSE, POSITION, TARGET, target_distance
+from sain_core.types import PushArray, Scene
+
+DIGITS: Final = 5  # of metres and radians: hundredths of a millimetre
+LIMITS: Final = PushLimits()
+
+
+@dataclass(frozen=True)
+class Moments:
+    """The frames between which a push happened, None: it cannot be told."""
+
+    first: int | None
+    last: int | None
+
+
+def rounded(value: float | None, digits: int = DIGITS) -> float | None:
+    """Return a number for JSON, which has no NaN."""
+    if value is None or not np.isfinite(value):
+        return None
+    return round(float(value), digits)
+
+
+def poses(scene: Scene | None) -> list[list[float]] | None:
+    """Return where the disks are: x, y [m] and theta [rad] of each."""
+    if scene is None or not np.isfinite(scene[:, POSE]).all():
+        return None
+    return [[round(float(value), DIGITS) for value in disk] for disk in scene[:, POSE]]
+
+
+def answered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, Any]]:
+    """Return the pushes that a result tells of, in the order of the results."""
+    told, episode = gathered.told, gathered.episode
+    found = []
+    for push in episode.pushes:
+        scenes = told.scenes.get(push.push_id, (0, 0))
+        moments = _moments(frames, scenes, told.stamps.get(push.push_id, (0, 0)))
+        if not push.executed:
+            moments = Moments(moments.first, moments.first)
+        found.append(_describe(push, episode, moments))
+    return found
+
+
+def unanswered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, Any]]:
+    """Return pushes without a result: the scenes at rest around them tell what came of each.
+
+    Where two name the same scene, which of them was executed is not known, unless a result tells.
+    """
+    at_rest = {frame.scene_id: number for number, frame in enumerate(frames) if frame.settled}
+    named = [push.scene_id for push in gathered.told.sent.values()]
+    named += [gathered.told.scenes[push.push_id][0] for push in gathered.episode.executed]
+    plans = {plan.push_id: plan for plan in gathered.episode.plans if plan.push_id}
+    found = []
+    for push in gathered.told.sent.values():
+        first, last = at_rest.get(push.scene_id), at_rest.get(push.scene_id + 1)
+        alone = named.count(push.scene_id) == 1
+        record = PushRecord(
+            push_id=push.push_id,
+            push=np.array([getattr(push, name) for name in PUSH_NAMES]),
+            before=None if first is None else frames[first].scene,
+            after=frames[last].scene if last is not None and alone else None,
+            error_code=ErrorCode.UNKNOWN,
+            error_message="no result was recorded",
+            source=push.source,
+            duration=float("nan"),
+            wall_time=float("nan"),
+            plan=plans.get(push.push_id),
+        )
+        moments = Moments(first, last if alone else first)
+        found.append(_describe(record, gathered.episode, moments))
+    return found
+
+
+def _moments(frames: Sequence[Frame], scenes: tuple[int, int], stamps: tuple[int, int]) -> Moments:
+    """Find the frames at rest before and after a push, by scene id, else by stamp."""
+    at_rest = {frame.scene_id: number for number, frame in enumerate(frames) if frame.settled}
+    before = [number for number, frame in enumerate(frames) if frame.stamp <= stamps[0]]
+    after = [number for number, frame in enumerate(frames) if frame.stamp >= stamps[1]]
+    first = at_rest.get(scenes[0], before[-1] if before else None)
+    last = at_rest.get(scenes[1], after[0] if after else None)
+    if first is not None and last is not None and last < first:
+        last = first
+    return Moments(first, last)
+
+
+def _describe(push: PushRecord, episode: Episode, moments: Moments) -> dict[str, Any]:
+    plan, comparable = push.plan, push.executed or push.error_code == ErrorCode.UNKNOWN
+    actual = push.after if comparable else None
+    names = {int(code): code.name.lower().replace("_", " ") for code in ErrorCode}
+    return {
+        "id": str(push.push_id),  # may be beyond what a number of JavaScript can hold
+        "outcome": _outcome(push),
+        "reason": "" if push.executed else names.get(push.error_code, str(push.error_code)),
+        "message": push.error_message,
+        "source": push.source,
+        "model": plan.dynamics if plan else "",
+        "fallback": bool(plan and plan.fallback),
+        "planning": rounded(plan.planning_time if plan else None),
+        "location": rounded(push.push[0]),
+        "angle": rounded(push.push[1]),
+        "length": rounded(push.push[2]),
+        "duration": rounded(push.duration, 3),
+        "from": moments.first,
+        "to": moments.last,
+        "tool": _tool(push.before, push.push),
+        "before": poses(push.before),
+        "after": poses(actual),
+        "expected": poses(push.predicted if comparable else None),
+        "physics": poses(push.physics if comparable else None),
+        "physicsModel": push.physics_model,
+        "expectedError": rounded(target_error(push.predicted, actual)),
+        "physicsError": rounded(target_error(push.physics, actual)),
+        "moved": rounded(target_error(push.before, actual)),
+        "distance": [_distance(scene, episode) for scene in (push.before, actual)],
+    }
+
+
+def _outcome(push: PushRecord) -> str:
+    if push.executed:
+        return "executed"
+    return "unanswered" if push.error_code == ErrorCode.UNKNOWN else "refused"
+
+
+def target_error(one: Scene | None, other: Scene | None) -> float | None:
+    """Return how far the target is from where the other scene has it [m]."""
+    if one is None or other is None or one.shape != other.shape:
+        return None
+    return float(np.linalg.norm(one[TARGET, POSITION] - other[TARGET, POSITION]))
+
+
+def _distance(scene: Scene | None, episode: Episode) -> float | None:
+    if scene is None or episode.goal is None:
+        return None
+    return rounded(float(target_distance(scene, episode.goal)))
+
+
+def _tool(scene: Scene | None, push: PushArray) -> list[list[float]] | None:
+    """Return where the tool's axis starts and ends, [[x, y], [x, y]]; None: it makes no sense."""
+    if scene is None or not np.isfinite(push).all():
+        return None
+    ends = (tool_start(scene, push, LIMITS), tool_end(scene, push, LIMITS))
+    return [[round(float(value), DIGITS) for value in end] for end in ends]

@@ -1,0 +1,71 @@
+"""Asks nodes for the definitions of the types that they publish.
+
+Every node of ROS 2 Jazzy and later answers on ``<node>/get_type_description``, unless told not to.
+"""
+
+import time
+from typing import Final
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from type_description_interfaces.srv import GetTypeDescription
+
+from sain_bags.definitions import join
+from sain_core.errors import InvalidInputError
+
+PATIENCE: Final = 4.0  # [s]
+ONCE: Final = 0.5  # [s], for one answer
+NAME: Final = "_recorder_asking"  # hidden
+
+
+def ask_definition(publisher: TopicEndpointInfo, of: Node) -> str:
+    """Return the definition of what a publisher sends, with those of all it refers to.
+
+    It waits for the answer; empty: the publisher's node gave none.
+
+    Args:
+        publisher: of the type.
+        of: a node of the context to ask in.
+    """
+    context = of.context
+    node = Node(NAME, context=context, start_parameter_services=False, enable_rosout=False)
+    try:
+        return _ask(node, publisher)
+    finally:
+        node.destroy_node()
+
+
+def _ask(node: Node, publisher: TopicEndpointInfo) -> str:
+    deadline = time.monotonic() + PATIENCE
+    owner = f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"
+    client = node.create_client(GetTypeDescription, f"{owner}/get_type_description")
+    request = GetTypeDescription.Request(
+        type_name=publisher.topic_type,
+        type_hash=str(publisher.topic_type_hash),
+        include_type_sources=True,
+    )
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    client.wait_for_service(PATIENCE)
+    while True:
+        # An answer is lost where its sender has not found this client yet: ask again.
+        answer, until = client.call_async(request), time.monotonic() + ONCE
+        while not answer.done() and time.monotonic() < until:
+            executor.spin_once(timeout_sec=0.1)
+        if answer.done() or time.monotonic() > deadline:
+            break
+    executor.shutdown()
+    return _joined(publisher.topic_type, answer.result()) if answer.done() else ""
+
+
+def _joined(type_name: str, answer: GetTypeDescription.Response) -> str:
+    texts = {
+        source.type_name: source.raw_file_contents
+        for source in answer.type_sources
+        if source.encoding == "msg"
+    }
+    try:
+        return join(type_name, texts.__getitem__)
+    except (InvalidInputError, KeyError):
+        return ""

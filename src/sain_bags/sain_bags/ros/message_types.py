@@ -1,0 +1,57 @@
+"""What is known of the types of messages, of those that are installed and of others."""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+
+from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from sain_bags.definitions import Definitions
+from sain_bags.ros.asking import ask_definition
+from sain_bags.ros.endpoints import message_class
+from sain_bags.ros.stand_in import stand_in
+from sain_core.errors import InvalidInputError
+
+
+@dataclass(frozen=True)
+class MessageType:
+    """A type of messages."""
+
+    name: str  # for example std_msgs/msg/Header
+    hash: str  # RIHS01_..., empty where readers should not compare it
+    message_class: type  # to subscribe with
+    definition: "Future[str]"  # with those of all it refers to; empty: nobody knows it
+
+
+class MessageTypes:
+    """Finds types where they are installed, and asks a publisher's node for those that are not."""
+
+    def __init__(self, node: Node) -> None:
+        """Ask for this node."""
+        self._node = node
+        self._definitions = Definitions()
+        self._known: dict[tuple[str, str], MessageType] = {}
+        self._asker = ThreadPoolExecutor(1, "asker")  # messages do not wait for the answer
+
+    def learn(self, name: str, publisher: TopicEndpointInfo) -> MessageType:
+        """Return what is known of a type.
+
+        Raises:
+            InvalidInputError: it is not installed, and cannot be recorded without.
+        """
+        key = (name, str(publisher.topic_type_hash))
+        if key not in self._known:
+            self._known[key] = self._find(name, publisher)
+        return self._known[key]
+
+    def _find(self, name: str, publisher: TopicEndpointInfo) -> MessageType:
+        type_hash = str(publisher.topic_type_hash)
+        definition: Future[str] = Future()
+        try:
+            found = message_class(name)
+            definition.set_result(self._definitions.joined(name))
+        except InvalidInputError:
+            found = stand_in(name, type_hash)
+            definition = self._asker.submit(ask_definition, publisher, self._node)
+        # Readers take a service's types by other names than these, and find other hashes.
+        return MessageType(name, "" if "/srv/" in name else type_hash, found, definition)

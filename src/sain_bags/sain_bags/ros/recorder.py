@@ -1,0 +1,216 @@
+"""The node that records: it takes the bytes of every topic as they come, and looks at none.
+
+It has no executor. What an executor does for each message, waiting on everything a node has and
+making a task of each callback, costs far more than the message; here every topic is emptied in
+turn, a hundred times a second. The middleware keeps what comes in between, and when it came.
+"""
+
+import time
+from collections import deque
+from concurrent.futures import wait
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from sain_bags.gaps import Gaps
+from sain_bags.metadata import Topic
+from sain_bags.ros.endpoints import offered_qos, request_profile
+from sain_bags.ros.message_types import MessageType, MessageTypes
+from sain_bags.selection import RequestedQos, Selection, adapt
+from sain_bags.writer import BagWriter
+from sain_core.errors import InvalidInputError
+
+DISCOVERY_PERIOD: Final = 0.05  # [s] between looks for new topics
+REVISION_PERIOD: Final = 1.0  # [s] between looks at all publishers, also where their number stays
+ANSWERS_TIME: Final = 5.0  # [s], at most, for answers at the end
+TAKEN_AT_ONCE: Final = 500  # messages of a topic before the others have their turn
+SEEN: Final = 1000  # messages of a topic that are known again: as many as any is latched for
+ENTITIES: Final = {  # of every node, and nobody would serve them here
+    "start_type_description_service": False,
+}
+
+
+@dataclass
+class Recorded:
+    """One topic that is recorded."""
+
+    topic: Topic
+    kind: MessageType
+    gaps: Gaps
+    wanted: RequestedQos | None = None
+    subscription: Subscription | None = None
+    told: Topic | None = None  # as the bag describes it; None: not yet, its definition is awaited
+    seen: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=SEEN))
+    """The latest messages, by number and time."""
+    repeated: frozenset[tuple[int, int]] = frozenset()
+    """Those that the subscription before had seen."""
+
+
+class Recorder(Node):
+    """Subscribes to topics as they appear, and writes their bytes as they come."""
+
+    def __init__(self, writer: BagWriter, selection: Selection, **options: Any) -> None:
+        """Record with a writer that the caller closes; `work` does it all.
+
+        Args:
+            writer: of the bag.
+            selection: the topics to record.
+            **options: of the node.
+        """
+        overrides = [Parameter(name, value=value) for name, value in ENTITIES.items()]
+        super().__init__(
+            "recorder", start_parameter_services=False, parameter_overrides=overrides, **options
+        )
+        self.unusable: dict[str, str] = {}  # topics that cannot be recorded, and why
+        self._writer = writer
+        self._selection = selection
+        self._types = MessageTypes(self)
+        self._recorded: dict[str, Recorded] = {}
+        self._known_publishers: dict[str, set[bytes]] = {}  # that ever were, by topic
+        self._counts: dict[str, int] = {}  # of publishers, when last looked
+        self._next_look = self._next_revision = 0.0
+
+    @property
+    def gaps(self) -> dict[str, Gaps]:
+        """What is missing, by topic."""
+        return {name: recorded.gaps for name, recorded in self._recorded.items()}
+
+    def work(self) -> int:
+        """Look for topics if it is time, write what has come, flush if it is time.
+
+        Returns:
+            messages that were written.
+
+        Raises:
+            OutputError: the disk is full, nearly full or failed.
+        """
+        now = time.monotonic()
+        if now >= self._next_look:
+            self._next_look = now + DISCOVERY_PERIOD
+            self.discover()
+        taken = sum([self._take(recorded) for recorded in self._recorded.values()])
+        self._writer.flush_if_due()
+        return taken
+
+    def discover(self) -> None:
+        """Take on topics that are new, and adapt to publishers that are."""
+        now = time.monotonic()
+        is_revision = now >= self._next_revision
+        if is_revision:
+            self._next_revision = now + REVISION_PERIOD
+        for recorded in self._recorded.values():
+            if recorded.told is None:
+                self._announce(recorded)
+        for name, types in self.get_topic_names_and_types():
+            if not self._selection.wants(name):
+                continue
+            count = self.count_publishers(name)
+            if is_revision or count != self._counts.get(name, 0):
+                self._look_at(name, types)
+
+    def _look_at(self, name: str, types: list[str]) -> None:
+        publishers = self.get_publishers_info_by_topic(name)
+        self._counts[name] = len(publishers)
+        if not publishers:
+            return
+        self._count_publishers(name, publishers)
+        try:
+            self._take_on(name, types, publishers)
+        except InvalidInputError as error:
+            if name not in self.unusable:
+                self.get_logger().warning(f"{name} is not recorded: {error}")
+            self.unusable[name] = str(error)
+
+    def _take_on(self, name: str, types: list[str], publishers: list[TopicEndpointInfo]) -> None:
+        offers = tuple(offered_qos(info) for info in publishers)
+        known, publisher_count = self._recorded.get(name), len(self._known_publishers[name])
+        # Profiles of publishers that are gone stay on record: their messages do, too.
+        merged = tuple(dict.fromkeys((*(known.topic.offered_qos if known else ()), *offers)))
+        if known is None:
+            kind = self._types.learn(_only(types), publishers[0])
+            known = self._recorded[name] = Recorded(
+                Topic(name, kind.name, "", kind.hash, merged, publisher_count),
+                kind,
+                Gaps(lambda: self._count_publishers(name)),
+            )
+            self.unusable.pop(name, None)
+        known.topic = replace(known.topic, offered_qos=merged, publishers=publisher_count)
+        self._announce(known)
+        wanted = adapt(offers)
+        if known.wanted != wanted:
+            self._subscribe(known, wanted)
+
+    def await_definitions(self) -> None:
+        """Wait for the answers of nodes that were asked: what came meanwhile is taken then."""
+        awaited = [one.kind.definition for one in self._recorded.values() if one.told is None]
+        wait(awaited, ANSWERS_TIME)
+        for recorded in self._recorded.values():
+            self._announce(recorded)
+
+    def _announce(self, recorded: Recorded) -> None:
+        """Describe a topic in the bag, once its definition is there: only then it is taken."""
+        if not recorded.kind.definition.done():
+            return
+        definition = recorded.kind.definition
+        text = "" if definition.exception() else definition.result()
+        topic = replace(recorded.topic, definition=text)
+        if topic != recorded.told:
+            self._writer.add_topic(topic)
+            recorded.told = topic
+
+    def _subscribe(self, recorded: Recorded, wanted: RequestedQos) -> None:
+        name, former = recorded.topic.name, recorded.subscription
+        subscription = self.create_subscription(
+            recorded.kind.message_class, name, _unused, request_profile(wanted), raw=True
+        )
+        if former is not None:
+            while self._take(recorded):
+                pass
+            self.destroy_subscription(former)
+            recorded.repeated = frozenset(recorded.seen)
+        recorded.subscription, recorded.wanted = subscription, wanted
+
+    def _count_publishers(
+        self, name: str, publishers: list[TopicEndpointInfo] | None = None
+    ) -> int:
+        """Return how many publishers a topic ever had."""
+        found = self.get_publishers_info_by_topic(name) if publishers is None else publishers
+        known = self._known_publishers.setdefault(name, set())
+        known.update(bytes(info.endpoint_gid) for info in found)
+        return len(known)
+
+    def _take(self, recorded: Recorded) -> int:
+        """Write what has come of a topic; return how much that was."""
+        if recorded.told is None or recorded.subscription is None:
+            return 0
+        name, gaps, write = recorded.topic.name, recorded.gaps, self._writer.write
+        saw, repeated = recorded.seen.append, recorded.repeated
+        handle, kind = recorded.subscription.handle, recorded.subscription.msg_type
+        taken = 0
+        with handle:
+            while taken < TAKEN_AT_ONCE and (found := handle.take_message(kind, True)) is not None:
+                data, about = found
+                published = about["source_timestamp"]
+                sequence = about["publication_sequence_number"] or 0
+                if repeated and (sequence, published) in repeated:
+                    continue  # who subscribes anew is given again what is latched
+                saw((sequence, published))
+                gaps.saw(sequence)
+                received = about["received_timestamp"] or time.time_ns()
+                write(name, data, received, published, sequence)
+                taken += 1
+        return taken
+
+
+def _only(types: list[str]) -> str:
+    if len(types) > 1:
+        raise InvalidInputError(f"it has several types: {', '.join(types)}")
+    return types[0]
+
+
+def _unused(message: bytes) -> None:
+    """Never called: messages are taken, and not waited for."""

@@ -1,0 +1,130 @@
+"""A recording made to be looked at: disks that move, stamps, plans, a refused push."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.highlevel import AnyReader
+
+from sain_core.scene import make_scene
+from sain_core.types import Scene
+
+STEPS = 12  # scenes in motion during a push
+PERIOD = 40_000_000  # [ns] between two of them
+OK, BLOCKED = 1, 9
+
+
+class Show:
+    """Writes episodes in which every disk moves in a straight line, push by push."""
+
+    def __init__(self, recording: Any, scenes: bool = True, results: bool = True) -> None:
+        self.recording, self.make = recording, recording.messages.make
+        self.scenes, self.results = scenes, results
+        self.stamp = 5_000_000_000
+        self.scene_id = self.push_id = 0
+        self.source, self.error = "/sain/mppi_node", "disk 2 is in the way"
+
+    def episode(self, number: int, disks: int, ends: Sequence[float], refused: int = -1) -> None:
+        """Write an episode; each push moves every disk by so much along x and half along y."""
+        scene = self._first(disks)
+        self.scene_id += 1
+        self._send(
+            "goal", "Goal", goal_id=number, episode_id=number,
+            x=float(scene[1, 0] + sum(ends)), y=float(scene[1, 1] + sum(ends) / 2), tolerance=0.02,
+        )  # fmt: skip
+        self._show(number, scene, settled=True)
+        for place, distance in enumerate(ends):
+            if place == refused:
+                self._push(number, scene, scene, code=BLOCKED)
+            scene = self._push(number, scene, scene + _shift(scene, distance))
+
+    def _push(self, episode: int, before: Scene, after: Scene, code: int = OK) -> Scene:
+        self.push_id += 1
+        ids = {"push_id": self.push_id, "episode_id": episode}
+        push = self.make(
+            "sain_interfaces/msg/Push", **ids, scene_id=self.scene_id,
+            location=0.2, angle=-0.1, length=0.08, source=self.source,
+        )  # fmt: skip
+        off = 0.001 * self.push_id
+        expected = np.stack([after + _shift(after, off), after])
+        self._send("push", push)
+        self._send(
+            "plan", "Plan", plan_id=self.push_id, **ids, status=1, error_code=1, dynamics="sain",
+            horizon=2, disks=len(before), pushes=np.full(6, 0.1), predicted=expected.ravel(),
+            planning_time=0.01 * self.push_id,
+        )  # fmt: skip
+        start = self._scene(episode, before, True)
+        if code == OK:
+            for share in np.linspace(0.0, 1.0, STEPS, endpoint=False):
+                self.stamp += PERIOD
+                self._show(episode, before + share * (after - before), settled=False)
+            self.stamp += PERIOD
+            self.scene_id += 1
+        result = self._scene(episode, after, True)
+        if self.results:
+            self._send(
+                "push_result", "PushResult", **ids, error_code=code, push=push, before=start,
+                after=result, error_message="" if code == OK else self.error,
+            )  # fmt: skip
+            self._send(
+                "physics_prediction", "PushPrediction", **ids, error_code=code,
+                model="bullet_nominal",
+                disks=self.recording.messages.disks(after + _shift(after, 3 * off)),
+            )  # fmt: skip
+        self._show(episode, after, settled=True)
+        self._show(episode, after, settled=True)  # a simulator says it again while it idles
+        return after
+
+    def _show(self, episode: int, scene: Scene, settled: bool) -> None:
+        if self.scenes:
+            self._send("scene", self._scene(episode, scene, settled))
+
+    def _scene(self, episode: int, scene: Scene, settled: bool) -> Any:
+        seconds, nanoseconds = divmod(self.stamp, 10**9)
+        stamp = self.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+        return self.make(
+            "sain_interfaces/msg/Scene",
+            header=self.make("std_msgs/msg/Header", stamp=stamp, frame_id="world"),
+            episode_id=episode, scene_id=self.scene_id, settled=settled,
+            disks=self.recording.messages.disks(scene),
+        )  # fmt: skip
+
+    def _first(self, disks: int) -> Scene:
+        positions = np.array([[0.30 + 0.13 * disk, 0.02 * disk] for disk in range(disks)])
+        return make_scene(positions, np.full(disks, 8.0), np.linspace(0.07, 0.05, disks))
+
+    def _send(self, topic: str, message: Any, **fields: Any) -> None:
+        if isinstance(message, str):
+            message = self.make(f"sain_interfaces/msg/{message}", **fields)
+        kind = type(message).__name__.rpartition("__")[2]
+        values = {name: getattr(message, name) for name in message.__dataclass_fields__}
+        values.pop("__msgtype__", None)
+        self.recording.add(f"/sain/{topic}", kind, **values)
+
+
+def _shift(scene: Scene, distance: float) -> Scene:
+    """Return what to add to every disk's state: along x, half of it along y, and a turn."""
+    shift = np.zeros_like(scene)
+    shift[:, :3] = distance * np.array([1.0, 0.5, 3.0])
+    return shift
+
+
+def recorded(folder: Path) -> dict[str, list[Any]]:
+    """Read a bag with `rosbags`: its messages by the last part of their topic."""
+    found: dict[str, list[Any]] = {}
+    with AnyReader([folder]) as reader:
+        for connection, _, raw in reader.messages():
+            name = connection.topic.rpartition("/")[2]
+            found.setdefault(name, []).append(reader.deserialize(raw, connection.msgtype))
+    return found
+
+
+def shown_scenes(folder: Path, episode: int) -> list[Any]:
+    """Return the scenes of an episode, without those at rest that say the same again."""
+    scenes, rests = [], set()
+    for scene in recorded(folder)["scene"]:
+        if scene.episode_id == episode and not (scene.settled and scene.scene_id in rests):
+            scenes.append(scene)
+            rests |= {scene.scene_id} if scene.settled else set()
+    return scenes

@@ -1,0 +1,151 @@
+"""A recording instead of a simulator: planner and model as processes, and `play` in between."""
+
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import domain_coordinator
+import numpy as np
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from sain_bags.metadata import OfferedQos
+from sain_bags.writer import BagWriter
+from sain_bringup.graph import executable
+from sain_core.ros.qos import RELIABLE
+from sain_core.scene import make_scene, target_distance
+from sain_core.types import Scene
+from sain_core.wire import decode_plan
+from sain_interfaces.msg import Plan, Push
+from tests.sain_bags.conftest import SECOND, Messages, Recording
+
+pytestmark = pytest.mark.system
+
+GOAL = np.array([0.62, 0.08])
+TARGETS = ((0.50, 0.0), (0.55, 0.04), (0.62, 0.075))  # where it comes to rest; the last is there
+STAY = 15  # scenes at rest, 10 a second
+PATIENCE = 120.0  # [s]
+
+
+def scene_at(target: tuple[float, float]) -> Scene:
+    """The mid disk behind the target, as seen from the arm."""
+    positions = np.array([[target[0] - 0.145, target[1]], target])
+    return make_scene(positions, np.array([8.0, 8.0]), np.array([0.08, 0.06]))
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """What an older planner did: its pushes and plans are in the bag, too."""
+    recording = Recording(BagWriter(tmp_path / "bag"), Messages())
+    latched = OfferedQos(durability="transient_local", depth=1)
+    topic = recording.messages.topic(
+        "/sain/goal", "sain_interfaces/msg/Goal", offered_qos=(latched,)
+    )
+    recording.writer.add_topic(topic)
+    recording.add(
+        "/sain/goal", "Goal", goal_id=1, episode_id=1, x=float(GOAL[0]), y=float(GOAL[1]),
+        tolerance=0.01, max_pushes=15,
+    )  # fmt: skip
+    for number, target in enumerate(TARGETS, start=1):
+        for _ in range(STAY):
+            recording.scene(1, number, scene_at(target))
+        if number < len(TARGETS):
+            for share in (0.3, 0.7):
+                there = np.array(TARGETS[number])
+                between = (1 - share) * np.array(target) + share * there
+                recording.scene(1, number, scene_at((between[0], between[1])), settled=False)
+            recording.push(number, 1, scene_at(target), scene_at(TARGETS[number]))
+    recording.now += 2 * SECOND
+    recording.add("/sain/done", "std_msgs/msg/Bool")
+    recording.writer.close()
+    return tmp_path / "bag"
+
+
+class Audience:
+    """Hears what planner and simulator would say."""
+
+    def __init__(self, domain: int) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = Node("audience", namespace="sain", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.plans: list[Any] = []
+        self.pushes: list[Any] = []
+        self.node.create_subscription(Plan, "plan", self.plans.append, RELIABLE)
+        self.node.create_subscription(Push, "push", self.pushes.append, RELIABLE)
+
+    def wait(self, done: Callable[[], object], what: str) -> None:
+        end = time.monotonic() + PATIENCE
+        while not done():
+            assert time.monotonic() < end, f"waited {PATIENCE} s for {what}"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def audience(monkeypatch: pytest.MonkeyPatch) -> Iterator[Audience]:
+    with domain_coordinator.domain_id() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        audience = Audience(int(domain))
+        yield audience
+        audience.close()
+
+
+@pytest.fixture
+def nodes(audience: Audience, tmp_path: Path) -> Iterator[None]:
+    """The model and the planner, as docs/replay.md starts them."""
+    settings = ["--ros-args", "-p", "pursuit.result_patience:=0.0"]
+    commands = {
+        "model": [str(executable("sain_model", "model_node"))],
+        "planner": [str(executable("sain_mppi", "mppi_node")), *settings],
+    }
+    logs = {name: tmp_path / f"{name}.log" for name in commands}
+    processes = []
+    try:
+        for name, command in commands.items():
+            with logs[name].open("w") as log:
+                processes.append(subprocess.Popen(command, stdout=log, stderr=log))
+        for name, log in logs.items():
+            audience.wait(lambda log=log: "ready: " in log.read_text(), f"the {name}")
+        yield
+    finally:
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.wait(timeout=30)
+
+
+@pytest.mark.usefixtures("nodes")
+def test_planner_and_model_work_from_a_recording(audience: Audience, bag: Path) -> None:
+    topics = ("/sain/scene", "/sain/goal", "/sain/push_result")
+    command = [str(executable("sain_bags", "play")), str(bag), "--topics", *topics]
+    play = subprocess.Popen([*command, "--rate", "0.5", "--wait", "30"])
+    audience.wait(lambda: play.poll() is not None, "the end of the recording")
+    assert play.returncode == 0
+    audience.wait(lambda: len(audience.plans) >= len(TARGETS), "a plan for each scene at rest")
+
+    plans = {plan.scene_id: plan for plan in audience.plans}
+    assert set(plans) == {1, 2, 3}
+    assert [plans[number].status for number in (1, 2, 3)] == [Plan.PUSH, Plan.PUSH, Plan.REACHED]
+    pushes = {push.push_id: push for push in audience.pushes}
+    for number in (1, 2):
+        plan = plans[number]
+        assert plan.dynamics == "sain" and not plan.fallback and plan.error_code == 1
+        sent = pushes[plan.push_id]
+        assert (sent.episode_id, sent.scene_id) == (1, number)
+        planned, predicted = decode_plan(plan)
+        assert planned[0] == pytest.approx([sent.location, sent.angle, sent.length])
+        before = target_distance(scene_at(TARGETS[number - 1]), GOAL)
+        assert plan.goal_distance == pytest.approx(float(before))
+        assert target_distance(predicted[-1], GOAL) < before
+    assert len(pushes) == 2, "the recorded pushes are not played"
