@@ -4,6 +4,7 @@ The messages have the sizes of a recording of `make demo`. The states of pushes 
 they compress no better than real ones; of what else a graph says a few numbers change each time.
 """
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,7 @@ class MadeBag:
             self._write("/camera", "sensor_msgs/msg/Image", data, PERIOD)
 
     def _push(self, number: int, episode: int, result: bool) -> None:
-        ids = {"push_id": number, "episode_id": episode}
+        ids: dict[str, Any] = {"push_id": number, "episode_id": episode}
         angles = self._random.uniform(-0.7, 0.7, 2)
         before = self._scene(episode)
         push = self._make(
@@ -110,7 +111,7 @@ class MadeBag:
                 nested = ("Header", "std_msgs") if field == "header" else _TIME
                 fields[field] = self._make(*nested)
         blank = {"frame_id": "", "error_message": "", "sec": 0, "nanosec": 0}
-        names = [name for name in kind.__dataclass_fields__ if name != "__msgtype__"]
+        names = (field.name for field in dataclasses.fields(kind) if field.init)  # type: ignore[arg-type]
         return kind(**{name: fields.get(name, blank.get(name, 0)) for name in names})
 
     def _send(self, topic: str, name: str, **fields: Any) -> None:

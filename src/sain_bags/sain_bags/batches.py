@@ -14,7 +14,7 @@ from numpy import ndarray
 from sain_bags.mcap_file import Messages
 
 SPARSE: Final = 4  # times as much data as messages: it is not kept for these few
-BATCH_SIZE: Final = 2 << 20  # [bytes], messages are handed on from here
+BATCH_SIZE: Final = 8 << 20  # [bytes], messages are handed on from here
 BATCH_STRETCHES: Final = 256  # or with so many read, where little is wanted of each
 
 
@@ -37,8 +37,16 @@ class Batch:
 
     def __getitem__(self, index: ndarray) -> "Batch":
         """Return some of the messages, by a mask or by their places."""
-        rest = (self.starts, self.sizes, self.channels, self.log_times, self.publish_times)
-        return Batch(self.data, *(a[index] for a in rest), self.sequences[index], self.ranks[index])
+        return Batch(
+            self.data,
+            self.starts[index],
+            self.sizes[index],
+            self.channels[index],
+            self.log_times[index],
+            self.publish_times[index],
+            self.sequences[index],
+            self.ranks[index],
+        )
 
     def compact(self) -> "Batch":
         """Return the same messages without the data between them."""

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.rows import Dropped
+from sain_bags.row_draft import Dropped
 from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import MID, POSITION, STATE_SIZE, TARGET
 from sain_core.shards import SHARD_SIZE

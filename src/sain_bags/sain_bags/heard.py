@@ -10,7 +10,8 @@ from numpy import ndarray
 
 from sain_bags.episodes import GOAL, PREDICTION, SCENE
 from sain_bags.push_run import GoalRun
-from sain_bags.tables import PUSH, Table
+from sain_bags.tables import Table
+from sain_bags.wanted_fields import PUSH
 
 Arguments = Iterator[tuple[Any, ...]]  # of a method of `Pairing`
 
@@ -26,7 +27,7 @@ class Heard:
 
     def column(self, name: str, rows: ndarray) -> list[Any]:
         """Return a column of some messages as Python's own numbers."""
-        return self.table.columns[name][rows].tolist()  # type: ignore[no-any-return]
+        return self.table.columns[name][rows].tolist()
 
     def places(self, rows: ndarray, prefix: str = "") -> Iterator[tuple[int, int]]:
         """Yield the `Place` of some messages."""

@@ -13,7 +13,8 @@ from sain_bags.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
 from sain_bags.heard import Arguments, Heard
 from sain_bags.pairing import Pairing
 from sain_bags.push_run import GoalRun, PushRun
-from sain_bags.tables import FIELDS, PUSH, Table, TableReader
+from sain_bags.tables import Table, TableReader
+from sain_bags.wanted_fields import FIELDS, PUSH
 from sain_bags.whole_pushes import WholePushes
 
 NOTHING: Final = -1
@@ -53,8 +54,6 @@ class Hearing:
             if len(whole) and messages is whole.goals:
                 continue
             rows = np.flatnonzero(~whole.covered[messages.spots])
-            if messages.kind == SCENE:
-                rows = _first_settled(messages.table)
             turns[messages.spots[rows]] = len(told)
             told.append((tell[messages.kind], messages.arguments(rows)))
         runs = _runs(whole, np.flatnonzero(turns != NOTHING))
@@ -71,7 +70,11 @@ class Hearing:
             self._readers[number] = TableReader(self._channels[number])
         spots = np.flatnonzero(batch.channels == number)
         table = self._readers[number].read(batch[spots])
-        return Heard(self._channels[number].type, table, spots, batch.log_times[spots])
+        kind = self._channels[number].type
+        if kind == SCENE:  # one is kept long after the others of its table: they are not kept
+            rows = _first_settled(table)
+            table, spots = table.take(rows), spots[rows]
+        return Heard(kind, table, spots, batch.log_times[spots])
 
 
 def _runs(whole: WholePushes, others: ndarray) -> Iterator[tuple[PushRun, GoalRun | None]]:

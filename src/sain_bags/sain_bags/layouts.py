@@ -8,6 +8,7 @@ Encoding: CDR version 1 (OMG DDSI-RTPS 10.5), which ROS 2 writes: four bytes tha
 order, then the fields, each aligned to its own size as counted from there.
 """
 
+import struct
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Final
@@ -136,8 +137,7 @@ class _Walk:
         self._align(LENGTH)
         start = self.place
         self._skip(LENGTH)
-        order = "little" if self.layout.byte_order == "<" else "big"
-        length = int.from_bytes(self._message[start : self.place], order)
+        (length,) = struct.unpack_from(f"{self.layout.byte_order}I", self._message, start)
         if length > len(self._message):
             raise DatasetError(
                 f"something of {length} elements cannot be in {len(self._message)} bytes"

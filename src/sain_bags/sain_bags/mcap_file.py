@@ -10,25 +10,25 @@ Format: https://mcap.dev/spec.
 import struct
 import zlib
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final
 
 import numpy as np
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
-from mcap.records import Channel, Schema
+from mcap.records import Channel, ChunkIndex, Schema, Statistics
 from numpy import ndarray
 
 from sain_bags.chunks import CHUNK_HEAD, MESSAGE_HEAD, RECORD_HEAD, chunk_data, message_places
-from sain_bags.integrity import check_summary, opened
+from sain_bags.integrity import opened, summary_records
 from sain_core.errors import DatasetError
 
 MAGIC_SIZE: Final = 8
 CHANNELS: Final = 1 << 16  # their numbers have 16 bits
 STRETCH: Final = 1 << 18  # [bytes], of messages outside of chunks that are read together
 
+INDEX_PLACE: Final = struct.Struct("<HQ")  # channel, and where in the file
 INDEX_HEAD: Final = struct.Struct("<BQHI")  # opcode, length; channel, length of the entries
 INDEX_ENTRY: Final = np.dtype([("log_time", "<i8"), ("place", "<u8")])
 MESSAGE: Final = np.dtype(  # a message record up to its data
@@ -39,17 +39,22 @@ MESSAGE: Final = np.dtype(  # a message record up to its data
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Stretch:
-    """A chunk, or messages that stand in the file without one."""
+    """A chunk, or messages that stand in the file without one; small, as a bag has thousands."""
 
     first: int  # log times of its messages [ns since the epoch]
     last: int
     offset: int  # in the file [bytes]
     size: int
     is_chunk: bool
-    indexes: Mapping[int, int] = field(default_factory=dict)  # where in the file, by channel
+    index_places: bytes = b""  # of the indexes, `INDEX_PLACE`
     index_size: int = 0  # [bytes], of the indexes, which follow it
+
+    @property
+    def indexes(self) -> dict[int, int]:
+        """Where in the file the index of each channel is; empty: there is none."""
+        return dict(INDEX_PLACE.iter_unpack(self.index_places))
 
 
 @dataclass(frozen=True)
@@ -71,16 +76,24 @@ class McapFile:
             DatasetError: not a whole MCAP file, or its summary is damaged.
         """
         self.path = path
+        self.channels: dict[int, Channel] = {}
+        self._schemas: dict[int, Schema] = {}
+        self._chunks: list[Stretch] = []
+        statistics: Statistics | None = None
         with opened(path) as stream:
-            check_summary(stream)
-            stream.seek(0)
-            summary = make_reader(stream).get_summary()
-            if summary is None or summary.statistics is None:
+            for record in summary_records(stream):
+                if isinstance(record, Statistics):
+                    statistics = record
+                elif isinstance(record, Schema):
+                    self._schemas[record.id] = record
+                elif isinstance(record, Channel):
+                    self.channels[record.id] = record
+                elif isinstance(record, ChunkIndex):
+                    self._chunks.append(_stretch(record))
+            if statistics is None:
                 raise McapError("it has no summary")
-        self.statistics = summary.statistics
-        self.channels: dict[int, Channel] = summary.channels
-        self._schemas = summary.schemas
-        self._chunks = summary.chunk_indexes
+        self.statistics: Statistics = statistics
+        self._chunks.sort(key=lambda chunk: chunk.offset)
 
     def schema(self, channel: Channel) -> Schema | None:
         """Return what describes a channel's messages; None: nothing does."""
@@ -92,17 +105,9 @@ class McapFile:
             with opened(self.path) as stream:
                 return tuple(_scan(stream))
         return tuple(
-            Stretch(
-                chunk.message_start_time,
-                chunk.message_end_time,
-                chunk.chunk_start_offset,
-                chunk.chunk_length,
-                True,
-                chunk.message_index_offsets,
-                chunk.message_index_length,
-            )
-            for chunk in sorted(self._chunks, key=lambda chunk: chunk.chunk_start_offset)
-            if not chunk.message_index_offsets or chunk.message_index_offsets.keys() & channels
+            chunk
+            for chunk in self._chunks
+            if not chunk.index_places or chunk.indexes.keys() & channels
         )
 
     def compare(self, found: Mapping[int, int]) -> None:
@@ -130,6 +135,19 @@ class McapFile:
             return _messages(content, stretch, channels)
 
 
+def _stretch(chunk: ChunkIndex) -> Stretch:
+    places = chunk.message_index_offsets.items()
+    return Stretch(
+        chunk.message_start_time,
+        chunk.message_end_time,
+        chunk.chunk_start_offset,
+        chunk.chunk_length,
+        True,
+        b"".join(INDEX_PLACE.pack(*place) for place in places),
+        chunk.message_index_length,
+    )
+
+
 def _messages(content: bytes, stretch: Stretch, channels: Collection[int]) -> Messages:
     data: Any = memoryview(content)[: stretch.size]
     if stretch.is_chunk:
@@ -141,7 +159,7 @@ def _messages(content: bytes, stretch: Stretch, channels: Collection[int]) -> Me
         except DatasetError as error:
             raise McapError(f"the chunk at byte {stretch.offset}: {error}") from error
     array = np.frombuffer(data, dtype=np.uint8)
-    if stretch.indexes:
+    if stretch.index_places:
         return _indexed(array, content, stretch, channels)
     places = np.array(message_places(memoryview(data)), dtype=np.int64)
     return _at(array, places, channels)
@@ -152,8 +170,9 @@ def _indexed(
 ) -> Messages:
     """Pick the messages that the indexes name, when each is what its index says it is."""
     entries, owners = [], []
-    for channel in stretch.indexes.keys() & channels:
-        start = stretch.indexes[channel] - stretch.offset
+    indexes = stretch.indexes
+    for channel in indexes.keys() & channels:
+        start = indexes[channel] - stretch.offset
         opcode, length, owner, size = INDEX_HEAD.unpack_from(content, start)
         if (opcode, length, owner) != (Opcode.MESSAGE_INDEX, size + 6, channel) or size % 16:
             raise McapError("the index of a chunk is damaged")

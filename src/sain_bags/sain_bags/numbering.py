@@ -28,11 +28,11 @@ class Numbering:
         order = np.argsort(np.concatenate([block.places for block in blocks]))
         back = np.empty_like(order)
         back[order] = np.arange(len(order))
-        joined = (
+        told, scenes = (
             np.concatenate([block.columns[name] for block in blocks])[order].astype(np.int64)
             for name in ("bag_episode", "bag_scene")
         )
-        episodes, steps = self._count(*joined, bag)
+        episodes, steps = self._count(told, scenes, bag)
         ends = np.cumsum([len(block.places) for block in blocks])
         for block, places in zip(blocks, np.split(back, ends[:-1]), strict=True):
             block.columns["episode"] = episodes[places]

@@ -12,7 +12,8 @@ from numpy import ndarray
 from sain_bags.dataset_shards import Columns
 from sain_bags.episodes import parent_of
 from sain_bags.sources import Source
-from sain_bags.tables import FRICTIONS, WORLD, TableReader
+from sain_bags.tables import TableReader
+from sain_bags.wanted_fields import FRICTIONS, WORLD
 
 UNKNOWN: Final = np.full(len(FRICTIONS), np.nan)
 

@@ -9,7 +9,8 @@ from numpy import ndarray
 
 from sain_bags.pairing import OK, Paired
 from sain_bags.push_run import NONE, PushRun, Where
-from sain_bags.tables import DISKS, Disks, Table, gather
+from sain_bags.tables import Disks, Table, gather
+from sain_bags.wanted_fields import DISKS
 from sain_core.errors import InvalidInputError
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import MASS, RADIUS, STATE_NAMES
@@ -114,20 +115,23 @@ class PushGroup:
             told: what is said of them.
         """
         self.source, self.places, self.told = source, places, told
-        if source == FROM_RESULT:
+        if told.results is not None:
             table, rows = told.results
             self.before = _scenes(table, rows, "before.")
             self.after = _scenes(table, rows, "after.")
             self.actions = _numbers(table, rows, [f"push.{name}" for name in PUSH_NAMES])
             self.durations = table.columns["duration"][rows].astype(np.float64)
         else:
-            self.before, self.after = (_scenes(*found, "") for found in told.scenes)
-            self.actions = _numbers(*told.pushes, PUSH_NAMES)
+            assert told.scenes is not None and told.pushes is not None
+            self.before, self.after = (_scenes(table, rows, "") for table, rows in told.scenes)
+            table, rows = told.pushes
+            self.actions = _numbers(table, rows, PUSH_NAMES)
             self.durations = 1e-9 * (self.after.stamps - self.before.stamps)
         self.given = told.goal_of != NONE
         self.goals = np.full((len(places), len(GOAL_FIELDS)), np.nan)  # NaN: none was given
         if told.goals:
-            goals = _numbers(*gather(told.goals), GOAL_FIELDS)
+            table, rows = gather(told.goals)
+            goals = _numbers(table, rows, GOAL_FIELDS)
             self.goals[self.given] = goals[told.goal_of[self.given]]
         self.predicted, self.models, self._predictions = _predictions(told)
 

@@ -56,9 +56,14 @@ class PushRun:
 
     def part(self, chosen: slice) -> "PushRun":
         """Return some of them, one after the other."""
-        rest = (self.prediction_rows, self.times, self.spots)
-        cut = (column[chosen] for column in rest)
-        return PushRun(self.results, self.rows[chosen], self.predictions, *cut)
+        return PushRun(
+            self.results,
+            self.rows[chosen],
+            self.predictions,
+            self.prediction_rows[chosen],
+            self.times[chosen],
+            self.spots[chosen],
+        )
 
     def find_goals(self, given: GoalRun | None, earlier: Mapping[int, Where]) -> None:
         """Give each push the latest goal of its episode, or else the latest for any.

@@ -232,8 +232,9 @@ class Bag:
                 batch.publish_times, batch.sequences,
             )  # fmt: skip
             rows = zip(*(column.tolist() for column in columns), strict=True)
-            for number, first, end, *rest in rows:
-                yield number, Raw(*names[number], data[first:end], *rest)
+            for number, first, end, log_time, publish_time, sequence in rows:
+                topic, kind = names[number]
+                yield number, Raw(topic, kind, data[first:end], log_time, publish_time, sequence)
 
 
 def _decoder(source: BagChannel, path: Path) -> Callable[[bytes], Any]:

@@ -16,11 +16,11 @@ from sain_bags.push_groups import (
     told_of_run,
 )
 from sain_bags.push_run import PushRun
+from sain_bags.row_draft import Draft, Dropped, drop
 from sain_core.dynamics import Dynamics
 from sain_core.errors import ErrorCode, SainError
 from sain_core.push import check_predictable
-from sain_core.scene import MASS, POSITION, RADIUS, TARGET, check_scenes
-from sain_core.shards import MOVED
+from sain_core.scene import check_scenes
 from sain_core.types import Pushes, Scenes
 from sain_core.wire import MIN_DISKS
 
@@ -35,13 +35,6 @@ UNSETTLED: Final = "scene before or after not settled"
 SENSELESS: Final = "makes no sense"
 UNPREDICTED: Final = "not predicted, and the prior cannot"
 NOT_MOVED: Final = "target moved by less than 2 mm"
-
-
-class Dropped(NamedTuple):
-    """A push that is no row, and why."""
-
-    reason: str
-    detail: str
 
 
 class Block(NamedTuple):
@@ -84,9 +77,9 @@ class RowMaker:
         left = np.ones(len(group.places), dtype=bool)
         if not self._keep_unsettled:
             left &= before.settled & after.settled
-            _drop(group, np.flatnonzero(~left), UNSETTLED, _no_detail, dropped)
+            drop(group, np.flatnonzero(~left), UNSETTLED, _no_detail, dropped)
         alike = (before.counts == after.counts) & (before.counts >= MIN_DISKS)
-        _drop(group, np.flatnonzero(left & ~alike), SENSELESS, group.why_senseless, dropped)
+        drop(group, np.flatnonzero(left & ~alike), SENSELESS, group.why_senseless, dropped)
         left &= alike
         return [
             self._block(group, np.flatnonzero(left & (before.counts == count)), dropped)
@@ -95,42 +88,29 @@ class RowMaker:
 
     def _block(self, group: PushGroup, chosen: ndarray, dropped: dict[int, Dropped]) -> Block:
         """Return the rows of pushes whose scenes have one number of disks."""
-
-        def keep(right: ndarray, reason: str, why: Callable[[int], str]) -> None:
-            nonlocal chosen, state, next_state, physics
-            if not right.all():
-                _drop(group, chosen[~right], reason, why, dropped)
-                chosen, state = chosen[right], state[right]
-                next_state, physics = next_state[right], physics[right]
-
         count = int(group.before.counts[chosen[0]])
-        state = group.before.take(chosen, count)  # (M, N, 8)
-        next_state = group.after.take(chosen, count)
-        physics = group.predictions(chosen, count)
-        sensible = _possible(state) & _possible(next_state)
-        sensible &= np.isfinite(group.actions[chosen]).all(axis=-1)
-        sensible &= np.isfinite(physics).all(axis=(1, 2)) | ~group.predicted[chosen]
-        keep(sensible, SENSELESS, group.why_senseless)
-        lacking = np.flatnonzero(~group.predicted[chosen])
-        if len(lacking):
-            computed, reasons = self._predict(state[lacking], group.actions[chosen[lacking]])
-            physics[lacking] = computed
-            why = {int(chosen[lacking[place]]): reason for place, reason in reasons.items()}
-            keep(~np.isin(chosen, list(why)), UNPREDICTED, why.__getitem__)
-        finite = np.isfinite(group.goals[chosen]).all(axis=-1) | ~group.given[chosen]
-        keep(finite, SENSELESS, group.why_no_goal)
-        travel = next_state[:, TARGET, POSITION] - state[:, TARGET, POSITION]
-        moved = np.hypot(travel[:, 0], travel[:, 1]) >= MOVED
+        scenes = (group.before.take(chosen, count), group.after.take(chosen, count))
+        draft = Draft(group, dropped, chosen, *scenes, group.predictions(chosen, count))
+        draft.keep(draft.sensible(), SENSELESS, group.why_senseless)
+        self._predict_rest(draft)
+        finite = np.isfinite(group.goals).all(axis=-1) | ~group.given
+        draft.keep(finite[draft.chosen], SENSELESS, group.why_no_goal)
         if self._moved_only:
-            keep(moved, NOT_MOVED, _no_detail)
-            moved = moved[moved]
-        columns = self._columns(group, chosen)
-        states = {"state": state, "physics_next": physics, "next_state": next_state}
-        flat = {name: scenes.reshape(len(chosen), -1) for name, scenes in states.items()}
-        columns |= flat | {"masses": state[..., MASS], "radii": state[..., RADIUS], "moved": moved}
-        return Block(group.places[chosen], columns)
+            draft.keep(draft.moved(), NOT_MOVED, _no_detail)
+        return Block(group.places[draft.chosen], draft.columns() | self._told(group, draft.chosen))
 
-    def _columns(self, group: PushGroup, chosen: ndarray) -> dict[str, ndarray]:
+    def _predict_rest(self, draft: Draft) -> None:
+        """Let the prior predict what was not predicted."""
+        lacking = np.flatnonzero(~draft.group.predicted[draft.chosen])
+        if not len(lacking):
+            return
+        pushes = draft.chosen[lacking]
+        computed, reasons = self._predict(draft.state[lacking], draft.group.actions[pushes])
+        draft.physics[lacking] = computed
+        why = {int(pushes[place]): reason for place, reason in reasons.items()}
+        draft.keep(~np.isin(draft.chosen, list(why)), UNPREDICTED, why.__getitem__)
+
+    def _told(self, group: PushGroup, chosen: ndarray) -> dict[str, ndarray]:
         told = group.told
         models = np.where(group.predicted, group.models, COMPUTED + self._prior_name)[chosen]
         return {
@@ -198,27 +178,8 @@ def _dismissed(paired: Paired) -> Dropped | None:
     return None
 
 
-def _drop(
-    group: PushGroup,
-    pushes: ndarray,
-    reason: str,
-    why: Callable[[int], str],
-    dropped: dict[int, Dropped],
-) -> None:
-    for push in pushes.tolist():
-        detail = why(push)
-        named = f"{group.about(push)}: {detail}" if detail else group.about(push)
-        dropped[int(group.places[push])] = Dropped(reason, named)
-
-
 def _no_detail(_: int) -> str:
     return ""
-
-
-def _possible(scenes: Scenes) -> ndarray:
-    """Tell which scenes (M, N, 8) are of finite numbers, with masses and radii."""
-    finite = np.isfinite(scenes).all(axis=(1, 2))
-    return finite & (scenes[..., [MASS, RADIUS]] > 0.0).all(axis=(1, 2))
 
 
 def _merged(blocks: list[Block]) -> list[Block]:

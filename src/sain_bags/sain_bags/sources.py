@@ -9,7 +9,7 @@ from typing import Any, Final
 from sain_bags.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE, parent_of
 from sain_bags.metadata import METADATA_FILE
 from sain_bags.reader import Bag
-from sain_bags.tables import PUSH
+from sain_bags.wanted_fields import PUSH
 from sain_core.errors import DatasetError
 
 ALWAYS: Final = frozenset({PUSH, PUSH_RESULT, PREDICTION, GOAL})

@@ -14,41 +14,18 @@ from numpy import ndarray
 
 from sain_bags.bag_files import BagChannel
 from sain_bags.batches import Batch
-from sain_bags.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
 from sain_bags.layouts import Layout, find_layout
-from sain_bags.message_types import MessageTypes, read_types
+from sain_bags.wanted_fields import (
+    DISKS,
+    FIELDS,
+    all_paths,
+    channel_types,
+    check_path,
+)
 from sain_core.errors import DatasetError
-from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES, STATE_SIZE
 
-PUSH: Final = "sain_interfaces/msg/Push"
-WORLD: Final = "sain_interfaces/msg/WorldParameters"
-FRICTIONS: Final = (
-    "friction",
-    "rim_friction",
-    "tool_friction",
-)  # with the table, of rims, of the tool
-DISKS: Final = "disks"
 KEPT_LAYOUTS: Final = 100  # of messages of one size
-
-_IDS: Final = ("push_id", "episode_id")
-_PUSH: Final = (*_IDS, "scene_id", *PUSH_NAMES)
-_SCENE: Final = (
-    "episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec", DISKS,
-)  # fmt: skip
-FIELDS: Final = {
-    PUSH: _PUSH,
-    SCENE: _SCENE,
-    PREDICTION: ("push_id", "error_code", "model", DISKS),
-    GOAL: ("episode_id", "x", "y", "tolerance"),
-    WORLD: ("episode_id", *FRICTIONS),
-    PUSH_RESULT: (
-        *_IDS, "error_code", "error_message", "duration",
-        *(f"push.{name}" for name in _PUSH),
-        *(f"{scene}.{name}" for scene in ("before", "after") for name in _SCENE),
-    ),
-}  # fmt: skip
-TEXTS: Final = frozenset({"model", "error_message"})
 
 
 @dataclass(frozen=True)
@@ -63,6 +40,13 @@ class Disks:
         """Return those of some scenes that have so many disks, (len(places), count, 8)."""
         return self.values[self.firsts[places][:, None] + np.arange(count)]
 
+    def take(self, places: ndarray) -> "Disks":
+        """Return those of some scenes, and nothing of the others."""
+        counts = self.counts[places]
+        firsts = np.cumsum(counts) - counts
+        rows = np.repeat(self.firsts[places] - firsts, counts) + np.arange(counts.sum())
+        return Disks(self.values[rows], firsts, counts)
+
 
 @dataclass(frozen=True)
 class Table:
@@ -74,6 +58,11 @@ class Table:
     def __len__(self) -> int:
         """Return how many messages there are."""
         return len(next(iter(self.columns.values())))
+
+    def take(self, rows: ndarray) -> "Table":
+        """Return some messages, and nothing of the others."""
+        columns = {name: column[rows] for name, column in self.columns.items()}
+        return Table(columns, {name: disks.take(rows) for name, disks in self.disks.items()})
 
 
 def join_tables(tables: Sequence[Table]) -> Table:
@@ -118,11 +107,11 @@ class TableReader:
             DatasetError: they cannot be read, or lack a field that is needed.
         """
         self._channel = channel
-        self._types = _types(channel)
+        self._types = channel_types(channel)
         self._layouts: defaultdict[int, list[Layout]] = defaultdict(list)
-        self._wanted = _paths(FIELDS[channel.type])
+        self._wanted = all_paths(FIELDS[channel.type])
         for path in self._wanted:
-            _check_path(self._types, channel.type, path)
+            check_path(self._types, channel.type, path)
 
     def read(self, batch: Batch) -> Table:
         """Return messages, which are all of this channel, as columns.
@@ -219,35 +208,3 @@ def _disks(layout: Layout, name: str, count: int, messages: ndarray) -> ndarray:
     places = np.array([found for _, found in numbers]).T.ravel().tolist()
     whole = Layout(layout.byte_order, numbers={name: (dtype, places)})
     return whole.read(name, messages).astype(np.float64).reshape(-1, STATE_SIZE)
-
-
-def _types(channel: BagChannel) -> MessageTypes:
-    schema, encoding = channel.schema, channel.channel.message_encoding
-    if schema is None or (encoding, schema.encoding) != ("cdr", "ros2msg"):
-        described = schema.encoding if schema else "nothing"
-        raise DatasetError(
-            f"{channel.topic} is {encoding!r} and described by {described!r};"
-            " only CDR that a ros2msg text describes can be decoded"
-        )
-    return read_types(schema.name, schema.data.decode(errors="replace"))
-
-
-def _paths(fields: Sequence[str]) -> list[str]:
-    """Return the paths of fields, those of disks once for each number of a disk."""
-    disks = [
-        f"{name}.{column}" for name in fields if name.endswith(DISKS) for column in STATE_NAMES
-    ]
-    return [*(name for name in fields if not name.endswith(DISKS)), *disks]
-
-
-def _check_path(types: MessageTypes, name: str, path: str) -> None:
-    """Raise `DatasetError` unless a message has a field, and it is of the kind that is needed."""
-    kind = name
-    for step in path.split("."):
-        found = {entry.name: entry.type for entry in types.get(kind, ())}
-        if step not in found:
-            raise DatasetError(f"{name} has no {path}")
-        kind = found[step]
-    is_text = kind == "string"
-    if kind in types or is_text != (path in TEXTS):
-        raise DatasetError(f"{path} of {name} is a {kind}")

@@ -13,7 +13,7 @@ from sain_bags.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
 from sain_bags.heard import Heard
 from sain_bags.pairing import OK, Pairing
 from sain_bags.push_run import NONE, PushRun
-from sain_bags.tables import PUSH
+from sain_bags.wanted_fields import PUSH
 
 
 class WholePushes:

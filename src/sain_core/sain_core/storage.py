@@ -12,6 +12,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -97,12 +98,14 @@ def write_arrays(path: Path, arrays: Mapping[str, ndarray], deflate_numbers: boo
 
 
 def _write_npz(file: IO[bytes], arrays: Mapping[str, ndarray]) -> None:
-    with zipfile.ZipFile(file, "w", compresslevel=1) as archive:
+    whole = BytesIO()  # a zip archive goes back and forth, which is dear in a file
+    with zipfile.ZipFile(whole, "w", compresslevel=1) as archive:
         for name, array in arrays.items():
             text = array.dtype.kind == "U"
             archive.compression = zipfile.ZIP_DEFLATED if text else zipfile.ZIP_STORED
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, array, allow_pickle=False)
+    file.write(whole.getbuffer())
 
 
 def write_json(path: Path, content: Any) -> Path:

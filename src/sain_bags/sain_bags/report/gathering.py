@@ -15,7 +15,7 @@ from sain_bags.episodes import (
 )
 from sain_bags.reader import Bag, Received
 from sain_bags.report.frames import Frame, Frames
-from sain_bags.tables import PUSH, WORLD
+from sain_bags.wanted_fields import PUSH, WORLD
 from sain_core.errors import DatasetError, InvalidInputError
 
 Progress = Callable[[], object]
