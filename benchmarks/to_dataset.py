@@ -21,6 +21,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import tyro
 from mcap.reader import make_reader
@@ -74,8 +75,9 @@ def with_mcap(bag: Path, topics: frozenset[str]) -> int:
     from mcap_ros2_support_fast.decoder import DecoderFactory
 
     (file,) = bag.glob("*.mcap")
+    factory: Any = DecoderFactory()  # one of `mcap`'s, though it does not say so
     with file.open("rb") as stream:
-        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        reader = make_reader(stream, decoder_factories=[factory])
         return sum(1 for _ in reader.iter_decoded_messages(topics))
 
 
