@@ -17,6 +17,8 @@ write_activation() {
     printf "export VIRTUAL_ENV='%s' PYTHONNOUSERSITE=1\n" "$venv"
     printf 'export RMW_IMPLEMENTATION="${RMW_IMPLEMENTATION:-rmw_fastrtps_cpp}"\n'
     printf 'export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"\n'
+    # What is not compiled at set-up must be kept when it is: the graph starts a process for every node.
+    printf 'unset PYTHONDONTWRITEBYTECODE\n'
     printf 'export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}"\n'
   } >"$activation.part"
   mv "$activation.part" "$activation"

@@ -33,18 +33,23 @@ class MessageTypes:
         self._known: dict[tuple[str, str], MessageType] = {}
         self._asker = ThreadPoolExecutor(1, "asker")  # messages do not wait for the answer
 
-    def learn(self, name: str, publisher: TopicEndpointInfo) -> MessageType:
+    def learn(self, name: str, topic: str, publisher: TopicEndpointInfo) -> MessageType:
         """Return what is known of a type.
+
+        Args:
+            name: of the type.
+            topic: with messages of it, full name.
+            publisher: of the topic.
 
         Raises:
             InvalidInputError: it is not installed, and cannot be recorded without.
         """
         key = (name, str(publisher.topic_type_hash))
         if key not in self._known:
-            self._known[key] = self._find(name, publisher)
+            self._known[key] = self._find(name, topic, publisher)
         return self._known[key]
 
-    def _find(self, name: str, publisher: TopicEndpointInfo) -> MessageType:
+    def _find(self, name: str, topic: str, publisher: TopicEndpointInfo) -> MessageType:
         type_hash = str(publisher.topic_type_hash)
         definition: Future[str] = Future()
         try:
@@ -52,6 +57,6 @@ class MessageTypes:
             definition.set_result(self._definitions.joined(name))
         except InvalidInputError:
             found = stand_in(name, type_hash)
-            definition = self._asker.submit(ask_definition, publisher, self._node)
+            definition = self._asker.submit(ask_definition, topic, publisher, self._node)
         # Readers take a service's types by other names than these, and find other hashes.
         return MessageType(name, "" if "/srv/" in name else type_hash, found, definition)

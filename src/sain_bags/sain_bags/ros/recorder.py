@@ -131,7 +131,7 @@ class Recorder(Node):
         # Profiles of publishers that are gone stay on record: their messages do, too.
         merged = tuple(dict.fromkeys((*(known.topic.offered_qos if known else ()), *offers)))
         if known is None:
-            kind = self._types.learn(_only(types), publishers[0])
+            kind = self._types.learn(_only(types), name, publishers[0])
             known = self._recorded[name] = Recorded(
                 Topic(name, kind.name, "", kind.hash, merged, publisher_count),
                 kind,
