@@ -22,8 +22,10 @@ HELPERS = {
 ON_DATA = {
     "ablations",
     "ensembles",
+    "fine_tuning",
     "gradients",
     "open_loop",
+    "paired_pushes",
     "paper_training",
     "recovery",
     "rollout_designs",
