@@ -10,6 +10,7 @@ import domain_coordinator
 import numpy as np
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
@@ -76,8 +77,13 @@ class Audience:
         self.executor.add_node(self.node)
         self.plans: list[Any] = []
         self.pushes: list[Any] = []
+        self.states: dict[str, str] = {}  # the last of each node
         self.node.create_subscription(Plan, "plan", self.plans.append, RELIABLE)
         self.node.create_subscription(Push, "push", self.pushes.append, RELIABLE)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self.note, RELIABLE)
+
+    def note(self, message: DiagnosticArray) -> None:
+        self.states |= {status.name: status.message for status in message.status}
 
     def wait(self, done: Callable[[], object], what: str) -> None:
         end = time.monotonic() + PATIENCE
@@ -117,6 +123,10 @@ def nodes(audience: Audience, tmp_path: Path) -> Iterator[None]:
                 processes.append(subprocess.Popen(command, stdout=log, stderr=log))
         for name, log in logs.items():
             audience.wait(lambda log=log: "ready: " in log.read_text(), f"the {name}")
+        # Nodes that are up need not have found each other yet: without the model, physics plans.
+        audience.wait(
+            lambda: audience.states.get("/sain/mppi_node") == "ready", "the planner to see the model"
+        )
         yield
     finally:
         for process in processes:
