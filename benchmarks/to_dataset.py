@@ -51,7 +51,7 @@ class Options:
     """in the second"""
     scenes: int = 50
     """between two pushes, in the second"""
-    repeats: int = 3
+    repeats: int = 7
     """of each, of which the fastest counts"""
     memory: bool = False
     """measure memory instead"""
