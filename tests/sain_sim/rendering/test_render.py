@@ -5,6 +5,7 @@ from sain_core.errors import ConfigError
 from sain_sim.rendering.meshes import cylinder, ring
 from sain_sim.rendering.render import CameraConfig, Renderer
 from sain_sim.rendering.shading import Caster, brightness, table_points
+from sain_sim.rendering.window import Window
 from sain_sim.world.parameters import CUBE, THREE_FEET, nominal_parameters
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
@@ -73,4 +74,4 @@ def test_meshes_are_round_and_whole():
 def test_a_window_without_a_screen_is_refused_in_words(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     with pytest.raises(ConfigError, match="DISPLAY is not set"):
-        World(nominal_parameters(), WorldConfig(gui=True))
+        World(nominal_parameters(), viewer=Window())

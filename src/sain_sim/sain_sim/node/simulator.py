@@ -1,12 +1,13 @@
 """Truth world and nominal shadow world side by side: all that a simulator node calls."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import perf_counter
 
 from sain_core.config import Config, option
 from sain_core.types import PushArray, Scene
 from sain_sim.node.pacing import Pacer
+from sain_sim.rendering.window import Window
 from sain_sim.world.outcome import PushOutcome, Sample
 from sain_sim.world.parameters import FLAT, THREE_FEET, WorldParameters, nominal_parameters
 from sain_sim.world.shadow import BulletPrior
@@ -40,6 +41,7 @@ class SimulatorConfig(Config):
     idle_rate: float = option(
         2.0, "settled scenes a second, for late joiners", unit="Hz", minimum=0.1, maximum=100.0
     )
+    gui: bool = option(False, "show the world in a window; needs a display")
     shadow: bool = option(True, "let the nominal world predict each push")
     peer_wait: float = option(
         1.0, "look at the start for another simulator", unit="s", minimum=0.0, maximum=60.0
@@ -73,8 +75,9 @@ class Simulator:
         """Make the worlds; `reset` starts an episode."""
         self.config = config
         self.pacer = pacer
-        self.world = World(nominal_parameters(), config.bullet)
-        self.shadow = _nominal_shadow(config) if config.shadow else None
+        viewer = Window() if config.gui else None
+        self.world = World(nominal_parameters(), config.bullet, viewer)
+        self.shadow = BulletPrior("nominal", config.bullet) if config.shadow else None
         self._every = max(1, round(1 / (config.bullet.motion.time_step * config.state_rate)))
 
     @property
@@ -128,7 +131,3 @@ class Simulator:
         sample = self.world.sample()
         self.pacer.follow(sample.time)
         return sample
-
-
-def _nominal_shadow(config: SimulatorConfig) -> BulletPrior:
-    return BulletPrior("nominal", replace(config.bullet, gui=False))

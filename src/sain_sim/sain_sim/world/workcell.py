@@ -35,7 +35,6 @@ class WorldConfig(Config):
     max_settle_time: float = option(
         3.0, "longest wait for disks to settle", unit="s", minimum=0.1, maximum=60.0
     )
-    gui: bool = option(False, "show the world in a window")
 
     @property
     def kinematics(self) -> Kinematics:

@@ -2,7 +2,7 @@
 
 from itertools import accumulate
 from types import TracebackType
-from typing import Final, Self
+from typing import Final, Protocol, Self, runtime_checkable
 
 import numpy as np
 
@@ -10,18 +10,34 @@ from sain_core.errors import BlockedError, StaleSceneError
 from sain_core.scene import Table, check_on_table, check_scene
 from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Client
+from sain_sim.arm.kinematics import Joints
 from sain_sim.arm.panda import ArmConfig, PandaModel
-from sain_sim.rendering.render import Renderer
 from sain_sim.world.disks import resting
 from sain_sim.world.outcome import Observer, PushOutcome, Sample, Stroke, is_idle
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.refusals import check_gap, check_reach, check_same_disks
 from sain_sim.world.workcell import Origin, Route, Watch, Watches, Workcell, WorldConfig
 
-__all__ = ["World", "WorldConfig"]
+__all__ = ["Viewer", "World", "WorldConfig"]
 
-WINDOW_EVERY: Final = 4  # steps: 60 pictures a simulated second
 HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
+
+
+@runtime_checkable
+class Viewer(Protocol):
+    """Shows a world on a screen while it changes."""
+
+    every: int
+    """Control steps from one picture to the next."""
+
+    def open(self, world: "World") -> None:
+        """Show a world that was loaded anew, in place of the one before."""
+
+    def show(self, joints: Joints, scene: Scene) -> None:
+        """Show the arm at joints (7,) [rad] and the disks as in a scene (N, 8)."""
+
+    def close(self) -> None:
+        """Let go of the screen; doing it twice is fine."""
 
 
 class World:
@@ -31,7 +47,12 @@ class World:
     push give the same bytes, in whichever world of whichever process they meet.
     """
 
-    def __init__(self, parameters: WorldParameters, config: WorldConfig = WorldConfig()) -> None:
+    def __init__(
+        self,
+        parameters: WorldParameters,
+        config: WorldConfig = WorldConfig(),
+        viewer: Viewer | None = None,
+    ) -> None:
         """Start with the disks in a row; `reset` puts them where they belong."""
         self.config = config
         self.parameters = parameters
@@ -40,7 +61,7 @@ class World:
         self._home = config.kinematics.joints(np.array([*HOME, config.motion.raised]))
         self._client = Client()
         self._steps = 0
-        self._window: Renderer | None = None
+        self._viewer = viewer
         self.load(check_scene(_in_a_row(parameters, table), table))
 
     def reset(self, scene: Scene, parameters: WorldParameters | None = None) -> Scene:
@@ -70,8 +91,8 @@ class World:
         disks = zip(scene, offsets, strict=True)
         states = [resting(self._client, state, offset) for state, offset in disks]
         self._build(Origin(states, self._home))
-        if self.config.gui:
-            self._open_window()
+        if self._viewer is not None:
+            self._viewer.open(self)
 
     def _build(self, origin: Origin) -> None:
         self._cell = Workcell(
@@ -206,27 +227,18 @@ class World:
         return Route(*(joints[end - len(way) : end] for way, end in zip(ways, ends, strict=True)))
 
     def _watches(self, observer: Observer | None, every: int) -> Watches:
-        """Return everyone who looks: the observer, if any, and the window, if any."""
+        """Return the observer and the viewer, as far as there are any."""
         watches = () if observer is None else (Watch(observer, every),)
-        if self._window is None:
+        viewer = self._viewer
+        if viewer is None:
             return watches
-        show = self._window.show
-        return (*watches, Watch(lambda s: show(s.joint_positions, s.scene), WINDOW_EVERY))
-
-    def _open_window(self) -> None:
-        """Show this world, and not the one before, in a window."""
-        if self._window is not None:
-            self._window.close()
-        parameters, table = self.parameters, self.config.feasibility.table
-        scene, arm = self.observe(), self.config.arm
-        self._window = Renderer(scene, parameters.shapes, table=table, arm=arm, gui=True)
-        self._window.show(self._home, scene)
+        return (*watches, Watch(lambda s: viewer.show(s.joint_positions, s.scene), viewer.every))
 
     def close(self) -> None:
         """Let go of the world; doing it twice is fine."""
         self._client.close()
-        if self._window is not None:
-            self._window.close()
+        if self._viewer is not None:
+            self._viewer.close()
 
     def __enter__(self) -> Self:
         """Return the world itself."""
