@@ -36,14 +36,14 @@ from sain_core.dynamics import IdentityPrior, as_rollout
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scene
-from sain_eval.pictures import save_picture
-from sain_eval.scenarios import SCENARIOS, ScenarioScene
-from sain_model.load import load_dynamics
-from sain_model.sain import IDENTITY, SainDynamics
-from sain_mppi.config import MPPI, PlannerConfig
+from sain_eval.plots.pictures import save_picture
+from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_model.dynamics.load import load_dynamics
+from sain_model.dynamics.sain import IDENTITY, SainDynamics
 from sain_mppi.planner import Planner
-from sain_mppi.result import PlanResult
-from sain_mppi.sampling import NoiseConfig
+from sain_mppi.search.config import MPPI, PlannerConfig
+from sain_mppi.search.result import PlanResult
+from sain_mppi.search.sampling import NoiseConfig
 
 SAMPLES, HORIZON = 1024, 15
 COUNTS = (64, 256, 1024, 4096, 16384)

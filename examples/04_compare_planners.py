@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 
 from sain_core.scene import make_scene
 from sain_core.seeding import generator
-from sain_eval.pictures import save_picture
-from sain_eval.plan_picture import draw_plan
-from sain_model.load import load_sain, shipped_checkpoint
+from sain_eval.plots.pictures import save_picture
+from sain_eval.plots.plan_picture import draw_plan
+from sain_model.dynamics.load import load_sain, shipped_checkpoint
 from sain_mppi.algorithms import ALGORITHMS
-from sain_mppi.config import PlannerConfig
 from sain_mppi.planner import Planner
+from sain_mppi.search.config import PlannerConfig
 
 scene = make_scene(
     positions=np.array([[0.45, 0.0], [0.591, 0.0]]),

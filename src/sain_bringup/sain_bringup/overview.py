@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from sain_eval.episodes import EpisodeRecord
-from sain_eval.legend import draw_legend
-from sain_eval.pictures import describe_result
-from sain_eval.top_view import PALETTE, draw_top_view
+from sain_eval.plots.episode_record import EpisodeRecord
+from sain_eval.plots.legend import draw_legend
+from sain_eval.plots.pictures import describe_result
+from sain_eval.plots.top_view import PALETTE, draw_top_view
 
 COLUMNS = 2
 TILE = (6.2, 5.4)  # [inch]
