@@ -29,9 +29,9 @@ dataclasses that hold the defaults, and a test checks that it is current.
 ./env ros2 run sain_mppi mppi_node --ros-args --params-file FILE
 ```
 
-The heading of a table is the prefix of its names: `samples` below `planner.` is `planner.samples`.
-Parameters are read at the start. Those marked *live* can be changed at any time. An unknown name or
-a value that is not allowed stops the node with one line that names the nearest valid one.
+The title of a table is the prefix of its names: `samples` under `planner` is `planner.samples`.
+Nodes read parameters at the start. Those marked *live* can be changed at any time. An unknown name
+or a value that is not allowed stops the node with one line; it names the nearest valid name.
 """
 TABLE_HEAD = "| parameter | default | allowed | meaning |\n| --- | --- | --- | --- |\n"
 SHARED = "feasibility"
@@ -39,7 +39,7 @@ SHARED = "feasibility"
 SHARED_HEAD = f"""
 ## {SHARED.capitalize()}
 
-`sim_node` has these below `bullet.{SHARED}.`, `mppi_node` below `{SHARED}.`.
+`sim_node` has these with the prefix `bullet.{SHARED}`, `mppi_node` with `{SHARED}`.
 """
 
 
@@ -62,7 +62,7 @@ def tables(settings: Config, prefix: str) -> list[str]:
             rows.append(f"| {' | '.join(row(item, value))} |\n")
         elif item.name != SHARED:
             groups += tables(value, f"{prefix}{item.name}.")
-    heading = f"\n### {prefix}\n" if prefix and rows else ""
+    heading = f"\n### {prefix[:-1]}\n" if prefix and rows else ""
     return [f"{heading}\n{TABLE_HEAD}", *rows, *groups] if rows else groups
 
 
