@@ -26,6 +26,7 @@ NAMED_PATH = re.compile(rf"(?<![\w/.-])((?:{FOLDERS})/[\w./-]+\.(?:py|md|sh|json
 MODULE = re.compile(rf"`((?:{'|'.join(PYTHON_PACKAGES)})(?:\.\w+)+)")
 PACKAGE_PATH = re.compile(rf"`((?:{'|'.join(PYTHON_PACKAGES)})/[\w./]+)`")
 BENCHMARK = re.compile(r"\bbenchmarks\.(\w+)")
+SCRIPTS = {name: console_scripts(name) for name in PYTHON_PACKAGES}
 EXECUTABLE = re.compile(r"ros2 run (sain_\w+) (\w+)")
 
 
@@ -64,7 +65,6 @@ def exists(module: str) -> bool:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_and_names_of_a_page_lead_somewhere(page: Path) -> None:
     text = page.read_text()
-    scripts = {name: console_scripts(name) for name in PYTHON_PACKAGES}
     assert list(broken_links(page)) == []
     assert [name for name in NAMED_PATH.findall(text) if not (ROOT / name).exists()] == []
     assert [name for name in MODULE.findall(text) if not exists(name)] == []
@@ -73,7 +73,7 @@ def test_links_and_names_of_a_page_lead_somewhere(page: Path) -> None:
     benchmarks = [ROOT / "benchmarks" / f"{name}.py" for name in BENCHMARK.findall(text)]
     assert [path.name for path in benchmarks if not path.exists()] == []
     runs = EXECUTABLE.findall(text)
-    assert [run for run in runs if run[1] not in scripts.get(run[0], {})] == []
+    assert [run for run in runs if run[1] not in SCRIPTS.get(run[0], {})] == []
 
 
 def test_a_broken_link_and_a_missing_heading_are_found(tmp_path: Path) -> None:
