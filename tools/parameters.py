@@ -92,8 +92,8 @@ def allowed(about: dict[str, object]) -> str:
     if low is None and high is None:
         return ""
     if high is None:
-        return f"from {shown(low)}"
-    return f"to {shown(high)}" if low is None else f"{shown(low)} to {shown(high)}"
+        return f">= {shown(low)}"
+    return f"<= {shown(high)}" if low is None else f"[{shown(low)}, {shown(high)}]"
 
 
 if __name__ == "__main__":
