@@ -25,7 +25,7 @@ from sain_bags.report_cli import ReportOptions, default_path, run
 from sain_bags.timing import read_timings
 from sain_core.errors import DatasetError, OutputError
 from sain_core.scene import STATE_NAMES
-from sain_eval.palette import PALETTE
+from sain_core.drawing.palette import PALETTE
 from tests.sain_bags.shown import STEPS, Show, recorded, shown_scenes
 
 PAGE = Path(__file__).resolve().parents[2] / "src/sain_bags/sain_bags/report/page"

@@ -50,15 +50,16 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
 def draw_pictures(folder: Path, played: tuple[PlayedEpisode, ...]) -> list[Path]:
     """Draw a top view of each episode, and one picture of all."""
     from sain_bringup.overview import draw_overview  # matplotlib takes a while to load
-    from sain_eval.pictures import draw_episode, save_picture
+    from sain_core.drawing.figures import write_png
+    from sain_eval.pictures import draw_episode
 
     records = [episode.record() for episode in played]
     paths = [
-        save_picture(draw_episode(record), folder / f"episode_{number}.png")
+        write_png(draw_episode(record), folder / f"episode_{number}.png")
         for number, record in enumerate(records, start=1)
     ]
     if records:
-        paths.append(save_picture(draw_overview(records), folder / "overview.png"))
+        paths.append(write_png(draw_overview(records), folder / "overview.png"))
     return paths
 
 

@@ -8,9 +8,10 @@ from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 
+from sain_core.drawing.figures import write_png
 from sain_eval.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.controllers import ControllerMaker, controller_maker
-from sain_eval.pictures import draw_episode, save_picture
+from sain_eval.pictures import draw_episode
 from sain_eval.results import SceneRecord, scene_records
 from sain_eval.scenarios import SCENARIOS
 from sain_mppi.config import PlannerConfig
@@ -76,4 +77,4 @@ def _maker(controller: str, planner: PlannerConfig, history: bool) -> Controller
 
 def _draw(job: Job, outcome: EpisodeOutcome, path: Path) -> None:
     title = f"{job.scenario}, scene {job.seed}, {job.controller}"
-    save_picture(draw_episode(outcome.record, title), path)
+    write_png(draw_episode(outcome.record, title), path)
