@@ -19,10 +19,10 @@ from rich.console import Console
 from rich.progress import track
 
 from sain_core.errors import ConfigError
-from sain_eval import evaluate_cli
-from sain_model.markdown import markdown_table
-from sain_model.metrics import bootstrap_over_episodes
-from sain_mppi.config import PlannerConfig
+from sain_eval.cli import evaluate as evaluate_cli
+from sain_model.evaluation.markdown import markdown_table
+from sain_model.evaluation.metrics import bootstrap_over_episodes
+from sain_mppi.search.config import PlannerConfig
 
 TOLERANCES = (0.05, 0.02, 0.01, 0.005)
 LEARNED = "network alone, as the paper plans"

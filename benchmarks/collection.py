@@ -25,10 +25,10 @@ from unittest import mock
 import tyro
 
 from benchmarks.report import Figure, report
-from sain_sim.client import Client
-from sain_sim.collect import CollectConfig, collect
-from sain_sim.episodes import EpisodeConfig, EpisodeRunner
-from sain_sim.truth import TRUTHS, TruthConfig
+from sain_sim.arm.client import Client
+from sain_sim.collecting.collect import CollectConfig, collect
+from sain_sim.collecting.episode import EpisodeConfig, EpisodeRunner
+from sain_sim.world.truth import TRUTHS, TruthConfig
 
 RESET, STEP = "resetSimulation", "stepSimulation"
 QUESTIONS = ("get", "calculate", "connect", "disconnect")
@@ -124,7 +124,7 @@ class RecordedClient(Client):
 def least_times(settings: tuple[int, EpisodeConfig], options: Options) -> tuple[float, float]:
     """Return the least CPU times [s] of bare stepping and of collecting the same episodes."""
     TAPES.clear()
-    with mock.patch("sain_sim.world.Client", RecordedClient):
+    with mock.patch("sain_sim.world.world.Client", RecordedClient):
         runner = EpisodeRunner(*settings)
     with closing(runner):
         runner.run(0)

@@ -24,22 +24,22 @@ from rich.console import Console
 
 from sain_core.scene import TARGET
 from sain_core.storage import write_json
-from sain_model.batches import BOOTSTRAP, ORDER
-from sain_model.coverage import measure_intervals
-from sain_model.dataset import (
+from sain_model.data.batches import BOOTSTRAP, ORDER
+from sain_model.data.dataset import (
     Split,
     Transitions,
     limit_training,
     load_transitions,
     split_by_episode,
 )
-from sain_model.evaluation_history import predict_with_history
-from sain_model.features import RELATION_FEATURES
-from sain_model.interval_fit import fit_intervals
-from sain_model.metrics import position_errors, ratio_over_episodes
-from sain_model.network import InteractionNetwork, ensemble
-from sain_model.sain import SainDynamics
-from sain_model.training import Trainer, TrainingConfig, prior_and_filter
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.coverage import measure_intervals
+from sain_model.evaluation.history_errors import predict_with_history
+from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.network.features import RELATION_FEATURES
+from sain_model.network.interaction_network import InteractionNetwork, ensemble
+from sain_model.training.interval_fit import fit_intervals
+from sain_model.training.trainer import Trainer, TrainingConfig, prior_and_filter
 
 PATIENCES = (3, 5, 10, 20)
 BATCHES = (64, 256, 1024, 4096)

@@ -22,19 +22,19 @@ import tyro
 from sain_core.scene import TARGET
 from sain_core.storage import write_json
 from sain_core.types import Scalars
-from sain_model.coverage import measure_intervals
-from sain_model.dataset import Split, Transitions, load_transitions
-from sain_model.evaluate_cli import unseen
-from sain_model.evaluation_history import earlier_friction, predict_with_history
-from sain_model.fine_tuning import Parent
-from sain_model.interval_fit import fit_intervals
-from sain_model.load import SHIPPED
-from sain_model.markdown import markdown_table
-from sain_model.metrics import position_errors, ratio_over_episodes
-from sain_model.mixed import load_datasets, split_datasets
-from sain_model.planar import PlanarPrior
-from sain_model.sain import SainDynamics
-from sain_model.training import Trainer
+from sain_model.cli.evaluate import unseen
+from sain_model.data.dataset import Split, Transitions, load_transitions
+from sain_model.data.mixed import load_datasets, split_datasets
+from sain_model.dynamics.load import SHIPPED
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.coverage import measure_intervals
+from sain_model.evaluation.history_errors import earlier_friction, predict_with_history
+from sain_model.evaluation.markdown import markdown_table
+from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.physics.planar import PlanarPrior
+from sain_model.training.fine_tuning import Parent
+from sain_model.training.interval_fit import fit_intervals
+from sain_model.training.trainer import Trainer
 
 BULLET, PRIOR, AS_SHIPPED = "Bullet, nominal: f_p", "its prior", "SAIN as shipped"
 TUNED, SCRATCH = "fine-tuned", "from new weights"

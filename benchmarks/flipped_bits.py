@@ -15,7 +15,7 @@ from numpy import ndarray
 
 from benchmarks.made_bags import MadeBag
 from benchmarks.report import Figure, report
-from sain_bags.conversion import convert
+from sain_bags.dataset.conversion import convert
 from sain_core.errors import DatasetError
 from sain_core.seeding import generator
 from sain_core.shards import SHARD_PATTERN

@@ -25,15 +25,15 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSE, POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.types import PushSequences, Scalars
-from sain_eval.scenarios import SCENARIOS, ScenarioScene
-from sain_model.differentiable import DifferentiableRollout
-from sain_model.load import load_dynamics, load_sain
+from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_model.dynamics.differentiable import DifferentiableRollout
+from sain_model.dynamics.load import load_dynamics, load_sain
 from sain_mppi.algorithms.gradient import descend, take_slopes
-from sain_mppi.config import PlannerConfig
-from sain_mppi.cost import cost_terms, make_rollout, total_cost
-from sain_mppi.proposals import draw_permitted, propose
-from sain_mppi.sampling import inside_limits
-from sain_mppi.search import Problem, Search
+from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.cost import cost_terms, make_rollout, total_cost
+from sain_mppi.search.proposals import draw_permitted, propose
+from sain_mppi.search.sampling import inside_limits
+from sain_mppi.search.search import Problem, Search
 
 CONFIG = PlannerConfig()
 UNIT = CONFIG.noise.deviations(0)

@@ -4,12 +4,12 @@ from typing import Final
 
 import numpy as np
 
-from sain_model.corrections import CORRECTIONS, Corrections
-from sain_model.dataset import Transitions
-from sain_model.features import TURN_SCALE
-from sain_model.inside_physics import moves, variations
-from sain_model.network import POSITION_UNIT
-from sain_model.planar import PlanarPrior
+from sain_model.data.dataset import Transitions
+from sain_model.dynamics.physics_gradient import moves, variations
+from sain_model.network.features import TURN_SCALE
+from sain_model.network.interaction_network import POSITION_UNIT
+from sain_model.physics.corrections import CORRECTIONS, Corrections
+from sain_model.physics.planar import PlanarPrior
 
 STEPS: Final = 8
 SCALE: Final = np.array([POSITION_UNIT, POSITION_UNIT, TURN_SCALE])  # of errors

@@ -24,10 +24,10 @@ from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
 from sain_core.dynamics import StepwiseRollout
 from sain_core.types import Pushes, Scenes
-from sain_model.load import load_dynamics
-from sain_model.sain import SainDynamics
-from sain_model.serving import ModelServer, ServingConfig
-from sain_model.torch_network import TorchNetwork
+from sain_model.dynamics.load import load_dynamics
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.network.torch_network import TorchNetwork
+from sain_model.serving.server import ModelServer, ServingConfig
 
 SAMPLES, HORIZON, BATCH = 1024, 15, 1024
 SIZE = 1024  # of the square matrices that show the machine's peak

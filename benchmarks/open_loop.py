@@ -36,19 +36,29 @@ from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.storage import write_json
 from sain_core.types import PushArray, Scene
-from sain_model.beside import followed
-from sain_model.dataset import Transitions, load_transitions
-from sain_model.features import apply_residual, true_residual
-from sain_model.load import load_sain
-from sain_model.markdown import markdown_table
-from sain_model.metrics import LEARNED, bootstrap_over_episodes, position_errors, target_moved
-from sain_model.open_loop import RECURRENT_SAIN, RESIDUAL_SAIN, predict_open_loop, roll_out
-from sain_model.windows import Windows, make_windows
-from sain_sim.bullet import Bullet
-from sain_sim.parameters import CUBE, PAPER, RANGES, WorldParameters
-from sain_sim.shadow import MEASURED, TRUE, BulletPrior
-from sain_sim.truth import TruthConfig
-from sain_sim.world import WorldConfig
+from sain_model.data.dataset import Transitions, load_transitions
+from sain_model.data.windows import Windows, make_windows
+from sain_model.dynamics.load import load_sain
+from sain_model.evaluation.baselines import followed
+from sain_model.evaluation.markdown import markdown_table
+from sain_model.evaluation.metrics import (
+    LEARNED,
+    bootstrap_over_episodes,
+    position_errors,
+    target_moved,
+)
+from sain_model.evaluation.open_loop import (
+    RECURRENT_SAIN,
+    RESIDUAL_SAIN,
+    predict_open_loop,
+    roll_out,
+)
+from sain_model.network.features import apply_residual, true_residual
+from sain_sim.world.bullet import Bullet
+from sain_sim.world.parameters import CUBE, PAPER, RANGES, WorldParameters
+from sain_sim.world.shadow import MEASURED, TRUE, BulletPrior
+from sain_sim.world.truth import TruthConfig
+from sain_sim.world.world import WorldConfig
 
 Predict = Callable[[Scene, PushArray], Scene]
 

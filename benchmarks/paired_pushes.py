@@ -16,8 +16,8 @@ import numpy as np
 import tyro
 
 from sain_core.seeding import generator
-from sain_eval.statistics import Interval, bootstrap_mean
-from sain_model.markdown import markdown_table
+from sain_eval.loop.statistics import Interval, bootstrap_mean
+from sain_model.evaluation.markdown import markdown_table
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from sain_core.push import PushLimits
 from sain_core.scene import make_scene, unit
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scenes
-from sain_model.load import load_sain, shipped_checkpoint
-from sain_model.planar import PlanarPrior
+from sain_model.dynamics.load import load_sain, shipped_checkpoint
+from sain_model.physics.planar import PlanarPrior
 
 SAMPLES, HORIZON = 1024, 6
 

@@ -32,18 +32,18 @@ from matplotlib.figure import Figure as Picture
 from benchmarks.inference import SIZE, Reference, multiplications, peak
 from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
+from sain_core.drawing.figures import write_png
 from sain_core.dynamics import IdentityPrior, as_rollout
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scene
-from sain_eval.pictures import save_picture
-from sain_eval.scenarios import SCENARIOS, ScenarioScene
-from sain_model.load import load_dynamics
-from sain_model.sain import IDENTITY, SainDynamics
-from sain_mppi.config import MPPI, PlannerConfig
+from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_model.dynamics.load import load_dynamics
+from sain_model.dynamics.sain import IDENTITY, SainDynamics
 from sain_mppi.planner import Planner
-from sain_mppi.result import PlanResult
-from sain_mppi.sampling import NoiseConfig
+from sain_mppi.search.config import MPPI, PlannerConfig
+from sain_mppi.search.result import PlanResult
+from sain_mppi.search.sampling import NoiseConfig
 
 SAMPLES, HORIZON = 1024, 15
 COUNTS = (64, 256, 1024, 4096, 16384)
@@ -165,7 +165,7 @@ def scaling(sain: SainDynamics, options: Options) -> list[Figure]:
         sain, {h: replace(usual, samples=SAMPLES, horizon=h) for h in HORIZONS}, options
     )
     if options.picture is not None:
-        save_picture(draw(by_samples, by_horizon), options.picture)
+        write_png(draw(by_samples, by_horizon), options.picture)
     each = {count: 1e6 * seconds / count for count, seconds in by_samples.items()}
     figures = [
         Figure(f"K = {count}, H = {HORIZON}: a sequence", value, "us")

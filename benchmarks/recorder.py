@@ -22,11 +22,11 @@ import numpy as np
 import tyro
 
 from benchmarks.report import Figure, report
-from sain_bags.gaps import read_gaps
-from sain_bags.reader import Bag
-from sain_bags.recovery import recover
-from sain_bags.recovery_report import Outcome
-from sain_bags.writer import BagConfig
+from sain_bags.reading.reader import Bag
+from sain_bags.recovery.recovery import recover
+from sain_bags.recovery.recovery_report import Outcome
+from sain_bags.writing.gaps import read_gaps
+from sain_bags.writing.writer import BagConfig
 from sain_core.seeding import generator
 
 TOPIC = "/load/scene"

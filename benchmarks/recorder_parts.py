@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 
 from sain_bags.ros.endpoints import message_class, offered_qos, request_profile
 from sain_bags.ros.recorder import ENTITIES
-from sain_bags.selection import Selection, adapt
+from sain_bags.writing.selection import Selection, adapt
 from sain_interfaces.msg import DiskState, Scene
 
 TOPIC = "/load/scene"

@@ -21,8 +21,8 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, DataEnd, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from sain_bags.recovery import recover
-from sain_bags.recovery_report import Outcome
+from sain_bags.recovery.recovery import recover
+from sain_bags.recovery.recovery_report import Outcome
 from sain_core.seeding import generator
 
 SECTOR = 4096  # [bytes]

@@ -20,14 +20,14 @@ from rich.console import Console
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scenes
-from sain_model.checkpoint import load_checkpoint
-from sain_model.dataset import Transitions, load_transitions, split_by_episode
-from sain_model.features import apply_residual, true_residual
-from sain_model.load import load_sain
-from sain_model.metrics import bootstrap_over_episodes, position_errors, target_moved
-from sain_model.open_loop import roll_out
-from sain_model.sain import SainDynamics
-from sain_model.windows import Windows, make_windows
+from sain_model.data.dataset import Transitions, load_transitions, split_by_episode
+from sain_model.data.windows import Windows, make_windows
+from sain_model.dynamics.checkpoint import load_checkpoint
+from sain_model.dynamics.load import load_sain
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.metrics import bootstrap_over_episodes, position_errors, target_moved
+from sain_model.evaluation.open_loop import roll_out
+from sain_model.network.features import apply_residual, true_residual
 
 
 @dataclass(frozen=True)

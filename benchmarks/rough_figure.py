@@ -13,7 +13,7 @@ import tyro
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sain_model.png import write_png
+from sain_model.evaluation.png import write_png
 
 BARS = (  # how the names of rows begin, what they are called, colour
     ("", "physics, measured", "#8c8c8c"),  # the best of them

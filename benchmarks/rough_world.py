@@ -24,7 +24,7 @@ from benchmarks.identification import identify
 from sain_core.dynamics import Dynamics
 from sain_core.scene import TARGET
 from sain_core.storage import write_json
-from sain_model.dataset import (
+from sain_model.data.dataset import (
     Split,
     Transitions,
     check_held_out,
@@ -32,13 +32,12 @@ from sain_model.dataset import (
     load_transitions,
     split_by_episode,
 )
-from sain_model.features import PUSH_FRAME, WORLD_FRAME
-from sain_model.inside import InsideSain
-from sain_model.inside_network import InsideNetworkConfig
-from sain_model.inside_training import InsideTrainingConfig, make_trainers, train_members
-from sain_model.load import PLANAR, PLANAR_AXES, load_prior, load_told_prior
-from sain_model.markdown import markdown_table
-from sain_model.metrics import (
+from sain_model.dynamics.correction_network import InsideNetworkConfig
+from sain_model.dynamics.load import PLANAR, PLANAR_AXES, load_prior, load_told_prior
+from sain_model.dynamics.parameter_correction import InsideSain
+from sain_model.dynamics.sain import IDENTITY, SainDynamics
+from sain_model.evaluation.markdown import markdown_table
+from sain_model.evaluation.metrics import (
     FLOOR,
     LEARNED,
     NO_MOTION,
@@ -46,12 +45,17 @@ from sain_model.metrics import (
     position_errors,
     ratio_over_episodes,
 )
-from sain_model.network import NetworkConfig
-from sain_model.planar import PlanarConfig, PlanarPrior
-from sain_model.planar_axes import AXES
-from sain_model.sain import IDENTITY, SainDynamics
-from sain_model.training import Trainer, TrainingConfig
-from sain_sim.shadow import MEASURED, BulletPrior
+from sain_model.network.features import PUSH_FRAME, WORLD_FRAME
+from sain_model.network.interaction_network import NetworkConfig
+from sain_model.physics.planar import PlanarConfig, PlanarPrior
+from sain_model.physics.planar_axes import AXES
+from sain_model.training.correction_training import (
+    InsideTrainingConfig,
+    make_trainers,
+    train_members,
+)
+from sain_model.training.trainer import Trainer, TrainingConfig
+from sain_sim.world.shadow import MEASURED, BulletPrior
 
 FRICTIONS = np.arange(0.06, 0.245, 0.01)  # tried for the prior whose friction is fitted
 BATCH = 64

@@ -19,16 +19,16 @@ from sain_core.push import TOOL_RADIUS
 from sain_core.scene import DISK_HEIGHT
 from sain_core.seeding import generator
 from sain_core.types import PushArray, Scene
-from sain_sim.client import Client
-from sain_sim.disks import resting
-from sain_sim.motion import MotionConfig
-from sain_sim.outcome import Sample, Stroke
-from sain_sim.parameters import WorldParameters, nominal_parameters, sample_parameters
-from sain_sim.render import CameraConfig, Renderer
-from sain_sim.sampling import CircleSampler, StartConfig, draw_start
-from sain_sim.stage import Stage
-from sain_sim.workcell import GRAVITY, STEPS_PER_LOOK, WorldConfig
-from sain_sim.world import World
+from sain_sim.arm.client import Client
+from sain_sim.arm.motion import MotionConfig
+from sain_sim.rendering.render import CameraConfig, Renderer
+from sain_sim.world.disks import resting
+from sain_sim.world.outcome import Sample, Stroke
+from sain_sim.world.parameters import WorldParameters, nominal_parameters, sample_parameters
+from sain_sim.world.sampling import CircleSampler, StartConfig, draw_start
+from sain_sim.world.stage import Stage
+from sain_sim.world.workcell import GRAVITY, STEPS_PER_LOOK, WorldConfig
+from sain_sim.world.world import World
 
 Case = tuple[WorldParameters, Scene, PushArray]
 

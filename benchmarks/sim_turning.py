@@ -16,8 +16,8 @@ from sain_core.push import PushLimits
 from sain_core.scene import POSITION, unit, wrap_angle
 from sain_core.seeding import generator
 from sain_core.types import PushArray
-from sain_sim.parameters import WorldParameters, sample_parameters
-from sain_sim.world import World
+from sain_sim.world.parameters import WorldParameters, sample_parameters
+from sain_sim.world.world import World
 
 SCENES = 12
 TURNS = np.arange(12) * pi / 6

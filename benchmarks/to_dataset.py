@@ -30,9 +30,9 @@ from rosbags.highlevel import AnyReader
 from benchmarks.made_bags import MadeBag
 from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
-from sain_bags.conversion import convert
-from sain_bags.sources import find_sources
-from sain_bags.writer import BagConfig
+from sain_bags.dataset.conversion import convert
+from sain_bags.transitions.sources import find_sources
+from sain_bags.writing.writer import BagConfig
 
 MEBIBYTE = 1 << 20
 SMALL, LARGE = 100 * 10**6, 10 * 10**9  # [bytes]

@@ -19,9 +19,9 @@ from rich.progress import track
 
 from benchmarks.report import Figure, report
 from sain_core.scene import POSITION, TARGET
-from sain_model.dataset import Transitions, load_transitions, split_by_episode
-from sain_sim.parameters import FRICTION_RANGE, WorldParameters
-from sain_sim.shadow import TRUE, BulletPrior
+from sain_model.data.dataset import Transitions, load_transitions, split_by_episode
+from sain_sim.world.parameters import FRICTION_RANGE, WorldParameters
+from sain_sim.world.shadow import TRUE, BulletPrior
 
 ROUNDS = 50  # of Weiszfeld's method: far beyond what 1e-6 m need
 

@@ -6,9 +6,9 @@
 import numpy as np
 
 from sain_core.scene import MID, POSITION, TARGET, make_scene
-from sain_model.planar import PlanarPrior
-from sain_sim.parameters import WorldParameters
-from sain_sim.world import World
+from sain_model.physics.planar import PlanarPrior
+from sain_sim.world.parameters import WorldParameters
+from sain_sim.world.world import World
 
 # Two disks that touch (1 mm apart), the target ahead of the mid disk. SI units throughout.
 scene = make_scene(

@@ -8,7 +8,7 @@ import numpy as np
 from sain_core.dynamics import StepwiseRollout
 from sain_core.scene import make_scene, target_distance
 from sain_core.seeding import generator
-from sain_model.planar import PlanarPrior
+from sain_model.physics.planar import PlanarPrior
 from sain_mppi.planner import Planner
 
 scene = make_scene(

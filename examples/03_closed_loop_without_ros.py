@@ -8,10 +8,10 @@ from pathlib import Path
 
 from sain_core.drawing.figures import write_png
 from sain_core.scene import target_distance
-from sain_eval.closed_loop import run_episode
-from sain_eval.controllers import controller_maker
-from sain_eval.pictures import draw_episode
-from sain_eval.scenarios import SCENARIOS
+from sain_eval.loop.closed_loop import run_episode
+from sain_eval.loop.controllers import controller_maker
+from sain_eval.plots.pictures import draw_episode
+from sain_eval.scenes.scenarios import SCENARIOS
 
 picture = Path(sys.argv[1]) if len(sys.argv) > 1 else None
 for seed in range(3):

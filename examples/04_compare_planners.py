@@ -11,11 +11,11 @@ import numpy as np
 from sain_core.drawing.figures import new_figure, write_png
 from sain_core.scene import make_scene
 from sain_core.seeding import generator
-from sain_eval.plan_picture import draw_plan, draw_plan_legend
-from sain_model.load import load_sain, shipped_checkpoint
+from sain_eval.plots.plan_picture import draw_plan, draw_plan_legend
+from sain_model.dynamics.load import load_sain, shipped_checkpoint
 from sain_mppi.algorithms import ALGORITHMS
-from sain_mppi.config import PlannerConfig
 from sain_mppi.planner import Planner
+from sain_mppi.search.config import PlannerConfig
 
 scene = make_scene(
     positions=np.array([[0.45, 0.0], [0.591, 0.0]]),

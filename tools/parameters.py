@@ -9,9 +9,9 @@ import dataclasses
 from pathlib import Path
 
 from sain_core.config import Config
-from sain_model.serving import ServingConfig
-from sain_mppi.settings import MppiConfig
-from sain_sim.simulator import SimulatorConfig
+from sain_model.serving.server import ServingConfig
+from sain_mppi.loop.settings import MppiConfig
+from sain_sim.node.simulator import SimulatorConfig
 
 PAGE = Path(__file__).parents[1] / "docs" / "parameters.md"
 NODES = {

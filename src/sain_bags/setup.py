@@ -37,10 +37,10 @@ setup(
         "console_scripts": [
             "record = sain_bags.ros.record:main",
             "play = sain_bags.ros.play:main",
-            "info = sain_bags.info_cli:main",
-            "recover = sain_bags.recover_cli:main",
-            "report = sain_bags.report_cli:main",
-            "to_dataset = sain_bags.to_dataset_cli:main",
+            "info = sain_bags.cli.info:main",
+            "recover = sain_bags.cli.recover:main",
+            "report = sain_bags.cli.report:main",
+            "to_dataset = sain_bags.cli.to_dataset:main",
         ],
     },
 )

@@ -18,8 +18,8 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "evaluate = sain_eval.evaluate_cli:main",
-            "calibrate = sain_eval.calibrate_cli:main",
+            "evaluate = sain_eval.cli.evaluate:main",
+            "calibrate = sain_eval.cli.calibrate:main",
         ],
     },
 )

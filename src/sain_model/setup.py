@@ -31,17 +31,17 @@ setup(
     entry_points={
         "console_scripts": [
             "model_node = sain_model.ros.model_node:main",
-            "train = sain_model.train_cli:main",
-            "train_inside = sain_model.inside_cli:main",
-            "evaluate = sain_model.evaluate_cli:main",
-            "learning_curve = sain_model.learning_curve_cli:main",
+            "train = sain_model.cli.train:main",
+            "train_inside = sain_model.cli.train_inside:main",
+            "evaluate = sain_model.cli.evaluate:main",
+            "learning_curve = sain_model.cli.learning_curve:main",
         ],
         "sain.dynamics": [
-            "planar = sain_model.load:load_dynamics",
-            "planar_axes = sain_model.load:load_dynamics",
-            "identity = sain_model.load:load_dynamics",
-            "sain = sain_model.load:load_dynamics",
-            "checkpoint = sain_model.load:load_dynamics",
+            "planar = sain_model.dynamics.load:load_dynamics",
+            "planar_axes = sain_model.dynamics.load:load_dynamics",
+            "identity = sain_model.dynamics.load:load_dynamics",
+            "sain = sain_model.dynamics.load:load_dynamics",
+            "checkpoint = sain_model.dynamics.load:load_dynamics",
         ],
     },
 )

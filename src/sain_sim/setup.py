@@ -20,11 +20,11 @@ setup(
     entry_points={
         "console_scripts": [
             "sim_node = sain_sim.ros.sim_node:main",
-            "collect = sain_sim.collect_cli:main",
+            "collect = sain_sim.cli.collect:main",
         ],
         "sain.dynamics": [
-            "bullet = sain_sim.bullet:load_dynamics",
-            "bullet_measured = sain_sim.bullet:load_dynamics",
+            "bullet = sain_sim.world.bullet:load_dynamics",
+            "bullet_measured = sain_sim.world.bullet:load_dynamics",
         ],
     },
 )

@@ -11,8 +11,8 @@ from sain_core.push import PushLimits
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_interfaces.srv import DescribeModel, PredictResidual, Rollout
-from sain_model.load import load_dynamics
-from sain_model.planar import PlanarPrior
+from sain_model.dynamics.load import load_dynamics
+from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode
 
 SCENE = make_scene(

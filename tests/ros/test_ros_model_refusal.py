@@ -17,8 +17,8 @@ from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import LoadModel, Rollout
-from sain_model.checkpoint import card_path
-from sain_model.load import load_dynamics
+from sain_model.dynamics.checkpoint import card_path
+from sain_model.dynamics.load import load_dynamics
 from sain_model.ros.model_node import ModelNode
 from tests.ros.swapping import answers_of, make_checkpoint, request, set_model
 

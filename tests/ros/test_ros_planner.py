@@ -13,7 +13,7 @@ from sain_core.scene import POSITION, make_scene
 from sain_interfaces.msg import Plan, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import Rollout
-from sain_model.planar import PlanarPrior
+from sain_model.physics.planar import PlanarPrior
 from sain_mppi.ros.mppi_node import MppiNode
 
 SMALL = {"planner__samples": 64, "planner__rounds": 2, "planner__horizon": 2}

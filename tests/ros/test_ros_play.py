@@ -10,11 +10,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, String
 
-from sain_bags.metadata import OfferedQos, Topic
+from sain_bags.bag.metadata import OfferedQos, Topic
 from sain_bags.playing import Passage, PassageConfig, choose_topics, play
-from sain_bags.reader import Bag, Raw
+from sain_bags.reading.reader import Bag, Raw
 from sain_bags.ros.player import Player
-from sain_bags.writer import BagWriter
+from sain_bags.writing.writer import BagWriter
 from sain_bringup.graph import executable
 from sain_core.errors import DatasetError
 from tests.sain_bags.conftest import SECOND, START, Messages, Recording

@@ -13,13 +13,13 @@ from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from sain_bags.reader import Bag
+from sain_bags.reading.reader import Bag
+from sain_bags.reading.timing import read_timings
 from sain_bags.ros.endpoints import message_class
 from sain_bags.ros.record import drain, parse_custom_data
 from sain_bags.ros.recorder import Recorder
-from sain_bags.selection import Selection
-from sain_bags.timing import read_timings
-from sain_bags.writer import BagConfig, BagWriter
+from sain_bags.writing.selection import Selection
+from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_interfaces.msg import DiskState, Scene
 

@@ -16,10 +16,10 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from sain_bags.gaps import read_gaps
-from sain_bags.reader import Bag
-from sain_bags.recovery import recover
-from sain_bags.recovery_report import Outcome
+from sain_bags.reading.reader import Bag
+from sain_bags.recovery.recovery import recover
+from sain_bags.recovery.recovery_report import Outcome
+from sain_bags.writing.gaps import read_gaps
 
 pytestmark = pytest.mark.ros
 TOPIC = "/numbers"

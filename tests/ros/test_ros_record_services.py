@@ -7,11 +7,11 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from sain_bags.reader import Bag
+from sain_bags.reading.reader import Bag
 from sain_bags.ros.record import drain
 from sain_bags.ros.recorder import Recorder
-from sain_bags.selection import Selection
-from sain_bags.writer import BagWriter
+from sain_bags.writing.selection import Selection
+from sain_bags.writing.writer import BagWriter
 from sain_core.errors import ErrorCode
 from sain_interfaces.srv import DescribeModel
 from sain_model.ros.model_node import ModelNode

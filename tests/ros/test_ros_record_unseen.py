@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from rosbags.highlevel import AnyReader
 
-from sain_bags.reader import Bag
-from sain_bags.ros.stand_in import stand_in
+from sain_bags.reading.reader import Bag
+from sain_bags.ros.type_support_stub import stand_in
 from sain_core.errors import InvalidInputError
 from sain_interfaces.msg import DiskState, Scene
 
@@ -74,7 +74,7 @@ def test_what_cannot_be_stood_in_for_is_refused(monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(InvalidInputError, match="its hash is 'RIHS01_ab'"):
         stand_in("a/msg/Thing", "RIHS01_ab")
     monkeypatch.setattr(
-        "sain_bags.ros.stand_in.get_rmw_implementation_identifier", lambda: "rmw_other"
+        "sain_bags.ros.type_support_stub.get_rmw_implementation_identifier", lambda: "rmw_other"
     )
     with pytest.raises(InvalidInputError, match="not installed; rmw_other cannot do without"):
         stand_in("a/msg/Thing", HASH)

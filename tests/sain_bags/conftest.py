@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from sain_bags.definitions import Definitions
-from sain_bags.metadata import OfferedQos, Topic
-from sain_bags.writer import BagWriter
+from sain_bags.bag.definitions import Definitions
+from sain_bags.bag.metadata import OfferedQos, Topic
+from sain_bags.writing.writer import BagWriter
 from sain_core.scene import STATE_NAMES, make_scene
 from sain_core.types import Scene
 

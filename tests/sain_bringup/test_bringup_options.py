@@ -124,8 +124,8 @@ def test_commands_say_it_all(prefix: Path) -> None:
     assert "p.yaml" not in commands["recorder"]
     assert "p.yaml" in commands["planner"]
     assert "seed:=7" in commands["planner"]
-    assert "bullet.gui:=true" not in commands["simulator"]
-    assert "bullet.gui:=true" in graph_commands(replace(config, gui=True))["simulator"]
+    assert "gui:=true" not in commands["simulator"]
+    assert "gui:=true" in graph_commands(replace(config, gui=True))["simulator"]
 
 
 def test_what_is_not_installed_is_named(prefix: Path) -> None:

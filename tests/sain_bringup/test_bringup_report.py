@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 from rich.console import Console
 
-from sain_bags.episodes import Episode, PlanRecord, PushRecord
+from sain_bags.transitions.episodes import Episode, PlanRecord, PushRecord
 from sain_bringup.display import Display, EpisodeView
 from sain_bringup.movie import Moment, MovieConfig, choose_moments, draw_frames, encode_gif
 from sain_bringup.options import EpisodePlan

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.scene import POSITION, TARGET, make_scene
-from sain_eval.episodes import EpisodeRecord, PushRecord
+from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
 
 
 @pytest.fixture

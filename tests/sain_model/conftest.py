@@ -8,7 +8,7 @@ import torch
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import MASS, POSITION, make_scene, unit
 from sain_core.types import Pushes, Scenes
-from sain_model.planar import PlanarPrior
+from sain_model.physics.planar import PlanarPrior
 
 EPISODES, PUSHES = 20, 6
 

@@ -16,8 +16,8 @@ from mcap.reader import make_reader
 from PIL import Image
 from rosbags.highlevel import AnyReader
 
-from sain_bags.episodes import read_episodes
-from sain_bags.reader import Bag
+from sain_bags.reading.reader import Bag
+from sain_bags.transitions.episodes import read_episodes
 from sain_bringup.graph import executable
 
 pytestmark = pytest.mark.system

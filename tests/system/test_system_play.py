@@ -14,8 +14,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from sain_bags.metadata import OfferedQos
-from sain_bags.writer import BagWriter
+from sain_bags.bag.metadata import OfferedQos
+from sain_bags.writing.writer import BagWriter
 from sain_bringup.graph import executable
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import make_scene, target_distance

@@ -9,10 +9,10 @@ import domain_coordinator
 import numpy as np
 import pytest
 
-from sain_bags.reader import Bag
-from sain_model.checkpoint import read_card
-from sain_model.dataset import load_transitions
-from sain_model.load import shipped_checkpoint
+from sain_bags.reading.reader import Bag
+from sain_model.data.dataset import load_transitions
+from sain_model.dynamics.checkpoint import read_card
+from sain_model.dynamics.load import shipped_checkpoint
 
 pytestmark = pytest.mark.system
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Final, Protocol, runtime_checkable
 
-from sain_bags.metadata import INFINITE, OfferedQos
-from sain_bags.reader import Bag, Raw, TopicSummary
+from sain_bags.bag.metadata import INFINITE, OfferedQos
+from sain_bags.reading.reader import Bag, Raw, TopicSummary
 from sain_core.config import Config, option
 from sain_core.errors import DatasetError
 

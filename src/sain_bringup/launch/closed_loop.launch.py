@@ -34,7 +34,7 @@ def generate_launch_description() -> LaunchDescription:
     """Return the nodes and their arguments."""
     value = {name: LaunchConfiguration(name) for name in ARGUMENTS}
     seed = {"seed": ParameterValue(value["seed"], value_type=int)}
-    gui = {"bullet.gui": ParameterValue(value["gui"], value_type=bool)}
+    gui = {"gui": ParameterValue(value["gui"], value_type=bool)}
     model = {"model": ParameterValue(value["model"], value_type=str)}
 
     def node(package: str, executable: str, *parameters: object) -> Node:

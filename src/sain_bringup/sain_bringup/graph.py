@@ -41,7 +41,7 @@ def graph_commands(config: GraphConfig) -> dict[str, list[str]]:
     }
     planner: dict[str, object] = {"dynamics": "service", "seed": config.seed}
     if config.gui:
-        simulator["bullet.gui"] = True
+        simulator["gui"] = True
     recorder = ["--out", str(config.bag), "--custom-data"]
     recorder += [f"{key}={value}" for key, value in config.custom_data]
     return {

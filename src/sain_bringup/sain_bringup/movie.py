@@ -14,8 +14,8 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 from PIL import Image, ImageDraw, ImageFont
 
-from sain_bags.episodes import SCENE, Episode
-from sain_bags.reader import Bag
+from sain_bags.reading.reader import Bag
+from sain_bags.transitions.episodes import SCENE, Episode
 from sain_core.config import Config, option
 from sain_core.scene import target_distance
 from sain_core.types import Scene
@@ -25,7 +25,7 @@ JOINTS: Final = "sensor_msgs/msg/JointState"
 INK: Final = (43, 48, 54)
 FAINT: Final = (110, 117, 124)
 GREEN: Final = (24, 128, 78)
-RING: Final = (26, 158, 102)  # the goal's, as `sain_sim.render` draws it
+RING: Final = (26, 158, 102)  # the goal's, as `sain_sim.rendering.render` draws it
 RARE: Final = (GREEN, RING, INK, FAINT)
 SWATCH: Final = 40  # [px], rows that a rare colour gets in the sheet for the palette
 MARGIN: Final = 16  # [px]

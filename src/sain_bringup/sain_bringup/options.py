@@ -13,7 +13,7 @@ import tyro
 import yaml
 
 from sain_core.errors import ConfigError, OutputError
-from sain_eval.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import SCENARIOS
 
 RECORDINGS: Final = Path("bags")
 DEMO: Final = (("anywhere", 3), ("paper", 1))

@@ -7,10 +7,10 @@ from matplotlib.figure import Figure
 
 from sain_core.drawing.figures import TEXT, new_figure
 from sain_core.drawing.palette import PALETTE
-from sain_eval.episodes import EpisodeRecord
-from sain_eval.legend import draw_legend
-from sain_eval.pictures import describe_result, result_colour
-from sain_eval.top_view import draw_top_view
+from sain_eval.plots.episode_record import EpisodeRecord
+from sain_eval.plots.legend import draw_legend
+from sain_eval.plots.pictures import describe_result, result_colour
+from sain_eval.plots.top_view import draw_top_view
 
 COLUMNS: Final = 2
 TILE: Final = (3.5, 3.5)  # [inch]

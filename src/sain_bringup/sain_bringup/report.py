@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from sain_bags.episodes import Episode, read_episodes
-from sain_bags.reader import Bag
+from sain_bags.reading.reader import Bag
+from sain_bags.transitions.episodes import Episode, read_episodes
 from sain_core.scene import POSITION, TARGET
 from sain_core.storage import write_json
 from sain_core.types import Scene
-from sain_eval.episodes import EpisodeRecord, PushRecord
-from sain_eval.scenarios import SCENARIOS
+from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
+from sain_eval.scenes.scenarios import SCENARIOS
 
 EPISODES_KEY = "episodes"  # of the bag's custom data: "scenario:seed scenario:seed ..."
 

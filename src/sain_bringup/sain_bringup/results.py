@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from sain_bags.reader import Bag
+from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.writing import write_page
 from sain_bringup.display import Display
@@ -51,7 +51,7 @@ def draw_pictures(folder: Path, played: tuple[PlayedEpisode, ...]) -> list[Path]
     """Draw a top view of each episode, and one picture of all."""
     from sain_bringup.overview import draw_overview  # matplotlib takes a while to load
     from sain_core.drawing.figures import write_png
-    from sain_eval.pictures import draw_episode
+    from sain_eval.plots.pictures import draw_episode
 
     records = [episode.record() for episode in played]
     paths = [
@@ -77,7 +77,7 @@ def render_movie(
     path: Path, bag: Bag, one: PlayedEpisode, display: Display, config: MovieConfig | None = None
 ) -> Path:
     """Render one episode from its recording as an animated GIF."""
-    from sain_sim.render import CameraConfig, Renderer  # takes a second to load
+    from sain_sim.rendering.render import CameraConfig, Renderer  # takes a second to load
 
     config = config or MovieConfig()
     moments = choose_moments(episode_moments(bag, one.episode), config)

@@ -2,7 +2,7 @@
 
 A package offers dynamics through entry points in the group ``sain.dynamics``::
 
-    entry_points={"sain.dynamics": ["planar = sain_model.load:load_dynamics"]}
+    entry_points={"sain.dynamics": ["planar = sain_model.dynamics.load:load_dynamics"]}
 
 Each is a function from the name that was asked for to a `Dynamics`. What is no such name is
 taken as the path of a checkpoint, and goes to the entry point called ``checkpoint``.

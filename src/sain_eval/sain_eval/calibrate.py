@@ -16,9 +16,9 @@ from sain_core.errors import DatasetError
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, X, Y
 from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars, Scenes
-from sain_model.dataset import Transitions
-from sain_model.metrics import position_errors, target_moved
-from sain_model.planar import PlanarConfig, PlanarPrior
+from sain_model.data.dataset import Transitions
+from sain_model.evaluation.metrics import position_errors, target_moved
+from sain_model.physics.planar import PlanarConfig, PlanarPrior
 
 # Free parameters with a step that matters, a smallest and a largest value.
 FREE: Final = {

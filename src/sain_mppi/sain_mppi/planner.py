@@ -11,11 +11,11 @@ from sain_core.feasibility import Feasibility
 from sain_core.scene import OVERLAP_TOLERANCE, check_scene, move_apart, surface_gaps
 from sain_core.types import PushArray, PushSequences, Scene
 from sain_mppi.algorithms import ALGORITHMS
-from sain_mppi.config import PlannerConfig
-from sain_mppi.goal import Goal, check_goal, check_in_reach
-from sain_mppi.result import PlanResult
-from sain_mppi.sampling import shift
-from sain_mppi.search import Problem, Search
+from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.goal import Goal, check_goal, check_in_reach
+from sain_mppi.search.result import PlanResult
+from sain_mppi.search.sampling import shift
+from sain_mppi.search.search import Problem, Search
 
 SEEN_OVERLAP: Final = 0.02  # [m], deepest that disks may seem to overlap
 

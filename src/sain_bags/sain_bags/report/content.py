@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from sain_bags.reader import Bag
+from sain_bags.reading.reader import Bag
 from sain_bags.report.episode_content import describe_episode, outcome
 from sain_bags.report.gathering import Gathered, Limits, Progress, gather, graphs
 from sain_bags.report.pushes import rounded, target_error

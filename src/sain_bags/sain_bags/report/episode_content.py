@@ -5,10 +5,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from sain_bags.episodes import Episode
 from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import Gathered
 from sain_bags.report.pushes import answered, poses, rounded, unanswered
+from sain_bags.transitions.episodes import Episode
 from sain_core.scene import MASS, POSE, RADIUS
 from sain_core.types import Scene
 

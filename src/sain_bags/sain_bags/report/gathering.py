@@ -5,7 +5,9 @@ from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any, Final
 
-from sain_bags.episodes import (
+from sain_bags.reading.reader import Bag, Received
+from sain_bags.report.frames import Frame, Frames
+from sain_bags.transitions.episodes import (
     EPISODE_TYPES,
     PUSH_RESULT,
     SCENE,
@@ -13,9 +15,7 @@ from sain_bags.episodes import (
     collect_episodes,
     parent_of,
 )
-from sain_bags.reader import Bag, Received
-from sain_bags.report.frames import Frame, Frames
-from sain_bags.wanted_fields import PUSH, WORLD
+from sain_bags.transitions.wanted_fields import PUSH, WORLD
 from sain_core.errors import DatasetError, InvalidInputError
 
 Progress = Callable[[], object]
@@ -32,7 +32,7 @@ class Limits:
 
 @dataclass
 class Told:
-    """What is known of an episode beside what `sain_bags.episodes` makes of it."""
+    """What is known of an episode beside what `sain_bags.transitions.episodes` makes of it."""
 
     frames: Frames
     scenes: dict[int, tuple[int, int]] = field(default_factory=dict)  # before, after, by push id

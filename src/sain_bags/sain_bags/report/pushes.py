@@ -6,9 +6,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from sain_bags.episodes import Episode, PushRecord
 from sain_bags.report.frames import Frame
 from sain_bags.report.gathering import Gathered
+from sain_bags.transitions.episodes import Episode, PushRecord
 from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_NAMES, PushLimits, tool_end, tool_start
 from sain_core.scene import POSE, POSITION, TARGET, target_distance

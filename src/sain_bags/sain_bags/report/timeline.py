@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from sain_bags.reader import Bag
+from sain_bags.reading.reader import Bag
 
 BINS: Final = 120  # that a recording's time is cut into
 PLACES: Final = 200  # of missing messages, told one by one

@@ -6,8 +6,8 @@ from typing import Final
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from sain_bags.metadata import OfferedQos
-from sain_bags.selection import RequestedQos
+from sain_bags.bag.metadata import OfferedQos
+from sain_bags.writing.selection import RequestedQos
 from sain_core.errors import InvalidInputError
 
 DEPTH: Final = 2000  # messages a burst may hold before the recorder falls behind

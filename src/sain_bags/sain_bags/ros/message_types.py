@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from sain_bags.definitions import Definitions
-from sain_bags.ros.asking import ask_definition
+from sain_bags.bag.definitions import Definitions
 from sain_bags.ros.endpoints import message_class
-from sain_bags.ros.stand_in import stand_in
+from sain_bags.ros.type_description_client import ask_definition
+from sain_bags.ros.type_support_stub import stand_in
 from sain_core.errors import InvalidInputError
 
 

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from sain_bags.playing import CLOCK, Event, Passage, PassageConfig, Played, choose_topics, play
-from sain_bags.reader import Bag
+from sain_bags.reading.reader import Bag
 from sain_bags.ros.player import Player
 from sain_core.command_line import describe_options
 from sain_core.errors import SainError

@@ -17,9 +17,9 @@ from rclpy.qos import (
 )
 from rosgraph_msgs.msg import Clock
 
-from sain_bags.metadata import OfferedQos, read_profiles
+from sain_bags.bag.metadata import OfferedQos, read_profiles
 from sain_bags.playing import CLOCK, Event, merge_offers, place_in
-from sain_bags.reader import TopicSummary
+from sain_bags.reading.reader import TopicSummary
 from sain_bags.ros.endpoints import message_class
 from sain_core.errors import DatasetError, InvalidInputError
 

@@ -14,11 +14,11 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from rich.console import Console
 
-from sain_bags.gaps import MISSING_KEY, describe_gaps
-from sain_bags.recording_status import RecordingStatus, StatusDisplay
 from sain_bags.ros.recorder import Recorder
-from sain_bags.selection import Selection
-from sain_bags.writer import BagConfig, BagWriter
+from sain_bags.writing.gaps import MISSING_KEY, describe_gaps
+from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
+from sain_bags.writing.selection import Selection
+from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import ConfigError, SainError
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed

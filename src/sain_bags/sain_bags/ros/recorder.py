@@ -16,12 +16,12 @@ from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from sain_bags.gaps import Gaps
-from sain_bags.metadata import Topic
+from sain_bags.bag.metadata import Topic
 from sain_bags.ros.endpoints import offered_qos, request_profile
 from sain_bags.ros.message_types import MessageType, MessageTypes
-from sain_bags.selection import RequestedQos, Selection, adapt
-from sain_bags.writer import BagWriter
+from sain_bags.writing.gaps import Gaps
+from sain_bags.writing.selection import RequestedQos, Selection, adapt
+from sain_bags.writing.writer import BagWriter
 from sain_core.errors import InvalidInputError
 
 DISCOVERY_PERIOD: Final = 0.05  # [s] between looks for new topics

@@ -27,7 +27,7 @@ from sain_bringup.report import EPISODES_KEY
 from sain_bringup.results import write_results
 from sain_bringup.ros.director import Director
 from sain_core.errors import SainError
-from sain_eval.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import SCENARIOS
 
 UNHURRIED: Final = StopConfig(interrupt=15.0)  # when all went well and nobody is waiting
 

@@ -18,7 +18,7 @@ from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.peers import refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import target_distance
-from sain_eval.scenarios import ScenarioScene
+from sain_eval.scenes.scenarios import ScenarioScene
 from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult
 from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
 

@@ -22,9 +22,9 @@ from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import SERVICE
 from sain_core.ros.worker import Worker
 from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
-from sain_model.latency import ServiceRecord
-from sain_model.live import LiveModel
-from sain_model.serving import ModelServer, ServingConfig
+from sain_model.serving.latency import ServiceRecord
+from sain_model.serving.live import LiveModel
+from sain_model.serving.server import ModelServer, ServingConfig
 
 Response = TypeVar("Response", PredictResidual.Response, Rollout.Response)
 REPORT_PERIOD = 1.0  # [s]

@@ -11,8 +11,8 @@ from sain_mppi.algorithms.gradient import gradient
 from sain_mppi.algorithms.icem import icem
 from sain_mppi.algorithms.mppi import mppi
 from sain_mppi.algorithms.mppi_rounds import mppi_rounds
-from sain_mppi.config import EXHAUSTIVE, GRADIENT, ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
-from sain_mppi.search import Search
+from sain_mppi.search.config import EXHAUSTIVE, GRADIENT, ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
+from sain_mppi.search.search import Search
 
 
 class Algorithm(Protocol):

@@ -4,8 +4,8 @@ import numpy as np
 
 from sain_core.errors import NoPushError
 from sain_core.types import PushSequences
-from sain_mppi.config import PlannerConfig
-from sain_mppi.search import Search
+from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.search import Search
 
 
 def exhaustive(

@@ -5,10 +5,10 @@ from functools import partial
 import numpy as np
 
 from sain_core.types import PushSequences
-from sain_mppi.config import MEAN, PlannerConfig
-from sain_mppi.proposals import draw_permitted, propose
-from sain_mppi.sampling import Sequence, weighted_mean
-from sain_mppi.search import Search
+from sain_mppi.search.config import MEAN, PlannerConfig
+from sain_mppi.search.proposals import draw_permitted, propose
+from sain_mppi.search.sampling import Sequence, weighted_mean
+from sain_mppi.search.search import Search
 
 
 def mppi_rounds(

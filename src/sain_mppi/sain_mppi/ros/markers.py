@@ -16,9 +16,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 from sain_core.ros.codec import header
 from sain_core.scene import DISK_HEIGHT, MID, RADIUS, TARGET, THETA, X, Y
 from sain_core.types import Points, Scene
-from sain_mppi.deciding import Decision
-from sain_mppi.pursuit import Task
-from sain_mppi.result import Shown
+from sain_mppi.loop.agent import Decision
+from sain_mppi.loop.goal_tracker import Task
+from sain_mppi.search.result import Shown
 
 LINE_WIDTH: Final = 0.006  # [m]
 GOAL_HEIGHT: Final = 0.002  # [m]

@@ -23,13 +23,13 @@ from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Goal, Plan, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
-from sain_mppi.deciding import Decider, Decision
-from sain_mppi.memory import EpisodeMemory
-from sain_mppi.pursuit import Job, Pursuit, Task, Verdict, View
+from sain_mppi.loop.agent import Decider, Decision
+from sain_mppi.loop.goal_tracker import Job, Pursuit, Task, Verdict, View
+from sain_mppi.loop.memory import EpisodeMemory
+from sain_mppi.loop.settings import SERVICE, MppiConfig
 from sain_mppi.ros.markers import plan_markers
 from sain_mppi.ros.plan_message import STATUS, plan_of_decision, plan_of_job, plan_of_task, summary
 from sain_mppi.ros.remote import RemoteRollout
-from sain_mppi.settings import SERVICE, MppiConfig
 
 LOOK_AGAIN = 0.1  # [s] between looks for what no message tells of
 

@@ -10,9 +10,9 @@ from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.ros import codec
 from sain_core.scene import POSITION, target_distance
 from sain_interfaces.msg import Plan
-from sain_mppi.config import PlannerConfig
-from sain_mppi.deciding import Decision
-from sain_mppi.pursuit import Job, Task, Verdict
+from sain_mppi.loop.agent import Decision
+from sain_mppi.loop.goal_tracker import Job, Task, Verdict
+from sain_mppi.search.config import PlannerConfig
 
 STATUS: Final = {
     Verdict.PLAN: Plan.PUSH,

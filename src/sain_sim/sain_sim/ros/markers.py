@@ -11,8 +11,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 from sain_core.push import TOOL_RADIUS
 from sain_core.ros.codec import header
 from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, Table, X, Y
-from sain_sim.outcome import Sample
-from sain_sim.parameters import CUBE
+from sain_sim.world.outcome import Sample
+from sain_sim.world.parameters import CUBE
 
 TABLE_THICKNESS: Final = 0.02  # [m]
 TOOL_LENGTH: Final = 0.22  # [m]

@@ -15,11 +15,11 @@ from sain_core.scene import is_settled
 from sain_core.types import Scene
 from sain_interfaces.msg import Push, PushPrediction, PushResult, WorldParameters
 from sain_interfaces.msg import Scene as SceneMessage
-from sain_sim.arm import JOINT_NAMES
-from sain_sim.outcome import Sample
+from sain_sim.arm.panda import JOINT_NAMES
+from sain_sim.node.session import Session
+from sain_sim.node.simulator import SHADOW_MODEL, Pushed, Simulator
 from sain_sim.ros.markers import scene_markers
-from sain_sim.session import Session
-from sain_sim.simulator import SHADOW_MODEL, Pushed, Simulator
+from sain_sim.world.outcome import Sample
 
 
 class Publishing:

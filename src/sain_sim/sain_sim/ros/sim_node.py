@@ -17,11 +17,11 @@ from sain_core.ros.worker import Worker
 from sain_core.types import PushArray, Scene
 from sain_interfaces.msg import Push
 from sain_interfaces.srv import ResetScene
-from sain_sim.outcome import Sample
-from sain_sim.pacing import Pacer
+from sain_sim.node.pacing import Pacer
+from sain_sim.node.session import Session
+from sain_sim.node.simulator import Pushed, Simulator, SimulatorConfig
 from sain_sim.ros.publishing import Publishing
-from sain_sim.session import Session
-from sain_sim.simulator import Pushed, Simulator, SimulatorConfig
+from sain_sim.world.outcome import Sample
 
 
 class SimNode(Node):

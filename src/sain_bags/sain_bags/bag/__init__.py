@@ -1,0 +1,1 @@
+"""What describes a bag: metadata, message definitions and layouts. May import `mcap`."""

@@ -1,0 +1,1 @@
+"""Rows become a data set on disk. May import `transitions`."""

@@ -1,0 +1,156 @@
+"""The card of a data set: how much there is, of what, in which ranges, and what was left out."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from math import pi
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy import ndarray
+
+from sain_bags.transitions.row_draft import Dropped
+from sain_core.push import ANGLE, LENGTH, LOCATION
+from sain_core.scene import MID, POSITION, STATE_SIZE, TARGET
+from sain_core.shards import SHARD_SIZE
+
+BINS: Final = 20
+QUANTITIES: Final = {  # what is counted, its unit, and the range that its bins divide
+    "location": ("rad", -pi, pi),
+    "angle": ("rad", -pi / 4, pi / 4),
+    "length": ("m", 0.0, 0.15),
+    "target_x": ("m", 0.0, 1.2),
+    "target_y": ("m", -0.6, 0.6),
+    "mid_travel": ("m", 0.0, 0.2),
+    "target_travel": ("m", 0.0, 0.2),
+    "physics_error": ("m", 0.0, 0.05),
+}
+EXAMPLES: Final = 3  # of what was dropped, for each reason
+
+
+@dataclass
+class Spread:
+    """The range of one quantity, and how often it lies where in it; fed bit by bit."""
+
+    unit: str
+    low: float
+    high: float
+    count: int = 0
+    total: float = 0.0
+    minimum: float = float("inf")
+    maximum: float = float("-inf")
+    bins: ndarray = field(default_factory=lambda: np.zeros(BINS, dtype=np.int64))
+
+    def add(self, values: ndarray) -> None:
+        """Count values (M,)."""
+        self.count += len(values)
+        self.total += float(values.sum())
+        self.minimum = min(self.minimum, float(values.min()))
+        self.maximum = max(self.maximum, float(values.max()))
+        self.bins += np.histogram(values, BINS, (self.low, self.high))[0]
+
+    def content(self) -> dict[str, Any]:
+        """Return it for the card."""
+        return {
+            "unit": self.unit,
+            "minimum": self.minimum,
+            "mean": self.total / self.count,
+            "maximum": self.maximum,
+            "histogram": {
+                "from": self.low,
+                "to": self.high,
+                "counts": self.bins.tolist(),
+                "outside": self.count - int(self.bins.sum()),
+            },
+        }
+
+
+class Card:
+    """Counts what is written and what is dropped, as it happens."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.transitions = 0
+        self.late_predictions = 0
+        self.dropped: Counter[str] = Counter()
+        self._details: dict[str, list[str]] = {}
+        self._counts: dict[str, Counter[str]] = {
+            key: Counter() for key in ("source", "physics_source", "bag_sha256", "disks")
+        }
+        self._moved = 0
+        self._shards: list[int] = []
+        self._fields: dict[str, list[int]] = {}
+        self._spreads = {name: Spread(*about) for name, about in QUANTITIES.items()}
+
+    def drop(self, bag: Path, push: Dropped) -> None:
+        """Count a push that is no row."""
+        self.dropped[push.reason] += 1
+        details = self._details.setdefault(push.reason, [])
+        if len(details) < EXAMPLES:
+            details.append(f"{bag}: {push.detail}")
+
+    def add(self, shard: dict[str, ndarray]) -> None:
+        """Count the rows of a shard."""
+        rows = len(shard["action"])
+        self.transitions += rows
+        self._shards.append(rows)
+        self._moved += int(shard["moved"].sum())
+        self._fields = {key: list(values.shape[1:]) for key, values in shard.items()}
+        for key in ("source", "physics_source", "bag_sha256"):
+            self._counts[key].update(_occurrences(shard[key]))
+        self._counts["disks"][str(shard["masses"].shape[1])] += rows
+        for name, values in _quantities(shard).items():
+            self._spreads[name].add(values)
+
+    def why_none(self) -> str:
+        """Return in words why there is no row."""
+        reasons = ", ".join(f"{count} {reason}" for reason, count in self.dropped.most_common())
+        return reasons or "no push was made"
+
+    def content(self, identity: dict[str, Any], sources: list[dict[str, Any]]) -> dict[str, Any]:
+        """Return what ``card.json`` holds."""
+        by_bag = self._counts["bag_sha256"]
+        return {
+            **identity,
+            "transitions": self.transitions,
+            "moved": self._moved,
+            "shard_size": SHARD_SIZE,
+            "shards": self._shards,
+            "disks": dict(self._counts["disks"]),
+            "scenes_from": dict(self._counts["source"]),
+            "physics_from": dict(self._counts["physics_source"]),
+            "dropped": {
+                reason: {"pushes": count, "for_example": self._details[reason]}
+                for reason, count in self.dropped.most_common()
+            },
+            "late_predictions": self.late_predictions,
+            "sources": [{**source, "transitions": by_bag[source["sha256"]]} for source in sources],
+            "ranges": {name: spread.content() for name, spread in self._spreads.items()},
+            "fields": self._fields,
+        }
+
+
+def _occurrences(texts: ndarray) -> dict[str, int]:
+    """Return how often each text (M,) occurs, in the order in which they do first."""
+    if (texts == texts[0]).all():
+        return {str(texts[0]): len(texts)}
+    return Counter(texts.tolist())
+
+
+def _quantities(shard: dict[str, ndarray]) -> dict[str, ndarray]:
+    """Return what the ranges are of, an array (M,) each."""
+    before, after, physics = (
+        shard[key].reshape(len(shard[key]), -1, STATE_SIZE)[..., POSITION]
+        for key in ("state", "next_state", "physics_next")
+    )  # each (M, N, 2)
+    travel = np.linalg.norm(after - before, axis=-1)
+    return {
+        "location": shard["action"][:, LOCATION],
+        "angle": shard["action"][:, ANGLE],
+        "length": shard["action"][:, LENGTH],
+        "target_x": before[:, TARGET, 0],
+        "target_y": before[:, TARGET, 1],
+        "mid_travel": travel[:, MID],
+        "target_travel": travel[:, TARGET],
+        "physics_error": np.linalg.norm(physics - after, axis=-1)[:, TARGET],
+    }

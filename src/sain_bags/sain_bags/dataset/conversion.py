@@ -1,0 +1,186 @@
+"""Recordings to a data set of transitions, shard by shard.
+
+What is written depends on the recordings and the settings alone: the same command goes on after a
+stop, and ends with the same bytes.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from sain_bags.dataset.card import Card
+from sain_bags.dataset.dataset_folder import DatasetFolder
+from sain_bags.dataset.formats import FormatName
+from sain_bags.dataset.formats.shards import Columns, Sharding
+from sain_bags.dataset.known_parameters import KnownParameters
+from sain_bags.transitions.hearing import Hearing
+from sain_bags.transitions.numbering import Numbering
+from sain_bags.transitions.pairing import Paired, Pairing
+from sain_bags.transitions.push_run import PushRun
+from sain_bags.transitions.rows import RowMaker
+from sain_bags.transitions.sources import Source, find_sources
+from sain_core.dynamics import Dynamics
+from sain_core.errors import DatasetError
+from sain_core.plugins import load_dynamics
+from sain_core.shards import SHARD_SIZE
+
+WAITING_SHARDS: Final = 2  # that are made and not stored yet
+
+Progress = Callable[[int, int, int], None]  # messages read, of how many; rows made
+Writing = Callable[[int, int], None]  # rows written in a format other than npz, of how many
+
+
+@dataclass(frozen=True)
+class ConversionConfig:
+    """What becomes of recordings."""
+
+    format: FormatName = "npz"
+    """Of the data set (docs/formats.md); npz: shards of 1,000 with the keys of `collect`'s."""
+    prior: str = "planar"
+    """Predicts the pushes that a recording has no prediction of: a name, or a checkpoint's path."""
+    moved_only: bool = False
+    """Keep only transitions whose target moved by 2 mm or more, as the paper does."""
+    keep_unsettled: bool = False
+    """Keep also pushes before or after which something still moved."""
+    namespace: str = ""
+    """Of the graph, for example /sain; needed where a recording holds several."""
+
+
+class Converted(NamedTuple):
+    """What a conversion has made."""
+
+    transitions: int
+    episodes: int
+    dropped: dict[str, int]  # pushes that are no row, by reason
+
+
+def convert(
+    paths: Sequence[Path],
+    out: Path,
+    config: ConversionConfig = ConversionConfig(),
+    overwrite: bool = False,
+    progress: Progress = lambda read, messages, rows: None,
+    writing: Writing = lambda rows, of: None,
+) -> Converted:
+    """Convert recordings, going on where an earlier run of the same conversion stopped.
+
+    Args:
+        paths: bags, MCAP files, or folders with bags below them; rows come in this order.
+        out: a new or empty folder, or that of a conversion.
+        config: what becomes of them.
+        overwrite: make anew what a conversion made there.
+        progress: called as messages are read and shards written.
+        writing: called as rows are written in a format other than npz, after all messages.
+
+    Raises:
+        DatasetError: a recording is no bag, is damaged, or holds nothing to learn from; a shard
+            of an earlier run is damaged.
+        ConfigError: there is no such prior, or the format's library is not installed.
+        OutputError: the folder holds something else, or cannot be written.
+    """
+    sources = find_sources(paths, config.namespace or None)
+    identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
+    folder = DatasetFolder(out, identity, overwrite)
+    card, numbering, parameters = Card(), Numbering(), KnownParameters(sources)
+    with ExitStack() as stack:
+
+        def prior() -> Dynamics:
+            dynamics = load_dynamics(config.prior)
+            stack.callback(getattr(dynamics, "close", lambda: None))
+            return dynamics
+
+        maker = RowMaker(prior, config.prior, config.moved_only, config.keep_unsettled)
+        shards = _shards(sources, maker, numbering, card, progress)
+        for shard in _stored(folder, map(parameters.added_to, shards)):
+            card.add(shard)
+    if not card.transitions:
+        raise DatasetError(f"no transition is left: {card.why_none()}")
+    about = {**identity, **_versions(), "episodes": numbering.episodes}
+    folder.finish(card.content(about, [source.describe() for source in sources]), writing)
+    return Converted(card.transitions, numbering.episodes, dict(card.dropped))
+
+
+def _stored(folder: DatasetFolder, shards: Iterable[Columns]) -> Iterator[Columns]:
+    """Store shards, and yield each when it is stored; the next is made while a disk is waited for.
+
+    Where something goes wrong, or is stopped, those that were made before are stored first.
+    """
+    with ThreadPoolExecutor(max_workers=1) as writer:
+        waiting: deque[Future[Columns]] = deque()
+        for shard in shards:
+            waiting.append(writer.submit(folder.store, shard))
+            while len(waiting) > WAITING_SHARDS:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+
+
+def _shards(
+    sources: Sequence[Source],
+    maker: RowMaker,
+    numbering: Numbering,
+    card: Card,
+    progress: Progress,
+) -> Iterator[Columns]:
+    """Stream all recordings as shards, and count on the card what is dropped."""
+    counter = _Counter(sum(source.messages for source in sources), progress)
+    sharding = Sharding(SHARD_SIZE)
+    for source in sources:
+        for pushes in _pushes(source, card, counter):
+            blocks, dropped = maker.rows(pushes)
+            for push in dropped:
+                card.drop(source.bag.path, push)
+            yield from counter.pass_on(sharding.add(numbering.number(blocks, source.sha256)))
+    yield from counter.pass_on(sharding.rest())
+
+
+def _pushes(source: Source, card: Card, counter: "_Counter") -> Iterator[list[Paired] | PushRun]:
+    """Stream the pushes of one recording, some at a time."""
+    pairing = Pairing(source.has_results, source.has_predictions)
+    hearing = Hearing(source.bag.channels, pairing)
+    for batch in source.bag.batches(source.topics):
+        with naming(source.bag.path):
+            hearing.hear(batch)
+        yield from pairing.ready()
+        counter.read(len(batch))
+    yield from pairing.rest()
+    card.late_predictions += pairing.late_predictions
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Name the bag in the error when a message in it is not as it should be."""
+    try:
+        yield
+    except DatasetError as error:
+        raise DatasetError(
+            f"{path} holds messages of another definition than this graph's: {error}"
+        ) from error
+
+
+def _versions() -> dict[str, str]:
+    return {name: version(name) for name in ("numpy", "mcap")}
+
+
+class _Counter:
+    """Tells how far the reading has come."""
+
+    def __init__(self, messages: int, progress: Progress) -> None:
+        self._messages, self._progress = messages, progress
+        self._read = self._rows = 0
+
+    def read(self, messages: int) -> None:
+        self._read += messages
+        self._progress(self._read, self._messages, self._rows)
+
+    def pass_on(self, shards: Iterable[Columns]) -> Iterator[Columns]:
+        """Yield shards, and tell of each when the next is asked for."""
+        for shard in shards:
+            yield shard
+            self._rows += len(shard["push_id"])
+            self._progress(self._read, self._messages, self._rows)

@@ -1,0 +1,89 @@
+"""A data set in another format than its rows were gathered in: written whole, then put in place."""
+
+import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+from sain_bags.dataset.formats import MADE, FormatName, StoredRows, Write
+from sain_core.errors import OutputError
+from sain_core.storage import PARTIAL
+
+EXPORT: Final = f".export{PARTIAL}"  # where it stands until it is whole
+DISKS: Final = "disks-"  # with a number: folders of data sets, where numbers of disks differ
+
+
+def export(
+    write: Write,
+    folder: Path,
+    shards: Mapping[int, Sequence[Path]],
+    parts: dict[str, frozenset[int]],
+    card: dict[str, Any],
+    advance: Callable[[int], None],
+) -> None:
+    """Write gathered rows in another format: one data set for each number of disks.
+
+    Args:
+        write: writes the format.
+        folder: of the conversion; a single data set is put there, several into ``disks-N`` below.
+        shards: of the rows, by the number of disks.
+        parts: the episodes of each part of the split.
+        card: of the data set.
+        advance: told how many rows more were written.
+
+    Raises:
+        OutputError: the folder cannot be written, or the disk is full.
+    """
+    partial = folder / EXPORT
+    with _writing(folder):
+        remove(partial)
+        if len(shards) > 1:
+            partial.mkdir()
+        for disks, paths in shards.items():
+            name = folder.name if len(shards) == 1 else f"{DISKS}{disks}"
+            rows = StoredRows(name, disks, tuple(paths), parts, card, advance)
+            write(rows, partial if len(shards) == 1 else partial / name)
+        for path in partial.rglob("*"):
+            if path.is_file():
+                _keep(path)
+
+
+def put_in_place(folder: Path, name: FormatName) -> None:
+    """Let what was exported stand where an earlier data set stood; raises `OutputError`."""
+    clear(folder, name)
+    with _writing(folder):
+        for path in (folder / EXPORT).iterdir():
+            path.replace(folder / path.name)
+        (folder / EXPORT).rmdir()
+
+
+def clear(folder: Path, name: FormatName) -> None:
+    """Remove what was written of a data set in a format; raises `OutputError`."""
+    with _writing(folder):
+        for pattern in (*MADE[name], f"{DISKS}*"):
+            for path in sorted(folder.glob(pattern)):
+                remove(path)
+
+
+def remove(path: Path) -> None:
+    """Remove a file or a folder, if it is there."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"cannot write {folder}: {error.strerror or error}") from error
+
+
+def _keep(path: Path) -> None:
+    """Have a file safe on the disk."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())

@@ -1,0 +1,148 @@
+"""The folder that a data set is written to: whose it is, and when it is whole.
+
+``conversion.json`` is written before the first shard and says which conversion the folder belongs
+to; ``card.json`` is written last, and where it stands the data set is whole. Rows of any format
+are gathered as npz shards, which makes every conversion one to go on with.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sain_bags.dataset.dataset_export import clear, export, put_in_place, remove
+from sain_bags.dataset.dataset_split import describe_split, split_episodes
+from sain_bags.dataset.formats import SHARDS, find_format
+from sain_bags.dataset.formats.shards import Columns, write_shard
+from sain_core.errors import OutputError
+from sain_core.shards import shard_path
+from sain_core.storage import PARTIAL, write_json
+
+IDENTITY_FILE: Final = "conversion.json"
+CARD_FILE: Final = "card.json"
+PICTURE_FILE: Final = "card.png"  # drawn from the card
+GATHERED: Final = ".rows"  # folder of the shards until they are written in another format
+
+Content = dict[str, Any]
+
+
+class DatasetFolder:
+    """Takes the shards and the card of one conversion."""
+
+    def __init__(self, path: Path, identity: Content, overwrite: bool = False) -> None:
+        """Look at the folder; nothing is written or deleted before the first shard.
+
+        Args:
+            path: a new or empty folder, or that of a conversion.
+            identity: what makes two conversions the same, the format among it; as JSON would
+                give it back.
+            overwrite: make anew what a conversion made there.
+
+        Raises:
+            ConfigError: the format's library is not installed.
+            OutputError: it holds something else, or another conversion and is not to be
+                overwritten.
+        """
+        self.path, self._identity = path, identity
+        self._write = find_format(identity["format"])
+        self._gathered = path / GATHERED if self._write else path
+        self._overwrite, self._claimed = overwrite, False
+        self._shards: dict[int, list[Path]] = {}  # by the number of disks
+        self._counts: Counter[tuple[int, int]] = Counter()  # rows, by that and episode
+        self._found = found = _read_identity(path)
+        if found is not None and found != identity and not overwrite:
+            raise OutputError(
+                f"{path} holds another conversion ({_difference(found, identity)}); choose another"
+                " folder, or --overwrite"
+            )
+
+    def store(self, columns: Columns) -> Columns:
+        """Write columns as the next shard, or find it written, and return them.
+
+        Raises:
+            DatasetError: what is there is damaged or differs.
+            OutputError: the folder cannot be written, or the disk is full.
+        """
+        if not self._claimed:
+            self._claim()
+        disks, index = columns["masses"].shape[1], sum(map(len, self._shards.values()))
+        stored = write_shard(self._gathered, index, columns)
+        self._shards.setdefault(disks, []).append(shard_path(self._gathered, index))
+        for episode, count in zip(*np.unique(columns["episode"], return_counts=True), strict=True):
+            self._counts[disks, int(episode)] += int(count)
+        return stored
+
+    def finish(
+        self, card: Content, progress: Callable[[int, int], None] = lambda rows, of: None
+    ) -> None:
+        """Write the gathered rows in the format, and the card: the data set is whole.
+
+        Args:
+            card: all that is told of the data set but its split.
+            progress: told how many rows are written, of how many.
+
+        Raises:
+            OutputError: the folder cannot be written, or the disk is full.
+        """
+        parts = split_episodes(self._counts)
+        card = {**card, "split": describe_split(parts, self._counts)}
+        if self._write:
+            written = 0
+
+            def advance(rows: int) -> None:
+                nonlocal written
+                written += rows
+                progress(written, self._counts.total())
+
+            export(self._write, self.path, self._shards, parts, card, advance)
+            put_in_place(self.path, self._identity["format"])
+            remove(self._gathered)
+        write_json(self.path / CARD_FILE, card)
+
+    def _claim(self) -> None:
+        leftovers = [*self.path.glob(f".*{PARTIAL}")]
+        leftovers += [self.path / name for name in (CARD_FILE, PICTURE_FILE)]
+        if self._overwrite:
+            leftovers.append(self.path / GATHERED)
+        if self._overwrite and self._found is not None:
+            clear(self.path, self._found.get("format", SHARDS))
+        try:
+            for path in leftovers:
+                remove(path)
+        except OSError as error:
+            raise OutputError(f"cannot clear {self.path}: {error.strerror or error}") from error
+        write_json(self.path / IDENTITY_FILE, self._identity)
+        self._claimed = True
+
+
+def _read_identity(folder: Path) -> Content | None:
+    """Return what the folder says whose it is; None: it is new or empty.
+
+    Raises:
+        OutputError: it is no folder, or holds what no conversion has made.
+    """
+    path = folder / IDENTITY_FILE
+    try:
+        if not folder.exists() or not any(folder.iterdir()):
+            return None
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except NotADirectoryError as error:
+        raise OutputError(f"{folder} is a file; choose a folder") from error
+    except FileNotFoundError as error:
+        raise OutputError(
+            f"{folder} holds files, and no {IDENTITY_FILE} says that a conversion made them;"
+            " choose another folder"
+        ) from error
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path} cannot be read ({error}); choose another folder") from error
+    if not isinstance(content, dict):
+        raise OutputError(f"{path} is damaged; choose another folder")
+    return content
+
+
+def _difference(found: Content, wanted: Content) -> str:
+    name = next(key for key in {**wanted, **found} if found.get(key) != wanted.get(key))
+    return f"{name} = {found.get(name)!r}, not {wanted.get(name)!r}"

@@ -1,0 +1,45 @@
+"""The formats of data sets, each written through its own library, one page of code each.
+
+Whatever the format, rows are first gathered in npz shards. With npz these are the data set; what
+writes another format streams them, as often as it needs, once all rows are known and with them
+which episode belongs to which part of the split.
+"""
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Final, Literal
+
+from sain_bags.dataset.formats.rows import StoredRows
+from sain_core.errors import ConfigError
+from sain_core.shards import SHARD_PATTERN
+from sain_core.split import PARTS
+
+FormatName = Literal["npz", "parquet", "minari", "lerobot"]
+Write = Callable[[StoredRows, Path], None]  # rows into a folder that does not exist yet
+
+SHARDS: Final = "npz"  # the format that rows are gathered in
+MADE: Final[dict[FormatName, tuple[str, ...]]] = {  # patterns of what a data set's folder holds
+    SHARDS: (SHARD_PATTERN,),
+    "parquet": tuple(f"{part}-*.parquet" for part in PARTS),
+    "minari": ("data",),
+    "lerobot": ("data", "meta"),
+}
+
+
+def find_format(name: FormatName) -> Write | None:
+    """Return what writes a format; None: rows are gathered in it anyway.
+
+    Raises:
+        ConfigError: its library is not installed.
+    """
+    if name == SHARDS:
+        return None
+    try:
+        write: Write = import_module(f"sain_bags.dataset.formats.to_{name}").write
+    except ImportError as error:
+        raise ConfigError(
+            f"--format {name} needs {error.name or error}, which is not installed; install it with"
+            f" pip install 'sain_bags[{name}]', or choose --format {SHARDS}"
+        ) from error
+    return write

@@ -1,0 +1,91 @@
+"""What a format is written from: gathered rows with one number of disks, streamed from disk."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from sain_bags.dataset.formats.shards import Columns
+from sain_core.scene import POSITION, STATE_SIZE, TARGET
+from sain_core.shards import MOVED
+from sain_core.storage import read_arrays
+
+
+@dataclass(frozen=True)
+class StoredRows:
+    """All rows with one number of disks, in order; never all in memory."""
+
+    name: str  # of the data set's folder
+    disks: int
+    shards: tuple[Path, ...]
+    parts: dict[str, frozenset[int]]  # of the split: the episodes of each
+    card: dict[str, Any]  # of the data set
+    advance: Callable[[int], None] = field(default=lambda rows: None)  # told how many were read
+
+    def chunks(self, part: str) -> Iterator[Columns]:
+        """Stream the rows of a part of the split, at most a shard's at a time."""
+        episodes = np.array(sorted(self.parts[part]), dtype=np.int64)
+        if not len(episodes):
+            return
+        for path in self.shards:
+            columns = read_arrays(path)
+            mask = np.isin(columns["episode"], episodes)
+            self.advance(int(mask.sum()))
+            if mask.any():
+                yield {key: values[mask] for key, values in columns.items()}
+
+    def sequences(self, part: str) -> Iterator[Columns]:
+        """Stream unbroken sequences of pushes: what other formats take for an episode.
+
+        An episode is broken where a push between two others is no row, where a disk lies 2 mm or
+        more from where the push before had left it, and after a push that reached the goal.
+        """
+        pieces: list[Columns] = []
+        for chunk in self.chunks(part):
+            begins = _begins(pieces[-1] if pieces else None, chunk)
+            starts = sorted({0, *np.flatnonzero(begins).tolist()})
+            for start, end in zip(starts, [*starts[1:], len(begins)], strict=True):
+                if pieces and begins[start]:
+                    yield _joined(pieces)
+                    pieces = []
+                pieces.append({key: values[start:end] for key, values in chunk.items()})
+        if pieces:
+            yield _joined(pieces)
+
+
+def goal_distance(columns: Columns) -> ndarray:
+    """Return how far from its goal each push left the target (M,) [m]; NaN: there is no goal."""
+    centres = _centres(columns["next_state"])[:, TARGET]
+    return np.asarray(np.linalg.norm(centres - columns["goal"], axis=-1))
+
+
+def reached(columns: Columns) -> ndarray:
+    """Tell which pushes (M,) left the target within the tolerance of its goal."""
+    return np.asarray(goal_distance(columns) <= columns["tolerance"])
+
+
+def _begins(before: Columns | None, chunk: Columns) -> ndarray:
+    """Tell which rows (M,) do not go on from the row before them."""
+    last = chunk if before is None else before
+    earlier = {key: np.concatenate([last[key][-1:], chunk[key][:-1]]) for key in chunk}
+    moved = _centres(chunk["state"]) - _centres(earlier["next_state"])  # (M, N, 2)
+    begins = np.asarray(
+        (chunk["episode"] != earlier["episode"])
+        | (chunk["step"] != earlier["step"] + 1)
+        | (np.linalg.norm(moved, axis=-1) >= MOVED).any(axis=-1)
+        | reached(earlier)
+    )
+    begins[0] |= before is None
+    return begins
+
+
+def _centres(states: ndarray) -> ndarray:
+    """Return the centres of the disks (M, N, 2) of states (M, 8 N)."""
+    return states.reshape(len(states), -1, STATE_SIZE)[..., POSITION]
+
+
+def _joined(pieces: list[Columns]) -> Columns:
+    return {key: np.concatenate([piece[key] for piece in pieces]) for key in pieces[0]}

@@ -1,0 +1,106 @@
+"""Rows on disk: the paper's npz shards, with the keys of a collection's.
+
+The keys of `sain_sim`'s shards mean the same here, so that a model trains on either; what only a
+recording knows has keys of its own.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy import ndarray
+
+from sain_bags.transitions.rows import Block
+from sain_core.errors import DatasetError
+from sain_core.shards import SHARD_SIZE, shard_path
+from sain_core.storage import read_arrays, write_arrays
+
+STATES: Final = ("state", "physics_next", "next_state")
+KEYS: Final = (
+    "state", "action", "physics_next", "next_state", "episode", "step", "masses", "radii", "moved",
+    "duration", "goal", "tolerance", "push_id", "bag_episode", "bag_scene", "outcome", "stamp",
+    "next_stamp", "log_time", "source", "physics_source", "bag_sha256",
+)  # fmt: skip
+
+Columns = dict[str, ndarray]
+
+
+class Sharding:
+    """Gathers rows into shards, each of scenes with one number of disks."""
+
+    def __init__(self, size: int = SHARD_SIZE) -> None:
+        """Begin with nothing; a shard is full with so many rows."""
+        self._size = size
+        self._waiting: dict[int, list[Columns]] = {}  # by number of disks
+
+    def add(self, blocks: Sequence[Block]) -> list[Columns]:
+        """Take more rows; return the shards that are full by them, in the order of that."""
+        full: list[tuple[int, Columns]] = []
+        for block in blocks:
+            disks = block.columns["masses"].shape[1]
+            waiting = self._waiting.setdefault(disks, [])
+            before = sum(map(_length, waiting))
+            rows = _joined([*waiting, block.columns])
+            ends = range(self._size, _length(rows) + 1, self._size)
+            for end in ends:
+                last = int(block.places[end - before - 1])
+                full.append((last, _tidy(rows, slice(end - self._size, end))))
+            left = len(ends) * self._size
+            self._waiting[disks] = [_cut(rows, slice(left, None))]
+        return [columns for _, columns in sorted(full, key=lambda shard: shard[0])]
+
+    def rest(self) -> Iterator[Columns]:
+        """Yield what has not filled a shard."""
+        for disks in sorted(self._waiting):
+            rows = _joined(self._waiting[disks])
+            if _length(rows):
+                yield _tidy(rows, slice(None))
+
+
+def write_shard(folder: Path, index: int, arrays: Columns) -> Columns:
+    """Write columns as a shard, whole or not at all, unless it is there already; return them.
+
+    Raises:
+        DatasetError: there is a shard in its place, damaged or with other rows.
+        OutputError: the folder cannot be written, or the disk is full.
+    """
+    path = shard_path(folder, index)
+    if not path.exists():
+        write_arrays(path, arrays, deflate_numbers=False)
+        return arrays
+    found = read_arrays(path)
+    for key, wanted in arrays.items():
+        numbers = wanted.dtype.kind == "f"
+        if key not in found or not np.array_equal(found[key], wanted, equal_nan=numbers):
+            raise DatasetError(
+                f"{path} is there with another {key}, by another version of this program or of"
+                " the prior; --overwrite makes all shards anew"
+            )
+    return arrays
+
+
+def _length(columns: Columns) -> int:
+    return len(columns["push_id"])
+
+
+def _joined(parts: Sequence[Columns]) -> Columns:
+    if len(parts) == 1:
+        return parts[0]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _cut(columns: Columns, rows: slice) -> Columns:
+    return {name: column[rows] for name, column in columns.items()}
+
+
+def _tidy(columns: Columns, rows: slice) -> Columns:
+    """Return some rows with their keys in order, and texts no wider than the longest of them."""
+    tidy = {}
+    for name in KEYS:
+        column = columns[name][rows]
+        if column.dtype.kind == "U":
+            width = max(int(np.strings.str_len(column).max()), 1)
+            column = column.astype(f"<U{width}")
+        tidy[name] = np.ascontiguousarray(column)
+    return tidy

@@ -1,0 +1,128 @@
+"""LeRobot's format, version 3.0, through `lerobot`: a frame is a push, at one frame a second.
+
+An unbroken sequence of pushes (see `StoredRows.sequences`) is an episode. Its frames hold the state
+before the push (``observation.state``), the goal and its tolerance
+(``observation.environment_state``), the push (``action``), what became of it (``next.*``), and the
+other columns of the npz shards under their own names. ``timestamp`` counts frames; real times are
+in the stamps [ns]. LeRobot's loader has no unsigned numbers: ids are stored as signed ones.
+"""
+
+import os
+import sys
+import warnings
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import torch
+from numpy import ndarray
+
+from sain_bags.dataset.formats.rows import StoredRows, goal_distance, reached
+from sain_bags.dataset.formats.shards import Columns
+from sain_core.push import PUSH_NAMES
+from sain_core.scene import STATE_NAMES
+from sain_core.split import PARTS
+
+os.environ.setdefault("HF_HUB_OFFLINE", "1")  # nothing here needs a hub; read on import
+declared: Final = torch.library.Library("torchvision", "FRAGMENT")  # for as long as this lives
+
+
+def _import_torchvision() -> None:
+    """Import what `lerobot` imports, also beside a PyTorch for CPUs.
+
+    Torchvision's wheels are built for CUDA. Without it their operators cannot be loaded, and their
+    Python part, of which `lerobot` needs a little, asks that one of them be declared at least.
+    """
+    with warnings.catch_warnings(action="ignore", category=UserWarning):
+        try:
+            import torchvision
+        except RuntimeError:
+            for name in [name for name in sys.modules if name.partition(".")[0] == "torchvision"]:
+                del sys.modules[name]
+            declared.define("nms(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+            import torchvision  # noqa: F401
+
+
+_import_torchvision()
+
+from lerobot.datasets.lerobot_dataset import LeRobotDataset  # noqa: E402
+from lerobot.datasets.utils import write_info, write_stats  # noqa: E402
+from lerobot.utils.utils import SuppressProgressBars  # noqa: E402
+
+FRAMES_A_SECOND: Final = 1
+TASK: Final = "Push the mid disk so that it pushes the target disk to the goal."
+STATE: Final = "observation.state"
+GOAL: Final = "observation.environment_state"
+RENAMED: Final = {"state": STATE, "next_state": "next.state"}
+JOINED: Final = ("goal", "tolerance")  # are `GOAL`
+
+
+def write(rows: StoredRows, folder: Path) -> None:
+    """Write a data set; the parts of its split follow one another, as ``info.json`` says."""
+    dataset: Any = None
+    splits, count = {}, 0
+    with SuppressProgressBars(), warnings.catch_warnings(action="ignore", category=RuntimeWarning):
+        for part in PARTS:
+            first = count
+            for columns in rows.sequences(part):
+                frames = _frames(columns)
+                dataset = dataset or _create(folder, frames, rows)
+                _save(dataset, frames)
+                count += 1
+            splits[part] = f"{first}:{count}"
+        dataset.finalize()
+    dataset.meta.info["splits"] = splits
+    write_info(dataset.meta.info, folder)
+    write_stats(dict(sorted(dataset.meta.stats.items())), folder)  # else in the order of hashes
+
+
+def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
+    names = ("mid", "target", *(f"disk{index}" for index in range(2, rows.disks)))
+    states = [f"{disk}_{name}" for disk in names for name in STATE_NAMES]
+    named = {STATE: states, "next.state": states, "physics_next": states}
+    named |= {"action": list(PUSH_NAMES), GOAL: ["goal_x", "goal_y", "tolerance"]}
+    features = {
+        key: {
+            "dtype": "string" if values.dtype.kind == "U" else str(values.dtype),
+            "shape": values.shape[1:] or (1,),
+            "names": named.get(key),
+        }
+        for key, values in frames.items()
+    }
+    return LeRobotDataset.create(
+        rows.name,
+        fps=FRAMES_A_SECOND,
+        features=features,
+        root=folder,
+        use_videos=False,
+        video_backend="pyav",  # or it looks for another, and says what it did not find
+    )
+
+
+def _frames(columns: Columns) -> Columns:
+    """Return what a frame holds, by LeRobot's keys."""
+    frames = {
+        RENAMED.get(key, key): _signed(values)
+        for key, values in columns.items()
+        if key not in JOINED
+    }
+    frames[GOAL] = np.column_stack([columns[key] for key in JOINED])
+    frames["next.reward"] = -goal_distance(columns)
+    frames["next.success"] = reached(columns)
+    frames["next.done"] = np.arange(len(columns["episode"])) == len(columns["episode"]) - 1
+    return frames
+
+
+def _signed(values: ndarray) -> ndarray:
+    return values.view(np.int64) if values.dtype == np.uint64 else values
+
+
+def _save(dataset: LeRobotDataset, frames: Columns) -> None:
+    """Save an episode, as a whole: frame by frame `lerobot` cannot, with NumPy from 2.4 on."""
+    count = len(frames["action"])
+    episode = dataset.create_episode_buffer()
+    episode |= {key: list(values) for key, values in frames.items()}
+    episode["frame_index"] = list(range(count))
+    episode["timestamp"] = [index / FRAMES_A_SECOND for index in range(count)]
+    episode |= {"size": count, "task": [TASK] * count}
+    dataset.save_episode(episode)

@@ -1,0 +1,1 @@
+"""MCAP files: their chunks, indexes and damage. Imports nothing of this package."""

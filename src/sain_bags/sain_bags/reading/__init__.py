@@ -1,0 +1,1 @@
+"""Bags as they are read. May import `writing`, `bag` and `mcap`."""

@@ -1,0 +1,249 @@
+"""Reads bags without ROS: every message is decoded with the definitions that the bag carries."""
+
+import struct
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from mcap.records import McapRecord
+from mcap.stream_reader import StreamReader
+from mcap_ros2.decoder import DecoderFactory
+
+from sain_bags.bag.bag_folder import find_files
+from sain_bags.mcap.integrity import check_summary, opened
+from sain_bags.reading.bag_files import BagChannel, BagFiles
+from sain_bags.reading.batches import Batch
+from sain_bags.reading.foreign import CopiedBag, is_foreign
+from sain_core.errors import DatasetError
+
+DECODING: Final = (ValueError, IndexError, KeyError, struct.error, MemoryError)
+
+
+@dataclass(frozen=True)
+class TopicSummary:
+    """One topic of a bag."""
+
+    name: str
+    type: str
+    messages: int
+    offered_qos: str = ""  # the publishers' profiles as the recorder wrote them, YAML
+    type_hash: str = ""  # RIHS01_..., empty where the recorder did not know it
+
+
+class Raw(NamedTuple):
+    """One message as it was received, not decoded."""
+
+    topic: str
+    type: str
+    data: bytes  # CDR, with its encapsulation header
+    log_time: int  # [ns since the epoch], received
+    publish_time: int  # [ns since the epoch]
+    sequence: int  # the publisher's count, 0: not known
+
+
+@dataclass(frozen=True)
+class Received:
+    """One decoded message and when it came."""
+
+    topic: str
+    type: str
+    message: Any  # attributes named as the definition's fields
+    log_time: int  # [ns since the epoch], received
+    publish_time: int  # [ns since the epoch]
+
+
+class Bag:
+    """A whole bag: a rosbag2 folder with one or more files, or one MCAP file alone.
+
+    Everything that is read is checked against the CRCs in MCAP files. Of any other storage a copy
+    is made for as long as the bag is read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open a bag.
+
+        Raises:
+            DatasetError: not a bag, not whole, or damaged; the message says what to do.
+        """
+        self.path = path
+        self.metadata, self.files = find_files(path)
+        self._copy = CopiedBag(path) if is_foreign(self.metadata) else None
+        self._content = BagFiles((self._copy.file,) if self._copy else self.files)
+        self.channels = self._content.channels
+        self._statistics = self._content.statistics
+
+    @property
+    def file(self) -> Path:
+        """The first of its files; all of them are `files`."""
+        return self.files[0]
+
+    @property
+    def size(self) -> int:
+        """All its files' size [bytes]."""
+        return sum(file.stat().st_size for file in self.files)
+
+    @property
+    def topics(self) -> tuple[TopicSummary, ...]:
+        """All topics, by name."""
+        counts: Counter[tuple[str, str]] = Counter()
+        about: dict[tuple[str, str], Mapping[str, str]] = {}
+        for found in self.channels:
+            key = found.topic, found.type
+            numbers = self._statistics[found.file].channel_message_counts
+            counts[key] += numbers.get(found.channel.id, 0)
+            about[key] = {**about.get(key, {}), **found.channel.metadata}
+        told = self._told_topics()
+        return tuple(
+            TopicSummary(
+                *key,
+                counts[key],
+                about[key].get("offered_qos_profiles", ""),
+                about[key].get("topic_type_hash") or told.get(key, ""),
+            )
+            for key in sorted(counts)
+        )
+
+    @property
+    def message_count(self) -> int:
+        """Messages in the bag."""
+        return sum(part.message_count for part in self._statistics)
+
+    @property
+    def start(self) -> int:
+        """When the first message was received [ns since the epoch]."""
+        filled = (part for part in self._statistics if part.message_count)
+        return min((part.message_start_time for part in filled), default=0)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last message [s]."""
+        filled = (part for part in self._statistics if part.message_count)
+        end = max((part.message_end_time for part in filled), default=0)
+        return 1e-9 * (end - self.start)
+
+    @property
+    def custom_data(self) -> dict[str, str]:
+        """What the recording says about itself."""
+        return dict(self.metadata.get("custom_data") or {})
+
+    def messages(
+        self, topics: Collection[str] | None = None, types: Collection[str] | None = None
+    ) -> Iterator[Received]:
+        """Yield messages in the order in which they were received.
+
+        Args:
+            topics: only these; None: all.
+            types: only of these types; None: all.
+
+        Raises:
+            DatasetError: damage was found on the way.
+        """
+        wanted = [
+            topic.name
+            for topic in self.topics
+            if (topics is None or topic.name in topics) and (types is None or topic.type in types)
+        ]
+        decoders: dict[tuple[str, bytes], Callable[[bytes], Any]] = {}
+        for number, raw in self._numbered(wanted, None):
+            schema = self.channels[number].schema
+            key = (raw.type, schema.data if schema else b"")
+            if key not in decoders:
+                decoders[key] = _decoder(self.channels[number], self.path)
+            try:
+                message = decoders[key](raw.data)
+            except DECODING as error:
+                raise DatasetError(
+                    f"{self.path}: a message of {raw.topic} is not as its definition says ({error})"
+                ) from error
+            yield Received(raw.topic, raw.type, message, raw.log_time, raw.publish_time)
+
+    def raw_messages(
+        self, topics: Collection[str] | None = None, start: int | None = None
+    ) -> Iterator[Raw]:
+        """Yield messages as they are, in the order in which they were received, over all files.
+
+        Args:
+            topics: only these; None: all.
+            start: only those received then or later [ns since the epoch]; None: all.
+
+        Raises:
+            DatasetError: damage was found on the way.
+        """
+        for _, raw in self._numbered(topics, start):
+            yield raw
+
+    def batches(
+        self, topics: Collection[str] | None = None, start: int | None = None
+    ) -> Iterator[Batch]:
+        """Yield messages by the thousand, in the order in which they were received.
+
+        Args:
+            topics: only these; None: all.
+            start: only those received then or later [ns since the epoch]; None: all.
+
+        Raises:
+            DatasetError: damage was found on the way.
+        """
+        for batch in self._content.batches(topics, start):
+            chosen = batch if start is None else batch[batch.log_times >= start]
+            if len(chosen):
+                yield chosen
+
+    def check(self) -> None:
+        """Read the whole file and compare every CRC.
+
+        Raises:
+            DatasetError: a bit is not as it was written.
+        """
+        for _ in self.records():
+            pass
+
+    def records(self) -> Iterator[McapRecord]:
+        """Yield every record as `mcap` has it, comparing every CRC on the way.
+
+        Raises:
+            DatasetError: a bit is not as it was written.
+        """
+        for file in self._content.paths:
+            with opened(file) as stream:
+                yield from StreamReader(stream, validate_crcs=True).records
+                check_summary(stream)
+
+    def _told_topics(self) -> dict[tuple[str, str], str]:
+        """Return the hashes of types that ``metadata.yaml`` tells of, by topic and type."""
+        listed = self.metadata.get("topics_with_message_count") or []
+        topics = [entry.get("topic_metadata", {}) for entry in listed]
+        return {
+            (topic.get("name"), topic.get("type")): str(topic.get("type_description_hash") or "")
+            for topic in topics
+        }
+
+    def _numbered(
+        self, topics: Collection[str] | None, start: int | None
+    ) -> Iterator[tuple[int, Raw]]:
+        """Yield messages, each with the number of its channel in the bag."""
+        names = [(channel.topic, channel.type) for channel in self.channels]
+        for batch in self.batches(topics, start):
+            data = batch.data.tobytes()
+            columns = (
+                batch.channels, batch.starts, batch.starts + batch.sizes, batch.log_times,
+                batch.publish_times, batch.sequences,
+            )  # fmt: skip
+            rows = zip(*(column.tolist() for column in columns), strict=True)
+            for number, first, end, log_time, publish_time, sequence in rows:
+                topic, kind = names[number]
+                yield number, Raw(topic, kind, data[first:end], log_time, publish_time, sequence)
+
+
+def _decoder(source: BagChannel, path: Path) -> Callable[[bytes], Any]:
+    encoding = source.channel.message_encoding
+    found = DecoderFactory().decoder_for(encoding, source.schema)
+    if found is None:
+        described = source.schema.encoding if source.schema else "nothing"
+        raise DatasetError(
+            f"{path}: {source.topic} is {encoding!r} and described by {described!r};"
+            " only CDR that a ros2msg text describes can be decoded"
+        )
+    return found

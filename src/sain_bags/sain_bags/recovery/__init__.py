@@ -1,0 +1,1 @@
+"""A whole bag from a damaged one. May import `bag` and `mcap`."""

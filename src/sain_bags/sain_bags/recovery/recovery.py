@@ -1,0 +1,234 @@
+"""Makes a whole bag of what a truncated or damaged one still holds.
+
+A chunk is taken whole when its CRC is right and skipped when it is not: no message comes through
+that is not, byte for byte, what was recorded. Messages outside of chunks have no CRC of their own;
+they are taken too, and reported as unchecked where the file is damaged.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Metadata, Schema
+
+from sain_bags.bag.metadata import METADATA_RECORD, read_record
+from sain_bags.mcap.chunks import MESSAGE_HEAD, OpenedChunk, open_chunk
+from sain_bags.mcap.scanner import Gap, Record, Scanner, is_exact, parse
+from sain_bags.recovery.bag_copy import BagCopy
+from sain_bags.recovery.recovery_report import FileReport, Loss, Outcome, Report
+from sain_bags.recovery.verified_summary import (
+    Sidecar,
+    TrustedSummary,
+    complete_sidecar,
+    read_sidecar,
+    read_trusted_summary,
+)
+from sain_core.errors import DatasetError, OutputError
+
+Advance = Callable[[int], object]  # told how many bytes were gone through
+
+
+def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Report:
+    """Write a new bag with all that is undamaged in another; none where nothing is.
+
+    Args:
+        source: a bag's folder, also without ``metadata.yaml``, or an MCAP file.
+        out: the new bag's folder, which must not exist.
+        advance: called after each record.
+
+    Raises:
+        DatasetError: there is no MCAP file at the source.
+        OutputError: the new folder exists, or the source or the disk cannot be used.
+    """
+    sidecar = read_sidecar(source)
+    try:
+        with BagCopy(out) as copy:
+            files = tuple(_recover_file(path, copy, advance) for path in sidecar.files)
+            sidecar = complete_sidecar(sidecar, files[-1].about, files[-1].said)
+            report = _report(files, copy, sidecar)
+            if report.outcome != Outcome.NOTHING:
+                copy.finish(_custom_data(sidecar, report, source), sidecar.ros_distro)
+            return report
+    except OutputError:
+        raise
+    except OSError as error:
+        reason = error.strerror or error
+        raise OutputError(f"cannot recover {source} to {out}: {reason}") from error
+
+
+def _report(files: tuple[FileReport, ...], copy: BagCopy, sidecar: Sidecar) -> Report:
+    return Report(
+        files=files,
+        counts=copy.counts,
+        start=copy.span.start,
+        end=copy.span.end,
+        listed=sidecar.counts,
+        lost=sidecar.lost,
+        note=sidecar.note,
+    )
+
+
+def _custom_data(sidecar: Sidecar, report: Report, source: Path) -> dict[str, str]:
+    """Whoever opens the new bag should see that it is not all that was recorded."""
+    if report.outcome == Outcome.LOSSLESS:
+        return dict(sidecar.custom_data)
+    return {**sidecar.custom_data, "recovered": f"with losses, from {source.name}"}
+
+
+def _recover_file(path: Path, copy: BagCopy, advance: Advance) -> FileReport:
+    with path.open("rb") as stream:
+        summary = read_trusted_summary(stream)
+        scanner = Scanner(stream)
+        salvage = _Salvage(FileReport(path.name, scanner.size), copy, summary)
+        place = 0
+        for found in scanner:
+            salvage.take(found)
+            advance(found.end - place)
+            place = found.end
+        return salvage.finish(scanner)
+
+
+class _Salvage:
+    """One file's records on their way into the new bag."""
+
+    def __init__(self, report: FileReport, copy: BagCopy, summary: TrustedSummary | None) -> None:
+        self._report = report
+        self._copy = copy
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._numbers: dict[int, int] = {}  # of channels, here and in the copy
+        self._unchecked: set[int] = set()  # channels whose description no CRC vouches for
+        self._chunk = 0
+        self._last_time: int | None = None
+        self._loss: Loss | None = None  # the latest, while nothing was saved after it
+        self._open: list[Loss] = []  # those of which it is not known yet when they end
+        if summary is not None:
+            self._declare(list(summary.schemas.values()), list(summary.channels.values()))
+            report.expected, report.expected_extras = summary.counts, summary.extras
+            report.said = summary.says
+
+    def take(self, found: Record | Gap) -> None:
+        """Save a record, or note what is lost."""
+        if isinstance(found, Gap):
+            self._chunk += found.is_chunk
+            self._lose(found, found.reason, is_chunk=found.is_chunk)
+        elif found.opcode == Opcode.CHUNK:
+            self._take_chunk(found)
+        elif found.opcode == Opcode.MESSAGE:
+            if not self._write(memoryview(found.content), checked=False):
+                self._lose(found, "its channel is not known", messages=1)
+        elif found.opcode == Opcode.MESSAGE_INDEX:
+            self._count_lost(found)
+        elif found.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            self._take_description(found)
+        elif found.opcode in (Opcode.METADATA, Opcode.ATTACHMENT):
+            self._take_extra(found)
+
+    def finish(self, scanner: Scanner) -> FileReport:
+        """Return the report of the whole file."""
+        report = self._report
+        report.ended, report.matches = scanner.ended, scanner.matches
+        if not report.ended and (self._loss is None or self._loss.end < scanner.size):
+            end = Gap(scanner.size, scanner.size, False, "the recording has no end")
+            self._lose(end, end.reason)
+        for topic in {channel.topic for channel in self._channels.values()}:
+            report.counts.setdefault(topic, 0)
+        return report
+
+    def _take_chunk(self, record: Record) -> None:
+        self._chunk += 1
+        try:
+            opened = open_chunk(record.content)
+            self._declare(*_descriptions(opened), checked=opened.checked)
+        except DatasetError as error:
+            self._lose(record, str(error), is_chunk=True)
+            return
+        self._report.chunks += 1
+        orphans = 0
+        for opcode, content in opened.records:
+            if opcode == Opcode.MESSAGE:
+                orphans += not self._write(content, opened.checked)
+        if orphans:
+            reason = "the description of a channel was lost before"
+            self._lose(record, reason, is_chunk=True, messages=orphans)
+            self._loss = None  # the index behind the chunk counts also those that were saved
+
+    def _take_description(self, record: Record) -> None:
+        found = parse(record.opcode, record.content)
+        try:
+            if record.opcode == Opcode.SCHEMA:
+                self._declare([found], [], checked=False)
+            else:
+                self._declare([], [found], checked=False)
+        except DatasetError as error:
+            self._lose(record, str(error))
+
+    def _declare(
+        self, schemas: list[Schema], channels: list[Channel], checked: bool = True
+    ) -> None:
+        """Learn descriptions, all or, where they contradict what is known, none."""
+        new_schemas = {**self._schemas, **{schema.id: schema for schema in schemas}}
+        new_channels = {**self._channels, **{channel.id: channel for channel in channels}}
+        changed = any(new_schemas[number] != known for number, known in self._schemas.items())
+        if changed or any(new_channels[n] != known for n, known in self._channels.items()):
+            raise DatasetError("it describes a channel otherwise than the file does before")
+        for channel in channels:
+            schema = new_schemas.get(channel.schema_id)
+            lost = channel.schema_id and schema is None  # its messages could not be decoded
+            if channel.id not in self._numbers and not lost:
+                self._numbers[channel.id] = self._copy.add_channel(channel, schema)
+                if not checked:
+                    self._unchecked.add(channel.id)
+        self._schemas, self._channels = new_schemas, new_channels
+
+    def _write(self, content: memoryview, checked: bool) -> bool:
+        """Save a message; return whether its channel is known."""
+        channel, sequence, received, published = MESSAGE_HEAD.unpack_from(content)
+        number = self._numbers.get(channel)
+        if number is None:
+            return False
+        data = bytes(content[MESSAGE_HEAD.size :])
+        self._copy.write(number, sequence, received, published, data)
+        topic = self._channels[channel].topic
+        self._report.counts[topic] = self._report.counts.get(topic, 0) + 1
+        self._report.unchecked += not checked or channel in self._unchecked
+        self._last_time = max(self._last_time or received, received)
+        for loss in self._open:
+            loss.before = received
+        self._open.clear()
+        self._loss = None
+        return True
+
+    def _take_extra(self, record: Record) -> None:
+        extra = parse(record.opcode, record.content)
+        if isinstance(extra, Metadata) and extra.name == METADATA_RECORD:  # it is made anew
+            self._report.about = read_record(extra) or self._report.about
+        else:
+            self._report.extras += 1
+            self._copy.add_extra(extra)
+
+    def _lose(
+        self, place: Record | Gap, reason: str, is_chunk: bool = False, messages: int | None = None
+    ) -> None:
+        number = self._chunk if is_chunk else None
+        name = self._report.name
+        self._loss = Loss(name, place.start, place.end, reason, number, messages, self._last_time)
+        self._report.losses.append(self._loss)
+        self._open.append(self._loss)
+
+    def _count_lost(self, record: Record) -> None:
+        """Count, from the index behind it, the messages of a chunk that was skipped."""
+        if self._loss is not None and self._loss.chunk is not None:
+            self._loss.messages = (self._loss.messages or 0) + (len(record.content) - 6) // 16
+
+
+def _descriptions(opened: OpenedChunk) -> tuple[list[Schema], list[Channel]]:
+    schemas: list[Schema] = []
+    channels: list[Channel] = []
+    for opcode, content in opened.records:
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            if not is_exact(opcode, content):
+                raise DatasetError("a description in it is damaged")
+            found = parse(opcode, content)
+            schemas.append(found) if opcode == Opcode.SCHEMA else channels.append(found)
+    return schemas, channels

@@ -1,0 +1,133 @@
+"""What a damaged bag still says about itself and can be believed, so that losses can be counted."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import IO, Any, Final
+
+import yaml
+from mcap.records import Channel, MetadataIndex, Schema, Statistics
+from mcap.stream_reader import StreamReader
+
+from sain_bags.bag.metadata import METADATA_FILE, METADATA_RECORD
+from sain_bags.mcap.integrity import DAMAGE, check_summary
+from sain_core.errors import DatasetError
+
+DEFAULT_DISTRO: Final = "jazzy"
+
+
+@dataclass(frozen=True)
+class TrustedSummary:
+    """The end of an MCAP file whose CRC is right."""
+
+    schemas: Mapping[int, Schema]
+    channels: Mapping[int, Channel]
+    counts: Mapping[str, int]  # messages by topic
+    extras: int  # attachments and metadata, but for what it says of its bag
+    says: bool  # whether it says something of its bag
+
+
+def read_trusted_summary(stream: IO[bytes]) -> TrustedSummary | None:
+    """Return a file's summary, None where there is none or no CRC says that it is undamaged."""
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    statistics, says = None, 0
+    try:
+        footer = check_summary(stream)
+        if not footer.summary_start or not footer.summary_crc:
+            return None
+        stream.seek(footer.summary_start)
+        for record in StreamReader(stream, skip_magic=True).records:
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+            elif isinstance(record, Statistics):
+                statistics = record
+            elif isinstance(record, MetadataIndex):
+                says += record.name == METADATA_RECORD
+    except DAMAGE:
+        return None
+    if statistics is None or not set(statistics.channel_message_counts) <= set(channels):
+        return None
+    counts = {channel.topic: 0 for channel in channels.values()}
+    for number, count in statistics.channel_message_counts.items():
+        counts[channels[number].topic] += count
+    extras = statistics.attachment_count + statistics.metadata_count - says
+    return TrustedSummary(schemas, channels, counts, extras, bool(says))
+
+
+@dataclass(frozen=True)
+class Sidecar:
+    """What ``metadata.yaml`` says, as far as it can be read."""
+
+    files: tuple[Path, ...]  # of the bag, in their order
+    custom_data: Mapping[str, str] = field(default_factory=dict)
+    ros_distro: str = DEFAULT_DISTRO
+    counts: Mapping[str, int] | None = None  # messages by topic
+    lost: str = ""  # what is lost for certain
+    note: str = ""  # what is amiss but no loss
+    is_read: bool = True  # whether the file could be
+
+
+def complete_sidecar(sidecar: Sidecar, about: Mapping[str, Any], was_more: bool) -> Sidecar:
+    """Take from what an MCAP file says of its bag what ``metadata.yaml`` does not say any more.
+
+    Args:
+        sidecar: what it says.
+        about: what the file still says.
+        was_more: whether the file once said something.
+    """
+    if sidecar.is_read:
+        return sidecar
+    if not about:
+        lost = sidecar.lost or ("what the file said of its bag" if was_more else "")
+        return replace(sidecar, lost=lost)
+    custom_data, ros_distro = _about_bag(about)
+    note = sidecar.note or f"{METADATA_FILE} cannot be read; what the MCAP file says is taken"
+    return replace(sidecar, custom_data=custom_data, ros_distro=ros_distro, lost="", note=note)
+
+
+def read_sidecar(source: Path) -> Sidecar:
+    """Find the MCAP files of a bag, and what stands beside them.
+
+    Args:
+        source: a bag's folder, or one MCAP file.
+
+    Raises:
+        DatasetError: there is no such file.
+    """
+    if source.is_file():
+        return Sidecar((source,), is_read=False)
+    files = tuple(sorted(source.glob("*.mcap"), key=lambda path: (len(path.name), path.name)))
+    if not files:
+        raise DatasetError(f"there is no MCAP file at {source}")
+    if not (source / METADATA_FILE).is_file():
+        note = f"{METADATA_FILE} is missing: the recording was not closed"
+        return Sidecar(files, note=note, is_read=False)
+    try:
+        content = yaml.safe_load((source / METADATA_FILE).read_text(encoding="utf-8"))
+        return _sidecar(files, source, content["rosbag2_bagfile_information"])
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, yaml.YAMLError):
+        lost = f"{METADATA_FILE} cannot be read: custom data is lost"
+        return Sidecar(files, lost=lost, is_read=False)
+
+
+def _sidecar(files: tuple[Path, ...], source: Path, about: Mapping[str, Any]) -> Sidecar:
+    counts: dict[str, int] = {}
+    for topic in about["topics_with_message_count"]:
+        name = topic["topic_metadata"]["name"]
+        counts[name] = counts.get(name, 0) + int(topic["message_count"])
+    missing = [str(n) for n in about["relative_file_paths"] if not (source / str(n)).is_file()]
+    return Sidecar(
+        files,
+        *_about_bag(about),
+        counts,
+        f"{METADATA_FILE} names files that are not there: {', '.join(missing)}" if missing else "",
+    )
+
+
+def _about_bag(about: Mapping[str, Any]) -> tuple[dict[str, str], str]:
+    custom_data = dict(about.get("custom_data") or {})
+    distro = str(about.get("ros_distro") or DEFAULT_DISTRO)
+    return {str(key): str(value) for key, value in custom_data.items()}, distro

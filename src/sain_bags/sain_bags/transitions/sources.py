@@ -1,0 +1,151 @@
+"""The recordings that a data set is made from: found, checked for what is needed, and named."""
+
+import hashlib
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from sain_bags.bag.metadata import METADATA_FILE
+from sain_bags.reading.reader import Bag
+from sain_bags.transitions.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE, parent_of
+from sain_bags.transitions.wanted_fields import PUSH
+from sain_core.errors import DatasetError
+
+ALWAYS: Final = frozenset({PUSH, PUSH_RESULT, PREDICTION, GOAL})
+
+
+@dataclass(frozen=True)
+class Source:
+    """One graph's part of one recording."""
+
+    bag: Bag
+    namespace: str
+    sha256: str  # of the MCAP files, one after the other
+    counts: dict[str, int]  # messages by type
+
+    @property
+    def has_results(self) -> bool:
+        """Whether any push is answered."""
+        return self.counts[PUSH_RESULT] > 0
+
+    @property
+    def has_predictions(self) -> bool:
+        """Whether any push is predicted."""
+        return self.counts[PREDICTION] > 0
+
+    @property
+    def needs_scenes(self) -> bool:
+        """Whether there are pushes without a result: the scenes around them tell what happened."""
+        return self.counts[PUSH] > self.counts[PUSH_RESULT]
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The topics to read: scenes, often thousands a second, only where they must be."""
+        types = ALWAYS | {SCENE} if self.needs_scenes else ALWAYS
+        return tuple(
+            topic.name
+            for topic in self.bag.topics
+            if topic.type in types and parent_of(topic.name) == self.namespace
+        )
+
+    @property
+    def messages(self) -> int:
+        """How many messages there are to read."""
+        return sum(topic.messages for topic in self.bag.topics if topic.name in self.topics)
+
+    def describe(self) -> dict[str, Any]:
+        """Return what a card says about it."""
+        return {
+            "path": str(self.bag.path),
+            "sha256": self.sha256,
+            "namespace": self.namespace,
+            "messages": {name.rpartition("/")[2]: count for name, count in self.counts.items()},
+            "custom_data": self.bag.custom_data,
+        }
+
+
+def find_sources(paths: Sequence[Path], namespace: str | None = None) -> tuple[Source, ...]:
+    """Open recordings and check that each holds what a row needs.
+
+    Args:
+        paths: bags, MCAP files, or folders with bags somewhere below them.
+        namespace: of the graph; needed only where a bag holds several.
+
+    Raises:
+        DatasetError: no bag, a damaged one, one without the topics that are needed, one that
+            holds several graphs where none was chosen, or the same recording twice.
+    """
+    if not paths:
+        raise DatasetError("no recording is given; name bags, MCAP files or folders with bags")
+    sources: list[Source] = []
+    for path in paths:
+        sources += [_open(bag, namespace) for bag in find_bags(path)]
+    seen: dict[str, Path] = {}
+    for source in sources:
+        if source.sha256 in seen:
+            raise DatasetError(
+                f"{seen[source.sha256]} and {source.bag.path} are the same recording; give it once"
+            )
+        seen[source.sha256] = source.bag.path
+    return tuple(sources)
+
+
+def find_bags(path: Path) -> tuple[Path, ...]:
+    """Return the path when it is a bag or looks like a broken one, else the bags below it."""
+    if not path.is_dir() or (path / METADATA_FILE).exists() or any(path.glob("*.mcap")):
+        return (path,)
+    # Also one that was not closed: it is named in an error, and not passed over.
+    files = [*path.rglob(METADATA_FILE), *path.rglob("*.mcap")]
+    return tuple(sorted({file.parent for file in files})) or (path,)
+
+
+def _open(path: Path, namespace: str | None) -> Source:
+    bag = Bag(path)
+    found = _namespaces(bag, {PUSH, PUSH_RESULT}) or _namespaces(bag, {SCENE})
+    chosen = _choose(bag, found, namespace)
+    counts = dict.fromkeys(sorted(ALWAYS | {SCENE}), 0)
+    for topic in bag.topics:
+        if topic.type in counts and parent_of(topic.name) == chosen:
+            counts[topic.type] += topic.messages
+    if not counts[PUSH_RESULT]:
+        missing = [name for name in (PUSH, SCENE) if not counts[name]]
+        if missing:
+            raise DatasetError(
+                f"{path} holds no pushes to learn from: no {PUSH_RESULT}, and to do without it"
+                f" no {' and no '.join(missing)}; it has {_contents(bag)}"
+            )
+    return Source(bag, chosen, _hash(bag.files), counts)
+
+
+def _choose(bag: Bag, found: Sequence[str], wanted: str | None) -> str:
+    if wanted is not None and wanted not in found:
+        held = f"only of {', '.join(found)}" if found else "and of no other"
+        raise DatasetError(f"{bag.path} holds no pushes of a graph {wanted!r}, {held}")
+    if wanted is None and len(found) > 1:
+        raise DatasetError(
+            f"{bag.path} holds the pushes of several graphs; choose one of {', '.join(found)}"
+            " with --namespace"
+        )
+    return wanted if wanted is not None else next(iter(found), "")
+
+
+def _namespaces(bag: Bag, types: Collection[str]) -> tuple[str, ...]:
+    return tuple(sorted({parent_of(topic.name) for topic in bag.topics if topic.type in types}))
+
+
+def _contents(bag: Bag) -> str:
+    held = [f"{topic.name} ({topic.messages})" for topic in bag.topics if topic.messages]
+    return ", ".join(held) or "no messages at all"
+
+
+def _hash(files: Sequence[Path]) -> str:
+    """Return the SHA-256 of files as if they were one."""
+    digest = hashlib.sha256()
+    for path in files:
+        try:
+            with path.open("rb") as file:
+                hashlib.file_digest(file, lambda: digest)
+        except OSError as error:
+            raise DatasetError(f"{path} cannot be read: {error.strerror or error}") from error
+    return digest.hexdigest()

@@ -1,0 +1,210 @@
+"""The graph's messages as columns: of each type, the fields that rows are made of.
+
+Whatever else a type has, and in whatever order, does not matter: it is read as the bag describes
+it.
+"""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy import ndarray
+
+from sain_bags.bag.layouts import Layout, find_layout
+from sain_bags.reading.bag_files import BagChannel
+from sain_bags.reading.batches import Batch
+from sain_bags.transitions.wanted_fields import (
+    DISKS,
+    FIELDS,
+    all_paths,
+    channel_types,
+    check_path,
+)
+from sain_core.errors import DatasetError
+from sain_core.scene import STATE_NAMES, STATE_SIZE
+
+KEPT_LAYOUTS: Final = 100  # of messages of one size
+
+
+@dataclass(frozen=True)
+class Disks:
+    """The disks of M scenes, of any number each."""
+
+    values: ndarray  # (disks of all scenes, 8)
+    firsts: ndarray  # (M,) where a scene's begin
+    counts: ndarray  # (M,)
+
+    def scenes(self, places: ndarray, count: int) -> ndarray:
+        """Return those of some scenes that have so many disks, (len(places), count, 8)."""
+        return self.values[self.firsts[places][:, None] + np.arange(count)]
+
+    def take(self, places: ndarray) -> "Disks":
+        """Return those of some scenes, and nothing of the others."""
+        counts = self.counts[places]
+        firsts = np.cumsum(counts) - counts
+        rows = np.repeat(self.firsts[places] - firsts, counts) + np.arange(counts.sum())
+        return Disks(self.values[rows], firsts, counts)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Messages of one type; entry i of each column is of the i-th."""
+
+    columns: dict[str, ndarray]  # (M,) by path
+    disks: dict[str, Disks]
+
+    def __len__(self) -> int:
+        """Return how many messages there are."""
+        return len(next(iter(self.columns.values())))
+
+    def take(self, rows: ndarray) -> "Table":
+        """Return some messages, and nothing of the others."""
+        columns = {name: column[rows] for name, column in self.columns.items()}
+        return Table(columns, {name: disks.take(rows) for name, disks in self.disks.items()})
+
+
+def join_tables(tables: Sequence[Table]) -> Table:
+    """Return the messages of several tables of one type, one after the other."""
+    if len(tables) == 1:
+        return tables[0]
+    columns = {
+        name: np.concatenate([table.columns[name] for table in tables])
+        for name in tables[0].columns
+    }
+    disks = {}
+    for name in tables[0].disks:
+        parts = [table.disks[name] for table in tables]
+        sizes = np.array([len(part.values) for part in parts])
+        shifts = np.repeat(np.cumsum(sizes) - sizes, [len(part.counts) for part in parts])
+        disks[name] = Disks(
+            np.concatenate([part.values for part in parts]),
+            np.concatenate([part.firsts for part in parts]) + shifts,
+            np.concatenate([part.counts for part in parts]),
+        )
+    return Table(columns, disks)
+
+
+def gather(wheres: "Sequence[tuple[Table, int]]") -> tuple[Table, ndarray]:
+    """Return one table that holds messages of several, and their rows in it."""
+    tables = {id(table): table for table, _ in wheres}
+    rows = np.array([row for _, row in wheres], dtype=np.int64)
+    if len(tables) > 1:
+        ends = np.cumsum([len(table) for table in tables.values()]).tolist()
+        bases = dict(zip(tables, [0, *ends[:-1]], strict=True))
+        rows += [bases[id(table)] for table, _ in wheres]
+    return join_tables(list(tables.values())), rows
+
+
+class TableReader:
+    """Decodes the messages of one channel."""
+
+    def __init__(self, channel: BagChannel) -> None:
+        """Read the channel's definitions.
+
+        Raises:
+            DatasetError: they cannot be read, or lack a field that is needed.
+        """
+        self._channel = channel
+        self._types = channel_types(channel)
+        self._layouts: defaultdict[int, list[Layout]] = defaultdict(list)
+        self._wanted = all_paths(FIELDS[channel.type])
+        for path in self._wanted:
+            check_path(self._types, channel.type, path)
+
+    def read(self, batch: Batch) -> Table:
+        """Return messages, which are all of this channel, as columns.
+
+        Raises:
+            DatasetError: one is not as its definition says.
+        """
+        builder = _Builder(FIELDS[self._channel.type], len(batch))
+        for size in np.unique(batch.sizes).tolist():
+            rows = np.flatnonzero(batch.sizes == size)
+            windows = np.lib.stride_tricks.sliding_window_view(batch.data, size)
+            whole = windows.view(f"V{size}")[:, 0][batch.starts[rows]]  # copied a message at once
+            messages = whole.view(np.uint8).reshape(-1, size)
+            for layout in self._layouts[size]:
+                rows, messages = builder.fill(layout, rows, messages)
+            while len(rows):
+                layout = self._find(messages[0].tobytes())
+                rows, messages = builder.fill(layout, rows, messages)
+        return builder.table()
+
+    def _find(self, message: bytes) -> Layout:
+        try:
+            layout = find_layout(self._types, self._channel.type, message, self._wanted)
+        except DatasetError as error:
+            raise DatasetError(f"{self._channel.topic}: {error}") from error
+        known = self._layouts[len(message)]
+        if len(known) >= KEPT_LAYOUTS:
+            known.clear()
+        known.append(layout)
+        return layout
+
+
+class _Builder:
+    """Takes messages layout by layout, and gives them back in their order."""
+
+    def __init__(self, fields: Sequence[str], count: int) -> None:
+        self._count = count
+        self._names = [name for name in fields if not name.endswith(DISKS)]
+        self._columns: dict[str, ndarray] = {}
+        self._parts: dict[str, list[ndarray]] = {
+            name: [] for name in fields if name.endswith(DISKS)
+        }
+        self._firsts = {name: np.zeros(count, dtype=np.int64) for name in self._parts}
+        self._counts = {name: np.zeros(count, dtype=np.int64) for name in self._parts}
+
+    def fill(self, layout: Layout, rows: ndarray, messages: ndarray) -> tuple[ndarray, ndarray]:
+        """Take the messages that a layout fits; return the others."""
+        fitting = layout.fits(messages)
+        if fitting.all():
+            self._take(layout, rows, messages)
+            return rows[:0], messages[:0]
+        if fitting.any():
+            self._take(layout, rows[fitting], messages[fitting])
+        return rows[~fitting], messages[~fitting]
+
+    def table(self) -> Table:
+        """Return all that was taken."""
+        disks = {
+            name: Disks(
+                np.concatenate(parts) if parts else np.empty((0, STATE_SIZE)),
+                self._firsts[name],
+                self._counts[name],
+            )
+            for name, parts in self._parts.items()
+        }
+        return Table(self._columns, disks)
+
+    def _take(self, layout: Layout, rows: ndarray, messages: ndarray) -> None:
+        for name in self._names:
+            if name in layout.texts:
+                values: ndarray | list[str] = layout.read_texts(name, messages)
+                kind = np.dtype(object)
+            else:
+                values = layout.read(name, messages)[:, 0]
+                kind = np.dtype(f"{values.dtype.kind}8")
+            if name not in self._columns:
+                self._columns[name] = np.empty(self._count, dtype=kind)
+            self._columns[name][rows] = values
+        for name, parts in self._parts.items():
+            count = layout.counts[name]
+            self._firsts[name][rows] = sum(map(len, parts)) + count * np.arange(len(rows))
+            self._counts[name][rows] = count
+            if count:
+                parts.append(_disks(layout, name, count, messages))
+
+
+def _disks(layout: Layout, name: str, count: int, messages: ndarray) -> ndarray:
+    """Return the disks of messages (M, size) as (M * count, 8)."""
+    numbers = [layout.numbers[f"{name}.{column}"] for column in STATE_NAMES]
+    (dtype, _), *others = numbers
+    if any(other[0] != dtype for other in others):
+        columns = [layout.read(f"{name}.{column}", messages) for column in STATE_NAMES]
+        return np.stack(columns, axis=-1).reshape(-1, STATE_SIZE)  # (M, count, 8) before
+    places = np.array([found for _, found in numbers]).T.ravel().tolist()
+    whole = Layout(layout.byte_order, numbers={name: (dtype, places)})
+    return whole.read(name, messages).astype(np.float64).reshape(-1, STATE_SIZE)

@@ -1,0 +1,1 @@
+"""Bags as they are recorded and split. May import `bag` and `mcap`."""

@@ -1,0 +1,118 @@
+"""What a recorder says while it records, and when it ends."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from sain_bags.writing.gaps import Gaps
+from sain_bags.writing.writer import BagWriter
+
+LIVE_PERIOD: Final = 0.5  # [s] between looks on a terminal
+
+
+@dataclass(frozen=True)
+class RecordingStatus:
+    """How far a recording is."""
+
+    seconds: float
+    messages: int
+    topics: int
+    unusable: int  # topics that cannot be recorded
+    size: int  # [bytes]
+    files: int
+    missing: tuple[tuple[str, str], ...]  # topics of which something is, and how much
+
+    @classmethod
+    def of(
+        cls, writer: BagWriter, gaps: Mapping[str, Gaps], unusable: int, seconds: float
+    ) -> "RecordingStatus":
+        """Look at a recording."""
+        counts = writer.counts
+        missing = tuple((name, gap.text()) for name, gap in gaps.items() if gap.missing)
+        return cls(
+            seconds,
+            sum(counts.values()),
+            len(counts),
+            unusable,
+            writer.parts.size,
+            len(writer.parts),
+            missing,
+        )
+
+    def line(self, rate: float) -> str:
+        """Return the status in a line, with the rate of messages since the last one [1/s]."""
+        minutes, seconds = divmod(int(self.seconds), 60)
+        parts = [
+            f"{minutes:02d}:{seconds:02d}",
+            f"{self.messages:,} messages",
+            f"{rate:,.0f}/s",
+            f"{self.size / 1e6:,.2f} MB" + (f" in {self.files} files" if self.files > 1 else ""),
+            f"{self.topics} topics" + (f", {self.unusable} unusable" if self.unusable else ""),
+            self.gaps(),
+        ]
+        return "  ".join(parts)
+
+    def gaps(self) -> str:
+        """Return what is missing, in words."""
+        if not self.missing:
+            return "none missing"
+        return "missing: " + ", ".join(f"{count} of {name}" for name, count in self.missing)
+
+    def final(self, out: Path, size: int) -> str:
+        """Return what is said of a recording that ended, of this size [bytes]."""
+        files = f" in {self.files} files" if self.files > 1 else ""
+        unusable = f"; {self.unusable} topics could not be" if self.unusable else ""
+        return (
+            f"Recorded {self.messages:,} messages on {self.topics} topics{unusable}"
+            f" in {self.seconds:.1f} s, {self.gaps()}: {out} ({size / 1e6:.2f} MB{files})"
+        )
+
+
+class StatusDisplay:
+    """Shows the status: one line that changes on a terminal, a line now and then elsewhere."""
+
+    def __init__(self, console: Console, period: float) -> None:
+        """Show it on a console; off a terminal every so often [s], 0: never."""
+        self._console = console
+        live = console.is_terminal
+        self._live = Live(console=console, auto_refresh=False, transient=True) if live else None
+        self._period = LIVE_PERIOD if live else period
+        self._shown_at = time.monotonic()
+        self._messages = 0
+
+    def show(self, status: Callable[[], RecordingStatus]) -> None:
+        """Show the status if it is time to."""
+        now = time.monotonic()
+        passed = now - self._shown_at
+        if not self._period or passed < self._period:
+            return
+        found = status()
+        line = found.line((found.messages - self._messages) / passed)
+        self._shown_at, self._messages = now, found.messages
+        if self._live is not None:
+            self._live.update(Text(line, overflow="ellipsis", no_wrap=True), refresh=True)
+        else:
+            self._console.print(line, highlight=False, markup=False)
+
+    def __enter__(self) -> "StatusDisplay":
+        """Begin to show it."""
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the terminal as it was."""
+        if self._live is not None:
+            self._live.stop()

@@ -1,0 +1,250 @@
+"""Writes bags: a folder with MCAP files and ``metadata.yaml``, as rosbag2 lays it out.
+
+A bag is whole when ``metadata.yaml`` stands, and that is written last, in one move. While it is
+being recorded, or after a crash, the folder holds an MCAP file without an end and no metadata:
+rosbag2 and its readers refuse such a folder, and what was flushed (`BagConfig.flush_period`)
+can still be recovered from the file.
+"""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from sain_bags.bag.metadata import Topic, bag_metadata, write_metadata
+from sain_bags.mcap.integrity import RESCUE
+from sain_bags.mcap.preallocated_file import free_space, removed_on_error
+from sain_bags.writing.latched import Held, Latched
+from sain_bags.writing.split_file import Part
+from sain_bags.writing.split_files import Parts
+from sain_core.config import Config, option
+from sain_core.errors import InvalidInputError, OutputError
+
+EARLY: Final = 0.9  # of the flush period: flushing takes a moment, too
+WORD: Final = 0xFFFFFFFF  # sequence numbers have 32 bits in MCAP
+
+
+@dataclass(frozen=True)
+class BagConfig(Config):
+    """How a bag is written."""
+
+    compression: str = option("zstd", "of each chunk", choices=("none", "lz4", "zstd"))
+    chunk_size: int = option(256 << 10, "chunks end at this size", unit="B", minimum=1 << 10)
+    flush_period: float = option(
+        1.0, "at most this much is lost in a crash", unit="s", minimum=0.01, maximum=60.0
+    )
+    split_size: int = option(
+        0, "another file is begun where one has grown to this size; 0: never", unit="B", minimum=0
+    )
+    split_duration: float = option(
+        0.0, "another file is begun after this time; 0: never", unit="s", minimum=0.0
+    )
+    min_free_space: int = option(
+        64 << 20, "recording ends with an error where the disk has less", unit="B", minimum=0
+    )
+
+
+class BagWriter:
+    """Writes one bag. Use it as a context manager; leaving it makes the bag whole."""
+
+    def __init__(
+        self,
+        folder: Path,
+        config: BagConfig = BagConfig(),
+        custom_data: Mapping[str, str] | None = None,
+        ros_distro: str = "jazzy",
+    ) -> None:
+        """Create the folder and the first MCAP file in it.
+
+        Raises:
+            OutputError: the folder exists, or cannot be written.
+        """
+        self.folder = folder
+        self.custom_data = dict(custom_data or {})  # may be added to until the bag is closed
+        self._config = config
+        self._ros_distro = ros_distro
+        self._topics: dict[str, Topic] = {}
+        self._channels: dict[str, int] = {}  # in the part
+        self._counts: dict[str, int] = {}
+        self._latched = Latched()
+        self.parts = Parts()
+        self._part_start = 0  # [ns since the epoch], its first message; 0: it has none yet
+        self._flush_at: float | None = None  # by `time.monotonic`; None: just flushed
+        self._closed = False
+        self._part = self._create()
+        self.parts.add(self._part)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages written so far, by topic; what was repeated in a later file counts once."""
+        return dict(self._counts)
+
+    def add_topic(self, topic: Topic) -> None:
+        """Announce a topic, or say more about one: the offered profiles of later publishers."""
+        self._topics[topic.name] = topic
+        self._counts.setdefault(topic.name, 0)
+        self._latched.add(topic)
+        self._channels[topic.name] = self._part.channel(topic)
+
+    def write(
+        self,
+        topic: str,
+        data: bytes,
+        received: int,
+        published: int | None = None,
+        sequence: int = 0,
+    ) -> None:
+        """Append one message.
+
+        Args:
+            topic: one that was added.
+            data: the message in CDR, with its encapsulation header.
+            received: when it was received [ns since the epoch], its log time.
+            published: when it was published [ns since the epoch]; None: not known.
+            sequence: the publisher's count of its messages, 0: not known.
+
+        Raises:
+            InvalidInputError: the topic was not added.
+            OutputError: the disk is full or failed. The bag can, and should, still be closed.
+        """
+        if topic not in self._channels:
+            raise InvalidInputError(f"topic {topic!r} was not added to the bag")
+        published = published or received
+        sequence &= WORD
+        try:
+            if self._is_part_done(received):
+                self._split(received)
+            self._part.write(self._channels[topic], sequence, received, published, data)
+        except OSError as error:
+            raise self._error(error) from error
+        self._part_start = self._part_start or received
+        self._counts[topic] += 1
+        held = self._latched.of(topic)
+        if held is not None:
+            held.append(Held(sequence, published, data))
+        self.flush_if_due()
+
+    def flush_if_due(self) -> None:
+        """Flush if what waits must not wait longer; call this also while nothing comes.
+
+        Raises:
+            OutputError: as `flush`.
+        """
+        now, period = time.monotonic(), EARLY * self._config.flush_period
+        self._flush_at = now + period if self._flush_at is None else self._flush_at
+        if now >= self._flush_at:
+            self.flush()
+        elif self._part.full:
+            self._check()
+
+    def flush(self) -> None:
+        """Hand everything written so far to the operating system.
+
+        Raises:
+            OutputError: the disk is full, nearly full or failed. The bag should still be closed.
+        """
+        self._flush_at = None
+        try:
+            self._part.end_chunk()
+            self._check()
+        except OSError as error:
+            raise self._error(error) from error
+
+    def close(self) -> None:
+        """Make the bag whole: end the file, then write ``metadata.yaml``.
+
+        Raises:
+            OutputError: the disk failed; the bag may be whole nevertheless, without its last chunk.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        self.parts.finish_last(self._topics.values(), self.custom_data)
+        failures = self.parts.close()
+        try:
+            if self.parts.are_whole:
+                write_metadata(self.folder, self._metadata())
+        except OSError as error:
+            failures.append(error)
+        for failure in failures:
+            if isinstance(failure, OSError):
+                raise self._error(failure) from failure
+            raise failure
+
+    def __enter__(self) -> "BagWriter":
+        """Return the writer."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Make the bag whole, also after an error elsewhere: what was recorded is true."""
+        self.close()
+
+    def _is_part_done(self, received: int) -> bool:
+        config = self._config
+        if not self._part_start or not (config.split_size or config.split_duration):
+            return False
+        if config.split_size and self._part.size >= config.split_size:
+            return True
+        age = 1e-9 * (received - self._part_start)
+        return 0.0 < config.split_duration <= age
+
+    def _split(self, received: int) -> None:
+        """Begin another file, which repeats what latched topics hold; end this one meanwhile."""
+        part = self._begin_part()
+        self.parts.finish_last(self._topics.values(), self.custom_data)
+        self.parts.add(part)
+        self._part, self._part_start, self._flush_at = part, 0, None
+        self._channels = {name: part.channel(topic) for name, topic in self._topics.items()}
+        for topic, held in self._latched:
+            part.write(self._channels[topic], held.sequence, received, held.published, held.data)
+
+    def _begin_part(self) -> Part:
+        path = self.folder / f"{self.folder.name}_{len(self.parts)}.mcap"
+        config = self._config
+        return Part(path, config.compression, config.chunk_size, self.custom_data, self._ros_distro)
+
+    def _metadata(self) -> dict[str, object]:
+        counts = self.parts.counts(self._topics)
+        topics = [(topic, counts[name]) for name, topic in self._topics.items()]
+        return bag_metadata(self.parts.summaries, topics, self.custom_data, self._ros_distro)
+
+    def _check(self) -> None:
+        if self._part.full:
+            raise OutputError(f"no space left for the bag {self.folder}: nothing more is recorded")
+        self.parts.check()
+        self._check_free_space()
+
+    def _check_free_space(self) -> None:
+        free, least = free_space(self.folder), self._config.min_free_space
+        if free < least:
+            raise OutputError(
+                f"only {free / 1e6:,.1f} MB are left on the disk for the bag {self.folder};"
+                f" {least / 1e6:,.1f} MB must stay free (--bag.min-free-space)"
+            )
+
+    def _create(self) -> Part:
+        folder = self.folder
+        try:
+            folder.mkdir(parents=True)
+            with removed_on_error(folder):
+                self._check_free_space()
+                return self._begin_part()
+        except FileExistsError as error:
+            raise OutputError(
+                f"{folder} exists; a bag is never overwritten, choose another"
+            ) from error
+        except OSError as error:
+            raise self._error(error) from error
+
+    def _error(self, error: OSError) -> OutputError:
+        if isinstance(error, OutputError):
+            return error
+        rescue = f"; {RESCUE}" if self._closed and not self.parts.are_whole else ""
+        return OutputError(f"cannot write the bag {self.folder}: {error.strerror or error}{rescue}")

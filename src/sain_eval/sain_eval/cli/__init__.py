@@ -1,0 +1,1 @@
+"""The command lines. May import every other room."""

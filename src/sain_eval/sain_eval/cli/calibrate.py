@@ -1,0 +1,138 @@
+"""``ros2 run sain_eval calibrate``: fit the planar prior to Bullet with the arm, and report."""
+
+import shlex
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final
+
+import tyro
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from sain_core.errors import SainError
+from sain_core.storage import write_json, write_whole
+from sain_eval.calibrate import Calibration, CalibrationConfig, calibrate
+from sain_eval.loop.files import output_folder
+from sain_model.data.dataset import Transitions, load_transitions
+from sain_sim.collecting.collect import CollectConfig, collect
+from sain_sim.collecting.episode import EpisodeConfig
+
+PARTS: Final = {"all": "All pushes", "target_moved": "Pushes that moved the target"}
+INTERRUPTED: Final = 130
+
+
+@dataclass(frozen=True)
+class Calibrate:
+    """Fit the planar prior's free parameters to pushes made in Bullet with the arm, and report.
+
+    Give a data set that was collected with --floor-episodes, so that the floor can stand beside
+    the errors, or none to have one collected here.
+    """
+
+    out: Path
+    """Folder for calibration.json and calibration.md; made if need be."""
+    dataset: Annotated[Path | None, tyro.conf.Positional] = None
+    """A shard *.npz or a folder of them; none: collect episodes into OUT/data first."""
+    episodes: int = 200
+    """Episodes to collect when no data set is given."""
+    collection_seed: int = 1000
+    """Of the collection."""
+    workers: int = 1
+    """Processes that collect."""
+    fit: CalibrationConfig = CalibrationConfig()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line."""
+    command = tyro.cli(
+        Calibrate, prog="calibrate", args=arguments, config=(tyro.conf.OmitArgPrefixes,)
+    )
+    try:
+        run(command, Console())
+    except SainError as error:
+        Console(stderr=True).print(f"[red]error:[/] {escape(str(error))}", highlight=False)
+        return 1
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    return 0
+
+
+def run(command: Calibrate, console: Console) -> Calibration:
+    """Load or collect, fit, judge and write the report.
+
+    Raises:
+        DatasetError, OutputError: see `sain_core.errors`.
+    """
+    out = output_folder(command.out)
+    data = _data(command, console)
+    with _bar(console) as bar:
+        task = bar.add_task("fit", total=command.fit.evaluations, cost=float("nan"))
+
+        def advance(evaluations: int, cost: float) -> None:
+            bar.update(task, completed=evaluations, cost=cost)
+
+        calibration = calibrate(data, command.fit, advance)
+    text = markdown(calibration, data, _command_line())
+    write_whole(out / "calibration.md", text.encode())
+    content = {"command": _command_line(), "data_sha256": data.sha256, **calibration.as_dict()}
+    write_json(out / "calibration.json", content)
+    console.print(text, highlight=False, markup=False)
+    return calibration
+
+
+def markdown(calibration: Calibration, data: Transitions, command: str) -> str:
+    """Return the report as Markdown."""
+    lines = [
+        "# The planar prior against Bullet with the arm, true parameters in both",
+        "",
+        f"`{command}`; data {data.sha256[:12]}, {len(data)} pushes, fitted to"
+        f" {calibration.fit_pushes} and judged on other episodes. Positions in mm.",
+    ]
+    for part, rows in calibration.accuracy.items():
+        lines += ["", f"## {PARTS[part]}", ""]
+        lines.append("| | pushes | target mean | median | p95 | mid mean | median | p95 |")
+        lines.append("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+        lines += [
+            f"| {name} | {row.pushes} | {row.target_mean:.2f} | {row.target_median:.2f} |"
+            f" {row.target_p95:.2f} | {row.mid_mean:.2f} | {row.mid_median:.2f} |"
+            f" {row.mid_p95:.2f} |"
+            for name, row in rows.items()
+        ]
+    lines += ["", "## Fitted parameters", "", "| parameter | value |", "| --- | ---: |"]
+    lines += [f"| {name} | {value:.4g} |" for name, value in calibration.fitted.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _data(command: Calibrate, console: Console) -> Transitions:
+    if command.dataset is not None:
+        return load_transitions(command.dataset)
+    folder = command.out / "data"
+    episode = EpisodeConfig(floor_episodes=command.episodes)
+    config = CollectConfig(
+        folder, command.episodes, command.collection_seed, command.workers, episode=episode
+    )
+    with _bar(console) as bar:
+        task = bar.add_task("collect", total=command.episodes, cost=float("nan"))
+        collect(config, lambda episodes, transitions: bar.update(task, completed=episodes))
+    return load_transitions(folder)
+
+
+def _bar(console: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("lowest cost {task.fields[cost]:.3f}, left"),
+        TimeRemainingColumn(),
+        console=console,
+    )
+
+
+def _command_line() -> str:
+    return shlex.join(["ros2", "run", "sain_eval", "calibrate", *sys.argv[1:]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,160 @@
+"""Results as data: one record a scene and tolerance, and their summary with intervals."""
+
+import dataclasses
+import json
+import platform
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from itertools import groupby
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sain_core.scene import target_distance
+from sain_core.seeding import generator
+from sain_core.storage import write_whole
+from sain_eval.loop.closed_loop import EpisodeOutcome
+from sain_eval.loop.statistics import Interval, bootstrap_mean, number_or_none, wilson_interval
+from sain_eval.scenes.scenarios import ScenarioScene
+
+SCHEMA: Final = "sain-results-1"
+RESULTS_FILE: Final = "results.json"
+PACKAGES: Final = ("numpy", "scipy", "numba", "torch", "pybullet", "sain_core")
+
+
+@dataclass(frozen=True)
+class SceneRecord:
+    """What a controller made of one scene at one tolerance."""
+
+    scenario: str
+    seed: int
+    controller: str
+    tolerance: float  # [m]
+    success: bool  # settled within the tolerance, everything on the table, in time
+    pushes: int  # until then, or all that were made
+    final_distance: float  # [m], target to goal then, or at the end
+    planning_seconds: float  # mean of the pushes
+    target_errors: tuple[float, ...]  # [m], of the model's prediction, one for each push
+    mid_errors: tuple[float, ...]  # [m]
+    refusals: int
+    failure: str  # empty for a success
+
+    @property
+    def group(self) -> tuple[str, str, float]:
+        """What is summarised together."""
+        return self.scenario, self.controller, self.tolerance
+
+
+def scene_records(
+    case: ScenarioScene, controller: str, outcome: EpisodeOutcome, tolerances: Sequence[float]
+) -> list[SceneRecord]:
+    """Judge one episode at several tolerances [m], each as if it had ended when it was met."""
+    return [_judge(case, controller, outcome, tolerance) for tolerance in tolerances]
+
+
+def _judge(
+    case: ScenarioScene, controller: str, outcome: EpisodeOutcome, tolerance: float
+) -> SceneRecord:
+    episode = outcome.record
+    reached = episode.pushes_to(tolerance)
+    count = len(episode.pushes) if reached is None else reached
+    made = episode.pushes[:count]
+    times = [push.planning_time for push in made]
+    return SceneRecord(
+        scenario=case.scenario,
+        seed=case.seed,
+        controller=controller,
+        tolerance=tolerance,
+        success=reached is not None,
+        pushes=count,
+        final_distance=float(target_distance(episode.scenes[count], episode.goal)),
+        planning_seconds=float(np.mean(times)) if times else 0.0,
+        target_errors=tuple(e for push in made if (e := push.target_error) is not None),
+        mid_errors=tuple(e for push in made if (e := push.mid_error) is not None),
+        refusals=outcome.refusals,
+        failure="" if reached is not None else outcome.failure,
+    )
+
+
+def summarise(records: Sequence[SceneRecord]) -> list[dict[str, Any]]:
+    """Return one row for each scenario, controller and tolerance, in that order."""
+    ordered = sorted(records, key=lambda record: (*record.group, record.seed))
+    return [_row(list(group)) for _, group in groupby(ordered, key=lambda record: record.group)]
+
+
+def _row(records: list[SceneRecord]) -> dict[str, Any]:
+    solved = [record for record in records if record.success]
+    first = records[0]
+    random = generator(0, "bootstrap", *map(str, first.group))
+    errors = [error for record in records for error in record.target_errors]
+    mid_errors = [error for record in records for error in record.mid_errors]
+    return {
+        "scenario": first.scenario,
+        "controller": first.controller,
+        "tolerance": first.tolerance,
+        "scenes": len(records),
+        "successes": len(solved),
+        "rate": _interval(wilson_interval(len(solved), len(records))),
+        "pushes": _interval(bootstrap_mean(np.array([float(r.pushes) for r in solved]), random)),
+        "final_distance": _mean([record.final_distance for record in records]),
+        "planning_seconds": _mean([record.planning_seconds for record in records]),
+        "target_error": _mean(errors),
+        "mid_error": _mean(mid_errors),
+        "refusals": sum(record.refusals for record in records),
+    }
+
+
+def _interval(interval: Interval) -> dict[str, float | None]:
+    return {name: number_or_none(v) for name, v in dataclasses.asdict(interval).items()}
+
+
+def _mean(values: list[float]) -> float | None:
+    return float(np.mean(values)) if values else None
+
+
+def write_results(
+    folder: Path, records: Sequence[SceneRecord], config: dict[str, Any], command: str
+) -> Path:
+    """Write `results.json`: records, summary, and what it takes to make them again."""
+    content = {
+        "schema": SCHEMA,
+        "command": command,
+        "config": config,
+        "git_commit": git_commit(),
+        "versions": versions(),
+        "machine": {"cpu": platform.processor() or platform.machine(), "system": platform.system()},
+        "summary": summarise(records),
+        "scenes": [dataclasses.asdict(record) for record in records],
+    }
+    text = json.dumps(content, indent=1, allow_nan=False) + "\n"
+    return write_whole(folder / RESULTS_FILE, text.encode())
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of what computes the results."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def git_commit() -> str:
+    """Return the commit of this source tree, marked when it has local changes; or "unknown"."""
+    command = ["git", "-C", str(Path(__file__).resolve().parent)]
+    try:
+        commit = _output([*command, "rev-parse", "HEAD"])
+        changed = _output([*command, "status", "--porcelain", "--untracked-files=no"])
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return commit + ("+changes" if changed else "")
+
+
+def _output(command: list[str]) -> str:
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return done.stdout.strip()

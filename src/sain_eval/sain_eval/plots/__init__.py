@@ -1,0 +1,1 @@
+"""Pictures of episodes and plans. Imports nothing of this package."""

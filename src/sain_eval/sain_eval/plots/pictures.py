@@ -1,0 +1,118 @@
+"""The picture of an episode: the table from above, and below it how near and how well predicted.
+
+Pure data in, a figure out. The closed loop with and without ROS and the bag tools all draw with it.
+"""
+
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from sain_core.drawing.figures import TEXT, new_figure, style_axes
+from sain_core.drawing.palette import PALETTE
+from sain_core.feasibility import Feasibility
+from sain_core.scene import POSITION, TARGET, target_distance
+from sain_eval.plots.episode_record import EpisodeRecord
+from sain_eval.plots.legend import draw_legend
+from sain_eval.plots.top_view import draw_error, draw_goal, draw_top_view
+
+SIZE: Final = (6.6, 7.4)  # [inch]
+ASPECT: Final = 1.4  # of the top view
+ZOOM: Final = 2.2  # half the width of the view round the goal, in tolerances
+LEAST: Final = 0.1  # [mm], a distance is drawn no smaller
+
+
+def draw_episode(
+    record: EpisodeRecord, title: str = "", feasibility: Feasibility | None = None
+) -> Figure:
+    """Draw an episode: top view, distance to the goal, the arrival, prediction errors.
+
+    Args:
+        record: the episode.
+        title: one line; without it the record's own.
+        feasibility: table, reach and tool to draw; the project's defaults if not given.
+    """
+    figure = new_figure(*SIZE)
+    panels = [["view"] * 3, ["distance", "arrival", "errors"]]
+    axes = figure.subplot_mosaic(panels, height_ratios=(2.7, 1.0))
+    heading = title or record.title or "Episode"
+    figure.suptitle(heading, x=0.02, ha="left", fontsize=13, fontweight="bold", color=PALETTE.ink)
+    names = draw_top_view(axes["view"], record, feasibility, ASPECT)
+    axes["view"].set_title(
+        describe_result(record), fontsize=TEXT + 1, loc="left", color=result_colour(record)
+    )
+    _draw_distance(axes["distance"], record)
+    _draw_arrival(axes["arrival"], record)
+    names += _draw_errors(axes["errors"], record)
+    draw_legend(figure, names, columns=3)
+    return figure
+
+
+def describe_result(record: EpisodeRecord) -> str:
+    """Return in words how an episode ended."""
+    count = len(record.pushes)
+    pushes = f"{count} push" if count == 1 else f"{count} pushes"
+    left = _millimetres(record.final_distance)
+    within = f"within {100 * record.tolerance:g} cm"
+    if record.final_distance <= record.tolerance:
+        return f"reached {within} in {pushes}, {left} from the goal"
+    return f"not {within} after {pushes}: {left} from the goal"
+
+
+def _millimetres(distance: float) -> str:
+    return f"{1e3 * distance:.1f} mm" if distance < 0.01 else f"{1e3 * distance:.0f} mm"
+
+
+def result_colour(record: EpisodeRecord) -> str:
+    """Return the colour of an episode's result: whether it reached the goal."""
+    return PALETTE.success if record.final_distance <= record.tolerance else PALETTE.alarm
+
+
+def _draw_distance(axes: Axes, record: EpisodeRecord) -> None:
+    style_axes(axes, "Target to goal", grid=None, xlabel="pushes", ylabel="distance [mm]")
+    distance = [1e3 * float(target_distance(scene, record.goal)) for scene in record.scenes]
+    tolerance = 1e3 * record.tolerance
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.axhspan(1e-3, tolerance, color=PALETTE.goal, alpha=0.13, linewidth=0)
+    axes.axhline(tolerance, color=PALETTE.goal, linewidth=1.2)
+    shown = np.maximum(distance, LEAST)
+    axes.plot(shown, "o-", color=PALETTE.target, linewidth=1.8, markersize=4.5)
+    axes.set_ylim(min(shown.min(), tolerance) / 2, max(shown.max(), tolerance) * 1.8)
+    axes.set_xlim(-0.3, max(len(distance) - 1, 1) + 0.3)
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+
+
+def _draw_arrival(axes: Axes, record: EpisodeRecord) -> None:
+    """Draw where the target came to rest about the goal, in millimetres."""
+    style_axes(axes, "Target at the goal", grid=None, xlabel="x [mm]", ylabel="y [mm]")
+    tolerance = 1e3 * record.tolerance
+    draw_goal(axes, np.zeros(2), tolerance, size=9.0)
+    trail = np.array([1e3 * (scene[TARGET, POSITION] - record.goal) for scene in record.scenes])
+    axes.plot(*trail.T, "o-", color=PALETTE.target, linewidth=1.6, markersize=4.5)
+    for push, end in zip(record.pushes, trail[1:], strict=True):
+        if push.predicted is not None:
+            draw_error(axes, 1e3 * (push.predicted[TARGET, POSITION] - record.goal), end)
+    half = ZOOM * tolerance
+    axes.set(xlim=(-half, half), ylim=(-half, half))
+    axes.set_aspect("equal", adjustable="box")
+
+
+def _draw_errors(axes: Axes, record: EpisodeRecord) -> list[str]:
+    """Draw how far from each prediction the target came to rest; return the series' names."""
+    style_axes(axes, "Prediction error", xlabel="push", ylabel="of the target [mm]")
+    series = {
+        "predicted by physics": (PALETTE.physics, [push.physics_error for push in record.pushes]),
+        "predicted by the planner": (PALETTE.predicted, [p.target_error for p in record.pushes]),
+    }
+    known = {name: one for name, one in series.items() if any(e is not None for e in one[1])}
+    number, width = np.arange(1, len(record.pushes) + 1), 0.76 / max(len(known), 1)
+    for place, (name, (colour, errors)) in enumerate(known.items()):
+        heights = [np.nan if error is None else 1e3 * error for error in errors]
+        left = number + (place - (len(known) - 1) / 2) * width
+        axes.bar(left, heights, width, color=colour, label=name)
+    axes.set_xlim(0.4, max(len(number), 1) + 0.6)
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    return list(known)

@@ -1,0 +1,1 @@
+"""Scenarios: where bodies and goals stand. Imports nothing of this package."""

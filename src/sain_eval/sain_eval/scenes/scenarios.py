@@ -1,0 +1,164 @@
+"""The scenes that controllers are measured on: each scenario draws one from a seed.
+
+A scene is valid by construction: disks apart and on the table, the goal on the table and in
+reach, and a straight push through the target to the goal possible for the arm once the mid disk
+stands behind the target.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final, Protocol, runtime_checkable
+
+import numpy as np
+
+from sain_core.feasibility import Feasibility
+from sain_core.scene import POSITION, TARGET, THETA, check_scene, unit
+from sain_core.seeding import generator
+from sain_core.types import Scene
+from sain_eval.scenes.placement import draw_extra_disks, draw_goal, touching_distance
+from sain_mppi.search.goal import Goal
+from sain_sim.world.parameters import (
+    CUBE,
+    FRICTION_RANGE,
+    PAPER,
+    RANGES,
+    THREE_FEET,
+    WorldParameters,
+    sample_parameters,
+)
+from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
+
+MAX_PUSHES: Final = 15  # paper section II-D
+PAPER_TOLERANCE: Final = 0.05  # [m], paper section III-A
+CONTACT_GAP: Final = 0.001  # [m], "touching": as near as disks can be set without overlap
+DISK: Final = "disk"
+
+
+@dataclass(frozen=True)
+class ScenarioScene:
+    """One scene to solve, with the hidden truth about its world."""
+
+    scenario: str
+    seed: int
+    disks: Scene  # (N, 8), at rest
+    friction: float  # between disks and table; no controller is told
+    shapes: tuple[str, ...]  # "disk" or "cube", one for each
+    goal: Goal  # (2,) [m]
+    max_pushes: int = MAX_PUSHES
+    tolerance: float = PAPER_TOLERANCE  # [m]
+    truth: TruthConfig = RANDOMISED_TRUTH  # the world it plays in
+
+    def within(self, truth: TruthConfig) -> "ScenarioScene":
+        """Return the same scene in another world, with the friction that it has there."""
+        moved = replace(self, truth=truth)
+        return replace(moved, friction=moved.parameters().friction)
+
+    def parameters(self, disk_shape: str = THREE_FEET) -> WorldParameters:
+        """Return the simulated world that this scene plays in; `disk_shape` builds its disks."""
+        shapes = tuple(disk_shape if shape == DISK else CUBE for shape in self.shapes)
+        return self.truth.roughen(WorldParameters.of_scene(self.disks, self.friction, shapes))
+
+
+@runtime_checkable
+class Scenario(Protocol):
+    """A named family of scenes."""
+
+    @property
+    def name(self) -> str:
+        """What it is asked for by."""
+        ...
+
+    @property
+    def about(self) -> str:
+        """One line about it."""
+        ...
+
+    def scene(self, seed: int) -> ScenarioScene:
+        """Draw the scene that belongs to a seed, the same on every machine."""
+        ...
+
+
+@dataclass(frozen=True)
+class PaperScenario:
+    """The paper's own: the target straight ahead of the mid disk, the goal straight ahead of it."""
+
+    name: str = "paper"
+    about: str = "the paper's Table I: target and goal straight ahead"
+    mid: tuple[float, float] = (0.35, 0.0)  # [m]
+    goal: tuple[float, float] = (0.80, 0.0)  # [m]
+    shift: float = 0.0  # [m], of the goal in x and in y, with random signs
+    target_shape: str = DISK
+
+    def scene(self, seed: int) -> ScenarioScene:
+        """Draw masses, radii, friction and the goal's shift."""
+        random = generator(seed, "scenario", self.name)
+        drawn = sample_parameters(random, 2)
+        mid = np.array(self.mid)
+        target = mid + np.array([sum(drawn.radii) + CONTACT_GAP, 0.0])
+        goal = np.array(self.goal) + self.shift * random.choice([-1.0, 1.0], 2)
+        disks = drawn.scene(np.stack([mid, target]))
+        shapes = (DISK, self.target_shape)
+        return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, goal)
+
+
+@dataclass(frozen=True)
+class AnywhereScenario:
+    """What a user would ask: the target at any side of the mid disk, the goal in any direction."""
+
+    name: str = "anywhere"
+    about: str = "target at any side of the mid disk, goal 15 to 30 cm off in any direction"
+    mid: tuple[float, float] = (0.45, 0.0)  # [m]
+    scatter: float = 0.03  # [m], of the mid disk in x and y
+    goal_distance: tuple[float, float] = (0.15, 0.30)  # [m], from the target
+    extra_disks: tuple[int, int] = (0, 0)  # fewest and most further disks
+    target_shape: str = DISK  # a cube turns a side to the mid disk
+    friction: tuple[float, float] = FRICTION_RANGE  # with the table
+
+    def scene(self, seed: int) -> ScenarioScene:
+        """Draw parameters, places and goal; redraw the places until the scene can be solved."""
+        random = generator(seed, "scenario", self.name)
+        low, high = self.extra_disks
+        count = 2 + int(random.integers(low, high + 1))
+        ranges = RANGES[PAPER]._replace(friction=self.friction)
+        drawn = sample_parameters(random, count, ranges=ranges)
+        shapes = (DISK, self.target_shape, *(DISK,) * (count - 2))
+        feasibility = Feasibility()
+        while True:
+            pair = self._draw_pair(random, drawn)
+            goal = draw_goal(pair, self.goal_distance, feasibility, random)
+            if goal is None:
+                continue
+            extra = draw_extra_disks(pair, goal, drawn.radii[2:], feasibility, random)
+            if extra is None:
+                continue
+            positions = np.concatenate([pair[:, POSITION], extra])
+            headings = np.append(pair[:, THETA], np.zeros(count - 2))
+            disks = check_scene(drawn.scene(positions, headings), feasibility.table)
+            return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, goal)
+
+    def _draw_pair(self, random: np.random.Generator, drawn: WorldParameters) -> Scene:
+        """Return mid disk and target (2, 8), touching at a uniform bearing."""
+        mid = np.array(self.mid) + random.uniform(-self.scatter, self.scatter, 2)
+        bearing = np.asarray(random.uniform(-np.pi, np.pi))
+        pair = WorldParameters(drawn.masses[:2], drawn.radii[:2], drawn.shapes[:2], drawn.friction)
+        scene = pair.scene(np.stack([mid, mid]))
+        scene[TARGET, POSITION] = mid + (touching_distance(scene) + CONTACT_GAP) * unit(bearing)
+        scene[TARGET, THETA] = bearing if self.target_shape == CUBE else 0.0
+        return scene
+
+
+SCENARIOS: Final[dict[str, Scenario]] = {
+    scenario.name: scenario
+    for scenario in (
+        PaperScenario(),
+        PaperScenario("paper_shift", "the paper's Fig. 5: goal off by 2 cm in x and y", shift=0.02),
+        PaperScenario("paper_cube", "the paper's Fig. 6: the target is a cube", target_shape=CUBE),
+        AnywhereScenario(),
+        AnywhereScenario(
+            "clutter", "as anywhere, with 1 to 3 more disks about", extra_disks=(1, 3)
+        ),
+        AnywhereScenario("anywhere_cube", "as anywhere, the target a cube", target_shape=CUBE),
+        AnywhereScenario(
+            "anywhere_rubber", "as anywhere, on a table that grips", friction=(0.25, 0.45)
+        ),
+    )
+}

@@ -1,0 +1,192 @@
+"""``ros2 run sain_model evaluate``: prediction errors of all kinds of dynamics."""
+
+import shlex
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+import tyro
+from rich.console import Console
+
+from sain_core.dynamics import Dynamics
+from sain_core.errors import CheckpointError, DatasetError
+from sain_core.push import LENGTH
+from sain_core.split import draw_parts
+from sain_core.storage import write_json
+from sain_core.types import Mask
+from sain_model.cli.command import carry_out
+from sain_model.data.dataset import Transitions, load_transitions
+from sain_model.data.windows import make_windows
+from sain_model.dynamics.checkpoint import SUFFIX, Card, parse_card
+from sain_model.dynamics.load import (
+    PRIORS,
+    SHIPPED,
+    load_dynamics,
+    load_prior,
+    load_sain,
+    shipped_checkpoint,
+)
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.baselines import followed, opened, refusals
+from sain_model.evaluation.error_table import error_table, history_table, interval_table
+from sain_model.evaluation.metrics import LEARNED
+from sain_model.evaluation.open_loop import NAMES, RECURRENT_SAIN, STEPS
+from sain_model.evaluation.open_loop_report import report_open_loop
+from sain_model.evaluation.prediction_errors import evaluate
+
+
+@dataclass(frozen=True)
+class EvaluateCommand:
+    """What to evaluate, and on what."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """A shard *.npz, or a folder of them."""
+    checkpoint: Path | None = None
+    """The checkpoint; without it the one that comes with the package."""
+    learned: Path | None = None
+    """A checkpoint of kind "learned", trained with --prior identity, to stand beside it."""
+    recurrent: Path | None = None
+    """A checkpoint of kind "recurrent", trained with --steps-ahead, to stand beside it."""
+    beside: tuple[str, ...] = ()
+    """More: priors, checkpoints, physics of other packages: bullet, bullet_measured (slow)."""
+    open_loop: tuple[int, ...] = STEPS
+    """After how many pushes errors of rollouts are taken; none: no rollouts."""
+    out: Path = Path("evaluation.json")
+    """Where the errors are written; open loops also beside it, as a table and a picture."""
+    seed: int = 0
+    """Of the bootstrap."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Report errors of every kind of dynamics, one push and many ahead, on episodes held out."""
+    torch.set_num_threads(1)
+    command = tyro.cli(EvaluateCommand, prog="evaluate", description=main.__doc__, args=arguments)
+    return carry_out(lambda console: run(command, console))
+
+
+def run(command: EvaluateCommand, console: Console) -> None:
+    """Evaluate, print a table and write the JSON.
+
+    Raises:
+        DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
+    """
+    path = command.checkpoint or shipped_checkpoint()
+    sain = load_sain(path)
+    learned = load_sain(command.learned) if command.learned else None
+    data = load_transitions(command.dataset)
+    models = _models(command, sain, learned)
+    held_out = unseen(data, *_cards(models))
+    with opened([name for name in command.beside if not _is_own(name)]) as others:
+        errors = evaluate(held_out, sain, learned, command.seed)
+        if command.open_loop:
+            errors |= _open_loop(command, held_out, models, others, console)
+    report = {
+        "dataset": {"path": str(command.dataset), "sha256": data.sha256},
+        "checkpoint": {"path": str(path), "sha256": sain.model_hash},
+        "learned": str(command.learned) if command.learned else None,
+        "recurrent": str(command.recurrent) if command.recurrent else None,
+        "seed": command.seed,
+        "command": shlex.join(["ros2", "run", "sain_model", "evaluate", *sys.argv[1:]]),
+        **errors,
+    }
+    write_json(command.out, report)
+    _show(errors, console)
+    console.print(f"written to {command.out}")
+
+
+def _models(
+    command: EvaluateCommand, sain: SainDynamics, learned: SainDynamics | None
+) -> dict[str, Dynamics]:
+    """Return the models to roll out, by name."""
+    models: dict[str, Dynamics] = {} if learned is None else {LEARNED: learned}
+    models[NAMES.get(sain.kind, sain.kind)] = sain
+    if command.recurrent:
+        models[RECURRENT_SAIN] = load_sain(command.recurrent)
+    own = [name for name in command.beside if _is_own(name) and name not in PRIORS]
+    return models | {name: load_dynamics(name) for name in own}
+
+
+def _is_own(name: str) -> bool:
+    """Tell whether a dynamics is this package's; others are found where they are installed."""
+    return name in (*PRIORS, SHIPPED) or name.endswith(SUFFIX)
+
+
+def _cards(models: Mapping[str, Dynamics]) -> list[Card]:
+    """Return the cards of models that come from checkpoints."""
+    texts = {name: str(getattr(model, "card", "")) for name, model in models.items()}
+    return [parse_card(Path(name), text) for name, text in texts.items() if text]
+
+
+def _open_loop(
+    command: EvaluateCommand,
+    held_out: Transitions,
+    models: Mapping[str, Dynamics],
+    others: Mapping[str, Dynamics],
+    console: Console,
+) -> dict[str, Any]:
+    """Return the errors of rollouts, and how many pushes others could not carry out in them."""
+    priors = {name: load_prior(name) for name in command.beside if name in PRIORS}
+    pushes = make_windows(held_out, max(command.open_loop)).pushes[..., LENGTH]
+    with followed(others, int(np.count_nonzero(pushes)), console) as shown:
+        errors = report_open_loop(
+            command.out, held_out, models, command.seed, command.open_loop, priors | shown
+        )
+    return {"open_loop": errors} | ({"refused": refusals(shown)} if shown else {})
+
+
+def _show(errors: dict[str, Any], console: Console) -> None:
+    """Print errors of single pushes as tables."""
+    for part in ("all", "target_moved"):
+        console.print(error_table(errors, part))
+    console.print(history_table(errors))
+    for intervals in errors["intervals"].values():
+        console.print(interval_table(intervals))
+    for name, share in errors["reducible_error_removed"].items():
+        console.print(f"{name}: {100 * share:.0f} % of the reducible error removed")
+    for name, count in errors.get("refused", {}).items():
+        console.print(f"{name}: pushes of its rollouts that could not be carried out: {count}")
+    console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")
+
+
+def unseen(data: Transitions, *cards: Card) -> Transitions:
+    """Return what no checkpoint was trained on: their test episodes, or all of other data.
+
+    Raises:
+        DatasetError: one has learned from this data and held nothing of it out by itself, or
+            between them they have seen every episode.
+        CheckpointError: a card of these data does not say which it has seen.
+    """
+    held_out = np.ones(len(data), dtype=bool)
+    for card in cards:
+        for seen_by in card.lineage():
+            held_out &= _held_out(data, seen_by)
+    if not held_out.any():
+        raise DatasetError("these checkpoints were trained on all episodes between them")
+    return data if held_out.all() else data.select(held_out)
+
+
+def _held_out(data: Transitions, card: Card) -> Mask:
+    """Tell which pushes (M,) a checkpoint was not trained on."""
+    if data.sha256 in card.data.get("sources", ()):
+        raise DatasetError(
+            f"the checkpoint learned from this data among others ({card.data['path']}); evaluate it"
+            " on episodes collected with another seed"
+        )
+    if data.sha256 != card.data.get("sha256"):
+        return np.ones(len(data), dtype=bool)
+    used: list[Any] = [card.training.get(name) for name in ("seed", "validation", "test")]
+    if None in used:
+        raise CheckpointError("a card does not say which episodes of its data it has seen")
+    if not card.training["test"]:
+        raise DatasetError(
+            "the checkpoint learned from all of this data (test 0); evaluate it on other episodes"
+        )
+    return draw_parts(data.episodes, *used)[-1]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,123 @@
+"""``ros2 run sain_model learning_curve``: how many transitions a network needs."""
+
+import shlex
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import torch
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from sain_core.storage import write_json, write_whole
+from sain_model.cli.command import carry_out
+from sain_model.data.dataset import load_transitions, split_by_episode
+from sain_model.evaluation.markdown import markdown_table
+from sain_model.training.curve_plot import save_curves
+from sain_model.training.learning_curve import Point, learning_curve
+from sain_model.training.trainer import TrainingConfig
+
+
+@dataclass(frozen=True)
+class LearningCurveCommand:
+    """What to learn from, and how much of it."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """A shard *.npz, or a folder of them."""
+    out: Path
+    """Folder for curves.json, curves.md, curves.png and the state. Run again to go on."""
+    sizes: tuple[int, ...] = (100, 300, 1000, 3000)
+    """Numbers of transitions to train on."""
+    steps: int = 4000
+    """Steps of the optimiser for every network."""
+    training: TrainingConfig = TrainingConfig()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Train on more and more transitions, with a prior and without; compare held-out errors."""
+    torch.set_num_threads(1)
+    command = tyro.cli(
+        LearningCurveCommand,
+        prog="learning_curve",
+        description=main.__doc__,
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes,),
+    )
+    return carry_out(lambda console: run(command, console), "epoch")
+
+
+def run(command: LearningCurveCommand, console: Console) -> None:
+    """Train, measure, print the table, write JSON, Markdown and picture.
+
+    Raises:
+        DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
+    """
+    config = command.training
+    data = load_transitions(command.dataset)
+    split = split_by_episode(data, config.seed, config.validation, config.test)
+    sizes = tuple(sorted(set(command.sizes)))
+
+    def tell(prior: str, size: int) -> None:
+        console.print(f"training on {size} transitions, prior {prior}")
+
+    points = learning_curve(split, config, sizes, command.steps, command.out / "state", tell)
+    report = {
+        "dataset": {"path": str(command.dataset), "sha256": data.sha256},
+        "held_out": len(split.test),
+        "training": asdict(config),
+        "steps": command.steps,
+        "command": shlex.join(["ros2", "run", "sain_model", "learning_curve", *sys.argv[1:]]),
+        "points": [asdict(point) for point in points],
+    }
+    write_json(command.out / "curves.json", report)
+    write_whole(command.out / "curves.md", markdown(points).encode())
+    save_curves(command.out / "curves.png", points)
+    console.print(_table(points, len(split.test)))
+    console.print(f"written to {command.out}")
+
+
+def markdown(points: list[Point]) -> str:
+    """Return the points as a table in Markdown."""
+    header, *rows = _cells(points, _interval)
+    return markdown_table(header, rows)
+
+
+def _table(points: list[Point], pushes: int) -> Table:
+    header, *rows = _cells(points, _mean)
+    title = f"Target's mean error \\[mm] on {pushes} held-out pushes"
+    table = Table(title=title, title_justify="left")
+    for column, name in enumerate(header):
+        table.add_column(name, justify="right" if column else "left")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _cells(points: list[Point], write: Callable[[Point], str]) -> list[list[str]]:
+    """Return header and rows: a column for each number of transitions, one for physics alone."""
+    sizes = sorted({point.transitions for point in points})
+    known = {(point.name, point.transitions): point for point in points}
+    header = ["predictor", *(f"{size:,}" if size else "none" for size in sizes)]
+    names = dict.fromkeys(point.name for point in points)
+    return [
+        header,
+        *(
+            [name, *(write(known[name, size]) if (name, size) in known else "" for size in sizes)]
+            for name in names
+        ),
+    ]
+
+
+def _mean(point: Point) -> str:
+    return f"{point.mean:.2f}"
+
+
+def _interval(point: Point) -> str:
+    return f"{point.mean:.2f} [{point.low:.2f}, {point.high:.2f}]"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,133 @@
+"""``ros2 run sain_model train``: learn the residual of a prior from collected transitions."""
+
+import sys
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from rich.console import Console
+
+from sain_core.errors import ConfigError, DatasetError
+from sain_core.storage import write_whole
+from sain_model.cli.command import carry_out
+from sain_model.data.dataset import Split, Transitions, limit_training
+from sain_model.data.mixed import MixedSplit, MixedTransitions, load_datasets, split_datasets
+from sain_model.dynamics.checkpoint import save_checkpoint
+from sain_model.dynamics.load import sain_class
+from sain_model.evaluation.error_table import error_table, gain_line, history_table, interval_table
+from sain_model.evaluation.held_out import held_out_errors
+from sain_model.network.interaction_network import ON_STATE
+from sain_model.training.epoch_bar import EpochBar
+from sain_model.training.event_log import EventLog
+from sain_model.training.fine_tuning import Parent
+from sain_model.training.interval_fit import fit_intervals
+from sain_model.training.loss_plot import save_loss_curve
+from sain_model.training.options import TrainCommand, parse
+from sain_model.training.rollout_training import RolloutTrainer
+from sain_model.training.trainer import Trainer, prior_and_filter
+from sain_model.training.training_card import Learned, make_card, settings_text
+from sain_model.training.training_state import History
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Train the interaction network on the residual of a prior, or go on with a checkpoint."""
+    torch.set_num_threads(1)
+    return carry_out(lambda console: train(parse(arguments, main.__doc__), console), "epoch")
+
+
+def train(command: TrainCommand, console: Console) -> Path:
+    """Train, evaluate on the held-out episodes, write everything; return the checkpoint's path.
+
+    Raises:
+        DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
+    """
+    config = command.training
+    data = load_datasets(command.dataset)
+    split = split_datasets(data, config.seed, config.validation, config.test)
+    if config.transitions:
+        split = limit_training(split, config.transitions)
+    parent = Parent.load(command.parent) if command.parent else None
+    if parent:
+        parent.check_data(data)
+    learned = learn(command, data, split, console, parent)
+    sain, history = learned.sain, learned.history
+    errors = held_out_errors(split, sain)
+    if parent:
+        errors["fine_tuning"] = parent.gain(sain, split)
+    card = make_card(command, data, split, learned, errors)
+    path = command.out / f"{command.name}.safetensors"
+    save_checkpoint(path, sain.network, card)
+    for part in ("all", "target_moved"):
+        console.print(error_table(errors, part))
+    console.print(history_table(errors))
+    for intervals in errors["intervals"].values():
+        console.print(interval_table(intervals))
+    if parent:
+        console.print(gain_line(errors["fine_tuning"], parent.name, errors["held_out"]))
+    if history.best < 0:
+        console.print(f"no epoch did better on the validation episodes than {command.parent}:")
+        console.print(f"{path}: its weights, with regions fitted anew")
+    else:
+        console.print(f"{path}: epoch {history.best + 1} of {len(history.train)}")
+    return path
+
+
+def learn(
+    command: TrainCommand,
+    data: Transitions | MixedTransitions,
+    split: Split | MixedSplit,
+    console: Console,
+    parent: Parent | None = None,
+) -> Learned:
+    """Train on single pushes, then on rollouts if wanted, and fit the regions of predictions."""
+    config = command.training
+    rollouts = command.rollout if command.rollout.wanted else None
+    if rollouts and not isinstance(split, Split):
+        raise DatasetError("--steps-ahead needs data with one number of disks")
+    if rollouts and config.network.residual == ON_STATE:
+        raise ConfigError("--steps-ahead learns residuals on physics; leave --residual state out")
+    if parent:
+        prior, friction = parent.sain.prior, parent.sain.filter
+    else:
+        prior, friction = prior_and_filter(config, split.train)
+    start = parent.sain if parent else None
+    trainer = Trainer(split, prior, config, command.out, friction, start)
+    write_whole(command.out / "config.json", settings_text(command, data).encode())
+    _run(trainer, command, console)
+    save_loss_curve(command.out / "loss.png", trainer.history)
+    after = None
+    if rollouts and isinstance(split, Split):
+        learner = RolloutTrainer(
+            trainer.network, split, prior, rollouts, config, command.out, friction
+        )
+        with EpochBar(console, rollouts.rollout_epochs, learner.epoch) as advance:
+            learner.run(advance)
+        save_loss_curve(command.out / "rollout_loss.png", learner.history)
+        after = learner.history
+    infers = friction.config if friction else None
+    sain = sain_class(rollouts)(
+        trainer.network, prior, config.prior, friction=infers, recurrent=rollouts is not None
+    )
+    intervals = fit_intervals(sain, split.validation.parts[0])
+    return Learned(replace(sain, intervals=intervals), trainer.history, after, parent)
+
+
+def _run(trainer: Trainer, command: TrainCommand, console: Console) -> None:
+    """Train to the end while the terminal, and TensorBoard where it is asked for, show it."""
+    with ExitStack() as stack:
+        followers = []
+        if command.tensorboard:
+            followers.append(stack.enter_context(EventLog(command.out, trainer.epoch)))
+        bar = EpochBar(console, command.training.epochs, trainer.epoch)
+        followers.append(stack.enter_context(bar))
+
+        def advance(epoch: int, history: History) -> None:
+            for follow in followers:
+                follow(epoch, history)
+
+        trainer.run(advance)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,145 @@
+"""``ros2 run sain_model train_inside``: learn what to tell the planar prior of one laboratory."""
+
+import json
+import shlex
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+import tyro
+from rich.console import Console
+from rich.progress import Progress
+
+from sain_core.storage import write_whole
+from sain_model.cli.command import carry_out
+from sain_model.data.dataset import (
+    Split,
+    check_held_out,
+    limit_training,
+    load_transitions,
+    split_by_episode,
+)
+from sain_model.dynamics.checkpoint import INSIDE_ARCHITECTURE, SUFFIX, Card, save_checkpoint
+from sain_model.dynamics.load import PLANAR_AXES, load_told_prior
+from sain_model.dynamics.parameter_correction import InsideSain
+from sain_model.evaluation.metrics import measure
+from sain_model.training.correction_training import (
+    InsideTrainingConfig,
+    make_trainers,
+    train_members,
+)
+from sain_model.training.environment import environment
+from sain_model.training.training_state import History
+
+
+@dataclass(frozen=True)
+class TrainInsideCommand:
+    """What to learn from, and where to."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """A shard *.npz, or a folder of them."""
+    out: Path
+    """Folder for checkpoint, card and settings. Run again to go on after a stop."""
+    name: str = "inside"
+    """Name of the checkpoint."""
+    prior: str = PLANAR_AXES
+    """What is told: planar or planar_axes."""
+    prior_friction: float = 0.12
+    """Friction that it assumes when told nothing."""
+    transitions: int = 0
+    """Learn from so many transitions only; 0: from all."""
+    validation: float = 0.1
+    """Share of the episodes that choose the best round."""
+    test: float = 0.15
+    """Share of the episodes held out."""
+    training: InsideTrainingConfig = InsideTrainingConfig()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Train networks that correct what the planar prior is told."""
+    torch.set_num_threads(1)
+    command = tyro.cli(
+        TrainInsideCommand,
+        prog="train_inside",
+        description=main.__doc__,
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes,),
+    )
+    return carry_out(lambda console: train_inside(command, console), "round")
+
+
+def train_inside(command: TrainInsideCommand, console: Console) -> Path:
+    """Train, evaluate on the held-out episodes, write everything; return the checkpoint's path.
+
+    Raises:
+        DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
+    """
+    data = load_transitions(command.dataset)
+    split = split_by_episode(data, command.training.seed, command.validation, command.test)
+    check_held_out(split)
+    if command.transitions:
+        split = limit_training(split, command.transitions)
+    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
+    trainers = make_trainers(split, prior, command.training, command.out)
+    settings = json.dumps(asdict(command), indent=2, default=str) + "\n"
+    write_whole(command.out / "config.json", settings.encode())
+    rounds = command.training.rounds
+    with Progress(console=console) as bar:
+        task = bar.add_task("train", total=command.training.network.members * rounds)
+
+        def advance(member: int, number: int, history: History) -> None:
+            bar.update(task, completed=member * rounds + number)
+
+        networks, histories = train_members(trainers, advance)
+    sain = InsideSain(networks, prior)
+    errors = {
+        name: asdict(measure(dynamics.step(split.test.scenes, split.test.pushes), split.test, 0))
+        for name, dynamics in ((command.prior, prior), ("sain", sain))
+    }
+    path = command.out / f"{command.name}{SUFFIX}"
+    save_checkpoint(path, networks, make_card(command, data.sha256, split, histories, errors))
+    for name, values in errors.items():
+        console.print(f"{name}: target {values['target_mean']:.2f} mm on held-out episodes")
+    console.print(str(path))
+    return path
+
+
+def make_card(
+    command: TrainInsideCommand,
+    sha256: str,
+    split: Split,
+    histories: list[History],
+    errors: dict[str, Any],
+) -> Card:
+    """Return the card of what was trained."""
+    parts = {"train": split.train, "validation": split.validation, "test": split.test}
+    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
+    return Card(
+        prior=command.prior,
+        prior_config=asdict(prior.config),
+        network=asdict(command.training.network),
+        data={
+            "path": str(command.dataset),
+            "sha256": sha256,
+            "transitions": {name: len(part) for name, part in parts.items()},
+            "episodes": {name: len(np.unique(part.episodes)) for name, part in parts.items()},
+        },
+        training={
+            **asdict(command.training),
+            "validation": command.validation,
+            "test": command.test,
+            "best_rounds": [history.best + 1 for history in histories],
+            "validation_losses": [history.validation[history.best] for history in histories],
+        },
+        errors=errors,
+        versions=environment(),
+        command=shlex.join(["ros2", "run", "sain_model", "train_inside", *sys.argv[1:]]),
+        architecture=INSIDE_ARCHITECTURE,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,147 @@
+"""What a network learns from: its inputs and what it should say, for pushes on a prior."""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+from sain_core.dynamics import Dynamics
+from sain_core.scene import VELOCITY
+from sain_core.types import Scalars
+from sain_model.data.dataset import Transitions
+from sain_model.data.mixed import MixedTransitions
+from sain_model.network.features import (
+    GAP_AFTER,
+    GAP_BEFORE,
+    make_features,
+    relation_ends,
+    true_residual,
+)
+from sain_model.network.interaction_network import ON_PHYSICS, NetworkConfig
+from sain_model.physics.friction import FrictionFilter
+from sain_model.physics.planar import step_knowing
+
+
+@dataclass(frozen=True)
+class Examples:
+    """Network inputs and what it should say, for M pushes."""
+
+    disks: Float[Tensor, "M N D"]
+    relations: Float[Tensor, "M E R"]
+    residual: Float[Tensor, "M N 3"]
+    velocity: Float[Tensor, "M N 3"]  # error of the prior's velocity, which no network changes
+
+    def __len__(self) -> int:
+        """Return the number of pushes M."""
+        return len(self.disks)
+
+    def padded(self, disks: int) -> Self:
+        """Return examples with so many disks, those that are missing far from all others.
+
+        A disk that is far away tells others nothing, to the bit (`InteractionNetwork`): the
+        network says the same of the disks that exist. Of the others it should say zero.
+        """
+        count = self.disks.shape[1]
+        if count == disks:
+            return self
+        receiver, sender = relation_ends(disks)
+        exist = torch.from_numpy((receiver < count) & (sender < count))
+        relations = self.relations.new_zeros(len(self), len(exist), self.relations.shape[2])
+        relations[..., [GAP_BEFORE, GAP_AFTER]] = 1.0
+        relations[:, exist] = self.relations
+        missing = (0, 0, 0, disks - count)
+        return type(self)(
+            functional.pad(self.disks, missing),
+            relations,
+            functional.pad(self.residual, missing),
+            functional.pad(self.velocity, missing),
+        )
+
+    def and_then(self, others: Self) -> Self:
+        """Return these examples and others."""
+        joined = {
+            name: torch.cat([tensor, getattr(others, name)]) for name, tensor in vars(self).items()
+        }
+        return type(self)(**joined)
+
+
+def make_examples(
+    data: Transitions,
+    prior: Dynamics,
+    friction: Scalars | None = None,
+    network: NetworkConfig = NetworkConfig(),
+) -> Examples:
+    """Return inputs and outputs for these transitions on a prior.
+
+    Args:
+        data: M pushes.
+        prior: what is corrected.
+        friction: what the planar prior is told (M,); None: the nominal one.
+        network: what its inputs know of the world, and what its residual is added to.
+    """
+    physics_next = step_knowing(prior, data.scenes, data.pushes, friction)
+    features = make_features(data.scenes, data.pushes, physics_next, network.features)
+    base = physics_next if network.residual == ON_PHYSICS else data.scenes
+    velocity = data.next_scenes[..., VELOCITY] - physics_next[..., VELOCITY]
+    arrays = (
+        features.disks,
+        features.relations,
+        true_residual(data.next_scenes, data.pushes, base),
+        velocity,
+    )
+    return Examples(*(torch.from_numpy(array.astype(np.float32)) for array in arrays))
+
+
+def training_examples(
+    data: Transitions | MixedTransitions,
+    prior: Dynamics,
+    friction: FrictionFilter | None,
+    mirror: bool,
+    random: np.random.Generator | None = None,
+    network: NetworkConfig = NetworkConfig(),
+) -> Examples:
+    """Return what to learn from: the pushes and, if wanted, their mirror images after them.
+
+    Args:
+        data: M pushes; where numbers of disks differ, all examples are `Examples.padded`.
+        prior: what is corrected.
+        friction: infers the friction that the prior is told; None: it is the nominal one.
+        mirror: whether to add the mirror images.
+        random: given, the prior is told what the latest few of the *earlier* pushes show, and
+            this draws how many; else what all *other* pushes of the episode show.
+        network: what its inputs know of the world, and what its residual is added to.
+    """
+    disks = max(part.disks for part in data.parts)
+    told = [_teller(part, friction, random) for part in data.parts]
+    return functools.reduce(
+        Examples.and_then,
+        (
+            make_examples(part.mirrored() if image else part, prior, tell(), network).padded(disks)
+            for image in ((False, True) if mirror else (False,))
+            for part, tell in zip(data.parts, told, strict=True)
+        ),
+    )
+
+
+def _teller(
+    data: Transitions, friction: FrictionFilter | None, random: np.random.Generator | None
+) -> Callable[[], Scalars | None]:
+    """Return what says, each time anew, which friction (M,) the prior is told."""
+    if friction is None:
+        return lambda: None
+    likelihood = friction.log_likelihood(data.scenes, data.pushes, data.next_scenes)
+
+    def told() -> Scalars:
+        if random is None:
+            return friction.others(likelihood, data.episodes).mean
+        known = friction.earlier(likelihood, data.episodes, data.steps)
+        fewer = random.integers(known.pushes + 1)
+        return friction.earlier(likelihood, data.episodes, data.steps, fewer).mean
+
+    return told

@@ -1,0 +1,68 @@
+"""How far a prior can be trusted when friction is inferred with it: fitted to training data."""
+
+from dataclasses import replace
+from itertools import product
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.dynamics import Dynamics
+from sain_core.errors import DatasetError
+from sain_model.data.dataset import Transitions
+from sain_model.data.mixed import MixedTransitions
+from sain_model.physics.friction import EpisodeFriction, FrictionConfig, FrictionFilter, ways
+from sain_model.physics.planar import PlanarPrior
+
+NOISES: Final = (0.0001, 0.0002, 0.0003, 0.0005, 0.001, 0.002)  # [m]
+SHARES: Final = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1)
+
+
+def make_filter(prior: Dynamics, train: Transitions | MixedTransitions) -> FrictionFilter | None:
+    """Return what infers friction for a prior, its noise fitted where the truth is known.
+
+    None for a prior that knows no friction. Noise is fitted to the part with the most pushes.
+    """
+    if not isinstance(prior, PlanarPrior):
+        return None
+    data = max(train.parts, key=len)
+    known = np.isfinite(data.friction).all()
+    config = fit_noise(prior, data) if known else FrictionConfig()
+    return prior.filter(config)
+
+
+def fit_noise(
+    prior: PlanarPrior, data: Transitions, config: FrictionConfig = FrictionConfig()
+) -> FrictionConfig:
+    """Return the settings under which an episode's earlier pushes best tell its friction.
+
+    Best is the highest mean logarithm of the density of the true friction, as a normal of the
+    belief's mean and spread, over all pushes with earlier ones: a belief has to be near, and to
+    know how near.
+
+    Raises:
+        DatasetError: the true friction is not known, or no episode has two pushes.
+    """
+    if not np.isfinite(data.friction).all():
+        raise DatasetError("the data has no true friction to fit the noise of the inference to")
+    if len(np.unique(data.episodes)) == len(data):
+        raise DatasetError(f"none of {len(data)} episodes has two pushes: nothing to infer from")
+    errors = prior.filter(config).errors(data.scenes, data.pushes, data.next_scenes)
+    moved = ways(data.scenes, data.next_scenes)
+    best, highest = config, -np.inf
+    for noise, share in product(NOISES, SHARES):
+        candidate = replace(config, noise=noise, noise_share=share)
+        friction = prior.filter(candidate)
+        known = friction.earlier(friction.weigh(errors, moved), data.episodes, data.steps)
+        score = _score(known, data.friction)
+        if score > highest:
+            best, highest = candidate, score
+    return best
+
+
+def _score(known: EpisodeFriction, truth: Float[ndarray, "M"]) -> float:
+    rows = known.pushes > 0
+    spread = np.hypot(known.spread[rows], 1e-3)
+    off = np.log(known.mean[rows] / truth[rows]) / spread
+    return float((-0.5 * off**2 - np.log(spread)).mean())

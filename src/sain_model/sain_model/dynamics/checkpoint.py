@@ -1,0 +1,229 @@
+"""Checkpoints: the weights as ``NAME.safetensors`` and beside them a card, ``NAME.json``.
+
+The card says what was learned from what, how, and how well it does on episodes held out; and it
+pins the weights by their SHA-256. Nothing is unpickled. What does not fit is refused.
+"""
+
+import dataclasses
+import hashlib
+import io
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import safetensors.torch
+import torch
+from safetensors import SafetensorError
+from torch import nn
+
+from sain_core.errors import CheckpointError, ConfigError
+from sain_core.storage import write_whole
+from sain_model.dynamics.correction_network import InsideNetworks
+from sain_model.network.features import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
+from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
+
+FORMAT_VERSION: Final = 1
+ARCHITECTURE: Final = "interaction-network"
+INSIDE_ARCHITECTURE: Final = "network-inside-physics"
+SUFFIX: Final = ".safetensors"
+
+
+@dataclass(frozen=True)
+class Card:
+    """What a checkpoint says of itself.
+
+    Attributes:
+        prior: name of the prior that it corrects, as in `sain_model.dynamics.load.load_dynamics`.
+        prior_config: its parameters, so that a later calibration does not change this model.
+        network: size of the network.
+        friction: how friction is inferred from an episode's earlier pushes; None: the model was
+            trained without them, and knows the nominal friction alone.
+        intervals: regions about its predictions, fitted to the validation episodes; None: not.
+        kind: one of `dynamics.sain.KINDS`; empty on cards older than the kind "recurrent".
+        rollouts: how it was trained on rollouts of its own predictions; None: it was not.
+        data: what it was trained on: path, SHA-256, transitions, episodes, split.
+        training: settings, seed, epochs done, losses.
+        errors: errors on the held-out episodes [mm], for it and what it is compared with.
+        versions: of Python, its packages, this project, system and processor.
+        command: the command line that made it.
+        weights_sha256: of the safetensors file.
+        parent: card of the checkpoint that it was fine-tuned from; None: from none.
+        feature_version: of `sain_model.network.features`.
+    """
+
+    prior: str
+    prior_config: dict[str, Any]
+    network: dict[str, Any]
+    friction: dict[str, Any] | None = None
+    intervals: dict[str, Any] | None = None
+    kind: str = ""
+    rollouts: dict[str, Any] | None = None
+    data: dict[str, Any] = field(default_factory=dict)
+    training: dict[str, Any] = field(default_factory=dict)
+    errors: dict[str, Any] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+    command: str = ""
+    weights_sha256: str = ""
+    parent: dict[str, Any] | None = None
+    architecture: str = ARCHITECTURE
+    feature_version: int = FEATURE_VERSION
+    disk_features: int = DISK_FEATURES
+    relation_features: int = RELATION_FEATURES
+    format_version: int = FORMAT_VERSION
+
+    def lineage(self) -> Iterator["Card"]:
+        """Yield this card, that of its parent, and so on.
+
+        Raises:
+            CheckpointError: a parent's is no card.
+        """
+        card: Card | None = self
+        while card is not None:
+            yield card
+            try:
+                card = Card(**card.parent) if card.parent else None
+            except TypeError as error:
+                raise CheckpointError(f"parent on a card is no card: {error}") from error
+
+
+def card_path(weights: Path) -> Path:
+    """Return where the card of these weights lies."""
+    return weights.with_suffix(".json")
+
+
+def save_checkpoint(path: Path, network: InteractionNetwork | InsideNetworks, card: Card) -> Card:
+    """Write weights and card, each whole or not at all; return the card with the weights' hash.
+
+    Raises:
+        CheckpointError: the path does not end in .safetensors.
+        OutputError: the folder cannot be written.
+    """
+    if path.suffix != SUFFIX:
+        raise CheckpointError(f"a checkpoint's name ends in {SUFFIX}; {path} does not")
+    tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
+    weights = safetensors.torch.save(tensors)
+    card = dataclasses.replace(
+        card,
+        network=dataclasses.asdict(network.config),
+        weights_sha256=hashlib.sha256(weights).hexdigest(),
+    )
+    write_whole(path, weights)
+    write_whole(card_path(path), card_json(card).encode())
+    return card
+
+
+def card_json(card: Card) -> str:
+    """Return the card as it is written: indented, keys in the order of `Card`."""
+    return json.dumps(dataclasses.asdict(card), indent=2) + "\n"
+
+
+def write_torch(path: Path, state: dict[str, Any]) -> None:
+    """Write tensors and plain values, to go on from, whole or not at all."""
+    buffer = io.BytesIO()
+    torch.save(state, buffer)
+    write_whole(path, buffer.getvalue())
+
+
+def load_checkpoint(path: Path) -> tuple[InteractionNetwork, Card, str]:
+    """Read a checkpoint; return the network, its card and the card's JSON text.
+
+    Raises:
+        CheckpointError: missing, truncated, not safetensors, of another architecture or with a
+            card that belongs to other weights; the message names the file and what is wrong.
+    """
+    content, card, text = read_checkpoint(path, ARCHITECTURE)
+    try:
+        network = InteractionNetwork(NetworkConfig(**card.network))
+    except (TypeError, ConfigError) as error:
+        raise CheckpointError(f"{card_path(path)}: network: {error}") from error
+    fill(path, content, network)
+    return network, card, text
+
+
+def read_checkpoint(path: Path, architecture: str) -> tuple[bytes, Card, str]:
+    """Read weights of an architecture, their card and the card's JSON text, and check them.
+
+    Raises:
+        CheckpointError: as `load_checkpoint`.
+    """
+    content = _read(path)
+    text = _read(card_path(path)).decode(errors="replace")
+    card = parse_card(card_path(path), text)
+    _check_card(card_path(path), card, architecture)
+    found = hashlib.sha256(content).hexdigest()
+    if found != card.weights_sha256:
+        raise CheckpointError(
+            f"{path} has SHA-256 {found[:16]}.., its card says {card.weights_sha256[:16]}..;"
+            " the file is truncated, changed, or the card belongs to other weights"
+        )
+    return content, card, text
+
+
+def read_card(path: Path) -> Card:
+    """Read the card of the weights at this path, unchecked.
+
+    Raises:
+        CheckpointError: there is none, or it is no card.
+    """
+    return parse_card(card_path(path), _read(card_path(path)).decode(errors="replace"))
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise CheckpointError(
+            f"{path} does not exist; a checkpoint is NAME{SUFFIX} with NAME.json beside it"
+        ) from None
+    except OSError as error:
+        raise CheckpointError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def parse_card(path: Path, text: str) -> Card:
+    """Return the card with this JSON text."""
+    try:
+        return Card(**json.loads(text))
+    except (json.JSONDecodeError, TypeError) as error:
+        raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
+
+
+def _check_card(path: Path, card: Card, architecture: str) -> None:
+    expected = {
+        "format_version": FORMAT_VERSION,
+        "architecture": architecture,
+        "feature_version": FEATURE_VERSION,
+        "disk_features": DISK_FEATURES,
+        "relation_features": RELATION_FEATURES,
+    }
+    for name, right in expected.items():
+        value = getattr(card, name)
+        if value != right:
+            raise CheckpointError(f"{path}: {name} is {value!r}; this version reads {right!r}")
+
+
+def fill(path: Path, content: bytes, network: nn.Module) -> None:
+    """Give a network these weights.
+
+    Raises:
+        CheckpointError: they are not safetensors, of other names or shapes, or not finite.
+    """
+    try:
+        tensors = safetensors.torch.load(content)
+    except SafetensorError as error:
+        raise CheckpointError(f"{path} is not a safetensors file: {error}") from error
+    expected = network.state_dict()
+    for name in sorted(expected.keys() | tensors.keys()):
+        found = tuple(tensors[name].shape) if name in tensors else None
+        right = tuple(expected[name].shape) if name in expected else None
+        if found != right:
+            raise CheckpointError(
+                f"{path}: tensor {name} has shape {found}; the network on its card needs {right}"
+            )
+        if tensors[name].dtype != expected[name].dtype:
+            kinds = f"{tensors[name].dtype}; it must be {expected[name].dtype}"
+            raise CheckpointError(f"{path}: tensor {name} is of type {kinds}")
+        if not tensors[name].isfinite().all():
+            raise CheckpointError(f"{path}: tensor {name} holds NaN or Inf; it must be finite")
+    network.load_state_dict(tensors)

@@ -1,0 +1,109 @@
+"""The network that corrects what physics is told, and what is left of its prediction."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from sain_core.config import Config, option
+from sain_model.network.features import (
+    DISK_FEATURES,
+    GAP_AFTER,
+    GAP_BEFORE,
+    RELATION_FEATURES,
+    TURN_SCALE,
+)
+from sain_model.network.interaction_network import OUTPUTS, POSITION_UNIT
+from sain_model.network.members import make_perceptron, silence
+from sain_model.network.place_features import PLACE_FEATURES
+from sain_model.physics.corrections import CORRECTIONS, DRAG
+
+BEFORE: Final = slice(DISK_FEATURES, DISK_FEATURES + 2)  # a disk's place in the world
+AFTER: Final = slice(DISK_FEATURES + 2, DISK_FEATURES + 4)
+MAP_SCALE: Final = 2.0  # of the map's part in DRAG
+MAP_FINENESS: Final = 3.0  # its first layer starts out so much steeper than usual
+
+
+@dataclass(frozen=True)
+class InsideNetworkConfig(Config):
+    """The size of the network."""
+
+    hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
+    message: int = option(32, "width of what one disk tells another", minimum=1, maximum=1024)
+    layers: int = option(2, "hidden layers of each part", minimum=1, maximum=6)
+    places: int = option(
+        5, "places on a disk's way where the map of the table is looked at; 0: no map", minimum=0
+    )
+    members: int = option(1, "networks whose predictions are averaged", minimum=1, maximum=32)
+
+
+class InsideNetwork(nn.Module):
+    """f_rel and f_dyn as in `InteractionNetwork`, and one map of the table for all disks.
+
+    What a place does to a disk is the same for every disk that comes by: the map is a function of
+    place alone, looked at along the straight line from where a disk stands to where the prior, told
+    nothing, sees it end. Its mean goes into `DRAG`, and all of it into f_dyn.
+    """
+
+    way: Tensor
+
+    def __init__(self, config: InsideNetworkConfig = InsideNetworkConfig()) -> None:
+        """Build it so that it starts out by leaving the prior as it is."""
+        super().__init__()
+        self.config = config
+        inputs = DISK_FEATURES + PLACE_FEATURES + config.message + config.places
+        size = config.hidden, config.layers
+        self.relation = make_perceptron(RELATION_FEATURES, config.message, *size)
+        self.dynamics = make_perceptron(inputs, CORRECTIONS + OUTPUTS, *size)
+        silence(self.dynamics)
+        if config.places:
+            self.map = make_perceptron(2, 1, *size)
+            first = self.map[0]
+            assert isinstance(first, nn.Linear)
+            nn.init.uniform_(first.weight, -MAP_FINENESS / 2**0.5, MAP_FINENESS / 2**0.5)
+            silence(self.map)
+            self.register_buffer("way", torch.linspace(0, 1, config.places), persistent=False)
+        self.register_buffer(
+            "unit", torch.tensor([POSITION_UNIT, POSITION_UNIT, TURN_SCALE]), persistent=False
+        )
+
+    def forward(
+        self, disks: Float[Tensor, "B N D"], relations: Float[Tensor, "B E R"]
+    ) -> tuple[Float[Tensor, "B N C"], Float[Tensor, "B N 3"]]:
+        """Return corrections (`physics.corrections`) and the residual of what comes of them.
+
+        Args:
+            disks: features in the frame of the world.
+            relations: features of the pairs.
+        """
+        batch, count, _ = disks.shape
+        gaps = torch.minimum(relations[..., GAP_BEFORE], relations[..., GAP_AFTER])
+        effects = self.relation(relations) * (1.0 - gaps).unsqueeze(-1)  # (B, E, message)
+        effects = effects.view(batch, count, count - 1, -1).sum(dim=2)
+        inputs = [disks, effects]
+        if self.config.places:
+            inputs.append(self._look_up(disks))
+        output = self.dynamics(torch.cat(inputs, dim=-1))
+        corrections, residual = output[..., :CORRECTIONS], output[..., CORRECTIONS:] * self.unit
+        if self.config.places:
+            drag = torch.zeros_like(corrections)
+            drag[..., DRAG] = MAP_SCALE * inputs[-1].mean(dim=-1)
+            corrections = corrections + drag
+        return corrections, residual
+
+    def _look_up(self, disks: Float[Tensor, "B N D"]) -> Float[Tensor, "B N P"]:
+        """Return the map along the way of each disk."""
+        before, after = disks[..., None, BEFORE], disks[..., None, AFTER]
+        along: Tensor = self.map(before + self.way[:, None] * (after - before))
+        return along.squeeze(-1)
+
+
+class InsideNetworks(nn.ModuleList):
+    """Several networks, each trained from a seed of its own."""
+
+    def __init__(self, config: InsideNetworkConfig = InsideNetworkConfig()) -> None:
+        """Build all of them."""
+        super().__init__(InsideNetwork(config) for _ in range(config.members))
+        self.config = config

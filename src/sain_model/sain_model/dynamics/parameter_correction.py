@@ -1,0 +1,99 @@
+"""SAIN with its residual inside physics: the prior is told what the laboratory is like.
+
+    s' = f_p(s, a, c) + f_theta,   (c, f_theta) = network(f_p(s, a), s, a)
+
+The paper's equation 2 adds a residual to what physics predicts. Here the network first corrects
+what physics is told (`physics.corrections`), so that physics itself works out what a slope or
+a mass off the middle does to this push, and adds a residual to that.
+"""
+
+from typing import Final
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.push import LENGTH
+from sain_core.types import Pushes, Scalars, Scenes
+from sain_model.compute.devices import CPU
+from sain_model.compute.threads import settle_threads
+from sain_model.dynamics.correction_network import InsideNetworks
+from sain_model.dynamics.physics_gradient import moves
+from sain_model.network.features import WORLD_FRAME, apply_residual, make_features
+from sain_model.physics.corrections import Corrections
+from sain_model.physics.planar import PlanarPrior
+
+INSIDE: Final = "inside"
+
+
+class InsideSain:
+    """Several networks, trained alike from different seeds, inside one prior. A `Dynamics`.
+
+    Attributes:
+        networks: what they predict is averaged.
+        prior: f_p.
+        prior_name: its name for `sain_model.dynamics.load.load_dynamics`.
+        kind: ``inside``.
+        model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
+        card: the checkpoint's JSON card; empty likewise.
+        device: ``cpu``: it is small, and its prior runs nowhere else.
+    """
+
+    kind: Final = INSIDE
+    device: Final = CPU
+
+    def __init__(
+        self,
+        networks: InsideNetworks,
+        prior: PlanarPrior,
+        prior_name: str = "",
+        model_hash: str = "",
+        card: str = "",
+    ) -> None:
+        """Put these networks inside this prior."""
+        self.networks = networks.eval()
+        self.prior = prior
+        self.prior_name = prior_name
+        self.model_hash = model_hash
+        self.card = card
+
+    def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
+
+        Args:
+            scenes: settled scenes.
+            pushes: one a scene. Length 0 leaves the scene unchanged, bit for bit.
+            friction: with the table (B,), where it is known.
+        """
+        physics_next = self.prior.step(scenes, pushes, friction)
+        plain = moves(scenes, pushes, physics_next)
+        change = np.zeros_like(plain)
+        for corrections, residual in self.corrections(scenes, pushes, physics_next):
+            told = self.prior.step_told(scenes, pushes, corrections, friction)
+            change += moves(scenes, pushes, told) - plain + residual
+        predicted = apply_residual(physics_next, pushes, change / len(self.networks))
+        idle = pushes[:, LENGTH] == 0.0
+        predicted[idle] = physics_next[idle]
+        return predicted
+
+    def corrections(
+        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes
+    ) -> list[tuple[Corrections, Float[ndarray, "B N 3"]]]:
+        """Return what each network tells the prior, and what it adds to its prediction.
+
+        Args:
+            scenes: settled scenes.
+            pushes: one a scene.
+            physics_next: what the prior predicts when told nothing.
+        """
+        features = make_features(scenes, pushes, physics_next, WORLD_FRAME)
+        disks = torch.from_numpy(features.disks.astype(np.float32))
+        relations = torch.from_numpy(features.relations.astype(np.float32))
+        settle_threads()
+        with torch.inference_mode():
+            outputs = [network(disks, relations) for network in self.networks]
+        return [
+            (told.numpy().astype(np.float64), residual.numpy().astype(np.float64))
+            for told, residual in outputs
+        ]

@@ -1,0 +1,119 @@
+"""What a network sees of its own predictions in a rollout, and how that depends on them.
+
+The prior is compiled and its contacts are not smooth: no automatic differentiation passes through
+it. A loss on a later step reaches an earlier one in one of three ways (docs/rollouts.md):
+
+* ``none``: not at all; each step learns from the scenes that the network itself led to.
+* ``shift``: a scene that is moved or turned a little leads to one that is moved or turned as much.
+* ``differences``: prior and features together are differentiated by finite differences.
+"""
+
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+from torch import Tensor
+
+from sain_core.scene import POSE, THETA, wrap_angle
+from sain_core.types import Pushes, Scenes
+from sain_model.network.features import make_features
+
+NO_GRADIENT: Final = "none"
+SHIFT: Final = "shift"
+DIFFERENCES: Final = "differences"
+GRADIENTS: Final = (NO_GRADIENT, SHIFT, DIFFERENCES)
+STEPS: Final = (2e-4, 2e-4, 2e-3)  # [m, m, rad], of the finite differences: well above rounding
+
+Physics = Callable[[Scenes, Pushes, ndarray], Scenes]  # scenes, pushes, rows of the batch -> next
+
+
+class Seen(NamedTuple):
+    """Network inputs and how the prior moves the disks, for B pushes."""
+
+    disks: Float[Tensor, "B N D"]
+    relations: Float[Tensor, "B E R"]
+    moved: Float[Tensor, "B N 3"]  # dx, dy [m], dtheta [rad], in the world
+
+
+def see(
+    pose: Float[Tensor, "B N 3"],
+    scenes: Scenes,
+    pushes: Pushes,
+    physics: Physics,
+    frame: str,
+    gradient: str,
+) -> Seen:
+    """Return what the network sees in scenes with these poses.
+
+    Args:
+        pose: of each disk, predicted so far; what is returned may depend on it.
+        scenes: with masses and radii; the poses in them are overwritten.
+        pushes: one a scene.
+        physics: predicts, for rows of this batch.
+        frame: of the features.
+        gradient: one of `GRADIENTS`.
+    """
+    scenes = scenes.copy()
+    scenes[..., POSE] = pose.detach().numpy()
+    scenes[..., THETA] = wrap_angle(scenes[..., THETA])
+    rows = np.arange(len(scenes))
+    parts = _look(scenes, pushes, physics, rows, frame)
+    values = torch.from_numpy(_flat(parts))
+    if gradient == DIFFERENCES and pose.requires_grad:
+        slopes = torch.from_numpy(_slopes(scenes, pushes, physics, frame, _flat(parts)))
+        values = _Linearised.apply(pose, values, slopes)
+    split = values.split([part[0].size for part in parts], dim=1)
+    disks, relations, moved = (
+        value.view(part.shape) for value, part in zip(split, parts, strict=True)
+    )
+    return Seen(disks.float(), relations.float(), moved)
+
+
+def _look(
+    scenes: Scenes, pushes: Pushes, physics: Physics, rows: ndarray, frame: str
+) -> tuple[ndarray, ndarray, ndarray]:
+    physics_next = physics(scenes, pushes, rows)
+    features = make_features(scenes, pushes, physics_next, frame)
+    moved = physics_next[..., POSE] - scenes[..., POSE]
+    moved[..., THETA] = wrap_angle(moved[..., THETA])
+    return features.disks, features.relations, moved
+
+
+def _flat(parts: tuple[ndarray, ...]) -> Float[ndarray, "B V"]:
+    return np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
+
+
+def _slopes(
+    scenes: Scenes, pushes: Pushes, physics: Physics, frame: str, values: Float[ndarray, "B V"]
+) -> Float[ndarray, "B V P"]:
+    """Return the derivative of all that is seen by each of the P = 3 N numbers of the poses."""
+    batch, disks, _ = scenes.shape
+    count = 3 * disks
+    nudged = np.repeat(scenes[None], count, axis=0)  # (P, B, N, 8)
+    for disk in range(disks):
+        for column, step in enumerate(STEPS):
+            nudged[3 * disk + column, :, disk, column] += step
+    rows = np.tile(np.arange(batch), count)
+    seen = _flat(
+        _look(nudged.reshape(-1, *scenes.shape[1:]), pushes[rows], physics, rows, frame)
+    ).reshape(count, batch, -1)
+    steps = np.tile(STEPS, disks)[:, None, None]
+    return np.ascontiguousarray(((seen - values) / steps).transpose(1, 2, 0))
+
+
+class _Linearised(torch.autograd.Function):
+    """Passes values on, and their gradients back by given slopes."""
+
+    @staticmethod
+    def forward(ctx: Any, pose: Tensor, values: Tensor, slopes: Tensor) -> Tensor:
+        ctx.save_for_backward(slopes)
+        ctx.shape = pose.shape
+        return values.clone()
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:
+        (slopes,) = ctx.saved_tensors
+        return torch.einsum("bv,bvp->bp", gradient, slopes).view(ctx.shape), None, None

@@ -1,0 +1,257 @@
+"""SAIN as a `Dynamics`: a prior and the network that corrects it."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final, Self
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.dynamics import Dynamics, Radii, StepwiseRollout, scenes_before
+from sain_core.errors import InvalidInputError
+from sain_core.history import PushHistory
+from sain_core.push import LENGTH
+from sain_core.scene import POSITION, THETA, wrap_angle
+from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
+from sain_model.compute.batch_checks import check_batch
+from sain_model.compute.devices import CPU
+from sain_model.compute.threads import settle_threads
+from sain_model.dynamics.intervals import Intervals, Prediction
+from sain_model.network.compiled_network import CompiledNetwork
+from sain_model.network.features import make_features
+from sain_model.network.interaction_network import ON_STATE, InteractionNetwork
+from sain_model.network.torch_network import TorchNetwork
+from sain_model.physics.friction import FrictionConfig, FrictionFilter
+from sain_model.physics.planar import PlanarPrior, step_knowing
+
+LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
+IDENTITY: Final = "identity"
+RESIDUAL: Final = "residual"  # Fig. 1c, equation 2
+RECURRENT: Final = "recurrent"  # Fig. 1d, equations 3 and 4: trained on its own rollouts
+KINDS: Final = (LEARNED, RESIDUAL, RECURRENT)
+
+
+@dataclass(frozen=True, eq=False)
+class SainDynamics:
+    """s' = f_p(s, a) + f_theta(f_p(s, a), s, a), the paper's equation 2.
+
+    Attributes:
+        prior: f_p.
+        prior_name: its name for `sain_model.dynamics.load.load_dynamics`.
+        model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
+        card: the checkpoint's JSON card; empty likewise.
+        friction: how it infers friction from an episode's earlier pushes; None: it was not
+            trained to.
+        intervals: the regions of its predictions; None: they were not fitted.
+        told_doubt: standard deviation of the logarithm of the friction that its prior is told;
+            None: nobody told it any.
+        recurrent: whether it was trained on rollouts of its own predictions.
+        device: what the network runs on, ``cpu`` or ``cuda``. The prior stays on the CPU.
+    """
+
+    network: InteractionNetwork
+    prior: Dynamics
+    prior_name: str
+    model_hash: str = ""
+    card: str = ""
+    friction: FrictionConfig | None = None
+    intervals: Intervals | None = None
+    told_doubt: float | None = None
+    recurrent: bool = False
+    device: str = CPU
+
+    def __post_init__(self) -> None:
+        """Stop whatever a network does in training alone."""
+        self.network.eval()
+
+    @cached_property
+    def _forward(self) -> CompiledNetwork | TorchNetwork:
+        """The network as it runs here; its weights are read at the first prediction."""
+        if self.device == CPU:
+            return CompiledNetwork(self.network)
+        return TorchNetwork(self.network, self.device)
+
+    def on(self, device: str) -> Self:
+        """Return this model with its network on a device, ``cpu`` or ``cuda``."""
+        return replace(self, device=device)
+
+    @property
+    def kind(self) -> str:
+        """One of `KINDS`: ``learned`` when the prior is the identity."""
+        if self.prior_name == IDENTITY:
+            return LEARNED
+        return RECURRENT if self.recurrent else RESIDUAL
+
+    @property
+    def doubt(self) -> float:
+        """Standard deviation of the logarithm of the friction; at first, how wide it is drawn."""
+        if self.told_doubt is not None:
+            return self.told_doubt
+        usual = self.filter
+        return usual.start().spread if usual else 0.0
+
+    @property
+    def filter(self) -> FrictionFilter | None:
+        """What infers the friction that the prior is told; None: this model learns nothing."""
+        if self.friction is None or not isinstance(self.prior, PlanarPrior):
+            return None
+        return self.prior.filter(self.friction)
+
+    def with_history(self, history: PushHistory) -> Self:
+        """Return this model on the friction that an episode's earlier pushes tell of.
+
+        It is the model itself without pushes, and where it was not trained to learn from them.
+        """
+        friction = self.filter
+        if friction is None or len(history) == 0:
+            return self
+        belief = friction.infer(history)
+        return self.at(belief.mean, belief.spread)
+
+    def at(self, friction: float, doubt: float = 0.0) -> Self:
+        """Return this model with its prior told this friction, and how far that may be off.
+
+        Raises:
+            InvalidInputError: the prior knows no friction.
+        """
+        if not isinstance(self.prior, PlanarPrior):
+            raise InvalidInputError(f"the prior {self.prior_name!r} knows no friction")
+        told = replace(self, prior=self.prior.at(friction), told_doubt=doubt)
+        vars(told)["_forward"] = self._forward  # its weights are the same: not to be packed again
+        return told
+
+    def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
+
+        Args:
+            scenes: settled scenes.
+            pushes: one a scene.
+            friction: with the table (B,), where it is known and the prior can be told.
+        """
+        return self.correct(scenes, pushes, step_knowing(self.prior, scenes, pushes, friction))
+
+    def predict(
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        friction: Scalars | None = None,
+        doubt: Scalars | None = None,
+    ) -> Prediction:
+        """Predict as `step` does, and say how sure that is; it costs two to four times as much.
+
+        Args:
+            scenes: settled scenes.
+            pushes: one a scene.
+            friction: with the table (B,); None: what this model believes.
+            doubt: standard deviation of its logarithm (B,); None: what this model believes, or 0
+                where the friction is given.
+        """
+        if doubt is None:
+            doubt = np.full(len(pushes), self.doubt if friction is None else 0.0)
+        physics_next = step_knowing(self.prior, scenes, pushes, friction)
+        prediction = Prediction(
+            self.correct(scenes, pushes, physics_next),
+            self._members_spread(scenes, pushes, physics_next),
+            self._friction_spread(scenes, pushes, friction, doubt),
+        )
+        if self.intervals is None:
+            return prediction
+        return replace(prediction, radius=self.intervals.radii(prediction, scenes))
+
+    def correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
+        """Return the prediction `physics_next` (B, N, 8) of a prior, corrected.
+
+        A push of zero length stays what the prior makes of it: nothing. Velocities, masses and
+        radii are passed on as the prior left them.
+
+        Raises:
+            InvalidInputError: arrays that do not fit together.
+        """
+        check_prediction(scenes, physics_next)
+        corrected = self._forward.correct(scenes, pushes, physics_next)
+        if self.network.config.residual == ON_STATE:
+            return _carried_over(corrected, physics_next, scenes)
+        return corrected
+
+    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8).
+
+        As `StepwiseRollout` does; on a planar prior and the CPU in one go, several times faster.
+
+        Raises:
+            InvalidInputError: wrong shapes, NaN or Inf, or a mass or radius that is not positive.
+        """
+        forward = self._forward
+        if (
+            not isinstance(self.prior, PlanarPrior)
+            or not isinstance(forward, CompiledNetwork)
+            or self.network.config.residual == ON_STATE
+        ):
+            return StepwiseRollout(self).rollout(scene, pushes)
+        flat = pushes.reshape(-1, pushes.shape[-1])
+        check_batch(np.broadcast_to(scene, (len(flat), *scene.shape)), flat)
+        return forward.rollout(self.prior, scene, pushes)
+
+    def regions(
+        self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
+    ) -> Radii | None:
+        """Return the radii (K, H, N) [m] of the regions that should hold each disk.
+
+        None without calibrated regions: see `sain_core.dynamics.RegionModel`.
+        """
+        if self.intervals is None:
+            return None
+        before = scenes_before(scene, predicted).reshape(-1, *scene.shape)
+        radius = self.predict(before, pushes.reshape(-1, pushes.shape[-1])).radius
+        assert radius is not None
+        return radius.reshape(predicted.shape[:3])
+
+    def _members_spread(
+        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes
+    ) -> Float[ndarray, "B N"]:
+        """Return the standard deviation of the members' places [m]; 0 for a lone network."""
+        if self.network.config.members == 1:
+            return np.zeros(scenes.shape[:2])
+        settle_threads()
+        features = make_features(scenes, pushes, physics_next, self.network.config.features)
+        inputs = [
+            torch.from_numpy(array.astype(np.float32)).to(self.device)
+            for array in (features.disks, features.relations)
+        ]
+        with torch.inference_mode():
+            each = self.network.to(self.device).each(*inputs)[..., :2]
+        variance = each.double().var(dim=0).sum(dim=-1)  # (B, N), in any frame
+        return np.where(pushes[:, LENGTH, None] == 0.0, 0.0, variance.sqrt().cpu().numpy())
+
+    def _friction_spread(
+        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None, doubt: Scalars
+    ) -> Float[ndarray, "B N"]:
+        """Return how far places move with a standard deviation of the friction's logarithm [m]."""
+        if not isinstance(self.prior, PlanarPrior) or not np.any(doubt):
+            return np.zeros(scenes.shape[:2])
+        told = np.full(len(pushes), self.prior.config.friction) if friction is None else friction
+        less, more = (self.step(scenes, pushes, told * np.exp(way * doubt)) for way in (-1, 1))
+        return np.asarray(np.linalg.norm((more - less)[..., POSITION], axis=-1) / 2)
+
+
+def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Scenes:
+    """Return scenes (B, N, 8) moved by what a prediction was corrected by."""
+    moved = physics_next.copy()
+    moved[..., POSITION] = scenes[..., POSITION] + (corrected - physics_next)[..., POSITION]
+    turned = scenes[..., THETA] + (corrected - physics_next)[..., THETA]
+    moved[..., THETA] = wrap_angle(turned)
+    return moved
+
+
+def check_prediction(scenes: np.ndarray, physics_next: np.ndarray) -> None:
+    """Check that a prediction is one of these scenes.
+
+    Raises:
+        InvalidInputError: it has another shape.
+    """
+    if physics_next.shape != scenes.shape:
+        raise InvalidInputError(
+            f"physics_next has shape {scenes.shape} like the scenes, not {physics_next.shape}"
+        )

@@ -1,0 +1,1 @@
+"""Errors, intervals, coverage and open loops, in tables and plots. May import `dynamics`."""

@@ -1,0 +1,166 @@
+"""Open loop: models rolled out over successive pushes, with nothing seen in between.
+
+A push is what the planner means by it: its numbers are relative to the mid disk, in a model to
+where the model itself believes the mid disk to be, in truth to where it was (docs/rollouts.md).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.push import LENGTH
+from sain_core.types import Pushes, Scalars, Scenes
+from sain_model.data.dataset import Transitions
+from sain_model.data.windows import Windows, make_windows
+from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
+from sain_model.evaluation.history_errors import earlier_friction, earlier_pushes
+from sain_model.evaluation.metrics import BULLET, FLOOR, LEARNED, MEASURED, NO_MOTION, NOMINAL
+from sain_model.evaluation.open_loop_errors import mean_target_errors
+from sain_model.physics.friction import FrictionFilter
+from sain_model.physics.planar import PlanarPrior
+
+HISTORY: Final = ", history"
+TRUE_FRICTION: Final = "planar, true friction"
+RESIDUAL_SAIN: Final = "residual SAIN"
+RECURRENT_SAIN: Final = "recurrent SAIN"
+NAMES: Final = {RESIDUAL: RESIDUAL_SAIN, RECURRENT: RECURRENT_SAIN}  # of a model's kind
+STEPS: Final = (1, 5, 15)
+
+Rollouts = Float[ndarray, "W T N 8"]
+
+
+@runtime_checkable
+class CarriesState(Protocol):
+    """A dynamics that carries more than the scene through a rollout."""
+
+    def roll_out(self, scenes: Scenes, pushes: ndarray, friction: Scalars | None) -> Rollouts:
+        """Predict scenes (W, T, N, 8) for push sequences (W, T, 3), each from its own scene."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class OpenLoop:
+    """What every predictor says over the same windows.
+
+    Attributes:
+        windows: W windows of up to T pushes.
+        predictions: (W, T, N, 8) of each by its name; NaN where it cannot say.
+        earlier: how many pushes came before each window in its episode.
+    """
+
+    windows: Windows
+    predictions: dict[str, Rollouts]
+    earlier: Int[ndarray, "W"]
+
+
+class NominalPlanar:
+    """The planar prior that believes every disk to have nominal mass and radius."""
+
+    def __init__(self) -> None:
+        self._planar = PlanarPrior()
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8)."""
+        return self._planar.step_as_nominal(scenes, pushes)
+
+
+def roll_out(
+    dynamics: Dynamics, scenes: Scenes, pushes: ndarray, friction: Scalars | None = None
+) -> Rollouts:
+    """Predict scenes (W, T, N, 8) for push sequences (W, T, 3), each from its own scene.
+
+    Args:
+        dynamics: fed with its own predictions.
+        scenes: (W, N, 8), what is seen at first.
+        pushes: (W, T, 3); those of zero length move nothing.
+        friction: what a dynamics that can be told is told (W,); None: nothing.
+    """
+    if isinstance(dynamics, CarriesState):
+        return dynamics.roll_out(scenes, pushes, friction)
+    predicted = np.empty((*pushes.shape[:2], *scenes.shape[1:]))
+    current = scenes.copy()
+    for step in range(pushes.shape[1]):
+        moving = pushes[:, step, LENGTH] > 0.0
+        if moving.any():
+            told = () if friction is None else (friction[moving],)
+            current[moving] = dynamics.step(current[moving], pushes[moving, step], *told)
+        predicted[:, step] = current
+    return predicted
+
+
+def predict_open_loop(
+    data: Transitions,
+    models: Mapping[str, Dynamics],
+    steps: int = max(STEPS),
+    others: Mapping[str, Dynamics] | None = None,
+) -> OpenLoop:
+    """Return what physics and models say over all windows of at most so many pushes.
+
+    Args:
+        data: pushes that no model was trained on.
+        models: by name; each that learns friction is asked with and without history.
+        steps: the most pushes of a window.
+        others: more physics by name, which history does not tell anything.
+    """
+    windows = make_windows(data, steps)
+    first = windows.rows[:, 0]
+    planar = PlanarPrior()
+    everyone: dict[str, Dynamics] = {
+        NO_MOTION: IdentityPrior(),
+        NOMINAL: NominalPlanar(),
+        MEASURED: planar,
+        **(others or {}),
+        **models,
+    }
+    predictions = {
+        name: roll_out(dynamics, windows.scenes, windows.pushes)
+        for name, dynamics in everyone.items()
+    }
+    known = np.isfinite(data.friction[first])
+    predictions[TRUE_FRICTION] = np.full_like(predictions[MEASURED], np.nan)
+    predictions[TRUE_FRICTION][known] = roll_out(
+        planar, windows.scenes[known], windows.pushes[known], data.friction[first][known]
+    )
+    for name, dynamics, friction in _learners(planar, models):
+        told = earlier_friction(friction, data).mean[first]
+        predictions[name] = roll_out(dynamics, windows.scenes, windows.pushes, told)
+    predictions |= _single(windows, {BULLET: data.physics_next, FLOOR: data.floor_next})
+    return OpenLoop(windows, predictions, earlier_pushes(data)[first])
+
+
+def _learners(
+    planar: PlanarPrior, models: Mapping[str, Dynamics]
+) -> list[tuple[str, Dynamics, FrictionFilter]]:
+    """Return what learns friction from earlier pushes: names, dynamics, and what infers it."""
+    found: list[tuple[str, Dynamics, FrictionFilter]] = [
+        (MEASURED + HISTORY, planar, planar.filter())
+    ]
+    for name, model in models.items():
+        if isinstance(model, SainDynamics) and model.filter is not None:
+            found.append((name + HISTORY, model, model.filter))
+    return found
+
+
+def _single(windows: Windows, recorded: dict[str, Scenes]) -> dict[str, Rollouts]:
+    """Return what was recorded for single pushes: known for the first push of a window alone."""
+    found = {}
+    for name, scenes in recorded.items():
+        found[name] = np.full_like(windows.next_scenes, np.nan)
+        found[name][:, 0] = scenes[windows.rows[:, 0]]
+    return found
+
+
+def card_errors(data: Transitions, sain: SainDynamics) -> dict[str, Any]:
+    """Return mean target errors [mm] of a model and of physics, cheaply, for a model's card."""
+    windows = make_windows(data, max(STEPS))
+    name = NAMES.get(sain.kind, LEARNED)
+    dynamics: dict[str, Dynamics] = {MEASURED: PlanarPrior(), name: sain}
+    predictions = {
+        key: roll_out(model, windows.scenes, windows.pushes) for key, model in dynamics.items()
+    }
+    return mean_target_errors(windows, predictions, STEPS)

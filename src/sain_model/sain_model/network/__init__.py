@@ -1,0 +1,1 @@
+"""Features, the interaction network, and both compiled. May import `physics`."""

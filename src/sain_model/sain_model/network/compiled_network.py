@@ -1,0 +1,101 @@
+"""A trained network packed for the compiled kernels: how SAIN predicts on a CPU."""
+
+from typing import Final
+
+import numpy as np
+from torch import Tensor, nn
+
+from sain_core.scene import MID, RADIUS
+from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_model.compute.thread_pool import run_blocks
+from sain_model.network.feature_kernels import LANES
+from sain_model.network.features import WORLD_FRAME
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.network_kernels import TILE, Weights
+from sain_model.network.sain_kernels import correct_block, roll_out_block
+from sain_model.physics.planar import PlanarPrior
+
+
+class CompiledNetwork:
+    """What a network predicts, by kernels that run on all of Numba's threads.
+
+    It agrees with PyTorch's forward pass to single precision, and with itself to the bit: on any
+    number of threads, and for a push alone or in any batch.
+    """
+
+    def __init__(self, network: InteractionNetwork) -> None:
+        """Take the weights as they are now."""
+        config = network.config
+        relation, relation_widths = pack(network.relation)
+        dynamics, dynamics_widths = pack(network.dynamics)
+        unit = network.unit
+        assert isinstance(unit, Tensor)
+        self._places: Final = config.features == WORLD_FRAME
+        self.weights: Final = Weights(
+            relation,
+            relation_widths,
+            dynamics,
+            dynamics_widths,
+            int(max(relation_widths.max(), dynamics_widths.max())),
+            config.message,
+            config.disk_features,
+            unit.detach().cpu().numpy().astype(np.float64),
+        )
+
+    def correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
+        """Return predictions (B, N, 8) of a prior for pushes (B, 3) from scenes, corrected."""
+        corrected = np.array(physics_next, dtype=np.float64, order="C")
+        rows = np.ascontiguousarray(scenes), np.ascontiguousarray(pushes)
+
+        def work(first: int) -> None:
+            correct_block(first, *rows, corrected, self._places, self.weights)
+
+        run_blocks(work, len(scenes), LANES)
+        return corrected
+
+    def rollout(self, prior: PlanarPrior, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+        """Predict (K, H, N, 8) for sequences (K, H, 3) from a scene (N, 8), on this prior."""
+        predicted = np.empty((*pushes.shape[:2], *scene.shape))
+        rows = np.ascontiguousarray(scene), np.ascontiguousarray(pushes)
+        config = prior.config
+        start = float(scene[MID, RADIUS] + config.tool_radius + config.clearance)
+        world = config.friction, start, config.physics()
+
+        def work(first: int) -> None:
+            roll_out_block(first, *rows, *world, self._places, self.weights, predicted)
+
+        run_blocks(work, len(pushes), LANES)
+        return predicted
+
+
+def pack(layers: nn.Module) -> tuple[np.ndarray, np.ndarray]:
+    """Return a perceptron as `Weights` has it: the weights (M, ...) and the widths of its layers.
+
+    Its linear layers have weights (outputs, inputs), or (M, outputs, inputs) in an ensemble.
+    """
+    packed: list[np.ndarray] = []
+    widths: list[int] = []
+    for layer in layers.children():
+        state = layer.state_dict()
+        if not state:
+            continue  # an activation
+        weight, bias = _members(state["weight"], 2), _members(state["bias"], 1)
+        members, outputs, inputs = weight.shape
+        rows, columns = _padded(outputs), _padded(inputs)
+        full = np.zeros((members, rows, columns), np.float32)
+        full[:, :outputs, :inputs] = weight
+        tiles = full.reshape(members, rows // TILE, TILE, columns // TILE, TILE)
+        packed.append(tiles.transpose(0, 1, 3, 2, 4).reshape(members, -1))
+        packed.append(np.pad(bias, ((0, 0), (0, rows - outputs))))
+        widths += [rows] if widths else [columns, rows]
+    return np.ascontiguousarray(np.concatenate(packed, axis=1)), np.array(widths)
+
+
+def _members(values: Tensor, dimensions: int) -> np.ndarray:
+    """Return weights or biases as (M, ...): M = 1 where there is but one network."""
+    array = values.detach().cpu().numpy().astype(np.float32)
+    return array if array.ndim > dimensions else array[None]
+
+
+def _padded(width: int) -> int:
+    return -(-width // TILE) * TILE

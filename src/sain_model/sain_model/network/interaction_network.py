@@ -1,0 +1,118 @@
+"""The interaction network of the paper's section II-C: f_rel over pairs, f_dyn over disks."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from sain_core.config import Config, option
+from sain_core.seeding import generator
+from sain_model.network.features import (
+    DISK_FEATURES,
+    FRAMES,
+    GAP_AFTER,
+    GAP_BEFORE,
+    PUSH_FRAME,
+    RELATION_FEATURES,
+    TURN_SCALE,
+    WORLD_FRAME,
+)
+from sain_model.network.members import make_perceptron, silence
+from sain_model.network.place_features import PLACE_FEATURES
+
+OUTPUTS = 3  # dx, dy, dtheta
+ON_PHYSICS: Final = "physics"
+ON_STATE: Final = "state"
+RESIDUALS: Final = (ON_PHYSICS, ON_STATE)  # the two readings of the paper's "residual"
+CHUNK = 512  # pushes at a time in an ensemble: what all its members make of them fits the cache
+POSITION_UNIT = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE
+
+
+@dataclass(frozen=True)
+class NetworkConfig(Config):
+    """The size of the network."""
+
+    hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
+    message: int = option(32, "width of what one disk tells another", minimum=1, maximum=1024)
+    layers: int = option(2, "hidden layers of f_rel and of f_dyn", minimum=1, maximum=6)
+    features: str = option(
+        PUSH_FRAME, "what it sees: scenes as the push sees them, or the world too", choices=FRAMES
+    )
+    residual: str = option(
+        ON_PHYSICS,
+        "what it says is added to the prior's prediction, or to the scene before the push",
+        choices=RESIDUALS,
+    )
+    members: int = option(
+        1, "networks in the ensemble, each with weights of its own", minimum=1, maximum=64
+    )
+
+    @property
+    def disk_features(self) -> int:
+        """How many numbers it is told of each disk."""
+        return DISK_FEATURES + (PLACE_FEATURES if self.features == WORLD_FRAME else 0)
+
+
+class InteractionNetwork(nn.Module):
+    """Predicts what the prior gets wrong, for each of any number of disks.
+
+    It may be an ensemble: M networks side by side, whose mean it predicts.
+    """
+
+    def __init__(self, config: NetworkConfig = NetworkConfig()) -> None:
+        """Build it so that it starts out by leaving the prior as it is."""
+        super().__init__()
+        self.config = config
+        size = config.hidden, config.layers, config.members
+        self.relation = make_perceptron(RELATION_FEATURES, config.message, *size)
+        self.dynamics = make_perceptron(config.disk_features + config.message, OUTPUTS, *size)
+        silence(self.dynamics)
+        self.register_buffer(
+            "unit", torch.tensor([POSITION_UNIT, POSITION_UNIT, TURN_SCALE]), persistent=False
+        )
+
+    def forward(
+        self, disks: Float[Tensor, "B N D"], relations: Float[Tensor, "B E R"]
+    ) -> Float[Tensor, "B N 3"]:
+        """Return the residual of each disk: dx, dy [m] in the push frame, dtheta [rad]."""
+        if self.config.members == 1:
+            return self.each(disks, relations)[0]
+        parts = zip(disks.split(CHUNK), relations.split(CHUNK), strict=True)
+        return torch.cat([self.each(*part).mean(dim=0) for part in parts])
+
+    def each(
+        self, disks: Float[Tensor, "*M B N D"], relations: Float[Tensor, "*M B E R"]
+    ) -> Float[Tensor, "M B N 3"]:
+        """Return every member's residual, of the same inputs or each of its own (M, ...)."""
+        if disks.ndim == 3:
+            disks = disks.expand(self.config.members, *disks.shape)
+            relations = relations.expand(self.config.members, *relations.shape)
+        members, batch, count, _ = disks.shape
+        # Disks far apart tell each other nothing, so that more of them change nothing either.
+        gaps = torch.minimum(relations[..., GAP_BEFORE], relations[..., GAP_AFTER])
+        effects = self.relation(relations) * (1.0 - gaps).unsqueeze(-1)  # (M, B, E, message)
+        effects = effects.view(members, batch, count, count - 1, -1).sum(dim=3)
+        output: Tensor = self.dynamics(torch.cat([disks, effects], dim=-1)) * self.unit
+        return output
+
+
+def new_network(config: NetworkConfig, seed: int) -> InteractionNetwork:
+    """Return a network with weights drawn from a seed; each member's by themselves."""
+    alone = replace(config, members=1)
+    networks = []
+    for member in range(config.members):
+        path = ("weights",) if member == 0 else ("weights", "member", member)
+        torch.manual_seed(int(generator(seed, *path).integers(2**31)))
+        networks.append(InteractionNetwork(alone))
+    return networks[0] if config.members == 1 else ensemble(networks)
+
+
+def ensemble(networks: Sequence[InteractionNetwork]) -> InteractionNetwork:
+    """Return the ensemble of networks of one size."""
+    joined = InteractionNetwork(replace(networks[0].config, members=len(networks)))
+    states = [network.state_dict() for network in networks]
+    joined.load_state_dict({name: torch.stack([s[name] for s in states]) for name in states[0]})
+    return joined

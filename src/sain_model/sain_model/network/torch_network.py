@@ -1,0 +1,34 @@
+"""A trained network run by PyTorch: how SAIN predicts on a GPU, and what the kernels must match."""
+
+import numpy as np
+import torch
+
+from sain_core.push import LENGTH
+from sain_core.types import Pushes, Scenes
+from sain_model.compute.threads import settle_threads
+from sain_model.network.features import apply_residual, make_features
+from sain_model.network.interaction_network import InteractionNetwork
+
+
+class TorchNetwork:
+    """What a network predicts on a device of PyTorch's. Features are computed on the CPU."""
+
+    def __init__(self, network: InteractionNetwork, device: str) -> None:
+        """Move the network there, for good."""
+        self._device = torch.device(device)
+        self._network = network.to(self._device).eval()
+
+    def correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
+        """Return predictions (B, N, 8) of a prior for pushes (B, 3) from scenes, corrected."""
+        features = make_features(scenes, pushes, physics_next, self._network.config.features)
+        settle_threads()
+        with torch.inference_mode():
+            output = self._network(self._there(features.disks), self._there(features.relations))
+        residual = output.cpu().numpy().astype(np.float64)
+        corrected = apply_residual(physics_next, pushes, residual)
+        idle = pushes[:, LENGTH] == 0.0
+        corrected[idle] = physics_next[idle]
+        return corrected
+
+    def _there(self, values: np.ndarray) -> torch.Tensor:
+        return torch.from_numpy(values.astype(np.float32)).to(self._device)

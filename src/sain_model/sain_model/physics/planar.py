@@ -1,0 +1,246 @@
+"""The planar prior: a batched contact simulator of disks on a table, without an arm.
+
+It is the fast f_p of the paper's equation 2 that can sit inside every rollout. It believes the
+mass and radius that the scene states and, unless told better, the nominal friction.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final, Self
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.config import Config, option
+from sain_core.dynamics import Dynamics
+from sain_core.history import PushHistory
+from sain_core.push import TOOL_RADIUS
+from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET
+from sain_core.types import Mask, Pushes, Scalars, Scenes
+from sain_model.compute.batch_checks import check_batch
+from sain_model.compute.thread_pool import run_blocks
+from sain_model.physics.body_kernels import Physics
+from sain_model.physics.corrections import (
+    Corrections,
+    check_corrections,
+    corrected_disks,
+    corrected_pushes,
+)
+from sain_model.physics.friction import FrictionConfig, FrictionFilter
+from sain_model.physics.planar_kernels import CHUNK, push_block, push_told_block
+
+NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
+NOMINAL_MID_RADIUS: Final = 0.08  # [m]
+NOMINAL_RADIUS: Final = 0.06  # [m], of every other disk
+
+
+@dataclass(frozen=True)
+class PlanarConfig(Config):
+    """The planar world's physics.
+
+    From `foot_radius` to `disk_height` the values are fitted to Bullet with the arm on 1,871
+    pushes of three-footed disks by ``ros2 run sain_eval calibrate`` (docs/model.md): they make
+    up for each other, and none should be read as a measurement.
+    """
+
+    friction: float = option(
+        0.12, "between disks and table, where none is given", minimum=0.001, maximum=2.0
+    )
+    gravity: float = option(9.81, "acceleration", unit="m/s^2", minimum=0.1, maximum=30.0)
+    foot_radius: float = option(
+        0.7345, "where a disk's three feet stand, share of its radius", minimum=0.01, maximum=1.0
+    )
+    inertia: float = option(
+        0.4257, "moment of inertia, share of mass x radius^2", minimum=0.05, maximum=2.0
+    )
+    friction_scale: float = option(
+        1.01, "table friction at work, share of the coefficient", minimum=0.5, maximum=2.0
+    )
+    yield_across: float = option(
+        0.7779,
+        "weight of a foot's motion across its arm in the direction of its friction: a solver"
+        " gives way to where a foot is lighter to move",
+        minimum=0.1,
+        maximum=1.0,
+    )
+    axes_yield: float = option(
+        0.0,
+        "above 0, in place of `yield_across`: a solver weighs a foot's friction along the world's x"
+        " and y by how hard the foot is to move that way, 1 / (1 + this x its share across)",
+        minimum=0.0,
+        maximum=5.0,
+    )
+    tool_friction: float = option(0.1211, "between tool and disk", minimum=0.0, maximum=2.0)
+    disk_friction: float = option(0.1254, "between two disks", minimum=0.0, maximum=2.0)
+    tool_restitution: float = option(
+        0.0036, "share of the speed left when the tool hits a disk", minimum=0.0, maximum=0.9
+    )
+    disk_restitution: float = option(
+        0.003, "share of the speed left when disks collide", minimum=0.0, maximum=0.9
+    )
+    middle_height: float = option(
+        0.0181, "of a disk's centre of mass", unit="m", minimum=0.0, maximum=0.05
+    )
+    tool_height: float = option(
+        0.0283, "where the tool presses on a disk", unit="m", minimum=0.0, maximum=0.06
+    )
+    disk_height: float = option(
+        0.0264, "where one disk presses on another", unit="m", minimum=0.0, maximum=0.06
+    )
+    tool_radius: float = option(TOOL_RADIUS, "radius of the stick", unit="m", minimum=0.001)
+    clearance: float = option(
+        0.005, "gap between tool and rim at the start", unit="m", minimum=0.0, maximum=0.05
+    )
+    speed: float = option(0.2, "of the tool", unit="m/s", minimum=0.01, maximum=2.0)
+    acceleration: float = option(4.0, "of the tool", unit="m/s^2", minimum=0.1, maximum=50.0)
+    longest_step: float = option(0.02, "longest time step", unit="s", minimum=1e-4, maximum=0.1)
+    stop_share: float = option(
+        0.35,
+        "longest step of a spinning disk, share of the time it takes to stop",
+        minimum=0.001,
+        maximum=0.5,
+    )
+    stop_step: float = option(
+        1 / 120, "a disk about to stop needs no shorter steps", unit="s", minimum=1e-4, maximum=0.05
+    )
+    bend: float = option(
+        0.05,
+        "most that the normal of a pressing contact turns in a step",
+        unit="rad",
+        minimum=1e-3,
+        maximum=0.3,
+    )
+
+    def physics(self) -> Physics:
+        """Return the numbers that the compiled kernels take."""
+        return Physics(*(float(getattr(self, name)) for name in Physics._fields))
+
+
+@dataclass(frozen=True)
+class PlanarPrior:
+    """Predicts pushes by simulating them in the plane. A `Dynamics`."""
+
+    config: PlanarConfig = PlanarConfig()
+
+    @cached_property
+    def _physics(self) -> Physics:
+        return self.config.physics()
+
+    def at(self, friction: float) -> Self:
+        """Return this prior with another friction between disks and table."""
+        return type(self)(replace(self.config, friction=friction))
+
+    def with_history(self, history: PushHistory) -> Self:
+        """Return this prior with the friction that an episode's earlier pushes tell of."""
+        return self.at(self.filter().infer(history).mean)
+
+    def filter(self, config: FrictionConfig = FrictionConfig()) -> FrictionFilter:
+        """Return what infers friction with this prior, about the one that it assumes."""
+        return FrictionFilter(self, self.config.friction, config)
+
+    def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
+
+        Args:
+            scenes: settled scenes; velocities are taken as zero.
+            pushes: one push a scene. Length 0 leaves the scene unchanged, bit for bit.
+            friction: with the table (B,), where it is known; the configured one if not.
+
+        Raises:
+            InvalidInputError: wrong shapes, NaN or Inf.
+        """
+        return self.step_with_contacts(scenes, pushes, friction)[0]
+
+    def step_told(
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        corrections: Corrections,
+        friction: Scalars | None = None,
+    ) -> Scenes:
+        """Predict as `step`, told what is unlike the textbook (`sain_model.physics.corrections`).
+
+        Raises:
+            InvalidInputError: wrong shapes, NaN or Inf.
+        """
+        check_batch(scenes, pushes, friction)
+        check_corrections(corrections, scenes)
+        start = scenes[:, MID, RADIUS] + self.config.tool_radius + self.config.clearance
+        pushes, told = corrected_pushes(pushes, corrections), corrected_disks(corrections)
+        return self._simulate(scenes, pushes, friction, start, told)[0]
+
+    def step_with_contacts(
+        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None
+    ) -> tuple[Scenes, Mask]:
+        """As `step`, and tell for each push whether the tool touched more than the mid disk."""
+        check_batch(scenes, pushes, friction)
+        start = scenes[:, MID, RADIUS] + self.config.tool_radius + self.config.clearance
+        return self._simulate(scenes, pushes, friction, start)
+
+    def step_as_nominal(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        """Predict as `step`, believing that every disk has nominal mass and radius.
+
+        The tool moves as it does in truth: its way comes from the scene's own radii. Overlaps of
+        disks that are believed too large are undone without giving them speed.
+        """
+        check_batch(scenes, pushes)
+        start = scenes[:, MID, RADIUS] + self.config.tool_radius + self.config.clearance
+        believed = scenes.copy()
+        believed[..., MASS] = NOMINAL_MASS
+        believed[..., RADIUS] = NOMINAL_RADIUS
+        believed[:, MID, RADIUS] = NOMINAL_MID_RADIUS
+        predicted, _ = self._simulate(believed, pushes, None, start)
+        predicted[..., MASS:] = scenes[..., MASS:]
+        return predicted
+
+    def _simulate(
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        friction: Scalars | None,
+        start: Scalars,
+        told: Float[ndarray, "B N 7"] | None = None,
+    ) -> tuple[Scenes, Mask]:
+        """Run the kernels on a copy, the extra disks in an order of their own."""
+        batch = len(scenes)
+        if friction is None:
+            friction = np.full(batch, self.config.friction)
+        order = _canonical_order(scenes)
+        after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
+        touched = np.zeros(batch, dtype=bool)
+        rows = after, np.ascontiguousarray(pushes), np.ascontiguousarray(friction), start
+        corrections = None if told is None else np.take_along_axis(told, order, axis=1)
+
+        def work(first: int) -> None:
+            if corrections is None:
+                push_block(first, *rows, self._physics, touched)
+            else:
+                push_told_block(first, *rows, self._physics, touched, corrections)
+
+        run_blocks(work, batch, CHUNK)
+        predicted = np.empty_like(after)
+        np.put_along_axis(predicted, order, after, axis=1)
+        return predicted, touched
+
+
+def step_knowing(
+    prior: Dynamics, scenes: Scenes, pushes: Pushes, friction: Scalars | None
+) -> Scenes:
+    """Predict with a prior that is told the friction (B,), if there is any and it can be told."""
+    if friction is not None and isinstance(prior, PlanarPrior):
+        return prior.step(scenes, pushes, friction)
+    return prior.step(scenes, pushes)
+
+
+def _canonical_order(scenes: Scenes) -> np.ndarray:
+    """Return an order of the disks (B, N, 1) in which extra disks come by their place.
+
+    The solver visits contacts one after another, which would let the numbering leak into the
+    last digits. Sorting the disks from 2 on by their distance to the target keeps it out.
+    """
+    order = np.broadcast_to(np.arange(scenes.shape[1]), scenes.shape[:2]).copy()
+    if scenes.shape[1] > 3:
+        offset = scenes[:, 2:, POSITION] - scenes[:, TARGET : TARGET + 1, POSITION]
+        order[:, 2:] = 2 + np.argsort((offset**2).sum(-1), axis=1, kind="stable")
+    return order[..., None]

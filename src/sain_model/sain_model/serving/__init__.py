@@ -1,0 +1,1 @@
+"""Requests answered without middleware. May import `dynamics`."""

@@ -1,0 +1,235 @@
+"""Answers what a model is asked over a wire: checked and bounded. No middleware here."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from sain_core.config import Config, option
+from sain_core.dynamics import Dynamics, Radii, RegionModel, as_rollout
+from sain_core.errors import ModelUnavailableError, TooMuchWorkError
+from sain_core.history import PushHistory, informed
+from sain_core.push import check_predictable
+from sain_core.scene import THETA, check_scene, check_scenes, make_scene, wrap_angle
+from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_model.compute.devices import AUTO, CPU, DEVICES, choose_device
+from sain_model.dynamics.parameter_correction import InsideSain
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.physics.planar import PlanarPrior
+
+WARM_UP_SCENE: Final = make_scene(
+    np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
+)
+WARM_UP_PUSHES: Final = np.array([[[0.0, 0.0, 0.1]], [[0.5, 0.1, 0.05]]])  # (2, 1, 3)
+PHYSICS: Final = "physics"
+
+
+@dataclass(frozen=True)
+class ServingConfig(Config):
+    """What is served."""
+
+    model: str = option(
+        "sain", "sain, planar, planar_axes, identity, or the path of a checkpoint", live=True
+    )
+    device: str = option(
+        AUTO, "what the network runs on; auto: a GPU where there is one", choices=DEVICES
+    )
+    max_work: int = option(
+        2_000_000, "largest samples x horizon x disks of a request", minimum=1, maximum=2**40
+    )
+    max_disks: int = option(
+        32, "most disks of a scene: pairs grow with the square", minimum=2, maximum=1024
+    )
+    max_queue: int = option(1000, "requests that may wait; further ones are refused", minimum=1)
+    service_introspection: str = option(
+        "disabled",
+        "publish what is asked of services and answered: not, when and by whom, or all of it",
+        choices=("disabled", "metadata", "contents"),
+    )
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a model says of itself.
+
+    Attributes:
+        model: its name or path.
+        kind: physics, learned or residual.
+        prior: the physics below it; for a pure prior its own name.
+        model_hash: SHA-256 of the weights; empty for a pure prior.
+        card: the checkpoint's JSON card; empty for a pure prior.
+        device: what the network runs on.
+    """
+
+    model: str
+    kind: str
+    prior: str
+    model_hash: str
+    card: str
+    device: str
+
+
+class ModelServer:
+    """One model, asked for single pushes in a batch or for whole sequences."""
+
+    def __init__(self, dynamics: Dynamics, config: ServingConfig) -> None:
+        """Serve this dynamics, on the device that the settings choose.
+
+        Raises:
+            ConfigError: a GPU is wanted and there is none.
+        """
+        device = choose_device(config.device)
+        if isinstance(dynamics, SainDynamics):
+            dynamics = dynamics.on(device)
+        self.config = config
+        self.description = describe(config.model, dynamics)
+        self._usual = dynamics
+        self._learned: tuple[PushHistory, Dynamics] | None = None
+
+    def try_out(self) -> None:
+        """Answer requests of both kinds, so that none from outside waits for compilation.
+
+        Raises:
+            ModelUnavailableError: the model predicts NaN or Inf.
+        """
+        self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES)
+        self.predict(np.stack([WARM_UP_SCENE] * len(WARM_UP_PUSHES)), WARM_UP_PUSHES[:, 0])
+
+    def knowing(self, history: PushHistory | None) -> Dynamics:
+        """Return the model that an episode's earlier pushes speak for; the latest is kept.
+
+        Raises:
+            TooMuchWorkError: more pushes than the limit of work allows.
+        """
+        if history is None or len(history) == 0:
+            return self._usual
+        self._check_work(len(history) * self._frictions(), history.disks)
+        if self._learned is None or not self._learned[0].equals(history):
+            self._learned = history, informed(self._usual, history)
+        return self._learned[1]
+
+    def friction(self, history: PushHistory | None) -> float:
+        """Return the friction that a prediction rests on; 0: the model knows none."""
+        dynamics = self.knowing(history)
+        prior = dynamics.prior if isinstance(dynamics, (SainDynamics, InsideSain)) else dynamics
+        return prior.config.friction if isinstance(prior, PlanarPrior) else 0.0
+
+    def rollout(
+        self, scene: Scene, pushes: PushSequences, history: PushHistory | None = None
+    ) -> PredictedScenes:
+        """Predict (K, H, N, 8) for push sequences (K, H, 3) from a scene (N, 8).
+
+        `history` are the earlier pushes of the scene's episode, where they are known.
+
+        Raises:
+            InvalidInputError: a scene that cannot exist.
+            OutOfRangeError: a push that no arm's limits could allow.
+            TooMuchWorkError: K x H x N is above the limit, or N alone.
+            ModelUnavailableError: the model predicts NaN or Inf.
+        """
+        self._check_work(pushes.shape[0] * pushes.shape[1], len(scene))
+        check_scene(scene)
+        check_predictable(pushes)
+        return self._finite(as_rollout(self.knowing(history)).rollout(scene, pushes))
+
+    def regions(
+        self,
+        scene: Scene,
+        pushes: PushSequences,
+        predicted: PredictedScenes,
+        history: PushHistory | None = None,
+    ) -> Radii | None:
+        """Return how sure the model is of a rollout (K, H, N) [m]; None: it cannot tell.
+
+        All but `predicted` as in `rollout`, whose answer that is.
+        """
+        dynamics = self.knowing(history)
+        if not isinstance(dynamics, RegionModel):
+            return None
+        return dynamics.regions(scene, pushes, predicted)
+
+    def predict(
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        physics_next: Scenes | None = None,
+        history: PushHistory | None = None,
+    ) -> tuple[Scenes, Scenes]:
+        """Predict where pushes (B, 3) lead from scenes (B, N, 8).
+
+        Args:
+            scenes: settled scenes.
+            pushes: one a scene.
+            physics_next: (B, N, 8), what to correct; None: what the model's own prior predicts.
+            history: the earlier pushes of the episode of all these scenes, where they are known.
+
+        Returns:
+            The residual (B, N, 8), angles wrapped, and the next state (B, N, 8).
+
+        Raises:
+            InvalidInputError: a scene that cannot exist.
+            OutOfRangeError: a push that no arm's limits could allow.
+            TooMuchWorkError: B x N is above the limit, or N alone.
+            ModelUnavailableError: the model predicts NaN or Inf.
+        """
+        self._check_work(len(scenes), scenes.shape[1])
+        check_scenes(scenes)
+        check_predictable(pushes)
+        dynamics = self.knowing(history)
+        if isinstance(dynamics, InsideSain):  # its own prior is what it is inside of
+            if physics_next is None:
+                physics_next = dynamics.prior.step(scenes, pushes)
+            next_state = self._finite(dynamics.step(scenes, pushes))
+            return _residual(next_state, physics_next), next_state
+        if not isinstance(dynamics, SainDynamics):  # physics alone corrects nothing
+            if physics_next is None:
+                physics_next = dynamics.step(scenes, pushes)
+            return np.zeros_like(physics_next), self._finite(physics_next)
+        if physics_next is None:
+            physics_next = dynamics.prior.step(scenes, pushes)
+        next_state = self._finite(dynamics.correct(scenes, pushes, physics_next))
+        return _residual(next_state, physics_next), next_state
+
+    def _finite(self, predicted: np.ndarray) -> np.ndarray:
+        if not np.isfinite(predicted).all():
+            raise ModelUnavailableError(f"model {self.config.model!r} predicts NaN or Inf")
+        return predicted
+
+    def _frictions(self) -> int:
+        """Return how many predictions a past push costs: one at each friction looked at."""
+        if isinstance(self._usual, PlanarPrior):
+            return len(self._usual.filter().grid)
+        friction = self._usual.filter if isinstance(self._usual, SainDynamics) else None
+        return 1 if friction is None else len(friction.grid)
+
+    def _check_work(self, predictions: int, disks: int) -> None:
+        if disks > self.config.max_disks:
+            raise TooMuchWorkError(
+                f"scenes of {disks} disks; at most {self.config.max_disks} are accepted"
+            )
+        work = predictions * disks
+        if work > self.config.max_work:
+            raise TooMuchWorkError(
+                f"{predictions} predictions of {disks} disks are {work} of work;"
+                f" at most {self.config.max_work} are accepted"
+            )
+
+
+def _residual(next_state: Scenes, physics_next: Scenes) -> Scenes:
+    residual = next_state - physics_next
+    residual[..., THETA] = wrap_angle(residual[..., THETA])
+    return residual
+
+
+def describe(name: str, dynamics: Dynamics) -> Description:
+    """Return what a dynamics of this name is."""
+    if isinstance(dynamics, (SainDynamics, InsideSain)):
+        return Description(
+            name,
+            dynamics.kind,
+            dynamics.prior_name,
+            dynamics.model_hash,
+            dynamics.card,
+            dynamics.device,
+        )
+    return Description(name, PHYSICS, name, "", "", CPU)

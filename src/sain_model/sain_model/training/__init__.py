@@ -1,0 +1,1 @@
+"""How weights are learned, and what is written beside them. May import `evaluation`."""

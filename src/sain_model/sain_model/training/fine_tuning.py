@@ -1,0 +1,155 @@
+"""Fine-tuning: a checkpoint goes on learning, in a world that it was not trained for.
+
+What a checkpoint is stays: its network and what that sees, the prior under it and how it infers
+friction. The weights move, and the regions of its predictions are fitted anew. Its own weights
+are a candidate like those of every epoch: where nothing that was learned does better on the
+validation episodes, they are kept.
+"""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final, Self
+
+import numpy as np
+
+from sain_core.errors import CheckpointError, ConfigError, DatasetError
+from sain_core.scene import TARGET
+from sain_model.data.dataset import Split, Transitions
+from sain_model.data.mixed import MixedSplit, MixedTransitions
+from sain_model.dynamics.checkpoint import SUFFIX, Card, parse_card
+from sain_model.dynamics.load import SHIPPED, card_part, load_sain, shipped_checkpoint
+from sain_model.dynamics.loss import LossConfig
+from sain_model.dynamics.sain import RECURRENT, SainDynamics
+from sain_model.evaluation.held_out import held_out_part
+from sain_model.evaluation.history_errors import predict_with_history
+from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.training.trainer import EPISODE, NOTHING, TrainingConfig
+
+KEPT: Final = ("prior", "prior_friction", "history")  # and its network: weights fit no others
+USUAL: Final = TrainingConfig(epochs=100, batch=64, validation=0.2)
+"""For fewer rows than most are trained on: smaller batches, more epochs, and more of the episodes
+to choose the best by; docs/training.md tells what was tried."""
+
+
+@dataclass(frozen=True)
+class Parent:
+    """A checkpoint to start from.
+
+    Attributes:
+        name: what it was asked for by.
+        sain: the model.
+        card: what it says of itself.
+    """
+
+    name: str
+    sain: SainDynamics
+    card: Card
+
+    @classmethod
+    def load(cls, name: str) -> Self:
+        """Read a checkpoint: ``sain``, the one that comes with this package, or a path.
+
+        Raises:
+            CheckpointError: it is not sound, or of a kind that does not learn from single pushes.
+        """
+        if name != SHIPPED and not name.endswith(SUFFIX):
+            raise CheckpointError(
+                f"--from is {name!r}; it must be {SHIPPED}, or the path of a checkpoint *{SUFFIX}"
+            )
+        path = shipped_checkpoint() if name == SHIPPED else Path(name)
+        sain = load_sain(path)
+        if sain.kind == RECURRENT:
+            raise CheckpointError(
+                f"{path} was trained on rollouts (--steps-ahead); fine-tuning learns from single"
+                " pushes, and would undo that"
+            )
+        return cls(name, sain, parse_card(path, sain.card))
+
+    @property
+    def settings(self) -> TrainingConfig:
+        """How it goes on learning where nothing else is asked for.
+
+        Raises:
+            CheckpointError: its card has settings that make no sense.
+        """
+        loss = card_part("training.loss", LossConfig, self.card.training.get("loss", {}))
+        learned = {
+            name: self.card.training.get(name, getattr(USUAL, name))
+            for name in ("weight_decay", "mirror", "diversity")
+        }
+        told = self.card.training.get("history", EPISODE) if self.sain.friction else NOTHING
+        return card_part(
+            "training",
+            TrainingConfig,
+            {
+                **vars(USUAL),
+                **learned,
+                "prior": self.card.prior,
+                "prior_friction": self.card.prior_config.get("friction", USUAL.prior_friction),
+                "history": told,
+                "network": self.sain.network.config,
+                "loss": loss,
+            },
+        )
+
+    def check_settings(self, config: TrainingConfig) -> None:
+        """Check that a training keeps what the weights were made for.
+
+        Raises:
+            ConfigError: naming the option that asks for something else.
+        """
+        kept = {**vars(self.settings), **vars(self.settings.network)}
+        asked = {**vars(config), **vars(config.network)}
+        for name in (*KEPT, *vars(config.network)):
+            if asked[name] != kept[name]:
+                option = f"--{name.replace('_', '-')}"
+                raise ConfigError(
+                    f"{option} is {asked[name]!r}; {self.name} has {kept[name]!r}, and its weights"
+                    f" fit nothing else: leave {option} or --from out"
+                )
+
+    def check_data(self, data: Transitions | MixedTransitions) -> None:
+        """Check that a data set is new to it: what is held out must not have been learned from.
+
+        Raises:
+            DatasetError: it, or one that it learned from in its turn, has seen this data set.
+        """
+        seen = {sha for card in self.card.lineage() for sha in _data_hashes(card)}
+        for sha in (data.sha256, *data.sources):
+            if sha in seen:
+                raise DatasetError(
+                    f"{self.name} has learned from this data set already (SHA-256 {sha[:16]}..);"
+                    " fine-tune on episodes that it has not seen"
+                )
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """Its card as its children have it on theirs: all but its errors."""
+        return {**asdict(self.card), "errors": {}}
+
+    def gain(self, sain: SainDynamics, split: Split | MixedSplit) -> dict[str, Any]:
+        """Return the target's mean errors on held-out episodes [mm], before and after.
+
+        Friction is told as in deployment. "ratio" is the one over the other with its 95 %
+        interval over episodes.
+        """
+        parts = held_out_part(split).parts
+        before, after = (
+            np.concatenate(
+                [
+                    position_errors(predict_with_history(m, p).mean, p.next_scenes, TARGET)
+                    for p in parts
+                ]
+            )
+            for m in (self.sain, sain)
+        )
+        episodes = np.concatenate([part.episodes for part in parts])
+        return {
+            "before": float(before.mean()),
+            "after": float(after.mean()),
+            "ratio": ratio_over_episodes(after, before, episodes, seed=0),
+        }
+
+
+def _data_hashes(card: Card) -> list[str]:
+    return [card.data.get("sha256", ""), *card.data.get("sources", ())]

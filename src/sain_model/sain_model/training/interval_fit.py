@@ -1,0 +1,99 @@
+"""Fits the regions of `sain_model.dynamics.intervals` to episodes that no weight was fitted to."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+from scipy.optimize import minimize
+
+from sain_core.scene import MID, POSITION, TARGET
+from sain_core.types import Scalars
+from sain_model.data.dataset import Transitions
+from sain_model.dynamics.intervals import LEVEL, IntervalConfig, Intervals
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.history_errors import predict_with_history
+
+RESOLUTION: Final = 1e-6  # [m], differences below this do not count
+WINDOWS: Final = 7  # that the validation pushes are looked at in, in the order of their scores
+WINDOW_SHARE: Final = 1 / 3  # of the pushes in each of the overlapping windows
+FEW: Final = 60  # pushes below which there is one window
+STARTS: Final = (0.0, -2.0, -4.0)  # of the search, logarithms of the weights
+
+
+def fit_intervals(sain: SainDynamics, data: Transitions, level: float = LEVEL) -> Intervals:
+    """Return regions that hold mid disk and target in this share of the pushes.
+
+    Args:
+        sain: the model, its friction told as in deployment: by the episode's earlier pushes.
+        data: episodes that its weights were not fitted to.
+        level: the share.
+    """
+    prediction = predict_with_history(sain, data)
+    way = np.linalg.norm((prediction.mean - data.scenes)[..., POSITION], axis=-1)
+    off = np.linalg.norm((prediction.mean - data.next_scenes)[..., POSITION], axis=-1)
+    configs = []
+    for disk in (MID, TARGET):
+        parts = (prediction.members[:, disk], prediction.friction[:, disk], way[:, disk])
+        configs.append(fit_disk(np.stack(parts), off[:, disk], level))
+    return Intervals(level, *configs)
+
+
+def fit_disk(parts: Float[ndarray, "3 M"], off: Scalars, level: float) -> IntervalConfig:
+    """Fit one disk's radius to distances (M,) [m]: first the score, then its factors."""
+    varies = parts.max(axis=1) > RESOLUTION
+    weights = np.zeros(3)
+    noise, weights[varies] = _fit_score(parts[varies], off, level)
+    members, friction, moved = (float(weight) for weight in weights)
+    config = IntervalConfig(noise, members, friction, moved)
+    scores, factors = _factors(config.score(*parts), off, level)
+    return replace(config, scores=scores, factors=factors)
+
+
+def _fit_score(
+    parts: Float[ndarray, "P M"], off: Scalars, level: float
+) -> tuple[float, Float[ndarray, "P"]]:
+    """Return noise and weights so that the score is, as near as can be, the level's quantile.
+
+    That is quantile regression of the logarithm of the distance.
+    """
+    logs = np.log(off + RESOLUTION)
+
+    def loss(parameters: Float[ndarray, "P1"]) -> float:
+        values = np.exp(np.clip(parameters, -20.0, 10.0))
+        missing = logs - np.log(RESOLUTION + values[0] + values[1:] @ parts)
+        pinball = np.maximum(level * missing, (level - 1.0) * missing).mean()
+        return float(pinball + 1e-6 * np.square(parameters).sum())
+
+    found = []
+    for start in STARTS:
+        first = np.array([np.log(1e-4), *[start] * len(parts)])
+        rough = minimize(loss, first, method="Powell")
+        found.append(minimize(loss, rough.x, method="Nelder-Mead"))
+    best = np.exp(np.clip(min(found, key=lambda result: result.fun).x, -20.0, 10.0))
+    return float(best[0] + RESOLUTION), best[1:]
+
+
+def _factors(
+    scores: Scalars, off: Scalars, level: float
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return in how many scores this share of the distances lies, where scores are alike."""
+    order = np.argsort(scores, kind="stable")
+    alone = len(order) < FEW
+    size = len(order) if alone else round(WINDOW_SHARE * len(order))
+    places: list[float] = []
+    factors: list[float] = []
+    for first in np.linspace(0, len(order) - size, 1 if alone else WINDOWS).round().astype(int):
+        rows = order[first : first + size]
+        place = float(np.exp(np.median(np.log(scores[rows]))))
+        if not places or place > places[-1]:
+            places.append(place)
+            factors.append(_quantile(off[rows] / scores[rows], level))
+    return tuple(places), tuple(factors)
+
+
+def _quantile(values: Scalars, level: float) -> float:
+    """Return what the next value of this kind is below with this probability (split conformal)."""
+    rank = min(level * (len(values) + 1) / len(values), 1.0)
+    return max(float(np.quantile(values, rank, method="inverted_cdf")), 1e-3)

@@ -1,0 +1,119 @@
+"""Learning curves: how many transitions a network needs, with physics under it and without."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from sain_core.errors import CheckpointError, DatasetError
+from sain_core.storage import write_json
+from sain_model.data.dataset import Split, check_held_out, limit_training
+from sain_model.dynamics.sain import IDENTITY, SainDynamics
+from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
+from sain_model.evaluation.history_errors import PLANAR_HISTORY, SAIN_HISTORY
+from sain_model.evaluation.metrics import BULLET, FLOOR, LEARNED, MEASURED, SAIN
+from sain_model.evaluation.prediction_errors import evaluate
+from sain_model.training.trainer import Trainer, TrainingConfig, prior_and_filter
+
+PHYSICS: Final = (BULLET, MEASURED, PLANAR_HISTORY, FLOOR)
+NETWORKS: Final = (LEARNED, SAIN, SAIN_HISTORY)
+
+
+@dataclass(frozen=True)
+class Point:
+    """The target's error of one predictor on the held-out episodes.
+
+    Attributes:
+        name: of the predictor.
+        transitions: how many a network was trained on; 0 for physics.
+        mean: [mm].
+        low: end of its 95 % bootstrap interval over episodes [mm].
+        high: the other end [mm].
+    """
+
+    name: str
+    transitions: int
+    mean: float
+    low: float
+    high: float
+
+
+def learning_curve(
+    split: Split,
+    config: TrainingConfig,
+    sizes: Sequence[int],
+    steps: int,
+    folder: Path,
+    progress: Callable[[str, int], None] = lambda prior, size: None,
+) -> list[Point]:
+    """Train on more and more transitions, alone and on a prior, and measure on what is held out.
+
+    Every network takes the same number of steps. What is done stays in the folder; a call that was
+    stopped goes on from there.
+
+    Args:
+        split: the largest size is taken from its training part.
+        config: of every network; its number of epochs and, for the network alone, its prior
+            are set here.
+        sizes: numbers of transitions to train on.
+        steps: of the optimiser.
+        folder: for the state of each training, and its errors.
+        progress: told which training begins: its prior and its size.
+
+    Raises:
+        DatasetError: a size that there are not so many transitions for, or nothing is held out.
+        CheckpointError: the folder's state is damaged or of other settings or data.
+    """
+    check_held_out(split)
+    if sizes and max(sizes) > len(split.train):
+        raise DatasetError(
+            f"{max(sizes)} transitions to train on are asked for; there are {len(split.train)}"
+        )
+    points: dict[tuple[str, int], Point] = {}
+    for size in sizes:
+        part = limit_training(split, size)
+        for prior in (IDENTITY, config.prior):
+            progress(prior, size)
+            settings = replace(config, prior=prior, epochs=_epochs(config, size, steps))
+            errors = _errors(part, settings, folder / f"{prior}-{size}")
+            for point in _points(errors, size):
+                points[point.name, point.transitions] = point
+    return list(points.values())
+
+
+def _epochs(config: TrainingConfig, size: int, steps: int) -> int:
+    return max(round(steps * config.batch / (size * (2 if config.mirrors else 1))), 1)
+
+
+def _errors(split: Split, config: TrainingConfig, folder: Path) -> dict[str, dict[str, float]]:
+    """Return the errors on all held-out pushes by predictor; from the folder, if they are there."""
+    path = folder / "errors.json"
+    identity = f"{config} {split.train.sha256} {len(split.test)}"
+    if path.exists():
+        done = json.loads(path.read_text())
+        if done["identity"] != identity:
+            raise CheckpointError(f"{path} belongs to other settings or data; use another folder")
+        return dict(done["all"])
+    prior, friction = prior_and_filter(config, split.train)
+    trainer = Trainer(split, prior, config, folder, friction)
+    trainer.run()
+    infers = friction.config if friction else None
+    sain = SainDynamics(trainer.network, prior, config.prior, friction=infers)
+    alone = sain.kind == LEARNED_KIND
+    errors = evaluate(split.test, *((None, sain) if alone else (sain, None)))
+    report = {"identity": identity, **errors}
+    write_json(path, report)
+    return dict(errors["all"])
+
+
+def _points(errors: dict[str, dict[str, float]], size: int) -> list[Point]:
+    return [
+        Point(name, size if name in NETWORKS else 0, *_interval(errors[name]))
+        for name in (*PHYSICS, *NETWORKS)
+        if name in errors
+    ]
+
+
+def _interval(row: dict[str, float]) -> tuple[float, float, float]:
+    return row["target_mean"], row["target_low"], row["target_high"]

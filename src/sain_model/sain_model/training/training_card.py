@@ -1,0 +1,92 @@
+"""What stands beside a checkpoint: its card, and the settings that it is trained with."""
+
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from sain_model.data.dataset import Split, Transitions
+from sain_model.data.mixed import MixedSplit, MixedTransitions
+from sain_model.dynamics.checkpoint import Card
+from sain_model.dynamics.load import prior_settings
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.training.environment import environment
+from sain_model.training.fine_tuning import Parent
+from sain_model.training.options import TrainCommand, command_line
+from sain_model.training.training_state import History
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What a training gives.
+
+    Attributes:
+        sain: the model, with the regions of its predictions.
+        history: losses on single pushes.
+        rollouts: losses on rollouts afterwards; None: it did not learn from any.
+        parent: what it started from; None: new weights.
+    """
+
+    sain: SainDynamics
+    history: History
+    rollouts: History | None = None
+    parent: Parent | None = None
+
+
+def make_card(
+    command: TrainCommand,
+    data: Transitions | MixedTransitions,
+    split: Split | MixedSplit,
+    learned: Learned,
+    errors: dict[str, Any],
+) -> Card:
+    """Return the card of what was trained."""
+    config, sain = command.training, learned.sain
+    parts = {"train": split.train, "validation": split.validation, "test": split.test}
+    training = {**asdict(config), **_losses(learned.history)}
+    if learned.rollouts:
+        training["rollouts"] = _losses(learned.rollouts)
+    return Card(
+        prior=config.prior,
+        prior_config=prior_settings(sain.prior),
+        network=asdict(config.network),
+        friction=asdict(sain.friction) if sain.friction else None,
+        intervals=asdict(sain.intervals) if sain.intervals else None,
+        kind=sain.kind,
+        rollouts=asdict(command.rollout) if sain.recurrent else None,
+        data={
+            "path": " ".join(map(str, command.dataset)),
+            "sha256": data.sha256,
+            "sources": list(data.sources),
+            "transitions": {name: len(part) for name, part in parts.items()},
+            "episodes": {name: len(np.unique(part.episodes)) for name, part in parts.items()},
+        },
+        training=training,
+        errors=errors,
+        versions=environment(),
+        command=command_line(),
+        parent=learned.parent.about if learned.parent else None,
+    )
+
+
+def _losses(history: History) -> dict[str, float | None]:
+    best = history.best
+    losses = {
+        "epochs_done": len(history.train),
+        "best_epoch": best + 1,  # 0: the weights that it started from
+        "train_loss": history.train[best] if best >= 0 else None,
+        "validation_loss": history.best_loss,
+    }
+    return losses if history.start is None else {**losses, "loss_before": history.start}
+
+
+def settings_text(command: TrainCommand, data: Transitions | MixedTransitions) -> str:
+    """Return what is to be done with what, as it stands beside the checkpoint from the start."""
+    settings = {
+        **asdict(command),
+        "data_sha256": data.sha256,
+        "environment": environment(),
+        "command": command_line(),
+    }
+    return json.dumps(settings, indent=2, default=str) + "\n"

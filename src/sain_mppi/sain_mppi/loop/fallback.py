@@ -1,0 +1,99 @@
+"""A model that may fail, with physics to fall back on: planning goes on and says so."""
+
+import logging
+from threading import Event
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from sain_core.dynamics import Radii, RegionModel, RolloutModel
+from sain_core.errors import CancelledError, ModelUnavailableError, SainError
+from sain_core.history import PushHistory, informed_rollout
+from sain_core.types import PredictedScenes, PushSequences, Scene
+from sain_mppi.search.response_check import check_answer
+
+logger = logging.getLogger(__name__)
+
+
+@runtime_checkable
+class Impatient(Protocol):
+    """A model that may be waited for, which fails where an answer is not there in time."""
+
+    def until(self, moment: float | None) -> None:
+        """Wait no longer than until this `time.monotonic`; None: as long as usual."""
+        ...
+
+
+class FallbackRollout:
+    """Asks a model; once it fails, asks physics instead, until the next plan begins.
+
+    A model fails when it raises, is late (its own matter: it raises), predicts NaN or Inf, or
+    answers something else than it was asked.
+    Within one plan there is no way back, so that a silent model is waited for only once.
+    """
+
+    def __init__(self, model: RolloutModel, physics: RolloutModel) -> None:
+        """Ask this model, or else this physics."""
+        self._models = model, physics
+        self._model = model
+        self._physics: RolloutModel | None = physics  # None: not yet told of the pushes
+        self._history: PushHistory | None = None
+        self._cancelled = Event()
+        self.failure: SainError | None = None
+
+    def inform(self, history: PushHistory) -> None:
+        """Let model and physics learn from the episode's earlier pushes, and from no others.
+
+        Physics is told when it is asked: inferring a friction that nobody uses takes its time.
+        """
+        self._model = informed_rollout(self._models[0], history)
+        self._history, self._physics = history, None
+
+    def until(self, moment: float | None) -> None:
+        """Let the model fail where it has not answered by this `time.monotonic`."""
+        if isinstance(self._model, Impatient):
+            self._model.until(moment)
+
+    def begin(self) -> None:
+        """Begin a new plan: the model gets another chance."""
+        self.failure = None
+        self._cancelled.clear()
+
+    def cancel(self) -> None:
+        """Let the plan that is being made end with `CancelledError`. For any thread."""
+        self._cancelled.set()
+
+    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8)."""
+        if self._cancelled.is_set():
+            raise CancelledError("the plan is no longer wanted")
+        if self.failure is None:
+            try:
+                return check_answer(_finite(self._model.rollout(scene, pushes)), scene, pushes)
+            except SainError as error:
+                logger.debug("falling back to physics: %s", error)
+                self.failure = error
+        if self._physics is None:
+            assert self._history is not None
+            self._physics = informed_rollout(self._models[1], self._history)
+        return self._physics.rollout(scene, pushes)
+
+    def regions(
+        self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
+    ) -> Radii | None:
+        """Return how sure the model is of what it predicted; None: it, or physics, cannot tell."""
+        if self.failure is not None or not isinstance(self._model, RegionModel):
+            return None
+        try:
+            return self._model.regions(scene, pushes, predicted)
+        except SainError as error:  # the plan stands without it
+            logger.debug("no regions are known: %s", error)
+            return None
+
+
+def _finite(predicted: PredictedScenes) -> PredictedScenes:
+    finite = np.isfinite(predicted)
+    if not finite.all():
+        bad = int((~finite).sum())
+        raise ModelUnavailableError(f"{bad} of the model's {finite.size} numbers are NaN or Inf")
+    return predicted

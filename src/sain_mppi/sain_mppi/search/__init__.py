@@ -1,0 +1,1 @@
+"""Costs, sampling and the search over push sequences. Imports nothing of this package."""

@@ -1,0 +1,143 @@
+"""The planner's settings."""
+
+from dataclasses import dataclass, replace
+from typing import Final, Self
+
+import numpy as np
+
+from sain_core.config import Config, option
+from sain_core.push import PaperGrid
+from sain_core.types import Scalars
+from sain_mppi.search.cost import CostWeights
+from sain_mppi.search.progress import ProgressConfig
+from sain_mppi.search.sampling import NoiseConfig
+
+MPPI_ROUNDS: Final = "mppi_rounds"
+MPPI: Final = "mppi"
+ICEM: Final = "icem"
+EXHAUSTIVE: Final = "exhaustive"
+GRADIENT: Final = "gradient"
+
+ARGMIN: Final = "argmin"
+MEAN: Final = "mean"
+
+
+@dataclass(frozen=True)
+class IcemConfig(Config):
+    """What iCEM has of its own; names as in Pinneri et al. 2020."""
+
+    elites: int = option(10, "K, best samples that mean and deviation are fitted to", minimum=1)
+    kept: float = option(
+        0.3, "xi, share of the elites that stay among the next samples", minimum=0.0, maximum=1.0
+    )
+    colour: float = option(
+        1.0, "beta, power of the noise's spectrum: 0 white, 2 a random walk", minimum=0.0
+    )
+    momentum: float = option(
+        0.1, "alpha, share of the last mean and deviation that stays", minimum=0.0, maximum=1.0
+    )
+
+
+@dataclass(frozen=True)
+class GradientConfig(Config):
+    """What gradient descent has of its own; a push counts in standard deviations of the noise."""
+
+    drawn: float = option(0.5, "share of K that is drawn", minimum=0.0, maximum=1.0)
+    descending: float = option(
+        0.008, "share of K, the best drawn, that go downhill side by side", minimum=0.0, maximum=1.0
+    )
+    steps: int = option(7, "steps of each", minimum=0)
+    difference: float = option(
+        0.02, "how far each number is nudged to see the cost's slope", minimum=1e-6, maximum=1.0
+    )
+    longest: float = option(0.5, "longest step, of the number that moves most", minimum=1e-6)
+    shortest: float = option(0.004, "shortest; where even that is worse it stays", minimum=1e-6)
+    tries: int = option(8, "steps tried, from the longest to the shortest", minimum=1)
+    momentum: float = option(
+        0.5, "beta_1, share of the last direction that stays", minimum=0.0, maximum=0.999
+    )
+    squares: float = option(
+        0.99, "beta_2, share of the last squared slopes that stays", minimum=0.0, maximum=0.9999
+    )
+
+    def rates(self) -> Scalars:
+        """Return the lengths of the steps that are tried, (R,)."""
+        return np.geomspace(self.longest, self.shortest, self.tries)
+
+
+@dataclass(frozen=True)
+class PlannerConfig(Config):
+    """How the planner samples, weighs and decides."""
+
+    algorithm: str = option(
+        MPPI_ROUNDS,
+        "how sequences are looked for",
+        choices=(MPPI_ROUNDS, MPPI, ICEM, EXHAUSTIVE, GRADIENT),
+    )
+    samples: int = option(
+        512, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
+    )
+    horizon: int = option(4, "H, pushes in a sequence", minimum=1, maximum=50)
+    rounds: int = option(3, "rounds of sampling, each nearer the best so far", minimum=1)
+    thinning: float = option(
+        0.5, "factor on the samples from one round to the next", minimum=0.01, maximum=1.0
+    )
+    stuck_rounds: int = option(
+        3, "more rounds, wide ones, when no sequence is better than doing nothing", minimum=0
+    )
+    temperature: float = option(
+        0.05,
+        "lambda, in units of the gap between the median and the smallest cost of a round;"
+        " 0 picks the cheapest",
+        minimum=0.0,
+    )
+    smoothing: float = option(
+        0.1, "share of the last mean that stays at each update", minimum=0.0, maximum=1.0
+    )
+    selection: str = option(
+        ARGMIN,
+        "what is executed: the cheapest sequence (the paper's) or the weighted mean (MPPI's)",
+        choices=(ARGMIN, MEAN),
+    )
+    candidate_share: float = option(
+        0.25, "share of informed proposals in each round", minimum=0.0, maximum=1.0
+    )
+    uniform_share: float = option(
+        0.25, "share of uniform draws in the first round", minimum=0.0, maximum=1.0
+    )
+    stop_share: float = option(
+        0.3, "share of random sequences that rest after a random push", minimum=0.0, maximum=1.0
+    )
+    deadline: float = option(
+        0.0,
+        "time for a plan: the best one until then; 0: as long as it takes",
+        unit="s",
+        minimum=0.0,
+        maximum=3600.0,
+    )
+    warm_start: bool = option(True, "begin from what the last plan leaves")
+    widening: float = option(
+        2.0, "factor on samples and noise when plans did not lead where expected", minimum=1.0
+    )
+    shown: int = option(
+        24, "sequences of a plan that are published beside the best", minimum=0, maximum=1000
+    )
+    noise: NoiseConfig = NoiseConfig()
+    icem: IcemConfig = IcemConfig()
+    gradient: GradientConfig = GradientConfig()
+    grid: PaperGrid = PaperGrid()
+    progress: ProgressConfig = ProgressConfig()
+    weights: CostWeights = CostWeights()
+
+    def widened(self) -> Self:
+        """Return settings that look further about: more samples, more noise, no warm start."""
+        return replace(
+            self,
+            samples=round(self.widening * self.samples),
+            noise=self.noise.scaled(self.widening),
+            warm_start=False,
+        )
+
+    def samples_in(self, round_number: int) -> int:
+        """Return how many sequences a round rolls out, from 0."""
+        return max(round(self.samples * self.thinning**round_number), 1)

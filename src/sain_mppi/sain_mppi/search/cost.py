@@ -1,0 +1,245 @@
+"""What a predicted sequence of pushes costs: small terms, one weight each.
+
+Every term takes a `Rollout` and returns (K,). ``remaining`` fades the terms that only matter
+while there is something left to do: close to the goal it does not matter where the mid disk is.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.config import Config, option
+from sain_core.dynamics import Radii, scenes_before
+from sain_core.feasibility import Feasibility, tool_gap
+from sain_core.push import LENGTH, PUSH_SIZE
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table
+from sain_core.types import Mask, Points, PredictedScenes, PushSequences, Scalars, Scene
+from sain_mppi.search.goal import Goal
+
+
+@dataclass(frozen=True)
+class CostWeights(Config):
+    """The weights of the cost terms and the distances at which they set in."""
+
+    position: tuple[float, float] = option(
+        (100.0, 100.0), "Q for x and y of the target, paper eq. 6", unit="1/m^2", minimum=0.0
+    )
+    orientation: float = option(0.0, "Q for the target's heading, towards 0", minimum=0.0)
+    running: float = option(0.5, "share of Q that every push but the last pays", minimum=0.0)
+    terminal: float = option(1.0, "share of Q after the last push", minimum=0.0)
+    distance: float = option(
+        50.0,
+        "target to goal after the last push, not squared: keeps the last mm worthwhile",
+        unit="1/m",
+        minimum=0.0,
+    )
+    alignment: float = option(
+        1.0, "mid disk not behind the target, seen from the goal", minimum=0.0
+    )
+    approach: float = option(
+        2.0, "mid disk away from the spot behind the target", unit="1/m", minimum=0.0
+    )
+    done_within: float = option(
+        0.01,
+        "nearer the goal than this, alignment, approach and reach fade away",
+        unit="m",
+        minimum=0.001,
+    )
+    caution: float = option(
+        10.0,
+        "target aimed nearer the goal than its push is uncertain, where the arm could not"
+        " push it back",
+        unit="1/m",
+        minimum=0.0,
+    )
+    uncertainty: float = option(
+        0.1, "how far the target may slide too far, share of its way", minimum=0.0, maximum=1.0
+    )
+    clearance: float = option(2.0, "tool nearer another disk than `tool_gap`", minimum=0.0)
+    tool_gap: float = option(0.01, "gap that the tool should keep", unit="m", minimum=0.001)
+    reach: float = option(3.0, "mid disk or target near the reach's limits", minimum=0.0)
+    reach_margin: float = option(
+        0.10, "room that the tool needs round the mid disk", unit="m", minimum=0.001
+    )
+    edge: float = option(5.0, "a disk nearer the table's edge than `edge_margin`", minimum=0.0)
+    edge_margin: float = option(
+        0.06, "room between a disk's centre and the edge", unit="m", minimum=0.001
+    )
+    blocked: float = option(3.0, "each later push that could not be carried out", minimum=0.0)
+    risk: float = option(
+        0.0,
+        "how uncertain the model is of where the target will be, summed; costs time",
+        unit="1/m",
+        minimum=0.0,
+    )
+    effort: float = option(0.05, "the tool's travel", unit="1/m", minimum=0.0)
+    pushes: float = option(0.01, "each push that is not of zero length", minimum=0.0)
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """K predicted sequences from one scene, with what several terms need computed once."""
+
+    before: PredictedScenes  # (K, H, N, 8), the scene that each push starts from
+    after: PredictedScenes  # (K, H, N, 8), the scene that each push leads to
+    pushes: PushSequences  # (K, H, 3)
+    goal: Goal
+    error: Points  # (K, H, 2), target minus goal after each push
+    distance: Float[ndarray, "K H"]
+    moving: Mask  # (K, H), pushes that are not of zero length
+    regions: Radii | None = None  # (K, H, N) [m]; None: not asked for, or not known
+
+
+def make_rollout(
+    scene: Scene,
+    pushes: PushSequences,
+    predicted: PredictedScenes,
+    goal: Goal,
+    regions: Radii | None = None,
+) -> Rollout:
+    """Bundle sequences, their prediction and the goal for the cost terms."""
+    before = scenes_before(scene, predicted)
+    error = predicted[..., TARGET, POSITION] - goal
+    distance = np.linalg.norm(error, axis=-1)
+    moving = pushes[..., LENGTH] > 0.0
+    return Rollout(before, predicted, pushes, goal, error, distance, moving, regions)
+
+
+def cost_terms(
+    rollout: Rollout, weights: CostWeights, feasibility: Feasibility
+) -> dict[str, Scalars]:
+    """Return every term (K,), already weighted. Not finite where the prediction is not."""
+    remaining = np.minimum(rollout.distance[:, -1] / weights.done_within, 1.0)  # (K,)
+    return {
+        "position": position_cost(rollout, weights),
+        "distance": weights.distance * rollout.distance[:, -1],
+        "alignment": weights.alignment * remaining * misalignment(rollout),
+        "approach": weights.approach * remaining * approach_distance(rollout),
+        "caution": weights.caution * overshoot_risk(rollout, weights, feasibility),
+        "clearance": weights.clearance * tool_nearness(rollout, weights, feasibility),
+        "reach": weights.reach * remaining * reach_excess(rollout, weights, feasibility),
+        "edge": weights.edge * edge_nearness(rollout, weights, feasibility),
+        "blocked": weights.blocked * blocked_pushes(rollout, feasibility),
+        "risk": weights.risk * target_regions(rollout),
+        "effort": weights.effort * rollout.pushes[..., LENGTH].sum(axis=1),
+        "pushes": weights.pushes * rollout.moving.sum(axis=1),
+    }
+
+
+def resting_cost(
+    scene: Scene, goal: Goal, weights: CostWeights, feasibility: Feasibility, horizon: int = 1
+) -> float:
+    """Return what doing nothing costs: so many pushes of zero length from a scene (N, 8)."""
+    stay = np.broadcast_to(scene, (1, horizon, *scene.shape))
+    rollout = make_rollout(scene, np.zeros((1, horizon, PUSH_SIZE)), stay, goal)
+    return float(total_cost(cost_terms(rollout, weights, feasibility))[0])
+
+
+def total_cost(terms: dict[str, Scalars]) -> Scalars:
+    """Return the sum (K,) of all terms, infinite where any is not finite."""
+    total = np.sum(list(terms.values()), axis=0)
+    return np.where(np.isfinite(total), total, np.inf)
+
+
+def position_cost(rollout: Rollout, weights: CostWeights) -> Scalars:
+    """Return the paper's Q-weighted squared error (eq. 6), running and terminal."""
+    squared = np.square(rollout.error) @ np.asarray(weights.position)  # (K, H)
+    if weights.orientation > 0.0:
+        heading = rollout.after[..., TARGET, THETA]
+        squared = squared + weights.orientation * 2.0 * (1.0 - np.cos(heading))
+    return weights.running * squared[:, :-1].sum(axis=1) + weights.terminal * squared[:, -1]
+
+
+def misalignment(rollout: Rollout) -> Scalars:
+    """Return 0 when the mid disk ends straight behind the target, seen from the goal, to 1."""
+    last = rollout.after[:, -1]
+    to_target = last[:, TARGET, POSITION] - last[:, MID, POSITION]
+    to_goal = -rollout.error[:, -1]
+    size = np.linalg.norm(to_target, axis=-1) * rollout.distance[:, -1]
+    cosine = (to_target * to_goal).sum(axis=-1) / np.maximum(size, 1e-9)
+    return 0.5 * (1.0 - cosine)
+
+
+def approach_distance(rollout: Rollout) -> Scalars:
+    """Return the mid disk's distance [m] at the end to where it touches the target from behind."""
+    last = rollout.after[:, -1]
+    to_goal = -rollout.error[:, -1] / np.maximum(rollout.distance[:, -1:], 1e-9)
+    touching = last[:, MID, RADIUS] + last[:, TARGET, RADIUS]
+    spot = last[:, TARGET, POSITION] - touching[:, None] * to_goal
+    return np.asarray(np.linalg.norm(last[:, MID, POSITION] - spot, axis=-1))
+
+
+def overshoot_risk(rollout: Rollout, weights: CostWeights, feasibility: Feasibility) -> Scalars:
+    """Return by how much [m] targets that slide too far would go past the goal for good, summed.
+
+    For good: the tool cannot stand where it would push them back from.
+    """
+    way = rollout.after[..., TARGET, POSITION] - rollout.before[..., TARGET, POSITION]
+    travel = np.linalg.norm(way, axis=-1)  # (K, H)
+    heading = way / np.maximum(travel, 1e-9)[..., None]
+    left = -(rollout.error * heading).sum(axis=-1)
+    mid, target = rollout.before[0, 0, MID, RADIUS], rollout.before[0, 0, TARGET, RADIUS]
+    behind = target + 2 * mid + feasibility.limits.tool_radius + feasibility.limits.clearance
+    lost = ~feasibility.reach.contains(rollout.goal + behind * heading)
+    return np.asarray((lost * np.maximum(weights.uncertainty * travel - left, 0.0)).sum(axis=1))
+
+
+def tool_nearness(rollout: Rollout, weights: CostWeights, feasibility: Feasibility) -> Scalars:
+    """Return how deep the tool's way enters the gap it should keep, in gaps squared, summed."""
+    gap = tool_gap(rollout.before, rollout.pushes, feasibility.limits)
+    lacking = _shortfall(gap, weights.tool_gap) * rollout.moving
+    return np.asarray(np.square(lacking).sum(axis=1))
+
+
+def reach_excess(rollout: Rollout, weights: CostWeights, feasibility: Feasibility) -> Scalars:
+    """Return how far mid disk and target end beyond where the tool gets behind them.
+
+    In margins, squared and summed: a mid disk pushed to where no approach is left ends the
+    episode.
+    """
+    reach = feasibility.reach
+    position = rollout.after[:, -1, [MID, TARGET], POSITION]  # (K, 2, 2)
+    radius = np.linalg.norm(position, axis=-1)
+    bearing = np.abs(np.arctan2(position[..., 1], position[..., 0]))
+    room = np.minimum(radius - reach.inner, reach.outer - radius)
+    room = np.minimum(room, (reach.max_bearing - bearing) * radius)
+    return np.asarray(np.square(_shortfall(room, weights.reach_margin)).sum(axis=1))
+
+
+def edge_nearness(rollout: Rollout, weights: CostWeights, feasibility: Feasibility) -> Scalars:
+    """Return how deep any disk's centre enters the margin along the table's edge, worst, squared.
+
+    The target may go as near to the edge as its goal is.
+    """
+    table = feasibility.table
+    margin = np.full(rollout.after.shape[2], weights.edge_margin)
+    margin[TARGET] = np.clip(_edge_room(rollout.goal, table), 1e-3, weights.edge_margin)
+    lacking = _shortfall(_edge_room(rollout.after[..., POSITION], table), margin)  # (K, H, N)
+    return np.asarray(np.square(lacking).max(axis=(1, 2)))
+
+
+def _edge_room(points: Points, table: Table) -> Scalars:
+    """Return the distance [m] of points (..., 2) to the nearest edge; negative off the table."""
+    x, y = points[..., 0], points[..., 1]
+    across = np.minimum(x - table.x_min, table.x_max - x)
+    return np.asarray(np.minimum(across, np.minimum(y - table.y_min, table.y_max - y)))
+
+
+def blocked_pushes(rollout: Rollout, feasibility: Feasibility) -> Scalars:
+    """Return how many pushes of a sequence could not be carried out when their turn comes."""
+    allowed = feasibility.mask(rollout.before, rollout.pushes)
+    return np.asarray((~allowed).sum(axis=1).astype(np.float64))
+
+
+def target_regions(rollout: Rollout) -> Scalars:
+    """Return the radii [m] of the regions that should hold the target, summed over the pushes."""
+    if rollout.regions is None:
+        return np.zeros(len(rollout.pushes))
+    return np.asarray(rollout.regions[..., TARGET].sum(axis=1))
+
+
+def _shortfall(room: Scalars, wanted: np.ndarray | float) -> Scalars:
+    """Return 0 where there is as much room as wanted, 1 where there is none, then on."""
+    return np.maximum(1.0 - room / wanted, 0.0)

@@ -1,0 +1,88 @@
+"""What a plan is: the pushes, what is expected of them, and how they were found."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.scene import POSITION
+from sain_core.types import PredictedScenes, PushArray, Pushes, Scalars, Scene, Scenes
+from sain_mppi.search.progress import LastPush
+
+
+@dataclass(frozen=True)
+class Times:
+    """Where a plan's time went [s]."""
+
+    total: float
+    rollout: float  # in the model
+    cost: float
+
+    @property
+    def sampling(self) -> float:
+        """Drawing, masking, weighing and keeping: all the rest."""
+        return self.total - self.rollout - self.cost
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Some of the sequences that were tried, from the cheapest to the dearest."""
+
+    predicted: PredictedScenes  # (R, H, N, 8)
+    costs: Scalars  # (R,), finite
+
+    def ways(self, scene: Scene, disk: int) -> Float[ndarray, "R S 2"]:
+        """Return where each leads a disk, from the scene (N, 8) on: H + 1 places."""
+        start = np.broadcast_to(scene[disk, POSITION], (len(self.predicted), 1, 2))
+        return np.concatenate([start, self.predicted[:, :, disk, POSITION]], axis=1)
+
+    @classmethod
+    def of(cls, predicted: PredictedScenes, costs: Scalars, count: int) -> Self:
+        """Return up to so many, evenly spread from the cheapest to the dearest."""
+        order = np.argsort(costs, kind="stable")
+        order = order[np.isfinite(costs[order])]
+        if len(order) > count:
+            order = order[np.linspace(0, len(order) - 1, count).astype(int)]
+        return cls(predicted[order], costs[order])
+
+    @classmethod
+    def thinned(cls, parts: Sequence[Self], count: int) -> Self:
+        """Return up to so many of several parts."""
+        predicted = np.concatenate([part.predicted for part in parts])
+        return cls.of(predicted, np.concatenate([part.costs for part in parts]), count)
+
+
+@dataclass(frozen=True)
+class PlanResult:
+    """What the planner decided and what it expects."""
+
+    pushes: Pushes  # (H, 3); the first is to be executed
+    predicted: Scenes  # (H, N, 8), the scene after each push
+    cost: float
+    rest_cost: float  # of doing nothing: a plan that costs more is a step back
+    terms: dict[str, float]  # the cost by term
+    effective_samples: float  # of the last round's weights
+    samples: int  # sequences rolled out, over all rounds
+    rounds: int
+    times: Times
+    others: Shown
+    regions: Float[ndarray, "H N"] | None = None  # [m], radii that should hold each disk
+    concern: str = ""  # why it was looked for further about than usual; empty: it was not
+    last: LastPush | None = None  # what became of the push before; None: there was none
+
+    @property
+    def push(self) -> PushArray:
+        """The push (3,) to execute."""
+        return np.asarray(self.pushes[0])
+
+    def way(self, scene: Scene, disk: int) -> Float[ndarray, "S 2"]:
+        """Return where the plan leads a disk, from the scene (N, 8) on: H + 1 places."""
+        return np.concatenate([scene[None], self.predicted])[:, disk, POSITION]
+
+    @property
+    def improves(self) -> bool:
+        """Whether the plan is expected to be better than doing nothing."""
+        return self.cost < self.rest_cost

@@ -1,0 +1,180 @@
+"""One plan's search: rolls out what an algorithm tries, costs it, and keeps the best."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from sain_core.dynamics import Radii, RolloutModel, regions_of
+from sain_core.errors import ModelUnavailableError
+from sain_core.feasibility import Feasibility
+from sain_core.scene import MID, POSITION
+from sain_core.types import (
+    Mask,
+    PredictedScenes,
+    PushArray,
+    Pushes,
+    PushSequences,
+    Scalars,
+    Scene,
+)
+from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.cost import cost_terms, make_rollout, resting_cost, total_cost
+from sain_mppi.search.elites import Finds
+from sain_mppi.search.feasible_mask import permitted
+from sain_mppi.search.goal import Goal
+from sain_mppi.search.pacing import Pacing
+from sain_mppi.search.response_check import check_answer
+from sain_mppi.search.result import PlanResult, Times
+from sain_mppi.search.weights import cost_spread, effective_samples, softmin_weights
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a plan is for.
+
+    Attributes:
+        scene: (N, 8), where it starts.
+        goal: (2,), for the target.
+        feasibility: what the arm can do.
+        refused: (3,) each, pushes that were refused from this scene.
+        deadline: `time.monotonic` at which the plan is wanted; None: whenever.
+    """
+
+    scene: Scene
+    goal: Goal
+    feasibility: Feasibility
+    refused: Sequence[PushArray] = ()
+    deadline: float | None = None
+
+
+class Search:
+    """What algorithms see: which pushes are permitted, what sequences cost, when to stop."""
+
+    def __init__(self, model: RolloutModel, config: PlannerConfig, problem: Problem) -> None:
+        """Begin with nothing found."""
+        self.model, self.config, self.problem = model, config, problem
+        self.scene, self.goal, self.feasibility = problem.scene, problem.goal, problem.feasibility
+        self.finds = Finds(config.horizon, config.shown)
+        self.effective = 0.0
+        self.samples = self.rounds = 0
+        self._pacing = Pacing(problem.deadline)
+        self._rollout_time = self._cost_time = 0.0
+        self._began = perf_counter()
+        self.rest_cost = resting_cost(
+            self.scene, self.goal, config.weights, self.feasibility, config.horizon
+        )
+
+    @property
+    def improves(self) -> bool:
+        """Whether the best sequence so far is better than doing nothing."""
+        return bool(self.finds.cost < self.rest_cost)
+
+    @property
+    def over(self) -> bool:
+        """Whether there is no time left for another round."""
+        return self._pacing.over
+
+    @property
+    def where(self) -> str:
+        """The situation, for messages."""
+        x, y = self.scene[MID, POSITION]
+        refused = f", {len(self.problem.refused)} refused before" if self.problem.refused else ""
+        return f"from here: mid disk at ({x:.3f}, {y:.3f}) m{refused}"
+
+    def permitted(self, pushes: Pushes) -> Mask:
+        """Tell which pushes (B, 3) touch the mid disk, can be carried out, and were not refused."""
+        return permitted(self.scene, pushes, self.feasibility, self.problem.refused)
+
+    def evaluate(self, sequences: PushSequences) -> Scalars:
+        """Roll out sequences (K, H, 3) and return what they cost (K,); their first pushes must be
+        permitted.
+
+        The cost is infinite where the prediction is not finite, and where the deadline came first.
+
+        Raises:
+            ModelUnavailableError: no cost is finite, or the answer is not one to this question.
+        """
+        costs = self._try(sequences)
+        self.rounds += 1
+        if not np.isfinite(costs).any():
+            raise ModelUnavailableError(
+                f"none of the model's {len(sequences)} predictions is finite; check its checkpoint"
+            )
+        self.effective = effective_samples(self.weights(costs))
+        return costs
+
+    def probe(self, sequences: PushSequences) -> Scalars:
+        """Return what variants (K, H, 3) of evaluated sequences cost (K,); they are no round.
+
+        Infinite as in `evaluate`, and where a first push is not permitted, all if need be.
+        """
+        costs = np.full(len(sequences), np.inf)
+        allowed = self.permitted(sequences[:, 0])
+        if allowed.any():
+            costs[allowed] = self._try(sequences[allowed])
+        return costs
+
+    def weights(self, costs: Scalars) -> Scalars:
+        """Return MPPI's weights (K,) for costs (K,); lambda is relative to how they spread."""
+        return softmin_weights(costs, self.config.temperature * cost_spread(costs))
+
+    def settle_on(self, sequence: Pushes) -> None:
+        """Take one sequence (H, 3) as the plan, whatever else was found, if it can be done."""
+        if not self.permitted(sequence[:1]).all():
+            return
+        predicted = self._rollout(sequence[None])
+        costs, terms = self._costs(sequence[None], predicted)
+        if np.isfinite(costs[0]):
+            self.finds.prefer(sequence[None], predicted, costs, terms)
+
+    def result(self) -> PlanResult:
+        """Return the best sequence as the plan; something must have been evaluated."""
+        finds = self.finds
+        total = perf_counter() - self._began
+        return PlanResult(
+            finds.elites[0],
+            finds.predicted,
+            finds.cost,
+            self.rest_cost,
+            finds.terms,
+            self.effective,
+            self.samples,
+            self.rounds,
+            Times(total, self._rollout_time, self._cost_time),
+            finds.shown,
+        )
+
+    def _regions(self, sequences: PushSequences, predicted: PredictedScenes) -> Radii | None:
+        begun = perf_counter()
+        regions = regions_of(self.model, self.scene, sequences, predicted)
+        self._rollout_time += perf_counter() - begun
+        return regions
+
+    def _try(self, sequences: PushSequences) -> Scalars:
+        costs = np.full(len(sequences), np.inf)
+        for part in self._pacing.parts(len(sequences)):
+            tried = sequences[part]
+            predicted = self._rollout(tried)
+            costs[part], terms = self._costs(tried, predicted)
+            self.finds.add(tried, predicted, costs[part], terms)
+            self.samples += len(tried)
+        return costs
+
+    def _rollout(self, sequences: PushSequences) -> PredictedScenes:
+        begun = perf_counter()
+        predicted = self.model.rollout(self.scene, sequences)
+        self._rollout_time += perf_counter() - begun
+        return check_answer(predicted, self.scene, sequences)
+
+    def _costs(
+        self, sequences: PushSequences, predicted: PredictedScenes
+    ) -> tuple[Scalars, dict[str, Scalars]]:
+        regions = self._regions(sequences, predicted) if self.config.weights.risk > 0.0 else None
+        begun = perf_counter()
+        rollout = make_rollout(self.scene, sequences, predicted, self.goal, regions)
+        terms = cost_terms(rollout, self.config.weights, self.feasibility)
+        costs = total_cost(terms)
+        self._cost_time += perf_counter() - begun
+        return costs, terms

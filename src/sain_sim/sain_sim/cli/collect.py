@@ -1,0 +1,97 @@
+"""``ros2 run sain_sim collect``: a training set from the randomised or the rough world."""
+
+import logging
+import sys
+import time
+
+import tyro
+from rich.console import Console
+from rich.logging import RichHandler
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+from sain_core.errors import SainError
+from sain_sim.collecting.collect import CollectConfig, Collected, collect
+from sain_sim.collecting.push_counts import Tally
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Collect transitions into a folder of shards; run it again to go on after a stop."""
+    console = Console(stderr=True)
+    config = tyro.cli(
+        CollectConfig,
+        prog="collect",
+        description=main.__doc__,
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes,),
+    )
+    logging.basicConfig(
+        level=logging.WARNING,
+        format="%(message)s",
+        handlers=[RichHandler(console=console, show_path=False, show_time=False)],
+    )
+    begun = time.perf_counter()
+    try:
+        done = _collect_with_bar(config, console)
+    except SainError as error:
+        console.print(f"[red]error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+        return 1
+    except KeyboardInterrupt:
+        console.print("stopped; the same command goes on from the last whole shard")
+        return 130
+    minutes = (time.perf_counter() - begun) / 60
+    folder = escape(str(config.out))
+    console.print(f"{done.transitions} transitions in {folder} ({minutes:.1f} min)")
+    for line in account(done.tally, config):
+        console.print(line, highlight=False, soft_wrap=True)
+    return 0
+
+
+def account(tally: Tally, config: CollectConfig) -> list[str]:
+    """Return in words what became of the pushes that were drawn."""
+    kept = "kept" if not config.episode.moved_only else "left out"
+    lines = [
+        f"{tally.drawn} pushes drawn in {tally.episodes} episodes: {tally.unreachable} out of"
+        f" reach, {tally.blocked} blocked by another disk, {tally.refused} refused otherwise,"
+        f" {tally.edge} ended at the table's edge or still moving, {tally.valid} valid",
+        f"of these {tally.moved} moved the target by 2 mm or more; {kept}: {tally.missed} that"
+        f" missed it, {tally.short} that moved it by less",
+    ]
+    if tally.stuck:
+        lines.append(f"{tally.stuck} episodes ended early: no push that was tried was possible")
+    if tally.episodes < config.episodes:
+        lines.append(f"nothing is written of the pushes of {config.episodes - tally.episodes} more")
+    return lines
+
+
+def _collect_with_bar(config: CollectConfig, console: Console) -> Collected:
+    columns = (
+        TextColumn("collect"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("episodes, {task.fields[transitions]} transitions, left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console) as bar:
+        task: TaskID | None = None
+
+        def advance(episodes: int, transitions: int) -> None:
+            nonlocal task
+            if task is None:  # what an earlier run did says nothing about the time left
+                task = bar.add_task(
+                    "collect", total=config.episodes, completed=episodes, transitions=transitions
+                )
+            bar.update(task, completed=episodes, transitions=transitions)
+
+        return collect(config, advance)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

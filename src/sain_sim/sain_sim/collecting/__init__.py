@@ -1,0 +1,1 @@
+"""Episodes of random pushes, written as a data set. May import `world`."""

@@ -1,0 +1,165 @@
+"""Collects transitions from many episodes into shards, on several processes.
+
+What is written depends on seed and settings alone: episodes are independent and kept in
+order, so neither the number of workers nor a kill and a resume changes a byte.
+"""
+
+import json
+from collections.abc import Callable, Generator
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from sain_core.config import Config, option
+from sain_core.errors import DatasetError
+from sain_core.shards import SHARD_SIZE
+from sain_core.storage import write_json
+from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
+from sain_sim.collecting.push_counts import Journal, Tally
+from sain_sim.collecting.ray_workers import RayCrew, ray_cluster
+from sain_sim.collecting.shards import (
+    Transition,
+    full_shards,
+    last_transition,
+    load_shards,
+    remove_leftovers,
+    write_shard,
+)
+from sain_sim.collecting.workers import ProcessCrew, in_order
+
+IDENTITY_FILE: Final = "collection.json"
+CARD_FILE: Final = "card.json"
+
+LATER: Final = ("truth", "target", "parameters")  # settings that older collections do not name
+
+Progress = Callable[[int, int], None]  # episodes done, transitions so far
+
+
+@dataclass(frozen=True)
+class CollectConfig(Config):
+    """What to collect, and where to."""
+
+    out: Path = Path("data")
+    episodes: int = option(5000, "number of episodes", minimum=1)
+    seed: int = option(0, "same seed, same bytes", minimum=0)
+    workers: int = option(1, "processes that run episodes", minimum=1, maximum=4096)
+    ray: str = option(
+        "",
+        "run the workers on a Ray cluster: HOST:PORT; auto: the one that this machine is part of;"
+        " local: one made on this machine for the purpose",
+    )
+    episode: EpisodeConfig = EpisodeConfig()
+
+
+class Collected(NamedTuple):
+    """What a folder holds when its collection is done."""
+
+    transitions: int
+    tally: Tally  # of all pushes that were drawn
+
+
+def collect(
+    config: CollectConfig, progress: Progress = lambda episodes, transitions: None
+) -> Collected:
+    """Collect, going on where an earlier run with the same settings stopped.
+
+    Args:
+        config: what to collect, and where to.
+        progress: called before the first and after each episode.
+
+    Raises:
+        OutputError: the folder cannot be written, or the disk is full.
+        DatasetError: the folder holds a collection with other settings, or a damaged shard.
+        ConfigError: there is no such Ray cluster.
+        SainError: an episode cannot be run.
+    """
+    folder = config.out
+    _claim(folder, config)
+    remove_leftovers(folder)
+    shards = full_shards(folder)
+    last = last_transition(folder, shards - 1) if shards else (0, -1)
+    waiting: list[Transition] = []
+    progress(last[0], shards * SHARD_SIZE)
+    with closing(Journal(folder, last[0])) as journal, closing(_run(config, last[0])) as results:
+        for episode, result in enumerate(results, start=last[0]):
+            journal.add(episode, result.tally)
+            waiting += [item for item in result.transitions if (item.episode, item.step) > last]
+            while len(waiting) >= SHARD_SIZE:
+                write_shard(folder, shards, waiting[:SHARD_SIZE])
+                shards, waiting = shards + 1, waiting[SHARD_SIZE:]
+            progress(episode + 1, shards * SHARD_SIZE + len(waiting))
+    if waiting:
+        write_shard(folder, shards, waiting)
+    done = Collected(shards * SHARD_SIZE + len(waiting), journal.total)
+    if done.transitions:
+        write_json(folder / CARD_FILE, {**_identity(config), **_summary(config, done)})
+    return done
+
+
+def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, None]:
+    """Run episodes from the first on and yield what they gave in order."""
+    episodes = range(first, config.episodes)
+    settings = (config.seed, config.episode)
+    if not episodes:
+        return
+    if config.ray:
+        with (
+            ray_cluster(config.ray, config.workers) as ray,
+            closing(RayCrew(ray, config.workers, *settings)) as actors,
+        ):
+            yield from in_order(actors, episodes)
+    elif config.workers > 1:
+        with closing(ProcessCrew(config.workers, *settings)) as processes:
+            yield from in_order(processes, episodes)
+    else:
+        with closing(EpisodeRunner(*settings)) as runner:
+            yield from map(runner.run, episodes)
+
+
+def _identity(config: CollectConfig) -> dict[str, Any]:
+    """Return what makes two collections the same one; the number of episodes may grow."""
+    settings = asdict(config.episode)
+    for name in LATER:  # so that collections from before there was a choice go on
+        if getattr(config.episode, name) == getattr(EpisodeConfig(), name):
+            del settings[name]
+    return {"seed": config.seed, **settings}
+
+
+def _claim(folder: Path, config: CollectConfig) -> None:
+    """Make the folder ours: new, or one of the same settings."""
+    path = folder / IDENTITY_FILE
+    if path.exists():
+        found = _read_identity(path)
+        wanted = _identity(config)
+        for name in {**wanted, **found}:
+            if found.get(name) != wanted.get(name):
+                raise DatasetError(
+                    f"{folder} was collected with {name} = {found.get(name)!r},"
+                    f" not {wanted.get(name)!r};"
+                    " use the same settings to go on, or another folder"
+                )
+        return
+    write_json(path, _identity(config))
+
+
+def _read_identity(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise DatasetError(f"{path} is damaged: {error}; collect into another folder") from error
+    if not isinstance(content, dict):
+        raise DatasetError(f"{path} holds no settings; collect into another folder")
+    return content
+
+
+def _summary(config: CollectConfig, done: Collected) -> dict[str, Any]:
+    data = load_shards(config.out)
+    return {
+        "episodes": config.episodes,
+        "transitions": len(data["episode"]),
+        "moved": int(data["moved"].sum()),
+        "tally": {"drawn": done.tally.drawn, "valid": done.tally.valid, **asdict(done.tally)},
+        "shard_size": SHARD_SIZE,
+        "fields": {name: list(values.shape[1:]) for name, values in data.items()},
+    }

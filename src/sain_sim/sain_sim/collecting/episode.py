@@ -1,0 +1,195 @@
+"""One episode of a collection: a randomised world, a shadow beside it, up to ten pushes.
+
+Paper, section III-B. An episode depends on the collection's seed and its own number alone.
+"""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from sain_core.config import Config, option
+from sain_core.errors import SainError
+from sain_core.push import PaperGrid
+from sain_core.scene import POSITION, TARGET
+from sain_core.seeding import generator
+from sain_core.shards import MOVED
+from sain_core.types import PushArray
+from sain_sim.collecting.push_counts import Tally
+from sain_sim.collecting.shards import Transition
+from sain_sim.world.outcome import PushOutcome
+from sain_sim.world.parameters import CUBE, FLAT, PAPER, RANGES, THREE_FEET, WIDE, WorldParameters
+from sain_sim.world.sampling import (
+    CircleSampler,
+    GridSampler,
+    PushSampler,
+    StartConfig,
+    draw_start,
+    wholly_on,
+)
+from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
+from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
+from sain_sim.world.world import World, WorldConfig
+
+MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
+CIRCLE: Final = "circle"
+GRID: Final = "grid"
+DISK: Final = "disk"
+
+
+@dataclass(frozen=True)
+class EpisodeConfig(Config):
+    """What episodes are like."""
+
+    disks: int = option(2, "number of disks N", minimum=2, maximum=5)
+    shape: str = option(THREE_FEET, "how disks are built", choices=(THREE_FEET, FLAT))
+    target: str = option(DISK, "what the target is", choices=(DISK, CUBE))
+    parameters: str = option(
+        PAPER,
+        "masses, radii and friction: the paper's ranges, or wide ones (5 to 12 kg, radii +-20 %,"
+        " friction 0.05 to 0.35)",
+        choices=(PAPER, WIDE),
+    )
+    sampler: str = option(
+        CIRCLE, "pushes from any side, or the paper's grid", choices=(CIRCLE, GRID)
+    )
+    pushes: int = option(10, "most pushes in an episode", minimum=1, maximum=100)
+    tries: int = option(
+        50, "pushes drawn for each step before an episode ends early", minimum=1, maximum=10_000
+    )
+    moved_only: bool = option(
+        False, "keep only transitions whose target moved by 2 mm, as the paper does"
+    )
+    floor_episodes: int = option(
+        0, "repeat the pushes of the first so many episodes with the true parameters", minimum=0
+    )
+    truth: TruthConfig = RANDOMISED_TRUTH
+
+
+class EpisodeResult(NamedTuple):
+    """What an episode gave."""
+
+    transitions: list[Transition]  # in order; with the 2 mm filter only those that pass it
+    tally: Tally  # of all pushes that were drawn
+
+
+class EpisodeRunner:
+    """Runs episodes one after the other in worlds that it keeps."""
+
+    def __init__(self, seed: int, config: EpisodeConfig) -> None:
+        """Build the worlds.
+
+        Args:
+            seed: of the collection.
+            config: what the episodes are like.
+        """
+        self._seed = seed
+        self._config = config
+        self._world_config = WorldConfig()
+        self._sampler: PushSampler = CircleSampler()
+        if config.sampler == GRID:
+            self._sampler = GridSampler(PaperGrid())
+        self._world = World(_draw_parameters(generator(seed, "build"), config), self._world_config)
+        self._shadow = BulletPrior(NOMINAL, self._world_config, self._world.parameters)
+
+    def run(self, episode: int) -> EpisodeResult:
+        """Return the transitions of one episode, in order, and what became of its pushes."""
+        random = generator(self._seed, "episode", episode)
+        parameters = _draw_parameters(random, self._config)
+        table = self._world_config.feasibility.table
+        self._world.reset(draw_start(random, parameters, StartConfig(), table), parameters)
+        tally, kept = Tally(episodes=1), []
+        with ExitStack() as stack:
+            floor = None
+            if episode < self._config.floor_episodes:
+                floor = stack.enter_context(BulletPrior(TRUE, self._world_config, parameters))
+            for step, (push, outcome) in enumerate(self._pushes(random, tally)):
+                moved = _count(outcome, tally)
+                if moved or not self._config.moved_only:
+                    kept.append(self._transition(episode, step, push, outcome, moved, floor))
+        return EpisodeResult(kept, tally)
+
+    def _pushes(
+        self, random: np.random.Generator, tally: Tally
+    ) -> Iterator[tuple[PushArray, PushOutcome]]:
+        """Carry out pushes until there are enough, none is possible, or a disk leaves the table."""
+        table = self._world_config.feasibility.table
+        for _ in range(self._config.pushes):
+            done = self._push(random, tally)
+            if done is None:
+                tally.stuck += 1
+                return
+            if not done[1].settled or not wholly_on(done[1].after, table):
+                tally.edge += 1
+                return  # what happens at the edge is not in a plane
+            yield done
+
+    def _push(
+        self, random: np.random.Generator, tally: Tally
+    ) -> tuple[PushArray, PushOutcome] | None:
+        """Draw pushes until one can be carried out; None when none could."""
+        scene = self._world.observe()
+        for _ in range(self._config.tries):
+            push = self._sampler.draw(random, scene)
+            try:
+                return push, self._world.push(push)
+            except SainError as error:  # unreachable or blocked: draw another
+                tally.refuse(error)
+        return None
+
+    def _transition(
+        self,
+        episode: int,
+        step: int,
+        push: PushArray,
+        outcome: PushOutcome,
+        moved: bool,
+        floor: BulletPrior | None,
+    ) -> Transition:
+        before, after = outcome.before, outcome.after
+        again = np.full_like(before, np.nan) if floor is None else floor.predict(before, push)
+        parameters = self._world.parameters
+        return Transition(
+            state=before.ravel(),
+            action=push,
+            physics_next=self._shadow.predict(before, push).ravel(),
+            next_state=after.ravel(),
+            floor_next=again.ravel(),
+            episode=episode,
+            step=step,
+            seed=self._seed,
+            masses=np.array(parameters.masses),
+            radii=np.array(parameters.radii),
+            friction=parameters.friction,
+            rim_friction=parameters.rim_friction,
+            tool_friction=parameters.tool_friction,
+            moved=moved,
+            duration=outcome.duration,
+            roughness=parameters.roughness.arrays(),
+            cubes=np.array(parameters.cubes) if any(parameters.cubes) else None,
+        )
+
+    def close(self) -> None:
+        """Let go of the worlds."""
+        self._world.close()
+        self._shadow.close()
+
+
+def _count(outcome: PushOutcome, tally: Tally) -> bool:
+    """Count a push that was carried out; tell whether it moved the target by 2 mm."""
+    way = outcome.after[TARGET, POSITION] - outcome.before[TARGET, POSITION]
+    travel = float(np.linalg.norm(way))
+    tally.moved += travel >= MOVED
+    tally.missed += travel < MISSED
+    tally.short += MISSED <= travel < MOVED
+    return travel >= MOVED
+
+
+def _draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> WorldParameters:
+    ranges = RANGES[config.parameters]
+    drawn = config.truth.draw(random, config.disks, config.shape, ranges)
+    if config.target == DISK:
+        return drawn
+    return replace(drawn, shapes=(drawn.shapes[0], CUBE, *drawn.shapes[2:]))

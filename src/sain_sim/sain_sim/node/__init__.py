@@ -1,0 +1,1 @@
+"""All that a simulator node calls, without ROS. May import `world`."""

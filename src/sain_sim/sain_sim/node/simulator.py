@@ -1,0 +1,133 @@
+"""Truth world and nominal shadow world side by side: all that a simulator node calls."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+
+from sain_core.config import Config, option
+from sain_core.types import PushArray, Scene
+from sain_sim.node.pacing import Pacer
+from sain_sim.rendering.window import Window
+from sain_sim.world.outcome import PushOutcome, Sample
+from sain_sim.world.parameters import FLAT, THREE_FEET, WorldParameters, nominal_parameters
+from sain_sim.world.shadow import BulletPrior
+from sain_sim.world.start import WORLDS, draw_episode
+from sain_sim.world.truth import ALL, KNOWN_EFFECTS, TruthConfig
+from sain_sim.world.workcell import WorldConfig
+from sain_sim.world.world import World
+
+SHADOW_MODEL = "bullet_nominal"
+
+
+@dataclass(frozen=True)
+class SimulatorConfig(Config):
+    """What is simulated, and how it is shown."""
+
+    world: str = option(
+        "randomised", "where parameters that are not given are from", choices=WORLDS
+    )
+    lab: int = option(0, "which rough world; same number, same lab", minimum=0)
+    effects: str = option(
+        ALL, f"of a rough world: all, none, or some with commas of {', '.join(KNOWN_EFFECTS)}"
+    )
+    seed: int = option(0, "of the episode that the simulator starts with", minimum=0)
+    disk_shape: str = option(THREE_FEET, "how disks are built", choices=(THREE_FEET, FLAT))
+    real_time_factor: float = option(
+        0.0, "simulated by real time; 0: as fast as possible", minimum=0.0, maximum=100.0
+    )
+    state_rate: float = option(
+        30.0, "scenes a simulated second while moving", unit="Hz", minimum=0.1, maximum=240.0
+    )
+    idle_rate: float = option(
+        2.0, "settled scenes a second, for late joiners", unit="Hz", minimum=0.1, maximum=100.0
+    )
+    gui: bool = option(False, "show the world in a window; needs a display")
+    shadow: bool = option(True, "let the nominal world predict each push")
+    peer_wait: float = option(
+        1.0, "look at the start for another simulator", unit="s", minimum=0.0, maximum=60.0
+    )
+    service_introspection: str = option(
+        "disabled",
+        "publish what is asked of services and answered: not, when and by whom, or all of it",
+        choices=("disabled", "metadata", "contents"),
+    )
+    bullet: WorldConfig = WorldConfig()
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that every effect is one."""
+        super().__post_init__()
+        TruthConfig(effects=self.effects)
+
+
+@dataclass(frozen=True)
+class Pushed:
+    """A push that was carried out: what came of it, the world now, and the time it took [s]."""
+
+    outcome: PushOutcome
+    sample: Sample
+    wall_time: float
+
+
+class Simulator:
+    """The worlds and their time. PyBullet wants all calls from the thread that made it."""
+
+    def __init__(self, config: SimulatorConfig, pacer: Pacer) -> None:
+        """Make the worlds; `reset` starts an episode."""
+        self.config = config
+        self.pacer = pacer
+        viewer = Window() if config.gui else None
+        self.world = World(nominal_parameters(), config.bullet, viewer)
+        self.shadow = BulletPrior("nominal", config.bullet) if config.shadow else None
+        self._every = max(1, round(1 / (config.bullet.motion.time_step * config.state_rate)))
+
+    @property
+    def parameters(self) -> WorldParameters:
+        """The truth world's parameters."""
+        return self.world.parameters
+
+    def reset(
+        self, seed: int, world: str, scene: Scene | None, shapes: tuple[str, ...], friction: float
+    ) -> Sample:
+        """Start an episode as `draw_episode` draws it."""
+        config = self.config
+        parameters, start = draw_episode(
+            seed,
+            world or config.world,
+            scene,
+            shapes,
+            friction,
+            config.disk_shape,
+            config.lab,
+            config.effects,
+        )
+        self.world.reset(start, parameters)
+        if self.shadow is not None:
+            self.shadow.truth = parameters  # for the shapes, which the nominal world shares
+        return self._look()
+
+    def push(self, push: PushArray, on_sample: Callable[[Sample], None]) -> Pushed:
+        """Carry out a push (3,), showing it at the state rate; see `World.push` for errors."""
+
+        def show(sample: Sample) -> None:
+            self.pacer.follow(sample.time)
+            on_sample(sample)
+
+        begun = perf_counter()
+        outcome = self.world.push(push, on_step=show, every=self._every)
+        return Pushed(outcome, self._look(), perf_counter() - begun)
+
+    def predict(self, scene: Scene, push: PushArray) -> Scene:
+        """Return what the nominal world makes of a push (3,) from a scene (N, 8)."""
+        assert self.shadow is not None
+        return self.shadow.step(scene[None], push[None])[0]
+
+    def close(self) -> None:
+        """Let go of the worlds."""
+        self.world.close()
+        if self.shadow is not None:
+            self.shadow.close()
+
+    def _look(self) -> Sample:
+        sample = self.world.sample()
+        self.pacer.follow(sample.time)
+        return sample

@@ -1,0 +1,1 @@
+"""Pictures of a world from its recording. May import `world`."""

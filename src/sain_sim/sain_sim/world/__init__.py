@@ -1,0 +1,1 @@
+"""What is true: bodies, parameters, pushes and refusals. May import `arm`."""

@@ -1,0 +1,147 @@
+"""What differs from world to world: masses, radii, shapes and friction.
+
+Numbers from the paper, section III-A; it gives one friction coefficient and we read it as the
+one between disks and table. Rims and tool keep its nominal value.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Final, NamedTuple, Self
+
+import numpy as np
+
+from sain_core.config import Config, option
+from sain_core.errors import ConfigError
+from sain_core.scene import MASS, RADIUS, make_scene
+from sain_core.types import Angles, Points, Scene
+from sain_sim.world.roughness import SMOOTH, Pair, Roughness
+
+NOMINAL_MASS: Final = 8.0  # [kg]
+NOMINAL_RADII: Final = (0.08, 0.06)  # [m], mid disk and target
+NOMINAL_FRICTION: Final = 0.12
+MASS_RANGE: Final = (7.0, 9.0)  # [kg]
+RADIUS_RANGES: Final = ((0.075, 0.085), (0.055, 0.065))  # [m]
+FRICTION_RANGE: Final = (0.08, 0.20)
+
+
+class Ranges(NamedTuple):
+    """What the parameters of an episode are drawn from, evenly."""
+
+    mass: Pair  # [kg]
+    radii: tuple[Pair, Pair]  # [m], of the mid disk, and of the target and all further ones
+    friction: Pair  # with the table
+
+
+PAPER: Final = "paper"
+WIDE: Final = "wide"
+RANGES: Final = {
+    PAPER: Ranges(MASS_RANGE, RADIUS_RANGES, FRICTION_RANGE),
+    # Far outside of what is trained on; radii are the nominal ones give or take 20 %.
+    WIDE: Ranges((5.0, 12.0), ((0.064, 0.096), (0.048, 0.072)), (0.05, 0.35)),
+}
+
+THREE_FEET: Final = "three_feet"  # a disk on three small spheres: sound contact with the table
+FLAT: Final = "flat"  # a plain cylinder, as in the paper
+CUBE: Final = "cube"  # as wide as the disk it replaces
+SHAPES: Final = (THREE_FEET, FLAT, CUBE)
+
+
+@dataclass(frozen=True)
+class WorldParameters(Config):
+    """The physical parameters of a world with N disks, the mid disk first."""
+
+    masses: tuple[float, ...] = option(
+        (NOMINAL_MASS, NOMINAL_MASS), "masses", unit="kg", minimum=0.1, maximum=100.0
+    )
+    radii: tuple[float, ...] = option(
+        NOMINAL_RADII, "radii (half the width of a cube)", unit="m", minimum=0.02, maximum=0.2
+    )
+    shapes: tuple[str, ...] = option((THREE_FEET, THREE_FEET), f"each one of {SHAPES}")
+    friction: float = option(
+        NOMINAL_FRICTION, "friction with the table", minimum=0.005, maximum=1.5
+    )
+    rim_friction: float = option(
+        NOMINAL_FRICTION, "friction between disks", minimum=0.005, maximum=1.5
+    )
+    tool_friction: float = option(
+        NOMINAL_FRICTION, "friction of the tool on a disk", minimum=0.0, maximum=1.5
+    )
+    roughness: Roughness = SMOOTH
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that they are about the same disks."""
+        super().__post_init__()
+        counts = {len(self.masses), len(self.radii), len(self.shapes)}
+        if len(counts) > 1 or min(counts) < 2:
+            raise ConfigError(
+                f"WorldParameters has {len(self.masses)} masses, {len(self.radii)} radii and"
+                f" {len(self.shapes)} shapes; it needs one of each for every disk, 2 or more"
+            )
+        for shape in self.shapes:
+            if shape not in SHAPES:
+                raise ConfigError(f"shape is {shape!r}; allowed: {', '.join(SHAPES)}")
+        self.roughness.check_count(self.count)
+        if self.roughness.feet and FLAT in self.shapes:
+            raise ConfigError('a disk of shape "flat" has no feet to be moved; use three_feet')
+
+    @property
+    def count(self) -> int:
+        """The number of disks N."""
+        return len(self.masses)
+
+    @property
+    def cubes(self) -> tuple[bool, ...]:
+        """Which of the disks (N,) are cubes."""
+        return tuple(shape == CUBE for shape in self.shapes)
+
+    @property
+    def mass_offsets(self) -> tuple[Pair, ...]:
+        """Each disk's centre of mass in its frame [m]."""
+        shares = (self.roughness.mass_offset(disk) for disk in range(self.count))
+        return tuple((r * x, r * y) for r, (x, y) in zip(self.radii, shares, strict=True))
+
+    def scene(self, positions: Points, headings: Angles | None = None) -> Scene:
+        """Return the scene (N, 8) at rest with these disks at positions (N, 2) [m]."""
+        return make_scene(positions, np.array(self.masses), np.array(self.radii), headings)
+
+    @classmethod
+    def of_scene(
+        cls,
+        scene: Scene,
+        friction: float = NOMINAL_FRICTION,
+        shapes: tuple[str, ...] | None = None,
+    ) -> Self:
+        """Return parameters with the masses and radii of a scene (N, 8)."""
+        return cls(
+            masses=tuple(scene[:, MASS].tolist()),
+            radii=tuple(scene[:, RADIUS].tolist()),
+            shapes=shapes or (THREE_FEET,) * len(scene),
+            friction=friction,
+        )
+
+
+@cache
+def nominal_parameters(
+    count: int = 2, shape: str = THREE_FEET, shapes: tuple[str, ...] | None = None
+) -> WorldParameters:
+    """Return the paper's nominal world with N = count disks; further disks are like the target."""
+    return WorldParameters(
+        masses=(NOMINAL_MASS,) * count,
+        radii=tuple(NOMINAL_RADII[min(disk, 1)] for disk in range(count)),
+        shapes=shapes or (shape,) * count,
+    )
+
+
+def sample_parameters(
+    generator: np.random.Generator,
+    count: int = 2,
+    shape: str = THREE_FEET,
+    ranges: Ranges = RANGES[PAPER],
+) -> WorldParameters:
+    """Draw the paper's randomised world with N = count disks; further ones like the target."""
+    return WorldParameters(
+        masses=tuple(generator.uniform(*ranges.mass, count).tolist()),
+        radii=tuple(float(generator.uniform(*ranges.radii[min(i, 1)])) for i in range(count)),
+        shapes=(shape,) * count,
+        friction=float(generator.uniform(*ranges.friction)),
+    )

@@ -1,0 +1,54 @@
+"""Why a world refuses: each check raises with what was wrong and what would be right."""
+
+from typing import Final
+
+import numpy as np
+
+from sain_core.errors import BlockedError, InvalidInputError, UnreachableError
+from sain_core.feasibility import Feasibility, reachable, tool_gap
+from sain_core.scene import MASS, RADIUS
+from sain_core.types import PushArray, Scene
+from sain_sim.world.parameters import WorldParameters
+
+MATCH_TOLERANCE: Final = 1e-6  # [kg] or [m]
+
+
+def check_same_disks(scene: Scene, parameters: WorldParameters) -> None:
+    """Raise `InvalidInputError` unless a scene (N, 8) is about a world's own disks."""
+    if len(scene) != parameters.count:
+        raise InvalidInputError(
+            f"the scene has {len(scene)} disks; this world has {parameters.count}"
+        )
+    for column, name, values in (
+        (MASS, "mass", parameters.masses),
+        (RADIUS, "radius", parameters.radii),
+    ):
+        wrong = np.abs(scene[:, column] - values) > MATCH_TOLERANCE
+        if wrong.any():
+            disk = int(np.argmax(wrong))
+            raise InvalidInputError(
+                f"{name} of disk {disk} is {scene[disk, column]:.6g} in the scene and"
+                f" {values[disk]:.6g} in this world; they must be the same"
+            )
+
+
+def check_reach(scene: Scene, push: PushArray, feasibility: Feasibility) -> None:
+    """Raise `UnreachableError` when the tool's way leaves the described reach."""
+    reach = feasibility.reach
+    if not reachable(scene, push, feasibility.limits, reach):
+        location, angle, length = push
+        raise UnreachableError(
+            f"the tool's way for push ({location:.3f}, {angle:.3f}, {length:.3f}) leaves the"
+            f" arm's reach of {reach.inner} to {reach.outer} m from the base,"
+            f" |bearing| <= {reach.max_bearing} rad"
+        )
+
+
+def check_gap(scene: Scene, push: PushArray, feasibility: Feasibility) -> None:
+    """Raise `BlockedError` when another disk stands in the tool's way."""
+    gap = float(tool_gap(scene, push, feasibility.limits))
+    if gap < feasibility.tool_margin:
+        raise BlockedError(
+            f"the tool would pass another disk with a gap of {1e3 * gap:.1f} mm;"
+            f" at least {1e3 * feasibility.tool_margin:g} mm is needed"
+        )

@@ -1,0 +1,189 @@
+"""What a real table, its disks and its arm have and a textbook world has not.
+
+Everything here is off unless it is set. A `Lab` draws it once, as a table, a pair of disks and a
+tool are the same ones day after day; docs/worlds.md says how large each effect is, and why.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from math import asin, cos, pi, radians, sin, sqrt
+from typing import Any, Final
+
+import numpy as np
+
+from sain_core.config import Config, option
+from sain_core.errors import ConfigError
+from sain_core.seeding import generator
+from sain_sim.arm.panda import ArmConfig
+
+Pair = tuple[float, float]
+Feet = tuple[Pair, Pair, Pair]
+Wave = tuple[float, float, float]
+
+MASS_OFFSET: Final = (0.08, 0.15)  # [radii], from the centre to the centre of mass
+FOOT_DISTANCE: Final = (0.6, 0.8)  # [radii]; a regular foot stands at 0.7
+FOOT_BEARINGS: Final = (0.0, 2 * pi / 3, 4 * pi / 3)  # [rad], of regular feet
+FOOT_TURN: Final = radians(15)  # either way from its regular bearing
+WAVES: Final = 3  # of which the patches are made
+WAVE_LENGTH: Final = (0.2, 0.4)  # [m], patches are half as wide
+PATCH_DEPTH: Final = 0.7  # friction is between exp(-0.7) and exp(0.7) of its mean
+GRAIN: Final = (0.6, 0.8)  # friction along y over friction along x
+TILT: Final = (radians(0.5), radians(1.0))
+TOOL_STIFFNESS: Final = (2000.0, 3000.0)  # [N/m], the upper end of Franka's Cartesian impedance
+STIFF_TOOL: Final = 20_000.0  # [N/m], where only torques are limited: 1 mm at 20 N
+RIM_FRICTION: Final = (0.2, 0.4)  # the prior assumes 0.12
+
+
+@dataclass(frozen=True)
+class Roughness(Config):
+    """The values of all effects in one world; as it stands: none."""
+
+    mass_offsets: tuple[Pair, ...] = option(
+        (), "centre of mass in each disk's frame, in radii; none: in the middle"
+    )
+    feet: tuple[Feet, ...] = option(
+        (), "each disk's feet in its frame: distance in radii, bearing [rad]; none: regular"
+    )
+    patches: tuple[Wave, ...] = option(
+        (), "waves of the table's friction: along x and y [rad/m], phase [rad]; none: even"
+    )
+    grain: float = option(
+        1.0, "friction along the world's y over friction along x", minimum=0.1, maximum=10.0
+    )
+    tilt: Pair = option(
+        (0.0, 0.0), "how far the table goes down towards +x and +y", unit="rad", minimum=-0.1,
+        maximum=0.1,
+    )  # fmt: skip
+    tool_stiffness: float = option(
+        0.0, "of the spring that holds the stick; 0: rigid", unit="N/m", minimum=0.0
+    )
+    stock_joints: bool = option(False, "joints give the tool no more than Franka's torques")
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that every disk stands."""
+        super().__post_init__()
+        for disk, feet in enumerate(self.feet):
+            offset = self.mass_offsets[disk] if disk < len(self.mass_offsets) else (0.0, 0.0)
+            if not _stands(feet, offset):
+                raise ConfigError(
+                    f"disk {disk} would tip over: its centre of mass {offset} is not between its"
+                    f" feet {feet}"
+                )
+
+    def check_count(self, count: int) -> None:
+        """Check that what is given disk by disk is given for each of N = count disks."""
+        for name in ("mass_offsets", "feet"):
+            given = len(getattr(self, name))
+            if given not in (0, count):
+                raise ConfigError(f"Roughness.{name} is about {given} disks, the world has {count}")
+
+    def mass_offset(self, disk: int) -> Pair:
+        """Return a disk's centre of mass in its frame [radii]."""
+        return self.mass_offsets[disk] if self.mass_offsets else (0.0, 0.0)
+
+    def arm(self, config: ArmConfig) -> ArmConfig:
+        """Return how the arm of such a world is built and controlled."""
+        if self.tool_stiffness or self.stock_joints:
+            config = replace(config, tool_stiffness=self.tool_stiffness or STIFF_TOOL)
+        return replace(config, tool_torque_scale=1.0) if self.stock_joints else config
+
+    def friction_factor(self, x: float, y: float) -> float:
+        """Return the friction at a place on the table [m], over its mean; 1 without patches."""
+        height = 0.0
+        for along_x, along_y, phase in self.patches:
+            height += cos(along_x * x + along_y * y + phase)
+        return float(np.exp(PATCH_DEPTH * height / max(len(self.patches), 1)))
+
+    def gravity(self, strength: float) -> tuple[float, float, float]:
+        """Return the pull [m/s^2] that a level table feels as this one feels gravity."""
+        x, y = sin(self.tilt[0]), sin(self.tilt[1])
+        return strength * x, strength * y, -strength * sqrt(1.0 - x * x - y * y)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return what is on, as arrays to be stored."""
+        return {
+            item.name: np.asarray(getattr(self, item.name))
+            for item in fields(self)
+            if getattr(self, item.name) != item.default
+        }
+
+
+SMOOTH: Final = Roughness()
+
+MASS: Final = "mass"
+FEET: Final = "feet"
+PATCHES: Final = "patches"
+DIRECTION: Final = "direction"
+TABLE_TILT: Final = "tilt"
+TOOL: Final = "tool"
+TORQUE: Final = "torque"
+RIMS: Final = "rims"
+
+
+def _draw_mass(random: np.random.Generator, count: int) -> dict[str, Any]:
+    drawn = [(random.uniform(*MASS_OFFSET), random.uniform(-pi, pi)) for _ in range(count)]
+    return {"mass_offsets": tuple((away * cos(turn), away * sin(turn)) for away, turn in drawn)}
+
+
+def _draw_feet(random: np.random.Generator, count: int) -> dict[str, Any]:
+    def foot(regular: float) -> Pair:
+        turn = random.uniform(-FOOT_TURN, FOOT_TURN)
+        return random.uniform(*FOOT_DISTANCE), regular + turn
+
+    return {"feet": tuple(tuple(map(foot, FOOT_BEARINGS)) for _ in range(count))}
+
+
+def _draw_patches(random: np.random.Generator, count: int) -> dict[str, Any]:
+    number = 2 * pi / random.uniform(*WAVE_LENGTH, WAVES)
+    bearing, phase = random.uniform(-pi, pi, (2, WAVES))
+    waves = np.stack([number * np.cos(bearing), number * np.sin(bearing), phase], axis=-1)
+    return {"patches": tuple(tuple(wave) for wave in waves.tolist())}
+
+
+def _draw_direction(random: np.random.Generator, count: int) -> dict[str, Any]:
+    return {"grain": float(random.uniform(*GRAIN))}
+
+
+def _draw_tilt(random: np.random.Generator, count: int) -> dict[str, Any]:
+    steep, bearing = sin(random.uniform(*TILT)), random.uniform(-pi, pi)
+    return {"tilt": (asin(steep * cos(bearing)), asin(steep * sin(bearing)))}
+
+
+def _draw_tool(random: np.random.Generator, count: int) -> dict[str, Any]:
+    return {"tool_stiffness": float(random.uniform(*TOOL_STIFFNESS))}
+
+
+def _draw_torque(random: np.random.Generator, count: int) -> dict[str, Any]:
+    return {"stock_joints": True}
+
+
+_DRAW: Final[dict[str, Callable[[np.random.Generator, int], dict[str, Any]]]] = {
+    MASS: _draw_mass,
+    FEET: _draw_feet,
+    PATCHES: _draw_patches,
+    DIRECTION: _draw_direction,
+    TABLE_TILT: _draw_tilt,
+    TOOL: _draw_tool,
+    TORQUE: _draw_torque,
+}
+EFFECTS: Final = (*_DRAW, RIMS)
+
+
+def draw_roughness(lab: int, effects: tuple[str, ...], count: int) -> Roughness:
+    """Draw the effects of a lab with N = count disks; each has a stream of its own.
+
+    So an effect is the same alone and among others.
+    """
+    values: dict[str, Any] = {}
+    for effect in effects:
+        if effect in _DRAW:
+            values |= _DRAW[effect](generator(lab, "lab", effect), count)
+    return Roughness(**values)
+
+
+def _stands(feet: Feet, mass_offset: Pair) -> bool:
+    """Tell whether the centre of mass is between the feet, which go around anticlockwise."""
+    px, py = mass_offset
+    places = [(share * cos(turn), share * sin(turn)) for share, turn in feet]
+    ends = zip(places, (*places[1:], places[0]), strict=True)
+    return all((bx - ax) * (py - ay) > (by - ay) * (px - ax) for (ax, ay), (bx, by) in ends)

@@ -1,0 +1,127 @@
+"""The shadow world: Bullet's own prediction of a push, f_p(s, a) of the paper (section III-B).
+
+The tool moves in the shadow as it does in the truth: its way comes from the scene's own radii,
+not from the shadow's. Where a shadow's disks are larger than the scene's,
+
+* touching disks would overlap: they are first moved apart along the line of centres, and what
+  is predicted is the scene's own pose plus the motion seen in the shadow;
+* the mid disk could reach into the tool: the tool then starts further back on its line. With
+  the paper's ranges its clearance of 5 mm is just enough, and it never has to.
+"""
+
+from typing import Final, Self
+
+import numpy as np
+
+from sain_core.errors import ConfigError
+from sain_core.push import PushLimits
+from sain_core.scene import (
+    MID,
+    POSE,
+    POSITION,
+    RADIUS,
+    THETA,
+    VELOCITY,
+    move_apart,
+    unit,
+    wrap_angle,
+)
+from sain_core.types import PushArray, Pushes, Scene, Scenes
+from sain_sim.world.outcome import Stroke, is_idle
+from sain_sim.world.parameters import WorldParameters, nominal_parameters
+from sain_sim.world.world import World, WorldConfig
+
+NOMINAL: Final = "nominal"  # the paper's: nominal mass, radius and friction
+MEASURED: Final = "measured"  # mass and radius of the scene, nominal friction
+TRUE: Final = "true"  # all parameters of the truth: what is left is the repeatability floor
+KINDS: Final = (NOMINAL, MEASURED, TRUE)
+
+
+class BulletPrior:
+    """A `sain_core.dynamics.Dynamics` that sets a world to a scene and pushes."""
+
+    def __init__(
+        self,
+        kind: str = NOMINAL,
+        config: WorldConfig = WorldConfig(),
+        parameters: WorldParameters | None = None,
+    ) -> None:
+        """Build the shadow world.
+
+        Args:
+            kind: one of `KINDS`.
+            config: how the shadow world is run.
+            parameters: the truth's; needed by "true", and its shapes are used by all kinds.
+
+        Raises:
+            ConfigError: a kind that does not exist, or "true" without parameters.
+        """
+        if kind not in KINDS:
+            raise ConfigError(f"kind of shadow is {kind!r}; allowed: {', '.join(KINDS)}")
+        if kind == TRUE and parameters is None:
+            raise ConfigError('a shadow of kind "true" needs the parameters of the truth')
+        self.kind = kind
+        self.truth = parameters
+        self._world = World(nominal_parameters(), config)
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
+
+        Raises:
+            UnreachableError: a push that the arm cannot carry out.
+        """
+        predicted = np.empty_like(scenes)
+        for index in np.ndindex(pushes.shape[:-1]):
+            predicted[index] = self.predict(scenes[index], pushes[index])
+        return predicted
+
+    def predict(self, scene: Scene, push: PushArray) -> Scene:
+        """Predict the settled scene (N, 8) after one push (3,) from a scene (N, 8)."""
+        if is_idle(push):
+            return scene.copy()
+        parameters = self._parameters(scene)
+        start = parameters.scene(scene[:, POSITION], scene[:, THETA])
+        if self.kind != TRUE:
+            start = move_apart(start)
+        limits = self._world.config.feasibility.limits
+        stroke = stand_back(Stroke.of_push(scene, push, limits), start, limits)
+        self._world.load(start, parameters)
+        after = self._world.carry_out(stroke, guarded=False).after
+        predicted = scene.copy()
+        predicted[:, POSE] += after[:, POSE] - start[:, POSE]
+        predicted[:, THETA] = wrap_angle(predicted[:, THETA])
+        predicted[:, VELOCITY] = after[:, VELOCITY]
+        return predicted
+
+    def _parameters(self, scene: Scene) -> WorldParameters:
+        shapes = self.truth.shapes if self.truth is not None else None
+        if self.kind == TRUE and self.truth is not None:
+            return self.truth
+        if self.kind == MEASURED:
+            return WorldParameters.of_scene(scene, shapes=shapes)
+        return nominal_parameters(len(scene), shapes=shapes)
+
+    def close(self) -> None:
+        """Let go of the shadow world."""
+        self._world.close()
+
+    def __enter__(self) -> Self:
+        """Return the shadow itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the shadow world."""
+        self.close()
+
+
+def stand_back(stroke: Stroke, scene: Scene, limits: PushLimits) -> Stroke:
+    """Return the stroke, begun further back on its line where the mid disk is in the tool."""
+    way = unit(np.asarray(stroke.heading))
+    offset = scene[MID, POSITION] - stroke.start
+    wanted = scene[MID, RADIUS] + limits.tool_radius
+    if np.hypot(*offset) >= wanted:
+        return stroke
+    along = float(offset @ way)
+    across = float(offset @ offset) - along**2
+    back = np.sqrt(wanted**2 - across) - along  # to where the tool just touches
+    return Stroke(stroke.start - back * way, stroke.end, stroke.heading)

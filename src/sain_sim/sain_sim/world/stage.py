@@ -1,0 +1,141 @@
+"""The disks and what they stand on, as Bullet bodies."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from sain_core.scene import Table
+from sain_core.types import Mask, Scene
+from sain_sim.arm.client import Client
+from sain_sim.world.disks import REGULAR_FEET, BodyState, Build, Disk, unseen_shape
+from sain_sim.world.parameters import WorldParameters
+
+FLOOR_SIZE: Final = 3.0  # [m], half its side
+FLOOR_THICKNESS: Final = 0.05  # [m]
+TABLE_GROUP: Final = 8  # first bit of the collision groups of tables that are one disk's alone
+DISK_GROUP: Final = 16  # ... and of their disks
+
+
+class Stage:
+    """Table, floor and disks of one world.
+
+    Bullet multiplies the friction coefficients of two bodies. Those of the single bodies are
+    chosen so that the products are what the parameters say of table, rims and tool.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        parameters: WorldParameters,
+        table: Table,
+        states: Sequence[BodyState],
+    ) -> None:
+        """Build everything in an empty client, the disks in the states (N of them) given."""
+        self._client = client
+        friction = parameters.rim_friction**0.5  # of a disk alone
+        self.tool_friction = parameters.tool_friction / friction
+        self.table_friction = parameters.friction / friction  # of a table alone
+        self._roughness = parameters.roughness
+        self.tables = self._build_tables(table, parameters)
+        self.floor = self._build_floor(table)
+        self.disks = [
+            Disk(client, build, state, friction)
+            for build, state in zip(_builds(parameters), states, strict=True)
+        ]
+        self._parted = self._part_tables() if len(self.tables) > 1 else []
+
+    def states(self) -> list[BodyState]:
+        """Return everything there is to know of the disks."""
+        return [disk.state() for disk in self.disks]
+
+    def before_step(self) -> None:
+        """Give each disk the friction of the place where it is, if the table has patches."""
+        for table, disk in self._parted:
+            x, y, _ = disk.place()
+            friction = self.table_friction * self._roughness.friction_factor(x, y)
+            self._client.changeDynamics(table, -1, lateralFriction=friction)
+
+    def _build_tables(self, table: Table, parameters: WorldParameters) -> list[int]:
+        """Build the table as a box down to the floor, once for each disk if it has patches.
+
+        Bullet knows one friction of a body. Each disk so has a table of its own at the same
+        place, with the friction that the table has where the disk is.
+        """
+        count = parameters.count if self._roughness.patches else 1
+        half = [
+            (table.x_max - table.x_min) / 2,
+            (table.y_max - table.y_min) / 2,
+            max(table.height, FLOOR_THICKNESS) / 2,
+        ]
+        middle = [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2, -half[2]]
+        bodies = _boxes(self._client, half, [middle] * count, self.table_friction)
+        if self._roughness.grain != 1.0:
+            across = self._roughness.grain**0.5  # the mean of both directions stays what it is
+            for body in bodies:
+                self._client.changeDynamics(body, -1, anisotropicFriction=[1 / across, across, 1.0])
+        return bodies
+
+    def _part_tables(self) -> list[tuple[int, Disk]]:
+        """Let each disk touch its own table and no other's; return each table and its disk."""
+        others = sum(1 << (TABLE_GROUP + disk) for disk in range(len(self.disks)))
+        parted = list(zip(self.tables, self.disks, strict=True))
+        for index, (table, disk) in enumerate(parted):
+            mine, its = 1 << (TABLE_GROUP + index), 1 << (DISK_GROUP + index)
+            self._client.setCollisionFilterGroupMask(table, -1, mine, its)
+            self._client.setCollisionFilterGroupMask(disk.body, -1, its | 1, ~others | mine)
+        return parted
+
+    def _build_floor(self, table: Table) -> int:
+        """Build the floor at the height of the arm's base; it catches what falls."""
+        drop = max(table.height, FLOOR_THICKNESS)
+        half = [FLOOR_SIZE, FLOOR_SIZE, FLOOR_THICKNESS / 2]
+        middle = [0.0, 0.0, -drop - FLOOR_THICKNESS / 2]
+        return _boxes(self._client, half, [middle], friction=1.0)[0]
+
+    def scene(self, states: Sequence[BodyState]) -> Scene:
+        """Return the scene (N, 8) of disks in these states."""
+        rows = [
+            (*disk.planar(state), disk.build.mass, disk.build.radius)
+            for disk, state in zip(self.disks, states, strict=True)
+        ]
+        return np.array(rows)
+
+    def fallen(self) -> Mask:
+        """Tell which disks (N,) have left the table."""
+        return np.array([disk.fallen() for disk in self.disks])
+
+    def still(self) -> bool:
+        """Tell whether every disk on the table is settled; what fell off does not count."""
+        return all(disk.still() or disk.fallen() for disk in self.disks)
+
+    def touched_by(self, body: int, link: int) -> int | None:
+        """Return the first disk but the mid disk that a body's link touches, if any."""
+        for index, disk in enumerate(self.disks[1:], start=1):
+            for contact in self._client.getContactPoints(body, disk.body, link):
+                distance, force = contact[8], contact[9]
+                if distance <= 0.0 or force > 0.0:
+                    return index
+        return None
+
+
+def _builds(parameters: WorldParameters) -> list[Build]:
+    """Return how each disk is made."""
+    feet = parameters.roughness.feet or (REGULAR_FEET,) * parameters.count
+    columns = (parameters.shapes, parameters.masses, parameters.radii)
+    return [Build(*row) for row in zip(*columns, parameters.mass_offsets, feet, strict=True)]
+
+
+def _boxes(
+    client: Client, half: list[float], middles: list[list[float]], friction: float
+) -> list[int]:
+    """Build boxes with these half sides at some places; many at once are hardly more than one."""
+    bodies: tuple[int, ...] = client.createMultiBody(
+        baseMass=0.0,
+        baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_BOX, halfExtents=half),
+        baseVisualShapeIndex=unseen_shape(client),
+        batchPositions=middles,
+    )
+    for body in bodies:
+        client.changeDynamics(body, -1, lateralFriction=friction, restitution=0.0)
+    return list(bodies)

@@ -1,0 +1,201 @@
+"""What one push happens in: table, disks and arm, freshly built, and the stepping of it."""
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from sain_core.config import Config, option
+from sain_core.errors import BlockedError
+from sain_core.feasibility import Feasibility
+from sain_core.scene import Table
+from sain_core.types import Scene
+from sain_sim.arm.client import Client
+from sain_sim.arm.kinematics import Joints, Kinematics
+from sain_sim.arm.motion import MotionConfig
+from sain_sim.arm.panda import Arm, ArmConfig, PandaModel
+from sain_sim.world.disks import BodyState
+from sain_sim.world.outcome import Observer, Sample
+from sain_sim.world.parameters import WorldParameters
+from sain_sim.world.stage import Stage
+
+GRAVITY: Final = 9.81  # [m/s^2]
+CONTACT_BREAKING: Final = 0.001  # [m], Bullet's 0.02 keeps contacts where rims have slid on
+STEPS_PER_LOOK: Final = 6  # between two looks whether the disks are still
+
+
+@dataclass(frozen=True)
+class WorldConfig(Config):
+    """How a world is run; what is in it is in `WorldParameters`."""
+
+    motion: MotionConfig = MotionConfig()
+    arm: ArmConfig = ArmConfig()
+    feasibility: Feasibility = Feasibility()
+    full_motion: bool = option(
+        False, "move the arm also out of contact, instead of setting it to where it would get"
+    )
+    max_settle_time: float = option(
+        3.0, "longest wait for disks to settle", unit="s", minimum=0.1, maximum=60.0
+    )
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """The arm's kinematics, its base below the table top."""
+        return Kinematics(-self.feasibility.table.height, self.arm.tool_length)
+
+
+class Route(NamedTuple):
+    """Joint angles (T, 7) of every part of a push; known before anything moves."""
+
+    approach: Joints
+    lower: Joints
+    stroke: Joints
+    lift: Joints
+
+
+class Watch(NamedTuple):
+    """Someone who looks at the world, each so many steps."""
+
+    observer: Observer
+    every: int
+
+
+Watches = tuple[Watch, ...]
+
+
+class Origin(NamedTuple):
+    """All that a workcell is built from: the disks' states and the arm's joints (7,)."""
+
+    states: list[BodyState]
+    joints: Joints
+
+
+class Workcell:
+    """Built for one push; the next gets a new one, in about 2 ms.
+
+    What Bullet's contact solver and broad phase remember is no part of a world's state: it can
+    be neither seen nor saved (`saveState` loses it, and last bits with it), and it made worlds
+    differ that should not. A workcell starts with none of it.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        model: PandaModel,
+        config: WorldConfig,
+        parameters: WorldParameters,
+        origin: Origin,
+        steps: int,
+    ) -> None:
+        """Empty the client and build everything in it.
+
+        Args:
+            client: whose world this is.
+            model: the arm's description.
+            config: how the world is run.
+            parameters: what the disks are.
+            origin: where they are.
+            steps: control steps that were made before; time goes on from there.
+        """
+        self.origin = origin
+        self.steps = self._first_step = steps
+        self._client = client
+        self._config = config
+        table: Table = config.feasibility.table
+        client.resetSimulation()
+        client.setGravity(*parameters.roughness.gravity(GRAVITY))
+        client.setTimeStep(config.motion.time_step)
+        client.setPhysicsEngineParameter(
+            deterministicOverlappingPairs=1, contactBreakingThreshold=CONTACT_BREAKING
+        )
+        body = model.load(client, -table.height)
+        self.arm = Arm(client, body, config.kinematics, model, config.motion.time_step)
+        self.arm.place(origin.joints)
+        self.stage = Stage(client, parameters, table, origin.states)
+        self.arm.set_friction(self.stage.tool_friction)
+
+    @property
+    def now(self) -> Origin:
+        """What a workcell like this one now is built from."""
+        if self.steps == self._first_step:
+            return self.origin
+        return Origin(self.stage.states(), self.arm.joint_states()[0])
+
+    def _states(self) -> list[BodyState]:
+        """Return the disks' states; while nothing moved, to the bit what this was built from.
+
+        Bullet scales an orientation that it is given to length one again, and changes last bits.
+        """
+        return self.origin.states if self.steps == self._first_step else self.stage.states()
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.steps * self._config.motion.time_step
+
+    def observe(self) -> Scene:
+        """Return the disks' states (N, 8)."""
+        return self.stage.scene(self._states())
+
+    def sample(self, phase: str) -> Sample:
+        """Return all there is to see."""
+        positions, velocities = self.arm.joint_states()
+        return Sample(
+            time=self.time,
+            joint_positions=positions,
+            joint_velocities=velocities,
+            tool=self.arm.tool(),
+            commanded_tool=self.arm.commanded_tip(),
+            scene=self.observe(),
+            phase=phase,
+        )
+
+    def perform(self, route: Route, watches: Watches, guarded: bool) -> None:
+        """Lower, push, wait, lift.
+
+        The tool waits where the push ended until the disks are still, so that leaving out the
+        motion without contact changes next to nothing.
+
+        Raises:
+            BlockedError: when guarded, at the step in which the tool touches another disk.
+        """
+        if self._config.full_motion:
+            self._follow(route.approach, "approach", watches, guarded)
+            self._follow(route.lower, "approach", watches, guarded)
+        else:
+            self.arm.place(route.stroke[0])
+        self._follow(route.stroke, "push", watches, guarded)
+        self.settle("settle", watches, guarded)
+        if self._config.full_motion:
+            self._follow(route.lift, "lift", watches, guarded)
+            self.settle("settle", watches, guarded)
+        else:
+            self.arm.place(route.lift[-1])
+
+    def settle(self, phase: str, watches: Watches, guarded: bool) -> None:
+        """Step until the disks are still at two looks in a row, or for the longest wait."""
+        looks = 0
+        longest = round(self._config.max_settle_time / self._config.motion.time_step)
+        for step in range(1, longest + 1):
+            self._step(phase, watches, guarded)
+            if step % STEPS_PER_LOOK == 0:
+                looks = looks + 1 if self.stage.still() else 0
+                if looks == 2:
+                    return
+
+    def _follow(self, joints: Joints, phase: str, watches: Watches, guarded: bool) -> None:
+        for _ in self.arm.follow(joints):
+            self._step(phase, watches, guarded)
+
+    def _step(self, phase: str, watches: Watches, guarded: bool) -> None:
+        self.stage.before_step()
+        if self.arm.spring is not None:
+            self.arm.spring.pull()
+        self._client.stepSimulation()
+        self.steps += 1
+        if guarded and (disk := self.stage.touched_by(self.arm.body, self.arm.stick)):
+            raise BlockedError(
+                f"the tool would come to touch disk {disk}; only the mid disk may be touched"
+            )
+        if watches and (due := [watch for watch in watches if self.steps % watch.every == 0]):
+            sample = self.sample(phase)
+            for watch in due:
+                watch.observer(sample)

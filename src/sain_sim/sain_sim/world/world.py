@@ -1,0 +1,262 @@
+"""The simulated world: a table, disks, and a Panda that pushes the mid disk with its stick."""
+
+from itertools import accumulate
+from types import TracebackType
+from typing import Final, Protocol, Self, runtime_checkable
+
+import numpy as np
+
+from sain_core.errors import BlockedError, StaleSceneError
+from sain_core.scene import Table, check_on_table, check_scene
+from sain_core.types import PushArray, Scene
+from sain_sim.arm.client import Client
+from sain_sim.arm.kinematics import Joints
+from sain_sim.arm.panda import ArmConfig, PandaModel
+from sain_sim.world.disks import resting
+from sain_sim.world.outcome import Observer, PushOutcome, Sample, Stroke, is_idle
+from sain_sim.world.parameters import WorldParameters
+from sain_sim.world.refusals import check_gap, check_reach, check_same_disks
+from sain_sim.world.workcell import Origin, Route, Watch, Watches, Workcell, WorldConfig
+
+__all__ = ["Viewer", "World", "WorldConfig"]
+
+HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
+
+
+@runtime_checkable
+class Viewer(Protocol):
+    """Shows a world on a screen while it changes."""
+
+    every: int
+    """Control steps from one picture to the next."""
+
+    def open(self, world: "World") -> None:
+        """Show a world that was loaded anew, in place of the one before."""
+
+    def show(self, joints: Joints, scene: Scene) -> None:
+        """Show the arm at joints (7,) [rad] and the disks as in a scene (N, 8)."""
+
+    def close(self) -> None:
+        """Let go of the screen; doing it twice is fine."""
+
+
+class World:
+    """One PyBullet world of its own; two worlds never touch each other.
+
+    Its state is the poses and velocities of its bodies and nothing else: the same state and
+    push give the same bytes, in whichever world of whichever process they meet.
+    """
+
+    def __init__(
+        self,
+        parameters: WorldParameters,
+        config: WorldConfig = WorldConfig(),
+        viewer: Viewer | None = None,
+    ) -> None:
+        """Start with the disks in a row; `reset` puts them where they belong."""
+        self.config = config
+        self.parameters = parameters
+        table = config.feasibility.table
+        self._models: dict[ArmConfig, PandaModel] = {}
+        self._home = config.kinematics.joints(np.array([*HOME, config.motion.raised]))
+        self._client = Client()
+        self._steps = 0
+        self._viewer = viewer
+        self.load(check_scene(_in_a_row(parameters, table), table))
+
+    def reset(self, scene: Scene, parameters: WorldParameters | None = None) -> Scene:
+        """Put the disks where a scene (N, 8) has them, at rest, and the arm at home.
+
+        Args:
+            scene: poses to take; its masses and radii must be those of the parameters.
+            parameters: a new set of disks; without it the disks stay the ones they are.
+
+        Returns:
+            The scene as observed, which is the one asked for with zero velocities.
+
+        Raises:
+            InvalidInputError: not a scene, or one of other disks than these.
+            OffTableError: a disk off the table.
+        """
+        check_scene(scene, self.config.feasibility.table)
+        check_same_disks(scene, parameters or self.parameters)
+        self.load(scene, parameters)
+        return self.observe()
+
+    def load(self, scene: Scene, parameters: WorldParameters | None = None) -> None:
+        """Put the disks in a scene (N, 8) that nobody checked; overlaps get pushed apart."""
+        self.parameters = parameters or self.parameters
+        self._model = self._described()
+        offsets = self.parameters.mass_offsets
+        disks = zip(scene, offsets, strict=True)
+        states = [resting(self._client, state, offset) for state, offset in disks]
+        self._build(Origin(states, self._home))
+        if self._viewer is not None:
+            self._viewer.open(self)
+
+    def _build(self, origin: Origin) -> None:
+        self._cell = Workcell(
+            self._client, self._model, self.config, self.parameters, origin, self._steps
+        )
+
+    def _described(self) -> PandaModel:
+        """Return the arm of this world; arms are described on disk once each."""
+        arm = self.parameters.roughness.arm(self.config.arm)
+        if arm not in self._models:
+            radius = self.config.feasibility.limits.tool_radius
+            self._models[arm] = PandaModel(radius, arm)
+        return self._models[arm]
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s] since the world was made; it goes on over resets."""
+        return self._cell.time
+
+    def observe(self) -> Scene:
+        """Return the disks' states (N, 8) as they are."""
+        return self._cell.observe()
+
+    def sample(self) -> Sample:
+        """Return all there is to see of the world as it is."""
+        return self._cell.sample("rest")
+
+    def check(self, push: PushArray) -> Stroke:
+        """Return the tool's way for a push (3,) that can be carried out from here.
+
+        A disk that gets shoved into the tool's way shows only when it happens: `push` looks.
+
+        Raises:
+            InvalidInputError: wrong shape, NaN or Inf.
+            OutOfRangeError: a value outside its range.
+            OffTableError: a disk has left the table.
+            StaleSceneError: the disks still move; `settle` waits for them.
+            UnreachableError: a pose on the way, with the reason.
+            BlockedError: another disk is in the tool's way.
+        """
+        return self._plan(push)[0]
+
+    def _plan(self, push: PushArray) -> tuple[Stroke, Route | None]:
+        """Return the tool's way for a push (3,) and the joints along it; see `check`."""
+        feasibility = self.config.feasibility
+        feasibility.limits.check(push)
+        scene = self.observe()
+        check_on_table(scene, feasibility.table)
+        if not self._cell.stage.still():
+            raise StaleSceneError("the disks still move; a push needs a settled scene")
+        if not is_idle(push):
+            check_reach(scene, push, feasibility)
+            check_gap(scene, push, feasibility)
+        stroke = Stroke.of_push(scene, push, feasibility.limits)
+        route = None if is_idle(push) else self._route(stroke)
+        return stroke, route
+
+    def push(self, push: PushArray, on_step: Observer | None = None, every: int = 1) -> PushOutcome:
+        """Carry out one push (3,) and wait until everything is at rest.
+
+        Args:
+            push: location, angle and length.
+            on_step: called with a `Sample` after each control step; the push is then first
+                carried out unseen, so that what is seen is never a push that gets refused.
+            every: call it only each so many steps.
+
+        Raises:
+            SainError: as `check`; and BlockedError when the tool would come to touch another
+                disk. Nothing has moved then, to the last bit.
+        """
+        _, route = self._plan(push)
+        if route is None:
+            scene = self.observe()
+            return PushOutcome(scene, scene.copy(), 0.0, True, self._cell.stage.fallen())
+        return self._perform(route, self._watches(on_step, every), guarded=True)
+
+    def carry_out(
+        self, stroke: Stroke, on_step: Observer | None = None, every: int = 1, guarded: bool = True
+    ) -> PushOutcome:
+        """Move the tool along a stroke, wherever that leads.
+
+        Args:
+            stroke: the tool's way in the world.
+            on_step: as in `push`.
+            every: as in `push`.
+            guarded: refuse when the tool would touch another disk than the mid disk.
+
+        Raises `UnreachableError` for a pose on the way; `BlockedError` only when guarded.
+        """
+        return self._perform(self._route(stroke), self._watches(on_step, every), guarded)
+
+    def _perform(self, route: Route, watches: Watches, guarded: bool) -> PushOutcome:
+        before, origin = self.observe(), self._cell.now
+        if guarded and watches:  # look ahead
+            self._attempt(origin, route, (), guarded)
+            self._build(origin)
+        self._attempt(origin, route, watches, guarded)
+        duration = (self._cell.steps - self._steps) * self.config.motion.time_step
+        self._steps = self._cell.steps
+        stage = self._cell.stage
+        return PushOutcome(before, self.observe(), duration, stage.still(), stage.fallen())
+
+    def _attempt(self, origin: Origin, route: Route, watches: Watches, guarded: bool) -> None:
+        """Carry out a route in a new workcell; when it is blocked, go back to where it was."""
+        if self._cell.origin is not origin:
+            self._build(origin)
+        try:
+            self._cell.perform(route, watches, guarded)
+        except BlockedError:
+            self._build(origin)
+            raise
+
+    def settle(self, on_step: Observer | None = None, every: int = 1) -> bool:
+        """Wait until the disks are settled, for the longest wait at most; tell whether they are."""
+        self._cell.settle("rest", self._watches(on_step, every), guarded=False)
+        self._steps = self._cell.steps
+        return self._cell.stage.still()
+
+    def _route(self, stroke: Stroke) -> Route:
+        """Return the joints all along a push; raises `UnreachableError` where there are none."""
+        motion, arm = self.config.motion, self._cell.arm
+        tips = motion.stroke(stroke.start, stroke.end)
+        above_start, above_end = (np.array([*tip[:2], motion.raised]) for tip in tips[[0, -1]])
+        if self.config.full_motion:
+            approach = motion.arc(arm.tip(), above_start)
+            lower, lift = motion.line(above_start, tips[0]), motion.line(tips[-1], above_end)
+        else:  # left out: an arm that can stand at both ends of these ways can go all along them
+            approach, lower, lift = above_start[None], tips[:1], above_end[None]
+        ways = (approach, lower, tips, lift)
+        joints = arm.kinematics.joints(np.concatenate(ways))
+        ends = accumulate(len(way) for way in ways)
+        return Route(*(joints[end - len(way) : end] for way, end in zip(ways, ends, strict=True)))
+
+    def _watches(self, observer: Observer | None, every: int) -> Watches:
+        """Return the observer and the viewer, as far as there are any."""
+        watches = () if observer is None else (Watch(observer, every),)
+        viewer = self._viewer
+        if viewer is None:
+            return watches
+        return (*watches, Watch(lambda s: viewer.show(s.joint_positions, s.scene), viewer.every))
+
+    def close(self) -> None:
+        """Let go of the world; doing it twice is fine."""
+        self._client.close()
+        if self._viewer is not None:
+            self._viewer.close()
+
+    def __enter__(self) -> Self:
+        """Return the world itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the world."""
+        self.close()
+
+
+def _in_a_row(parameters: WorldParameters, table: Table) -> Scene:
+    """Return a scene with the disks in a row across the table."""
+    widths = 2.0 * np.array(parameters.radii) * 2**0.5  # a turned cube is that wide
+    y = np.cumsum(widths) - widths / 2 - widths.sum() / 2
+    x = np.full_like(y, (table.x_min + table.x_max) / 2)
+    return parameters.scene(np.stack([x, y], axis=-1))

@@ -1,0 +1,257 @@
+"""Recordings become rows: equal to another reader's, and none is lost without a reason."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sain_bags.dataset.card_picture import histograms
+from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
+from sain_core.errors import ConfigError, DatasetError
+from sain_core.plugins import load_dynamics
+from sain_model.data.dataset import load_transitions
+from sain_model.data.mixed import MixedTransitions, load_datasets
+from tests.sain_bags.driven import BLOCKED, DUPLICATE, Drive, Parts
+from tests.sain_bags.independent import compare, independent_rows, shards
+
+Start = Callable[..., Any]
+
+
+def drive(record: Start, name: str = "bag", parts: Parts = Parts(), seed: int = 0) -> Path:
+    """Record two episodes, of four pushes and of two."""
+    recording = record(name)
+    driver = Drive(recording, parts, seed)
+    driver.episode(4, [11, 12, 13, 14])
+    driver.episode(5, [15, 16])
+    recording.writer.close()
+    return Path(recording.writer.folder)
+
+
+def to_rows(bag: Path, **settings: Any) -> tuple[dict[str, np.ndarray], Converted, dict[str, Any]]:
+    """Convert one bag; return its only shard, what was said, and the card."""
+    out = bag.parent / f"{bag.name}-rows"
+    done = convert([bag], out, ConversionConfig(**settings), overwrite=True)
+    with np.load(out / "shard-00000.npz") as shard:
+        arrays = dict(shard)
+    return arrays, done, json.loads((out / "card.json").read_text())
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        Parts(),
+        Parts(results=False),
+        Parts(unanswered=(1, 3)),
+        Parts(unpredicted=(1,), failed_prediction=(2,)),
+        Parts(predictions=False),
+        Parts(disks=4),
+    ],
+)
+def test_every_field_is_what_another_reader_reads(parts: Parts, record: Start) -> None:
+    bag = drive(record, parts=parts)
+    rows, done, _ = to_rows(bag)
+    assert done.transitions == 6
+    assert compare(rows, bag) >= 6 * 17
+    digest = hashlib.sha256((bag / "bag_0.mcap").read_bytes()).hexdigest()
+    assert rows["bag_sha256"].tolist() == 6 * [digest]
+    (first, *_) = independent_rows(bag)
+    known = {*first, "physics_next", "physics_source"}
+    assert rows.keys() - known == {"episode", "step", "bag_sha256"}
+
+
+def test_pushes_told_of_in_one_go_are_what_another_reader_reads(
+    record: Start, tmp_path: Path
+) -> None:
+    recording = record()
+    driver = Drive(recording, Parts(scenes=False, unanswered=(5,)))
+    for episode in range(12):
+        driver.episode(episode + 1, range(20 * episode + 1, 20 * episode + 9))
+    recording.writer.close()
+    convert([recording.writer.folder], tmp_path / "out")
+    assert compare(shards(tmp_path / "out"), recording.writer.folder) > 12 * 7 * 17
+
+
+def test_the_models_loader_reads_the_result(record: Start, tmp_path: Path) -> None:
+    convert([drive(record)], tmp_path / "out")
+    data = load_transitions(tmp_path / "out")
+    assert data.scenes.shape == (6, 2, 8)
+    assert data.episodes.tolist() == [0, 0, 0, 0, 1, 1]
+    assert data.steps.tolist() == [0, 1, 2, 3, 0, 1]
+    np.testing.assert_allclose(data.physics_next, data.next_scenes + 0.002)
+    assert np.isnan(data.friction).all()
+
+
+def test_what_was_not_predicted_is_computed_and_says_so(record: Start) -> None:
+    parts = Parts(unpredicted=(1,), failed_prediction=(2,))
+    rows, _, card = to_rows(drive(record, parts=parts))
+    computed = np.array([False, True, True, False, False, True])
+    assert (rows["physics_source"] == "computed:planar").tolist() == computed.tolist()
+    expected = load_dynamics("planar").step(
+        rows["state"].reshape(-1, 2, 8)[computed], rows["action"][computed]
+    )
+    np.testing.assert_array_equal(rows["physics_next"].reshape(-1, 2, 8)[computed], expected)
+    assert card["physics_from"] == {"bullet_nominal": 3, "computed:planar": 3}
+
+
+def test_the_prior_can_be_chosen(record: Start) -> None:
+    bag = drive(record, parts=Parts(predictions=False))
+    rows, _, _ = to_rows(bag, prior="identity")
+    np.testing.assert_array_equal(rows["physics_next"], rows["state"])
+    assert set(rows["physics_source"]) == {"computed:identity"}
+    with pytest.raises(ConfigError, match=r"model 'plannar' is unknown.*did you mean 'planar'"):
+        to_rows(bag, prior="plannar")
+
+
+def test_without_results_the_settled_scenes_say_what_happened(record: Start) -> None:
+    told, _, _ = to_rows(drive(record))
+    rows, _, card = to_rows(drive(record, "silent", Parts(results=False)))
+    for key in sorted(told.keys() - {"source", "outcome", "bag_sha256", "log_time"}):
+        np.testing.assert_array_equal(rows[key], told[key], key)
+    assert set(rows["source"]) == {"scenes"}
+    assert set(rows["outcome"]) == {0}
+    assert card["scenes_from"] == {"scenes": 6}
+
+
+def test_single_results_that_are_missing_are_replaced(record: Start) -> None:
+    told, _, _ = to_rows(drive(record))
+    rows, _, _ = to_rows(drive(record, "gaps", Parts(unanswered=(1, 3))))
+    assert rows["source"].tolist() == [
+        "push_result", "scenes", "push_result", "scenes", "push_result", "scenes",
+    ]  # fmt: skip
+    for key in ("state", "next_state", "action", "physics_next", "push_id", "step"):
+        np.testing.assert_array_equal(rows[key], told[key], key)
+
+
+def test_a_push_without_result_or_scenes_is_counted(record: Start) -> None:
+    _, done, card = to_rows(drive(record, parts=Parts(unanswered=(3,), scenes=False)))
+    assert done.transitions == 5
+    reason = "no result, and no settled scenes around it"
+    assert done.dropped == {reason: 1}
+    assert card["dropped"][reason]["for_example"][0].endswith("push 14 of episode 4")
+
+
+def test_two_pushes_from_one_scene_without_results_are_not_guessed_at(record: Start) -> None:
+    recording = record()
+    driver = Drive(recording, Parts(results=False))
+    driver.episode(1, [1])
+    driver.scene_id -= 1  # this one was planned from the scene before, too
+    recording.add("/sain/push", "Push", push_id=2, episode_id=1, scene_id=driver.scene_id)
+    driver.scene_id += 1
+    driver.push(1, 3, driver.random_scene(), 0)
+    recording.writer.close()
+    rows, done, _ = to_rows(recording.writer.folder)
+    # The first had all that it needs before the second came, which moved nothing any more.
+    assert rows["push_id"].tolist() == [1, 3]
+    assert done.dropped == {"no result, and another push from the same scene": 1}
+
+
+def test_refused_and_repeated_pushes_are_counted_apart(record: Start) -> None:
+    recording = record()
+    driver = Drive(recording)
+    driver.episode(1, [1, 2])
+    scene = driver.random_scene()
+    refused = driver.push_message(3, 1)
+    refused.location = float("nan")
+    here = driver.scene_message(1, scene)
+    driver.result(refused, here, here, BLOCKED)
+    again = driver.push_message(2, 1)
+    driver.result(again, here, here, DUPLICATE)
+    driver.result(again, here, here)  # a second execution under a used id
+    driver.push(1, 3, scene, 0)  # the id that was refused is executed at last
+    recording.writer.close()
+    rows, done, card = to_rows(recording.writer.folder)
+    assert rows["push_id"].tolist() == [1, 2, 3]
+    assert done.dropped == {"refused": 2, "push id used before": 1}
+    examples = card["dropped"]["refused"]["for_example"]
+    assert examples[0].endswith("push 3 of episode 1: BLOCKED: a disk is in the way")
+
+
+def test_unsettled_scenes_are_left_out_unless_kept(record: Start) -> None:
+    bag = drive(record, parts=Parts(unsettled=(1,)))
+    rows, done, _ = to_rows(bag)
+    assert rows["push_id"].tolist() == [11, 13, 14, 15]
+    assert rows["step"].tolist() == [0, 2, 3, 0]  # no window spans the gap
+    assert done.dropped == {"scene before or after not settled": 2}
+    assert to_rows(bag, keep_unsettled=True)[1] == Converted(6, 2, {})
+
+
+def test_only_what_moved_the_target(record: Start) -> None:
+    bag = drive(record, parts=Parts(still=(0, 1)))
+    assert to_rows(bag)[0]["moved"].tolist() == [False, False, True, True, False, False]
+    rows, done, card = to_rows(bag, moved_only=True)
+    assert rows["push_id"].tolist() == [13, 14]
+    assert done.dropped == {"target moved by less than 2 mm": 4}
+    assert (card["transitions"], card["moved"], card["episodes"]) == (2, 2, 1)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "said"),
+    [(0, np.nan, "x of disk 1 is nan"), (6, 0.0, "a mass is not positive")],
+)
+def test_scenes_that_cannot_be_are_counted(
+    column: int, value: float, said: str, record: Start
+) -> None:
+    recording = record()
+    driver = Drive(recording)
+    driver.episode(1, [1])
+    scene = driver.random_scene()
+    scene[1, column] = value
+    driver.push(1, 2, scene, 0)
+    recording.writer.close()
+    _, done, card = to_rows(recording.writer.folder)
+    assert done.dropped == {"makes no sense": 1}
+    assert said in card["dropped"]["makes no sense"]["for_example"][0]
+
+
+def test_a_push_that_no_prior_can_predict_is_counted(record: Start) -> None:
+    recording = record()
+    driver = Drive(recording, Parts(predictions=False))
+    driver.episode(1, [1])
+    push = driver.push_message(2, 1)
+    push.length = 9.0
+    here = driver.scene_message(1, driver.random_scene())
+    driver.result(push, here, here)
+    recording.writer.close()
+    _, done, _ = to_rows(recording.writer.folder)
+    assert done.dropped == {"not predicted, and the prior cannot": 1}
+
+
+def test_numbers_of_disks_go_to_shards_of_their_own(record: Start, tmp_path: Path) -> None:
+    bags = [drive(record), drive(record, "three", Parts(disks=3))]
+    convert(bags, tmp_path / "out")
+    with pytest.raises(DatasetError, match="mixes numbers of disks"):
+        load_transitions(tmp_path / "out")
+    mixed = load_datasets([tmp_path / "out"])
+    assert isinstance(mixed, MixedTransitions)
+    assert [(part.disks, len(part)) for part in mixed.parts] == [(2, 6), (3, 6)]
+    card = json.loads((tmp_path / "out" / "card.json").read_text())
+    assert card["disks"] == {"2": 6, "3": 6}
+
+
+def test_the_card_tells_ranges_and_where_from(record: Start) -> None:
+    rows, _, card = to_rows(drive(record))
+    travel = np.linalg.norm(rows["next_state"][:, 8:10] - rows["state"][:, 8:10], axis=1)
+    spread = card["ranges"]["target_travel"]
+    assert spread["maximum"] == travel.max()
+    assert spread["mean"] == pytest.approx(travel.mean())
+    histogram = spread["histogram"]
+    assert histogram["counts"] == np.histogram(travel, 20, (0.0, 0.2))[0].tolist()
+    assert (sum(histogram["counts"]), histogram["outside"]) == (6, 0)
+    source = card["sources"][0]
+    assert source["sha256"] == rows["bag_sha256"][0]
+    assert card["numpy"] == np.__version__
+    assert (source["messages"]["Push"], source["transitions"]) == (6, 6)
+    assert card["fields"]["state"] == [16]
+
+
+def test_the_picture_draws_what_the_card_says(record: Start) -> None:
+    _, _, card = to_rows(drive(record))
+    figure = histograms(card["ranges"])
+    for axes, (name, spread) in zip(figure.axes, card["ranges"].items(), strict=True):
+        assert axes.get_title() == name.replace("_", " ")
+        (stairs,) = axes.patches
+        assert stairs.get_data().values.tolist() == spread["histogram"]["counts"]

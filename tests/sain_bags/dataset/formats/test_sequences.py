@@ -1,0 +1,120 @@
+"""What other formats take for an episode is unbroken, and ends where the goal is reached."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sain_bags.dataset.formats.rows import StoredRows, goal_distance, reached
+from sain_bags.dataset.formats.shards import Columns
+from sain_core.shards import shard_path
+from sain_core.storage import write_arrays
+
+GOAL = (0.9, 0.0)
+
+
+def pushes(
+    places: Sequence[float], episode: int = 0, steps: Sequence[int] | None = None
+) -> Columns:
+    """Return pushes that bring the target from each x to the next one."""
+    count = len(places) - 1
+    states = np.zeros((count + 1, 16))
+    states[:, 8] = places
+    return {
+        "state": states[:-1],
+        "next_state": states[1:].copy(),
+        "episode": np.full(count, episode),
+        "step": np.array(steps or range(count)),
+        "goal": np.tile(GOAL, (count, 1)),
+        "tolerance": np.full(count, 0.02),
+    }
+
+
+def stored(folder: Path, *shards: Columns) -> StoredRows:
+    paths = [shard_path(folder, index) for index in range(len(shards))]
+    for path, shard in zip(paths, shards, strict=True):
+        write_arrays(path, shard)
+    return StoredRows(
+        "data", 2, tuple(paths), {"train": frozenset({0, 1}), "test": frozenset()}, {}
+    )
+
+
+def lengths(rows: StoredRows) -> list[int]:
+    return [len(sequence["episode"]) for sequence in rows.sequences("train")]
+
+
+def cut(columns: Columns, *places: int) -> list[Columns]:
+    return [
+        {key: values[start:end] for key, values in columns.items()}
+        for start, end in zip([0, *places], [*places, None], strict=True)
+    ]
+
+
+@pytest.mark.parametrize("places", [(), (1,), (1, 2, 3), (4,)])
+def test_an_unbroken_episode_is_one_wherever_shards_end(
+    places: tuple[int, ...], tmp_path: Path
+) -> None:
+    whole = pushes([0.4, 0.5, 0.6, 0.7, 0.8, 0.85])
+    (sequence,) = stored(tmp_path, *cut(whole, *places)).sequences("train")
+    for key, values in whole.items():
+        np.testing.assert_array_equal(sequence[key], values, key)
+
+
+def test_another_episode_begins_another(tmp_path: Path) -> None:
+    assert lengths(stored(tmp_path, pushes([0.4, 0.5, 0.6]), pushes([0.6, 0.7], 1, [2]))) == [2, 1]
+
+
+def test_a_push_that_is_no_row_breaks_an_episode(tmp_path: Path) -> None:
+    rows = pushes([0.4, 0.5, 0.5, 0.5, 0.6], steps=[0, 1, 3, 4])
+    assert lengths(stored(tmp_path, rows)) == [2, 2]
+
+
+@pytest.mark.parametrize(("by", "expected"), [(0.0019, [4]), (0.0021, [2, 2])])
+@pytest.mark.parametrize("disk", [0, 1])
+def test_a_disk_that_lies_elsewhere_breaks_an_episode(
+    by: float, expected: list[int], disk: int, tmp_path: Path
+) -> None:
+    rows = pushes([0.4, 0.5, 0.6, 0.7, 0.8])
+    rows["state"][2, 8 * disk + 1] += by
+    assert lengths(stored(tmp_path, rows)) == expected
+
+
+def test_an_episode_ends_where_the_goal_is_reached(tmp_path: Path) -> None:
+    rows = pushes([0.4, 0.6, 0.89, 0.7, 0.6])
+    assert reached(rows).tolist() == [False, True, False, False]
+    np.testing.assert_allclose(goal_distance(rows), [0.3, 0.01, 0.2, 0.3])
+    assert lengths(stored(tmp_path, *cut(rows, 2))) == [2, 2]
+
+
+def test_without_a_goal_none_is_reached(tmp_path: Path) -> None:
+    rows = pushes([0.4, 0.6, 0.9])
+    rows["goal"][:], rows["tolerance"][:] = np.nan, np.nan
+    assert np.isnan(goal_distance(rows)).all()
+    assert lengths(stored(tmp_path, rows)) == [2]
+
+
+def test_only_the_episodes_of_a_part_are_streamed(tmp_path: Path) -> None:
+    told: list[int] = []
+    rows = stored(tmp_path, pushes([0.4, 0.5, 0.6]), pushes([0.6, 0.7], 1, [2]), pushes([0, 1], 2))
+    rows = StoredRows("data", 2, rows.shards, {"test": frozenset({1})}, {}, told.append)
+    assert [chunk["episode"].tolist() for chunk in rows.chunks("test")] == [[1]]
+    assert told == [0, 1, 0]
+
+
+def test_minari_terminates_at_the_goal(tmp_path: Path) -> None:
+    from minari import MinariDataset
+
+    from sain_bags.dataset.formats.to_minari import write
+
+    rows = pushes([0.4, 0.6, 0.89, 0.7, 0.6]) | {"action": np.zeros((4, 3))}
+    spread: dict[str, Any] = {"minimum": -4.0, "maximum": 4.0}
+    source = stored(tmp_path, rows)
+    card = {"ranges": dict.fromkeys(("location", "angle", "length"), spread)}
+    parts = dict(source.parts, validation=frozenset())
+    write(StoredRows("data", 2, source.shards, parts, card), tmp_path / "out")
+    data = MinariDataset(tmp_path / "out" / "data")
+    ends = [(e.terminations.tolist(), e.truncations.tolist()) for e in data]
+    assert ends == [([False, True], [False, False]), ([False, False], [False, True])]
+    assert (data.action_space.low <= -4.0).all() and (data.action_space.high >= 4.0).all()

@@ -1,0 +1,131 @@
+"""A data set is whole or not called so; nothing that stands is lost or mixed with another."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sain_bags.dataset import conversion
+from sain_bags.dataset.conversion import ConversionConfig, convert
+from sain_core.errors import DatasetError, OutputError
+from tests.sain_bags.driven import Drive
+
+IDS = range(1, 8)
+
+
+@pytest.fixture
+def bag(record: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A bag of seven pushes, which makes three shards of up to three."""
+    monkeypatch.setattr(conversion, "SHARD_SIZE", 3)
+    recording = record()
+    Drive(recording).episode(1, IDS)
+    recording.writer.close()
+    return Path(recording.writer.folder)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_same_recordings_same_bytes(bag: Path, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        convert([bag], tmp_path / name)
+    assert contents(tmp_path / "one") == contents(tmp_path / "two")
+    assert sorted(contents(tmp_path / "one")) == [
+        "card.json", "conversion.json",
+        "shard-00000.npz", "shard-00001.npz", "shard-00002.npz",
+    ]  # fmt: skip
+    sizes = [len(np.load(path)["step"]) for path in sorted((tmp_path / "one").glob("*.npz"))]
+    assert sizes == [3, 3, 1]
+
+
+def test_a_stopped_conversion_goes_on_to_the_same_bytes(bag: Path, tmp_path: Path) -> None:
+    convert([bag], tmp_path / "whole")
+
+    def stop(read: int, messages: int, rows: int) -> None:
+        if rows == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        convert([bag], tmp_path / "out", progress=stop)
+    assert sorted(contents(tmp_path / "out")) == ["conversion.json", "shard-00000.npz"]
+    (tmp_path / "out" / ".shard-00001.npz.77.partial").write_bytes(b"killed while writing")
+    written = (tmp_path / "out" / "shard-00000.npz").stat().st_mtime_ns
+    convert([bag], tmp_path / "out")
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+    assert (tmp_path / "out" / "shard-00000.npz").stat().st_mtime_ns == written
+
+
+def test_another_conversion_needs_to_be_told_to_overwrite(bag: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    convert([bag], out)
+    before = contents(out)
+    settings = ConversionConfig(prior="identity")
+    with pytest.raises(OutputError, match=r"prior = 'planar', not 'identity'.*--overwrite"):
+        convert([bag], out, settings)
+    assert contents(out) == before
+    convert([bag], out, settings, overwrite=True)
+    assert b'"prior": "identity"' in contents(out)["conversion.json"]
+
+
+def test_a_conversion_that_fails_overwrites_nothing(
+    bag: Path, record: Callable[..., Any], tmp_path: Path
+) -> None:
+    convert([bag], tmp_path / "out")
+    before = contents(tmp_path / "out")
+    recording = record("refusals")
+    driver = Drive(recording)
+    here = driver.scene_message(1, driver.random_scene())
+    driver.result(driver.push_message(1, 1), here, here, 9)
+    recording.writer.close()
+    with pytest.raises(DatasetError, match="no transition is left: 1 refused"):
+        convert([recording.writer.folder], tmp_path / "out", overwrite=True)
+    assert contents(tmp_path / "out") == before
+
+
+def test_overwriting_leaves_no_shard_of_a_longer_one(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    convert([bag], tmp_path / "out")
+    monkeypatch.setattr(conversion, "SHARD_SIZE", 7)
+    convert([bag], tmp_path / "out", ConversionConfig(moved_only=True), overwrite=True)
+    assert [path.name for path in (tmp_path / "out").glob("*.npz")] == ["shard-00000.npz"]
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_folder_of_something_else_is_left_alone(
+    overwrite: bool, bag: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "shard-00000.npz").write_bytes(b"a collection of a week")
+    with pytest.raises(OutputError, match=r"no conversion.json says that a conversion made them"):
+        convert([bag], tmp_path / "mine", overwrite=overwrite)
+    assert contents(tmp_path / "mine") == {"shard-00000.npz": b"a collection of a week"}
+
+
+def test_a_file_in_the_folders_place_is_named(bag: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("")
+    with pytest.raises(OutputError, match="out is a file; choose a folder"):
+        convert([bag], tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda path: path.write_bytes(path.read_bytes()[:-40]), "not a whole .npz file"),
+        (
+            lambda path: np.savez(path, **{**np.load(path), "step": np.zeros(3, dtype=np.int64)}),
+            "with another step.*--overwrite",
+        ),
+    ],
+)
+def test_a_shard_that_is_not_as_it_was_written_is_noticed(
+    damage: Callable[[Path], Any], said: str, bag: Path, tmp_path: Path
+) -> None:
+    convert([bag], tmp_path / "out")
+    damage(tmp_path / "out" / "shard-00001.npz")
+    with pytest.raises(DatasetError, match=rf"shard-00001.npz is.*{said}"):
+        convert([bag], tmp_path / "out")
+    assert not (tmp_path / "out" / "card.json").exists()

@@ -1,0 +1,111 @@
+"""Damage is noticed wherever it is; nothing damaged passes for data."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sain_bags.cli.info import show
+from sain_bags.reading.reader import Bag
+from sain_core.errors import DatasetError
+
+
+def read_all(path: Path) -> int:
+    bag = Bag(path)
+    bag.check()
+    return len(list(bag.messages()))
+
+
+def test_topics_types_counts_and_duration(episode_bag: Path) -> None:
+    bag = Bag(episode_bag)
+    assert {topic.name: topic.messages for topic in bag.topics} == {
+        "/sain/scene": 3,
+        "/sain/goal": 2,
+        "/sain/plan": 3,
+        "/sain/push_result": 3,
+        "/sain/physics_prediction": 2,
+    }
+    assert bag.topics[0].type == "sain_interfaces/msg/Goal"
+    assert bag.duration == pytest.approx(1.2)
+    assert bag.custom_data == {"seed": "7"}
+
+
+def test_messages_come_in_order_and_by_topic(episode_bag: Path) -> None:
+    times = [received.log_time for received in Bag(episode_bag).messages()]
+    assert times == sorted(times)
+    goals = list(Bag(episode_bag).messages(topics=["/sain/goal"]))
+    assert [received.message.goal_id for received in goals] == [2, 3]
+    assert goals[0].log_time - goals[0].publish_time == 1000
+
+
+def test_a_bare_file_is_read_too(episode_bag: Path) -> None:
+    assert Bag(episode_bag / "bag_0.mcap").message_count == 13
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999])
+def test_every_cut_is_noticed(share: float, episode_bag: Path) -> None:
+    file = episode_bag / "bag_0.mcap"
+    content = file.read_bytes()
+    file.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(DatasetError, match=r"damaged or not whole .* `ros2 run sain_bags recover"):
+        read_all(episode_bag)
+
+
+def test_every_flipped_bit_is_noticed(episode_bag: Path) -> None:
+    file = episode_bag / "bag_0.mcap"
+    content = file.read_bytes()
+    unnoticed = []
+    for place in range(0, len(content), 97):
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << (place % 8)
+        file.write_bytes(damaged)
+        try:
+            read_all(episode_bag)
+            unnoticed.append(place)
+        except DatasetError:
+            pass
+    assert not unnoticed
+
+
+def test_a_bag_that_was_not_closed_says_so(record: Callable[..., Any]) -> None:
+    recording = record()
+    recording.add("/sain/scene", "Scene")
+    with pytest.raises(DatasetError, match=r"was not closed.*recover"):
+        Bag(recording.writer.folder)
+
+
+def test_what_is_no_bag_is_named(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match=r"no bag at .*nowhere"):
+        Bag(tmp_path / "nowhere")
+    with pytest.raises(DatasetError, match="is no bag"):
+        Bag(tmp_path)
+    (tmp_path / "text.mcap").write_text("not an MCAP file, but long enough to have been one")
+    with pytest.raises(DatasetError, match=r"text\.mcap is damaged"):
+        Bag(tmp_path / "text.mcap")
+
+
+def test_unreadable_metadata_names_the_cure(episode_bag: Path) -> None:
+    (episode_bag / "metadata.yaml").write_text("rosbag2: [")
+    with pytest.raises(DatasetError, match="ros2 bag reindex"):
+        Bag(episode_bag)
+
+
+def test_metadata_that_names_another_file_is_refused(episode_bag: Path) -> None:
+    (episode_bag / "bag_0.mcap").rename(episode_bag / "other.mcap")
+    with pytest.raises(DatasetError, match="bag_0"):
+        Bag(episode_bag)
+
+
+def test_info_shows_topics_and_episodes(episode_bag: Path) -> None:
+    from io import StringIO
+
+    from rich.console import Console
+
+    out = StringIO()
+    show(episode_bag, Console(file=out, width=120))
+    text = out.getvalue()
+    assert "13 messages" in text
+    assert "seed: 7" in text
+    assert "sain_interfaces/msg/PushResult" in text
+    assert "2 episodes, 2 pushes, goal reached in 1" in text

@@ -1,0 +1,381 @@
+"""What is whole in a damaged bag is saved, nothing damaged passes for data, and losses are told."""
+
+import errno
+import os
+import tracemalloc
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+from mcap.records import DataEnd
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from sain_bags.bag.metadata import OfferedQos, Topic, read_profiles
+from sain_bags.cli import recover as recover_cli
+from sain_bags.cli.recover import describe
+from sain_bags.reading.reader import Bag
+from sain_bags.recovery.recovery import recover
+from sain_bags.recovery.recovery_report import Outcome
+from sain_bags.transitions.episodes import read_episodes
+from sain_bags.writing.writer import BagConfig, BagWriter
+from sain_core.errors import DatasetError, OutputError
+from sain_core.seeding import generator
+
+COMPRESSIONS = ("none", "lz4", "zstd")
+TEXT = "string data\n"
+SPOILT = 34  # of each compression
+Saved = tuple[str, int, int, int, bytes]
+
+
+@dataclass(frozen=True)
+class Original:
+    """A whole bag, and what a recovery can take from parts of it."""
+
+    folder: Path
+    content: bytes
+    messages: list[Saved]
+    ends: list[tuple[int, int]]  # of each chunk: where it ends, messages until then
+    data_end: int  # where the record ends that ends the data
+
+
+def saved(path: Path) -> list[Saved]:
+    """Read a file's messages in its order, without our own reader."""
+    with path.open("rb") as stream:
+        found = make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False)
+        return [(c.topic, m.log_time, m.publish_time, m.sequence, m.data) for _, c, m in found]
+
+
+def original(folder: Path, compression: str, custom_data: dict[str, str] | None = None) -> Original:
+    """Record a bag of many chunks; a topic comes late, another never has a message."""
+    random = generator(5)
+    config = BagConfig(compression=compression, chunk_size=1024)
+    with BagWriter(folder, config, custom_data) as writer:
+        for name in ("/chat", "/silent"):
+            qos = (OfferedQos(durability="transient_local"),)
+            writer.add_topic(Topic(name, "std_msgs/msg/String", TEXT, "RIHS01_ab", qos))
+        for number in range(60):
+            if number == 30:
+                writer.add_topic(Topic("/late", "test/msg/Late", "uint8[] data\n"))
+            topic = "/late" if number >= 30 and number % 3 == 0 else "/chat"
+            data = bytes(4) + random.bytes(int(random.integers(400))) * 2
+            writer.write(topic, data, 1000 + 10 * number, 999 + 10 * number, number)
+    file = folder / f"{folder.name}_0.mcap"
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    ends, count = [], 0
+    for index in summary.chunk_indexes:
+        with file.open("rb") as stream:
+            count += sum(
+                index.message_start_time <= message.log_time <= index.message_end_time
+                for _, _, message in make_reader(stream).iter_messages()
+            )
+        ends.append((index.chunk_start_offset + index.chunk_length, count))
+    with file.open("rb") as stream:
+        records = StreamReader(stream, emit_chunks=True).records
+        next(record for record in records if isinstance(record, DataEnd))
+        data_end = stream.tell()
+    return Original(folder, file.read_bytes(), saved(file), ends, data_end)
+
+
+@pytest.fixture(scope="module", params=COMPRESSIONS)
+def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Original:
+    return original(tmp_path_factory.mktemp("whole") / "bag", request.param)
+
+
+@pytest.fixture
+def zstd_bag(tmp_path: Path) -> Original:
+    return original(tmp_path / "bag", "zstd", {"seed": "7"})
+
+
+def recovered(content: bytes, folder: Path, name: str = "out") -> tuple[Outcome, list[Saved]]:
+    """Recover a file of this content and return what was saved."""
+    file = folder / f"{name}.mcap"
+    file.write_bytes(content)
+    report = recover(file, folder / name)
+    if report.outcome == Outcome.NOTHING:
+        assert not (folder / name).exists()
+        return report.outcome, []
+    new = folder / name / f"{name}_0.mcap"
+    messages = saved(new)
+    whole = Bag(folder / name)
+    whole.check()
+    assert whole.message_count == report.messages == len(messages)
+    return report.outcome, messages
+
+
+def is_subsequence(part: list[Saved], whole: list[Saved]) -> bool:
+    rest = iter(whole)
+    return all(message in rest for message in part)
+
+
+def test_the_original_has_what_the_tests_need(bag: Original) -> None:
+    assert len(bag.messages) == bag.ends[-1][1] == 60
+    assert len(bag.ends) > 10
+    assert all(later[1] > earlier[1] for earlier, later in pairwise(bag.ends))
+
+
+def test_cuts_lose_only_what_was_not_whole(bag: Original, tmp_path: Path) -> None:
+    for number, cut in enumerate(generator(1).integers(len(bag.content), size=SPOILT)):
+        outcome, messages = recovered(bag.content[:cut], tmp_path, f"cut_{number}")
+        whole = max((count for end, count in bag.ends if end <= cut), default=0)
+        assert messages == bag.messages[:whole], cut
+        if cut >= bag.data_end:
+            assert outcome == Outcome.LOSSLESS, cut
+        else:
+            assert outcome == (Outcome.LOSSY if whole else Outcome.NOTHING), cut
+
+
+def test_flipped_bits_never_make_a_message(bag: Original, tmp_path: Path) -> None:
+    random = generator(2)
+    for number in range(SPOILT):
+        place, bit = int(random.integers(len(bag.content))), int(random.integers(8))
+        damaged = bytearray(bag.content)
+        damaged[place] ^= 1 << bit
+        outcome, messages = recovered(bytes(damaged), tmp_path, f"flip_{number}")
+        assert is_subsequence(messages, bag.messages), (place, bit)
+        assert len(messages) >= len(bag.messages) - 10, (place, bit)
+        assert (outcome == Outcome.LOSSLESS) == (messages == bag.messages), (place, bit)
+
+
+@pytest.mark.parametrize("damage", ["opcode", "length", "times", "crc", "data"])
+def test_only_the_chunk_that_is_damaged_is_skipped(
+    damage: str, zstd_bag: Original, tmp_path: Path
+) -> None:
+    with (zstd_bag.folder / "bag_0.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    start = summary.chunk_indexes[4].chunk_start_offset
+    place = start + {"opcode": 0, "length": 2, "times": 9, "crc": 33, "data": 80}[damage]
+    content = bytearray(zstd_bag.content)
+    content[place] ^= 0x40
+    outcome, messages = recovered(bytes(content), tmp_path)
+    first, behind = zstd_bag.ends[3][1], zstd_bag.ends[4][1]
+    if damage == "times":  # they are told again by the messages
+        assert (outcome, messages) == (Outcome.LOSSLESS, zstd_bag.messages)
+    else:
+        expected = zstd_bag.messages[:first] + zstd_bag.messages[behind:]
+        assert (outcome, messages) == (Outcome.LOSSY, expected)
+
+
+def test_the_loss_is_told(zstd_bag: Original, tmp_path: Path) -> None:
+    content = bytearray(zstd_bag.content)
+    content[zstd_bag.ends[4][0] - 20] ^= 1
+    file = zstd_bag.folder / "bag_0.mcap"
+    file.write_bytes(content)
+    report = recover(zstd_bag.folder, tmp_path / "out")
+    first, behind = zstd_bag.ends[3][1], zstd_bag.ends[4][1]
+    (loss,) = report.losses
+    assert (loss.chunk, loss.messages) == (5, behind - first)
+    assert (loss.after, loss.before) == (zstd_bag.messages[first - 1][1], 1000 + 10 * behind)
+    assert loss.end == zstd_bag.ends[4][0]
+    assert report.missing == {"/chat": behind - first}
+    text = "\n".join(describe(report, tmp_path / "out"))
+    assert f"Lost: {behind - first} messages ({behind - first} of /chat)" in text
+    assert "Damaged places: 1; " in text
+    assert "chunk 5, bytes" in text
+    assert Bag(tmp_path / "out").custom_data == {
+        "seed": "7",
+        "recovered": "with losses, from bag",
+    }
+
+
+def test_a_whole_bag_comes_out_as_it_was(zstd_bag: Original, tmp_path: Path) -> None:
+    report = recover(zstd_bag.folder, tmp_path / "out")
+    assert report.outcome == Outcome.LOSSLESS
+    assert saved(tmp_path / "out" / "out_0.mcap") == zstd_bag.messages
+    assert Bag(tmp_path / "out").custom_data == {"seed": "7"}
+    with Reader(zstd_bag.folder) as old, Reader(tmp_path / "out") as new:
+        known = [(c.topic, c.msgtype, c.digest, c.msgcount, c.ext) for c in old.connections]
+        assert [(c.topic, c.msgtype, c.digest, c.msgcount, c.ext) for c in new.connections] == known
+        assert len(list(new.messages())) == len(zstd_bag.messages)
+
+
+def test_a_recording_that_was_killed_is_saved(tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / "bag")
+    writer.add_topic(Topic("/chat", "std_msgs/msg/String", TEXT))
+    for number in range(3):
+        writer.write("/chat", b"\x00\x01\x00\x00data", 1000 + number)
+    writer.flush()
+    writer.write("/chat", b"\x00\x01\x00\x00lost", 2000)
+    report = recover(tmp_path / "bag", tmp_path / "out")
+    writer.close()
+    assert report.outcome == Outcome.LOSSY
+    assert report.missing is None
+    assert "metadata.yaml is missing" in report.note
+    assert [message[1] for message in saved(tmp_path / "out" / "out_0.mcap")] == [1000, 1001, 1002]
+
+
+def test_messages_whose_channel_was_lost_are_counted(zstd_bag: Original, tmp_path: Path) -> None:
+    """The first two chunks tell of the channels; the summary, which does too, is cut off."""
+    content = bytearray(zstd_bag.content[: zstd_bag.data_end])
+    for end, _ in zstd_bag.ends[:2]:
+        content[end - 20] ^= 1
+    (tmp_path / "part.mcap").write_bytes(content)
+    report = recover(tmp_path / "part.mcap", tmp_path / "out")
+    assert {message[0] for message in saved(tmp_path / "out" / "out_0.mcap")} == {"/late"}
+    assert sum(loss.messages or 0 for loss in report.losses) == 60 - report.counts["/late"]
+
+
+def unchunked(path: Path) -> list[int]:
+    """Write messages outside of chunks; return where each ends."""
+    ends = []
+    with path.open("wb") as stream:
+        writer = McapWriter(stream, use_chunking=False, enable_data_crcs=True)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", TEXT.encode())
+        channel = writer.register_channel("/chat", "cdr", schema)
+        for number in range(20):
+            writer.add_message(channel, number, bytes([number]) * 40, number, number)
+            ends.append(stream.tell())
+        writer.finish()
+    return ends
+
+
+def test_messages_outside_of_chunks_are_saved_up_to_a_cut(tmp_path: Path) -> None:
+    ends = unchunked(tmp_path / "whole.mcap")
+    whole = saved(tmp_path / "whole.mcap")
+    content = (tmp_path / "whole.mcap").read_bytes()
+    assert recovered(content, tmp_path, "all") == (Outcome.LOSSLESS, whole)
+    for cut in (ends[0] - 1, ends[0], ends[7] + 5, ends[-1]):
+        outcome, messages = recovered(content[:cut], tmp_path, f"cut_{cut}")
+        count = sum(end <= cut for end in ends)
+        assert messages == whole[:count]
+        assert outcome == (Outcome.LOSSY if count else Outcome.NOTHING)
+
+
+def test_what_no_crc_vouches_for_is_said(tmp_path: Path) -> None:
+    ends = unchunked(tmp_path / "damaged.mcap")
+    content = bytearray((tmp_path / "damaged.mcap").read_bytes())
+    content[ends[4] - 3] ^= 1
+    (tmp_path / "damaged.mcap").write_bytes(content)
+    report = recover(tmp_path / "damaged.mcap", tmp_path / "out")
+    assert (report.outcome, report.doubtful) == (Outcome.LOSSY, 20)
+    assert "Beware: 20 messages" in "\n".join(describe(report, tmp_path / "out"))
+
+
+def test_a_split_bag_becomes_one(tmp_path: Path) -> None:
+    folder = tmp_path / "split"
+    folder.mkdir()
+    for number in (0, 1, 10):
+        part = original(tmp_path / f"part_{number}", "zstd")
+        (folder / f"split_{number}.mcap").write_bytes(part.content)
+    report = recover(folder, tmp_path / "out")
+    assert report.outcome == Outcome.LOSSLESS
+    assert report.counts == {"/chat": 150, "/silent": 0, "/late": 30}
+    assert len(Bag(tmp_path / "out").topics) == 3
+
+
+def test_nothing_is_overwritten_and_nothing_half_is_left(
+    zstd_bag: Original, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(OutputError, match="exists; a bag is never overwritten"):
+        recover(zstd_bag.folder, zstd_bag.folder)
+    with pytest.raises(DatasetError, match="there is no MCAP file at"):
+        recover(tmp_path / "nowhere", tmp_path / "out")
+
+    def no_space(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", no_space)
+    with pytest.raises(OutputError, match="No space left on device"):
+        recover(zstd_bag.folder, tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"a letter to a friend" * 100])
+def test_of_nothing_comes_nothing(content: bytes, tmp_path: Path) -> None:
+    assert recovered(content, tmp_path) == (Outcome.NOTHING, [])
+
+
+def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
+    peaks = []
+    for messages in (100, 1000):
+        folder = tmp_path / str(messages)
+        with BagWriter(folder, BagConfig(compression="none")) as writer:
+            writer.add_topic(Topic("/chat", "std_msgs/msg/String", TEXT))
+            for number in range(messages):
+                writer.write("/chat", bytes([number % 256]) * 20_000, 1 + number)
+        tracemalloc.start()
+        recover(folder, tmp_path / f"out_{messages}")
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < peaks[0] + 1e6  # the larger bag has 18 MB more
+
+
+def test_the_command_tells_its_outcome_by_its_exit_code(
+    zstd_bag: Original, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    def exit_code(source: Path, name: str) -> Any:
+        monkeypatch.setattr("sys.argv", ["recover", str(source), "--out", str(tmp_path / name)])
+        with pytest.raises(SystemExit) as stop:
+            recover_cli.main()
+        return stop.value.code
+
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(zstd_bag.content[: zstd_bag.ends[3][0]])
+    assert exit_code(zstd_bag.folder, "whole") == 0
+    assert exit_code(cut, "part") == 3
+    cut.write_bytes(b"")
+    assert exit_code(cut, "nothing") == 1
+    assert exit_code(zstd_bag.folder, "whole") == 1
+    assert "exists" in capsys.readouterr().err
+
+
+def test_a_real_graphs_bag_keeps_its_episodes(episode_bag: Path, tmp_path: Path) -> None:
+    (episode_bag / "metadata.yaml").unlink()
+    content = (episode_bag / "bag_0.mcap").read_bytes()
+    (episode_bag / "bag_0.mcap").write_bytes(content[:-200])
+    report = recover(episode_bag, tmp_path / "out")
+    assert report.outcome == Outcome.LOSSLESS
+    episodes = read_episodes(Bag(tmp_path / "out"))
+    assert [len(episode.executed) for episode in episodes] == [2, 0]
+
+
+def test_a_chunk_that_contradicts_the_file_is_skipped(zstd_bag: Original, tmp_path: Path) -> None:
+    """As where the rest of an older file stands in sectors that were never written."""
+    with BagWriter(tmp_path / "older") as writer:
+        writer.add_topic(Topic("/other", "std_msgs/msg/String", TEXT))
+        writer.write("/other", b"\x00\x01\x00\x00old", 5)
+    with (tmp_path / "older" / "older_0.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    (index,) = summary.chunk_indexes
+    older = (tmp_path / "older" / "older_0.mcap").read_bytes()
+    stale = older[index.chunk_start_offset : index.chunk_start_offset + index.chunk_length]
+    place = zstd_bag.ends[2][0]
+    mixed = zstd_bag.content[:place] + stale + zstd_bag.content[place:]
+    assert recovered(mixed, tmp_path) == (Outcome.LOSSY, zstd_bag.messages)
+
+
+def test_a_bag_made_elsewhere_is_saved_too(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/chat", "std_msgs/msg/String", typestore=store)
+        for number in range(50):
+            writer.write(connection, 1000 + number, bytes([0, 1, 0, 0, number]))
+    report = recover(tmp_path / "bag", tmp_path / "out")
+    assert report.outcome == Outcome.LOSSLESS
+    with Reader(tmp_path / "bag") as old, Reader(tmp_path / "out") as new:
+        assert [(time, data) for _, time, data in new.messages()] == [
+            (time, data) for _, time, data in old.messages()
+        ]
+        assert new.connections[0].msgdef == old.connections[0].msgdef
+
+
+def test_profiles_are_read_in_words_and_in_numbers() -> None:
+    profile = OfferedQos(durability="transient_local", reliability="best_effort", depth=3)
+    text = Topic("/chat", "std_msgs/msg/String", TEXT, "", (profile,)).qos_text()
+    assert read_profiles(text) == (profile,)
+    numbers = {"unknown": 3, "transient_local": 1, "best_effort": 2, "automatic": 1}
+    for word, number in numbers.items():
+        text = text.replace(f": {word}", f": {number}")
+    assert read_profiles(text) == (profile,)
+    assert read_profiles("- history: [") == read_profiles("- history: 99") == ()
+    assert read_profiles("") == ()

@@ -1,0 +1,313 @@
+"""The page in a real browser: what is drawn is what was recorded, and nothing else runs."""
+
+import math
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import WebDriverWait
+
+from sain_bags.reading.reader import Bag
+from sain_bags.report.content import read_content
+from sain_bags.report.writing import write_page
+from tests.sain_bags.browser import Browser, opened_browser
+from tests.sain_bags.conftest import resting_scene
+from tests.sain_bags.shown import Show, recorded, shown_scenes
+
+WIDTHS, SCHEMES = (400, 1400), ("light", "dark")
+EVIL = "</script><img src=x onerror=\"window.hacked='{}'\"><script>window.hacked=1</script>"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with opened_browser() as browser:
+        yield browser
+
+
+@pytest.fixture
+def bag(record: Callable[..., object], tmp_path: Path) -> Path:
+    recording = record(custom_data={"episodes": "anywhere:4 clutter:5", "commit": "0123abc"})
+    show = Show(recording)
+    show.episode(1, 2, [0.05, 0.03])
+    show.episode(2, 3, [0.02, 0.04], refused=1)
+    recording.writer.close()
+    return tmp_path / "bag"
+
+
+@pytest.fixture
+def page(bag: Path) -> Path:
+    return page_of(bag)
+
+
+def page_of(bag: Path) -> Path:
+    return write_page(bag.parent / "report.html", read_content(Bag(bag)).data)
+
+
+def drawn(scene) -> np.ndarray:
+    return np.array([[disk.x, disk.y, disk.theta] for disk in scene.disks])
+
+
+def close(one, other) -> bool:
+    """Equal to half a tenth of a millimetre, and angles to a thousandth."""
+    gap = np.abs(np.asarray(one) - other)
+    return bool((gap[:, :2] < 5e-5).all() and (gap[:, 2] < 1e-3).all())
+
+
+def slide_to(browser: Browser, key: str) -> None:
+    browser.one("#slider").send_keys(key)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("width", WIDTHS)
+def test_it_opens_without_complaint_or_request_and_fits(browser, page, width, scheme):
+    browser.open(page, width, scheme)
+    for button in browser.all("#list button"):
+        button.click()
+        slide_to(browser, Keys.END)
+    assert browser.text("h1") == page.parent.name
+    assert browser.run("return document.documentElement.scrollWidth") <= width
+    assert browser.complaints() == [] and browser.requests() == []
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_text_can_be_read_in_light_and_dark(browser, page, scheme):
+    browser.open(page, scheme=scheme)
+
+    def brightness(selector: str, name: str) -> float:
+        script = "return getComputedStyle(document.querySelector(arguments[0]))[arguments[1]]"
+        colour = re.findall(r"[\d.]+", browser.run(script, selector, name))[:3]
+        linear = [c / 12.92 if c < 0.04 else ((c + 0.055) / 1.055) ** 2.4
+                  for c in (float(part) / 255 for part in colour)]  # fmt: skip
+        return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+    background = brightness(".card", "backgroundColor")
+    assert (background > 0.5) == (scheme == "light")
+    for selector in ("body", ".note", "#push dt"):
+        pair = sorted([background, brightness(selector, "color")])
+        assert (pair[1] + 0.05) / (pair[0] + 0.05) > 4.5  # WCAG 2.2, 1.4.3
+
+
+def test_the_slider_shows_the_recorded_scenes(browser, bag, page):
+    browser.open(page)
+    scenes = shown_scenes(bag, 1)
+    slide_to(browser, Keys.HOME)
+    for place, scene in enumerate(scenes):
+        assert close(browser.disks(), drawn(scene)), f"scene {place}"
+        seconds = scene.header.stamp.sec + 1e-9 * scene.header.stamp.nanosec
+        first = scenes[0].header.stamp.sec + 1e-9 * scenes[0].header.stamp.nanosec
+        assert browser.text("#moment").startswith(f"{seconds - first:.2f}")
+        slide_to(browser, Keys.ARROW_RIGHT)
+    assert int(browser.one("#slider").get_attribute("value")) == len(scenes) - 1
+    assert "push 2 of 2" in browser.one("#slider").get_attribute("aria-valuetext")
+
+
+def test_disks_and_goal_have_their_true_size(browser, bag, page):
+    browser.open(page)
+    scene, goal = shown_scenes(bag, 1)[0], recorded(bag)["goal"][0]
+    radii = browser.numbers("#view .disks circle", "r")
+    assert radii == pytest.approx([1000 * disk.radius for disk in scene.disks], abs=0.05)
+    ring = browser.one("#view .ring")
+    place = [float(ring.get_attribute(name)) for name in ("cx", "cy", "r")]
+    assert place == pytest.approx([1000 * goal.x, -1000 * goal.y, 1000 * goal.tolerance], abs=0.05)
+
+
+def test_a_cube_is_drawn_as_one_wherever_it_stands(browser, record, tmp_path):
+    recording = record()
+    shapes = ["three_feet", "cube"]
+    recording.add("/sain/world_parameters", "WorldParameters", episode_id=1, shapes=shapes)
+    show = Show(recording)
+    show.episode(1, 2, [0.05])
+    show.episode(2, 2, [0.05])
+    recording.writer.close()
+    browser.open(page_of(tmp_path / "bag"))
+    expected = recorded(tmp_path / "bag")["physics_prediction"][0].disks[1]
+    width = browser.numbers("#view .disk rect", "width")
+    assert width == pytest.approx([2000 * expected.radius], abs=0.1)
+    (ghost,) = browser.all("#view rect.ghost.physics")
+    turn = float(ghost.get_attribute("transform").removeprefix("rotate(").split()[0])
+    assert turn == pytest.approx(-math.degrees(expected.theta), abs=0.1)
+    assert len(browser.all("#view .disk circle")) == 1 and browser.complaints() == []
+    browser.all("#list button")[1].send_keys(Keys.ENTER)
+    assert not browser.all("#view .disk rect")
+
+
+def test_an_episode_is_chosen(browser, bag, page):
+    browser.open(page)
+    assert browser.text("#episode-title").startswith("Episode 1 · anywhere 4: 2 pushes")
+    second = browser.all("#list button")[1]
+    second.send_keys(Keys.ENTER)
+    assert second.get_attribute("aria-pressed") == "true"
+    assert browser.text("#episode-title").startswith("Episode 2 · clutter 5: 2 pushes, 1 refused")
+    slide_to(browser, Keys.END)
+    assert close(browser.disks(), drawn(shown_scenes(bag, 2)[-1]))
+    assert len(browser.all("#marks button")) == len(browser.all("#pushes tbody tr")) == 3
+
+
+def test_a_push_is_shown_with_what_was_expected(browser, bag, page):
+    browser.open(page)
+    found = recorded(bag)
+    browser.all("#marks button")[1].click()
+    result = found["push_result"][1]
+    assert close(browser.disks(), drawn(result.after))
+    expected = found["plan"][1].predicted.reshape(2, 2, 8)[0]
+    physics = drawn(found["physics_prediction"][1])
+    for kind, poses in (("expected", expected), ("physics", physics)):
+        ghosts = f"#view circle.ghost.{kind}"
+        assert browser.numbers(ghosts, "cx") == pytest.approx(1000 * poses[:, 0], abs=0.05)
+        assert browser.numbers(ghosts, "cy") == pytest.approx(-1000 * poses[:, 1], abs=0.05)
+    boxes = browser.all("#legend input")
+    boxes[0].click()
+    assert not browser.all("#view .ghost.expected") and browser.all("#view .ghost.physics")
+    facts = browser.text("#push")
+    assert "Push 2 of 2" in facts and "Expected by sain" in facts and "bullet_nominal" in facts
+
+
+def test_the_push_stays_when_the_window_changes(browser, page):
+    browser.open(page)
+    assert len(browser.all("#view .push .tool")) == 1 and browser.all("#view .ghost")
+    browser.chrome.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": 500, "height": 900, "deviceScaleFactor": 1, "mobile": False},
+    )
+    browser.settle()
+    (badge,) = browser.all("#view .push .badge")
+    assert badge.rect["width"] == pytest.approx(18 + 2, abs=2.5)  # as large as before
+    assert browser.all("#view .ghost") and browser.complaints() == []
+
+
+def test_a_refused_push_says_why(browser, page):
+    browser.open(page)
+    browser.all("#list button")[1].click()
+    browser.all("#pushes button")[1].click()
+    assert "refused, blocked: disk 2 is in the way" in browser.text("#push")
+    assert browser.all("#view .push .refused") and not browser.all("#view .ghost")
+    assert browser.all("#pushes tr[aria-current=true]")[0].text.startswith("2")
+
+
+def test_bars_are_the_errors(browser, bag, page):
+    browser.open(page)
+    found = recorded(bag)
+    for kind in ("expected", "physics"):
+        errors = []
+        for place in (0, 1):
+            target = found["push_result"][place].after.disks[1]
+            guess = (
+                found["plan"][place].predicted.reshape(2, 2, 8)[0, 1, :2]
+                if kind == "expected"
+                else drawn(found["physics_prediction"][place])[1, :2]
+            )
+            errors.append(np.hypot(*(guess - [target.x, target.y])))
+        bars = f"#errors .bar.{kind}"
+        assert browser.numbers(bars, "data-error") == pytest.approx(errors, abs=1e-5)
+        heights = browser.numbers(bars, "height")
+        assert heights[1] / heights[0] == pytest.approx(errors[1] / errors[0], rel=0.02)
+
+
+def test_a_bar_leads_to_its_push(browser, bag, page):
+    browser.open(page)
+    browser.all("#errors .bar.physics")[1].click()
+    assert close(browser.disks(), drawn(recorded(bag)["push_result"][1].after))
+
+
+def test_planning_times_are_counted(browser, bag, page):
+    browser.open(page)
+    times = [plan.planning_time for plan in recorded(bag)["plan"]]
+    assert sum(browser.numbers("#planning .plans", "data-count")) == len(times)
+    median = 1000 * np.median(times)
+    assert f"median {median:.0f}\u202fms" in browser.text("#planning")
+    medians = browser.numbers("#distribution circle", "data-median")
+    assert len(medians) == 2 and medians[0] == pytest.approx(3 * medians[1], abs=2e-5)
+
+
+def test_it_plays_to_the_end_and_stops(browser, page):
+    browser.open(page)
+    browser.one("#speed").send_keys("10")
+    button = browser.one("#play")
+    button.send_keys(Keys.SPACE)
+    assert button.get_attribute("aria-label") == "Pause"
+    slider, last = browser.one("#slider"), browser.one("#slider").get_attribute("max")
+    WebDriverWait(browser.chrome, 30).until(lambda _: slider.get_attribute("value") == last)
+    WebDriverWait(browser.chrome, 30).until(lambda _: button.get_attribute("aria-label") == "Play")
+
+
+def test_everything_is_reached_by_keyboard(browser, page):
+    browser.open(page)
+    seen = set()
+    for _ in range(60):
+        ActionChains(browser.chrome).send_keys(Keys.TAB).perform()
+        seen.add(browser.run("const a = document.activeElement; return a.id || a.parentNode.id"))
+    assert {"slider", "play", "speed", "marks"} <= seen
+
+
+def test_what_is_missing_is_told(browser, record, messages, tmp_path):
+    recording = record()
+    kind = "std_msgs/msg/Bool"
+    data = bytes(messages.store.serialize_cdr(messages.make(kind), kind))
+    recording.writer.add_topic(messages.topic("/tick", kind))
+    for place, sequence in enumerate((3, 4, 9, 10, 12)):
+        recording.writer.write("/tick", data, recording.now + place * 10**9, sequence=sequence)
+    recording.writer.close()
+    browser.open(page_of(tmp_path / "bag"))
+    cells = [cell.text for cell in browser.all("#topics tbody td")]
+    assert cells[0].startswith("/tick") and cells[1] == "5" and cells[-1] == "5"
+    browser.one("#gaps summary").click()
+    assert browser.text("#gaps li") == "/tick 4 before 2.00\u202fs, 1 before 4.00\u202fs"
+    assert len(browser.all("#topics .missing")) == 2
+    assert "Messages missing\n5\n" in browser.text("#tiles")
+    assert not browser.one("#episodes").is_displayed()
+    assert browser.complaints() == []
+
+
+def test_what_cannot_be_told_is_not_called_none(browser, page):
+    browser.open(page)  # its messages have no numbers
+    assert "Messages missing\n–" in browser.text("#tiles")
+    assert {cell.text for cell in browser.all("#topics td:last-child")} == {"–"}
+
+
+def test_numbers_that_make_no_sense_are_drawn_without_complaint(browser, record, tmp_path):
+    recording = record()
+    scene = resting_scene(0.5)
+    scene[0, 7], scene[1, :2] = -0.08, 1e6
+    recording.add("/sain/goal", "Goal", goal_id=1, episode_id=1, x=0.5, tolerance=-1.0)
+    for stamp in range(3):
+        recording.scene(1, stamp, scene)
+    recording.push(1, 1, scene, resting_scene(0.6), location=1e9)
+    recording.writer.close()
+    browser.open(page_of(tmp_path / "bag"))
+    slide_to(browser, Keys.END)
+    assert browser.complaints() == [] and len(browser.disks()) == 2
+
+
+def test_strangers_text_stays_text(browser, record, tmp_path):
+    evil = [EVIL.format(place) for place in range(4)]
+    recording = record("b<img src=x onerror=window.hacked=1>", custom_data={evil[0]: evil[1]})
+    show = Show(recording)
+    show.source, show.error = evil[2], evil[3]
+    show.episode(1, 2, [0.05, 0.03], refused=1)
+    topic = recording.messages.topic(f"/x{evil[0]}", "std_msgs/msg/Bool")
+    recording.writer.add_topic(topic)
+    recording.writer.close()
+    browser.open(page_of(recording.writer.folder), 400)
+    browser.all("#pushes button")[1].click()
+    assert browser.run("return window.hacked") is None
+    assert not browser.all("img") and len(browser.all("script")) == 2
+    assert browser.text("#custom dt:nth-of-type(2)") == evil[0]
+    assert browser.text("#custom dd:nth-of-type(2)") == evil[1]
+    assert evil[2] in browser.text("#push") and evil[3] in browser.text("#push")
+    assert any(evil[0] in cell.text for cell in browser.all("#topics .topic"))
+    assert browser.run("return document.documentElement.scrollWidth") <= 400
+    assert browser.complaints() == [] and browser.requests() == []
+
+
+def test_a_script_put_into_the_page_does_not_run(browser, page):
+    """Were text to become markup one day, the page's policy would still not let it run."""
+    browser.open(page)
+    browser.run("document.body.insertAdjacentHTML('beforeend', arguments[0])", EVIL.format(1))
+    browser.run("const s = document.createElement('script'); s.textContent = 'window.hacked = 2';"
+                "document.body.append(s)")  # fmt: skip
+    assert browser.run("return window.hacked") is None
+    assert any("Content Security Policy" in line for line in browser.complaints())

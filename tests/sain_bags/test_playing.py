@@ -1,0 +1,246 @@
+"""When a bag's messages are due, by a clock of the test's own; no ROS, and nobody waits."""
+
+from collections.abc import Callable
+from itertools import islice
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sain_bags.bag.metadata import OfferedQos
+from sain_bags.playing import (
+    Event,
+    Passage,
+    PassageConfig,
+    choose_topics,
+    merge_offers,
+    place_in,
+    play,
+)
+from sain_bags.reading.reader import Bag
+from sain_core.errors import ConfigError, DatasetError
+from tests.sain_bags.conftest import SECOND, START
+
+LATCHED = OfferedQos(durability="transient_local", depth=1)
+
+
+class Hand:
+    """A clock that goes on only when it is waited for, or when publishing takes its time."""
+
+    def __init__(self, takes: float = 0.0, end: float = float("inf")) -> None:
+        self.time, self.takes, self.end = 100.0, takes, 100.0 + end
+        self.published: list[tuple[float, Event]] = []
+
+    def now(self) -> float:
+        return self.time
+
+    def wait(self, seconds: float) -> bool:
+        assert seconds >= 0.0
+        self.time = min(self.time + seconds, max(self.end, self.time))
+        return self.time >= self.end
+
+    def publish(self, event: Event) -> None:
+        self.published.append((self.time - 100.0, event))
+        self.time += self.takes
+
+
+@pytest.fixture
+def flags(record: Callable[..., object], messages, tmp_path: Path) -> Path:
+    """Ten flags, one each 100 ms; a latched word at the first and the fourth; parameter events."""
+    recording = record()
+    kind = "std_msgs/msg/Bool"
+    data = bytes(messages.store.serialize_cdr(messages.make(kind), kind))
+    for name, qos in (("/flag", OfferedQos()), ("/word", LATCHED), ("/parameter_events", LATCHED)):
+        recording.writer.add_topic(messages.topic(name, kind, offered_qos=(qos,)))
+    for place in range(10):
+        time = START + place * SECOND // 10
+        recording.writer.write("/flag", data, time, sequence=place + 1)
+        if place in (0, 3):
+            recording.writer.write("/word", data, time + 1, sequence=place + 1)
+    recording.writer.close()
+    return tmp_path / "bag"
+
+
+def flag_times(events: list[Event]) -> list[tuple[float, int]]:
+    """Return when flags are due, and which."""
+    return [(round(e.due, 6), e.raw.sequence) for e in events if e.raw and e.raw.topic == "/flag"]
+
+
+def passage(folder: Path, latched: dict[str, int] | None = None, **config) -> Passage:
+    return Passage(Bag(folder), {"/flag", "/word"}, PassageConfig(**config), latched)
+
+
+def test_messages_are_due_when_they_came(flags):
+    events = list(passage(flags).events())
+    assert flag_times(events) == [(round(0.1 * place, 6), place + 1) for place in range(10)]
+    assert [event.due for event in events] == sorted(event.due for event in events)
+    assert len(events) == 12
+
+
+@given(rate=st.floats(0.01, 100.0))
+def test_a_rate_stretches_time(rate):
+    events = [Event(place / rate, 0, None) for place in range(20)]
+    hand = Hand()
+    play(iter(events), hand.publish, hand)
+    assert [time for time, _ in hand.published] == pytest.approx([e.due for e in events], rel=1e-6)
+
+
+def test_rate_start_and_duration(flags):
+    chosen = passage(flags, rate=2.0, start=0.25, duration=0.4)
+    assert flag_times(list(chosen.events())) == [(0.025, 4), (0.075, 5), (0.125, 6), (0.175, 7)]
+    assert chosen.duration == pytest.approx(0.2)
+
+
+def test_what_was_latched_before_the_start_comes_first(flags):
+    events = list(passage(flags, {"/word": 1}, start=0.5).events())
+    assert (events[0].due, events[0].raw.topic, events[0].raw.sequence) == (0.0, "/word", 4)
+    assert flag_times(events)[0] == (0.0, 6)
+    assert len([e for e in events if e.raw.topic == "/word"]) == 1
+    assert len(list(passage(flags, {"/word": 5}, start=0.5).events())) == 7
+    assert len(list(passage(flags, {"/word": 5}).events())) == 12  # none is played twice
+
+
+@pytest.mark.parametrize("start", [0.0, 0.5])
+def test_what_a_split_repeats_is_played_once(record, messages, tmp_path, start):
+    recording, kind = record(), "std_msgs/msg/Bool"
+    data = bytes(messages.store.serialize_cdr(messages.make(kind), kind))
+    recording.writer.add_topic(messages.topic("/word", kind, offered_qos=(LATCHED,)))
+    for place in range(4):  # the second and third word are the same, said once
+        published = START + (1 if place == 2 else place)
+        recording.writer.write("/word", data, START + place * SECOND, published, published % 7)
+    recording.writer.close()
+    config = PassageConfig(start=start)
+    word = Passage(Bag(tmp_path / "bag"), {"/word"}, config, {"/word": 1})
+    expected = [0.0, 1.0, 3.0] if not start else [0.0, 0.5, 2.5]
+    assert [event.due for event in word.events()] == pytest.approx(expected)
+
+
+def test_a_loop_goes_on_without_a_pause_or_drift(flags):
+    events = islice(passage(flags, loop=True, rate=3.0).events(), 36 * 12)
+    starts = [
+        event.due for event in events if event.raw.sequence == 1 and event.raw.topic == "/flag"
+    ]
+    assert starts == pytest.approx([0.3 * turn for turn in range(36)], abs=1e-9)
+
+
+def test_a_topic_without_messages_plays_nothing(flags):
+    assert not list(Passage(Bag(flags), {"/parameter_events"}).events())
+
+
+def test_a_loop_over_one_moment_does_not_run_away(record, messages, tmp_path):
+    recording = record()
+    recording.add("/flag", "std_msgs/msg/Bool", data=True)
+    recording.writer.close()
+    alone = Passage(Bag(tmp_path / "bag"), {"/flag"}, PassageConfig(loop=True))
+    assert [event.due for event in islice(alone.events(), 3)] == [0.0, 1.0, 2.0]
+
+
+def test_time_is_told_between_messages_at_its_rate(flags):
+    chosen = passage(flags, rate=2.0, clock=10.0)
+    events = list(chosen.events())
+    ticks = [(round(e.due, 6), e.time - START) for e in events if e.raw is None]
+    assert ticks == [(round(0.1 * n, 6), n * SECOND // 5) for n in range(5)]
+    assert [event.due for event in events] == sorted(event.due for event in events)
+
+
+def test_a_recorded_clock_is_not_doubled(flags):
+    chosen = Passage(Bag(flags), {"/flag", "/clock"}, PassageConfig(clock=100.0))
+    assert all(event.raw is not None for event in chosen.events())
+
+
+def test_delays_do_not_add_up():
+    hand = Hand(takes=0.03)
+    played = play((Event(0.1 * place, 0, None) for place in range(100)), hand.publish, hand)
+    assert [time for time, _ in hand.published] == pytest.approx([0.1 * n for n in range(100)])
+    assert played.late == pytest.approx(0.0, abs=1e-9) and not played.stopped
+
+
+def test_what_is_overdue_comes_at_once_and_in_order():
+    hand = Hand(takes=0.25)
+    played = play((Event(0.1 * place, place, None) for place in range(5)), hand.publish, hand)
+    assert [event.time for _, event in hand.published] == list(range(5))
+    assert [time for time, _ in hand.published] == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])
+    assert played.late == pytest.approx(0.6)
+
+
+def test_it_ends_when_it_is_asked_to(flags):
+    hand = Hand(end=0.42)
+    played = play(passage(flags, loop=True).events(), hand.publish, hand)
+    assert played.stopped and played.messages == 7 and hand.time == pytest.approx(100.42)
+
+
+def test_topics_are_chosen(flags):
+    bag = Bag(flags)
+    assert [topic.name for topic in choose_topics(bag, ())] == ["/flag", "/word"]
+    assert [t.name for t in choose_topics(bag, ("/parameter_events",))] == ["/parameter_events"]
+    with pytest.raises(DatasetError, match=r"has no topic /other; it has /flag, /param.*, /word"):
+        choose_topics(bag, ("/other",))
+
+
+def test_a_recorded_clock_is_played_where_a_clock_is_wanted(record, tmp_path):
+    recording = record()
+    recording.add("/flag", "std_msgs/msg/Bool", data=True)
+    recording.add("/clock", "rosgraph_msgs/msg/Clock")
+    recording.writer.close()
+    bag = Bag(tmp_path / "bag")
+    assert [t.name for t in choose_topics(bag, ("/flag",), clock=True)] == ["/clock", "/flag"]
+    assert [t.name for t in choose_topics(bag, ("/flag",))] == ["/flag"]
+
+
+BEST, SURE = OfferedQos(reliability="best_effort", depth=3), OfferedQos(depth=7)
+
+
+@pytest.mark.parametrize(
+    ("offers", "expected"),
+    [
+        ((), ("reliable", "volatile", "keep_last", 10)),
+        ((OfferedQos(),), ("reliable", "volatile", "keep_last", 10)),
+        ((BEST,), ("best_effort", "volatile", "keep_last", 3)),
+        ((BEST, SURE), ("reliable", "volatile", "keep_last", 7)),
+        ((LATCHED,), ("reliable", "transient_local", "keep_last", 1)),
+        ((OfferedQos(durability="transient_local"),) * 3,
+         ("reliable", "transient_local", "keep_last", 3)),
+        ((OfferedQos(history="keep_all"), BEST), ("reliable", "volatile", "keep_all", 3)),
+    ],
+)  # fmt: skip
+def test_one_offer_serves_all_that_were_served(offers, expected):
+    merged = merge_offers(offers)
+    assert (merged.reliability, merged.durability, merged.history, merged.depth) == expected
+
+
+def test_what_publishers_agree_on_is_kept():
+    strict = OfferedQos(deadline=(1, 0), lifespan=(2, 5))
+    assert merge_offers((strict, strict)).deadline == (1, 0)
+    assert merge_offers((strict, OfferedQos())).deadline == OfferedQos().deadline
+
+
+@pytest.mark.parametrize(
+    ("namespace", "topic", "name"),
+    [
+        ("", "/sain/scene", "/sain/scene"),
+        ("/again", "/sain/scene", "/again/sain/scene"),
+        ("a/b/", "/x", "/a/b/x"),
+        ("again", "/clock", "/clock"),
+    ],
+)
+def test_topics_have_a_place_in_a_namespace(namespace, topic, name):
+    assert place_in(namespace, topic) == name
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [({"rate": 0.0}, "rate is 0.0"), ({"start": -1.0}, "start is -1.0"),
+     ({"rate": float("nan")}, "must be finite")],
+)  # fmt: skip
+def test_settings_are_checked(config, message):
+    with pytest.raises(ConfigError, match=message):
+        PassageConfig(**config)
+
+
+def test_nothing_to_play_is_an_error(flags, record, tmp_path):
+    with pytest.raises(DatasetError, match=r"0\.900 s long; it cannot be played from 1\.000 s on"):
+        passage(flags, start=1.0)
+    record("empty").writer.close()
+    with pytest.raises(DatasetError, match="holds no messages to play"):
+        passage(tmp_path / "empty")

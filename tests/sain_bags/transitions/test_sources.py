@@ -1,0 +1,165 @@
+"""What cannot be converted is named, with what is missing; several recordings stay apart."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sain_bags.cli import to_dataset as to_dataset_cli
+from sain_bags.dataset.conversion import ConversionConfig, convert
+from sain_bags.transitions.sources import find_sources
+from sain_core.errors import DatasetError
+from sain_model.data.dataset import load_transitions
+from tests.sain_bags.driven import Drive, Parts
+
+Start = Callable[..., Any]
+
+
+def drive(record: Start, name: str = "bag", seed: int = 0, **parts: Any) -> Path:
+    recording = record(name)
+    driver = Drive(recording, Parts(**parts), seed)
+    driver.episode(1, [1, 2])
+    driver.episode(2, [3])
+    recording.writer.close()
+    return Path(recording.writer.folder)
+
+
+def test_episodes_of_several_recordings_do_not_collide(record: Start, tmp_path: Path) -> None:
+    bags = [drive(record, "first"), drive(record, "second", seed=1)]
+    done = convert(bags, tmp_path / "out")
+    data = load_transitions(tmp_path / "out")
+    assert data.episodes.tolist() == [0, 0, 1, 2, 2, 3]
+    assert data.steps.tolist() == [0, 1, 0, 0, 1, 0]
+    assert (done.transitions, done.episodes) == (6, 4)
+
+
+def test_a_simulator_that_was_started_anew_begins_other_episodes(
+    record: Start, tmp_path: Path
+) -> None:
+    recording = record()
+    for run in range(2):
+        Drive(recording, seed=run).episode(1, [10 * run + 1, 10 * run + 2])
+    recording.writer.close()
+    convert([recording.writer.folder], tmp_path / "out")
+    data = load_transitions(tmp_path / "out")
+    assert data.episodes.tolist() == [0, 0, 1, 1]
+
+
+def test_a_folder_of_bags_is_searched(record: Start, tmp_path: Path) -> None:
+    for seed, name in enumerate(("runs/b/bag", "runs/a/bag", "runs/a/longer/bag")):
+        drive(record, name, seed)
+    (tmp_path / "runs" / "notes.txt").write_text("not a bag")
+    found = [source.bag.path for source in find_sources([tmp_path / "runs"])]
+    assert found == [tmp_path / "runs" / name for name in ("a/bag", "a/longer/bag", "b/bag")]
+
+
+def test_a_bag_below_a_folder_that_was_not_closed_is_not_passed_over(
+    record: Start, tmp_path: Path
+) -> None:
+    drive(record, "runs/a/bag")
+    (drive(record, "runs/b/bag", 1) / "metadata.yaml").unlink()
+    with pytest.raises(DatasetError, match="runs/b/bag was not closed"):
+        find_sources([tmp_path / "runs"])
+
+
+def test_the_same_recording_twice_would_be_on_both_sides_of_a_split(record: Start) -> None:
+    bag = drive(record)
+    with pytest.raises(DatasetError, match=r"bag_0.mcap are the same recording; give it once"):
+        find_sources([bag, bag / "bag_0.mcap"])
+
+
+def test_a_bare_file_is_converted(record: Start, tmp_path: Path) -> None:
+    assert convert([drive(record) / "bag_0.mcap"], tmp_path / "out").transitions == 3
+
+
+def test_an_empty_bag(record: Start) -> None:
+    recording = record()
+    recording.writer.close()
+    with pytest.raises(DatasetError, match=r"no .*PushResult, .* it has no messages at all"):
+        find_sources([recording.writer.folder])
+
+
+@pytest.mark.parametrize(
+    ("parts", "missing"),
+    [
+        ({"scenes": False}, "no sain_interfaces/msg/Scene"),
+        ({"pushed": False}, "no sain_interfaces/msg/Push"),
+    ],
+)
+def test_what_is_missing_is_named(parts: dict[str, bool], missing: str, record: Start) -> None:
+    recording = record()
+    driver = Drive(recording, Parts(results=False, scenes=parts.get("scenes", True)))
+    if parts.get("pushed", True):
+        driver.episode(1, [1])
+    else:
+        driver.show(1, driver.random_scene())
+    recording.writer.close()
+    wanted = f"no sain_interfaces/msg/PushResult, and to do without it {missing}; it has /"
+    with pytest.raises(DatasetError, match=f"bag holds no pushes to learn from: {wanted}"):
+        find_sources([recording.writer.folder])
+
+
+def test_several_graphs_must_be_told_apart(record: Start, tmp_path: Path) -> None:
+    recording = record()
+    for seed, namespace in enumerate(("/left", "/right")):
+        Drive(recording, Parts(namespace=namespace), seed).episode(1, range(2 + seed))
+    recording.writer.close()
+    bag = recording.writer.folder
+    with pytest.raises(DatasetError, match="several graphs; choose one of /left, /right"):
+        convert([bag], tmp_path / "out")
+    with pytest.raises(DatasetError, match="no pushes of a graph '/up', only of /left, /right"):
+        convert([bag], tmp_path / "out", ConversionConfig(namespace="/up"))
+    right = convert([bag], tmp_path / "out", ConversionConfig(namespace="/right"))
+    assert right.transitions == 3
+
+
+def test_a_message_of_another_definition_is_named(record: Start, tmp_path: Path) -> None:
+    recording = record()
+    store = recording.messages.store
+    recording.add("/sain/push_result", "PushResult")
+    topic = recording.messages.topic("/sain/push", "std_msgs/msg/Header")
+    foreign = type(topic)(topic.name, "sain_interfaces/msg/Push", topic.definition)
+    recording.writer.add_topic(foreign)
+    header = recording.messages.make("std_msgs/msg/Header")
+    data = bytes(store.serialize_cdr(header, "std_msgs/msg/Header"))
+    recording.writer.write("/sain/push", data, recording.now)
+    recording.writer.close()
+    with pytest.raises(DatasetError, match=r"another definition than this graph's.*push_id"):
+        convert([recording.writer.folder], tmp_path / "out")
+
+
+def test_no_flipped_bit_makes_a_wrong_row(record: Start, tmp_path: Path) -> None:
+    bag = drive(record)
+    convert([bag], tmp_path / "out")
+    wanted = dict(np.load(tmp_path / "out" / "shard-00000.npz"))
+    file, unnoticed = bag / "bag_0.mcap", 0
+    content = file.read_bytes()
+    for place in range(7, len(content), len(content) // 60):
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << (place % 8)
+        file.write_bytes(damaged)
+        try:
+            convert([bag], tmp_path / "damaged", overwrite=True)
+        except DatasetError:
+            continue
+        unnoticed += 1
+        found = np.load(tmp_path / "damaged" / "shard-00000.npz")
+        for key in wanted.keys() - {"bag_sha256"}:
+            np.testing.assert_array_equal(found[key], wanted[key], key)
+    assert unnoticed < 30  # those in parts of the file that no row is read from
+
+
+def test_the_command_says_what_it_did(record: Start, tmp_path: Path, capfd: Any) -> None:
+    bag = drive(record, still=(0,))
+    arguments = [str(bag), "--out", str(tmp_path / "out"), "--moved-only"]
+    assert to_dataset_cli.main(arguments) == 0
+    said = capfd.readouterr().err
+    assert "1 transitions of 1 episodes in" in said
+    assert (tmp_path / "out" / "card.png").read_bytes().startswith(b"\x89PNG")
+    assert "left out: 2 target moved by less than 2 mm" in said
+    assert to_dataset_cli.main([str(bag), "--out", str(tmp_path / "out")]) == 1
+    assert "moved_only = True, not False" in capfd.readouterr().err
+    assert to_dataset_cli.main(["--out", str(tmp_path / "new")]) == 1
+    assert "no recording is given" in capfd.readouterr().err

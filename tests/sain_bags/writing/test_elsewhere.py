@@ -1,0 +1,325 @@
+"""Bags that were made elsewhere convert to the same rows, or it is said what is wrong with them."""
+
+import hashlib
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from mcap.writer import CompressionType, IndexType
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from sain_bags.bag.metadata import read_profiles
+from sain_bags.dataset.conversion import convert
+from sain_bags.reading.reader import Bag, Raw
+from sain_core.errors import DatasetError
+from sain_core.seeding import generator
+from tests.sain_bags.driven import Drive, Parts
+from tests.sain_bags.independent import compare, shards
+
+Start = Callable[..., Any]
+NOT_COMPARED = {"bag_sha256"}
+
+
+@pytest.fixture
+def bag(record: Start) -> Path:
+    """A bag of ours, of three pushes."""
+    recording = record()
+    driver = Drive(recording)
+    driver.episode(1, [1, 2])
+    driver.episode(2, [3])
+    recording.writer.close()
+    return Path(recording.writer.folder)
+
+
+def rows(bag: Path) -> dict[str, np.ndarray]:
+    out = bag.parent / f"{bag.name}-rows"
+    convert([bag], out, overwrite=True)
+    return shards(out)
+
+
+def same(bag: Path, other: Path) -> bool:
+    """Tell whether two bags make the same rows."""
+    wanted, found = rows(bag), rows(other)
+    for key in wanted.keys() - NOT_COMPARED:
+        np.testing.assert_array_equal(found[key], wanted[key], key)
+    return True
+
+
+def write_mcap(path: Path, messages: list[Raw], bag: Bag, **options: Any) -> None:
+    """Write messages of a bag with `mcap` itself, whatever its options are."""
+    with path.open("wb") as stream:
+        writer = McapWriter(stream, **options)
+        writer.start(profile="ros2")
+        channels = {}
+        for found in bag.channels:
+            assert found.schema is not None
+            schema = writer.register_schema(found.type, "ros2msg", found.schema.data)
+            channels[found.topic] = writer.register_channel(found.topic, "cdr", schema)
+        for raw in messages:
+            writer.add_message(
+                channels[raw.topic], raw.log_time, raw.data, raw.publish_time, raw.sequence
+            )
+        writer.finish()
+
+
+def write_metadata(folder: Path, version: int, files: list[str]) -> None:
+    """Write what rosbag2 does beside its files, as little as it takes."""
+    (folder / "metadata.yaml").write_text(
+        yaml.safe_dump(
+            {
+                "rosbag2_bagfile_information": {
+                    "version": version,
+                    "storage_identifier": "mcap",
+                    "relative_file_paths": files,
+                    "compression_format": "",
+                    "compression_mode": "",
+                }
+            }
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"compression": CompressionType.NONE},
+        {"compression": CompressionType.LZ4, "chunk_size": 1024},
+        {"compression": CompressionType.ZSTD, "chunk_size": 1024, "enable_data_crcs": False},
+        {"use_chunking": False},
+        {"use_chunking": False, "enable_data_crcs": True},
+        {"enable_crcs": False},
+        {"index_types": IndexType.NONE},
+        {"index_types": IndexType.CHUNK, "chunk_size": 1024},
+        {"index_types": IndexType.MESSAGE, "chunk_size": 1024},
+    ],
+)
+def test_however_mcap_lays_a_file_out(options: dict[str, Any], bag: Path, tmp_path: Path) -> None:
+    messages = list(Bag(bag).raw_messages())
+    write_mcap(tmp_path / "other.mcap", messages, Bag(bag), **options)
+    assert list(Bag(tmp_path / "other.mcap").raw_messages()) == messages
+    assert same(bag, tmp_path / "other.mcap")
+
+
+@pytest.mark.parametrize("version", range(1, 10))
+def test_the_folders_of_all_versions_of_rosbag2(version: int, bag: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "other"
+    folder.mkdir()
+    write_mcap(folder / "other_0.mcap", list(Bag(bag).raw_messages()), Bag(bag))
+    write_metadata(folder, version, ["other/other_0.mcap" if version < 4 else "other_0.mcap"])
+    assert same(bag, folder)
+
+
+@pytest.mark.parametrize("storage", StoragePlugin)
+@pytest.mark.parametrize("version", [8, 9])
+def test_bags_that_rosbags_wrote(
+    storage: StoragePlugin, version: Any, bag: Path, tmp_path: Path
+) -> None:
+    ours = Bag(bag)
+    hashes = {topic.name: topic.type_hash for topic in ours.topics}
+    with Writer(tmp_path / "other", version=version, storage_plugin=storage) as writer:
+        connections = {}
+        for found in ours.channels:
+            assert found.schema is not None
+            text, digest = found.schema.data.decode(), hashes[found.topic]
+            connections[found.topic] = writer.add_connection(
+                found.topic, found.type, msgdef=text, rihs01=digest
+            )
+        for raw in ours.raw_messages():
+            writer.write(connections[raw.topic], raw.log_time, raw.data)
+    assert same(bag, tmp_path / "other")
+    found = Bag(tmp_path / "other")
+    assert {topic.name: topic.type_hash for topic in found.topics} == hashes
+    assert found.file.suffix == (".db3" if storage is StoragePlugin.SQLITE3 else ".mcap")
+    assert compare(rows(tmp_path / "other"), tmp_path / "other") > 0
+
+
+def test_a_sqlite3_bag_without_rosbags_says_what_to_install(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("identifier: mcap", "identifier: sqlite3"))
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    with pytest.raises(DatasetError, match=r"`pip install 'sain_bags\[sqlite3\]'` to read it here"):
+        Bag(bag)
+
+
+def test_a_sqlite3_bag_that_is_none(bag: Path) -> None:
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("identifier: mcap", "identifier: sqlite3"))
+    with pytest.raises(DatasetError, match=r"metadata.yaml names a bag that `rosbags` cannot read"):
+        Bag(bag)
+    (bag / "x.db3").write_bytes(b"")
+    with pytest.raises(DatasetError, match=r"x.db3 is a file of a sqlite3 bag; name the folder"):
+        Bag(bag / "x.db3")
+
+
+def test_a_split_bag_is_read_as_one(bag: Path, tmp_path: Path) -> None:
+    messages = list(Bag(bag).raw_messages())
+    folder = tmp_path / "split"
+    folder.mkdir()
+    # The second file begins before the first ends, as with several writing threads.
+    parts = (messages[:12], messages[13:20], [messages[12], *messages[20:]])
+    names = [f"split_{number}.mcap" for number in range(len(parts))]
+    for name, part in zip(names, parts, strict=True):
+        write_mcap(folder / name, part, Bag(bag), chunk_size=1024)
+    write_metadata(folder, 9, names)
+    split = Bag(folder)
+    assert [raw.log_time for raw in split.raw_messages()] == [raw.log_time for raw in messages]
+    assert {t.name: t.messages for t in split.topics} == {
+        t.name: t.messages for t in Bag(bag).topics
+    }
+    assert (split.message_count, split.duration) == (len(messages), Bag(bag).duration)
+    assert same(bag, folder)
+    after = [raw for raw in messages if raw.log_time >= messages[15].log_time]
+    assert list(split.raw_messages(start=messages[15].log_time)) == after
+    (folder / names[1]).unlink()
+    with pytest.raises(DatasetError, match=r"metadata.yaml names .*; split_1.mcap is not there"):
+        Bag(folder)
+
+
+def test_time_that_goes_backwards(bag: Path, tmp_path: Path) -> None:
+    messages = list(Bag(bag).raw_messages())
+    shuffled = [messages[i] for i in generator(3, 0).permutation(len(messages))]
+    write_mcap(tmp_path / "other.mcap", shuffled, Bag(bag), chunk_size=1024)
+    assert list(Bag(tmp_path / "other.mcap").raw_messages()) == messages
+    assert same(bag, tmp_path / "other.mcap")
+    back = [raw._replace(log_time=2 * messages[0].log_time - raw.log_time) for raw in messages]
+    write_mcap(tmp_path / "back.mcap", back, Bag(bag), chunk_size=1024)
+    assert sorted(rows(tmp_path / "back.mcap")["push_id"].tolist()) == [
+        1,
+        2,
+        3,
+    ]  # ids pair, no time
+
+
+def test_what_a_channel_offers_is_told(bag: Path) -> None:
+    topics = {topic.name: topic for topic in Bag(bag).topics}
+    (profile,) = read_profiles(topics["/sain/push"].offered_qos)
+    assert profile.reliability == "reliable"
+    assert topics["/sain/push"].type_hash.startswith("RIHS01_")
+
+
+def redefined(bag: Path, out: Path, change: Callable[[str], str], kind: str) -> Path:
+    """Copy a bag with another definition of a type, under the same name."""
+    ours = Bag(bag)
+    for found in ours.channels:
+        assert found.schema is not None
+        if found.type.endswith(kind):
+            found.schema.data = change(found.schema.data.decode()).encode()
+    write_mcap(out, list(ours.raw_messages()), ours)
+    return out
+
+
+def test_a_definition_with_its_fields_in_another_order(record: Start, tmp_path: Path) -> None:
+    """Foreign definitions are followed: here the message is written by hand in another order."""
+    recording = record()
+    driver = Drive(recording, Parts(scenes=False))
+    driver.episode(1, [1])
+    recording.writer.close()
+    ours = Bag(recording.writer.folder)
+    messages = [
+        raw._replace(data=raw.data[:36] + raw.data[44:52] + raw.data[36:44] + raw.data[52:])
+        if raw.type.endswith("/Goal")  # x is at 36, behind a header and two ids, and y at 44
+        else raw
+        for raw in ours.raw_messages()
+    ]
+    for found in ours.channels:
+        assert found.schema is not None
+        if found.type.endswith("/Goal"):
+            text = found.schema.data.decode()
+            swapped = text.replace("float64 x ", "float64 q ").replace("float64 y ", "float64 x ")
+            found.schema.data = swapped.replace("float64 q ", "float64 y ").encode()
+    write_mcap(tmp_path / "other.mcap", messages, ours)
+    found_rows, wanted = rows(tmp_path / "other.mcap"), rows(recording.writer.folder)
+    np.testing.assert_array_equal(found_rows["goal"], wanted["goal"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "old", "new", "said"),
+    [
+        ("Push", "uint64 push_id ", "uint64 number ", "sain_interfaces/msg/Push has no push_id"),
+        ("Push", "uint64 push_id ", "string push_id ", "push_id of .*Push is a string"),
+        ("PushPrediction", "float64 radius ", "uint8 radius ", r"bytes has fields for"),
+        ("PushPrediction", "float64 radius ", "float64[9] radius ", "disks.radius is an array"),
+        ("PushPrediction", "DiskState[] disks", "Disks[] disks", "Disks, of disks .* described"),
+    ],
+)
+def test_definitions_that_are_not_this_graphs_are_named(
+    kind: str, old: str, new: str, said: str, bag: Path, tmp_path: Path
+) -> None:
+    other = redefined(bag, tmp_path / "o.mcap", lambda text: text.replace(old, new), f"/{kind}")
+    with pytest.raises(DatasetError, match=f"o.mcap holds messages of another definition.*{said}"):
+        convert([other], tmp_path / "out")
+
+
+def test_two_definitions_under_one_name_are_each_followed(bag: Path, tmp_path: Path) -> None:
+    """A bag of two runs with another version of the messages between: each file has its own."""
+    folder = tmp_path / "two"
+    folder.mkdir()
+    messages = list(Bag(bag).raw_messages())
+    cut = next(i for i, raw in enumerate(messages) if raw.type.endswith("/Goal") and i > 3)
+    write_mcap(folder / "two_0.mcap", messages[:cut], Bag(bag))
+    newer = Bag(bag)
+    for found in newer.channels:
+        assert found.schema is not None
+        if found.type.endswith("/Goal"):
+            found.schema.data = found.schema.data.replace(
+                b"uint32 max_pushes", b"uint64 max_pushes"
+            )
+    later = [
+        raw._replace(data=raw.data + bytes(4)) if raw.type.endswith("/Goal") else raw
+        for raw in messages[cut:]
+    ]
+    write_mcap(folder / "two_1.mcap", later, newer)
+    write_metadata(folder, 9, ["two_0.mcap", "two_1.mcap"])
+    assert same(bag, folder)
+
+
+def test_a_type_that_nothing_describes(bag: Path, tmp_path: Path) -> None:
+    other = redefined(bag, tmp_path / "o.mcap", lambda _: "", "/Push")
+    with pytest.raises(DatasetError, match=r"o.mcap holds .*/Push has no push_id"):
+        convert([other], tmp_path / "out")
+
+
+def test_no_flipped_bit_in_an_index_loses_a_row(bag: Path, tmp_path: Path) -> None:
+    """The indexes are what no CRC covers: what they leave out, or name wrongly, is noticed."""
+    file = tmp_path / "other.mcap"
+    write_mcap(file, list(Bag(bag).raw_messages()), Bag(bag), enable_data_crcs=False)
+    whole, wanted = file.read_bytes(), rows(file)
+    random = generator(5, 0)
+    for _ in range(150):
+        place, bit = int(random.integers(len(whole))), int(random.integers(8))
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << bit
+        file.write_bytes(damaged)
+        try:
+            found = rows(file)
+        except DatasetError:
+            continue
+        for key in wanted.keys() - NOT_COMPARED:
+            np.testing.assert_array_equal(found[key], wanted[key], key)
+
+
+def test_results_without_pushes_are_rows_all_the_same(bag: Path, tmp_path: Path) -> None:
+    messages = [raw for raw in Bag(bag).raw_messages() if raw.topic != "/sain/push"]
+    write_mcap(tmp_path / "other.mcap", messages, Bag(bag))
+    wanted, found = rows(bag), rows(tmp_path / "other.mcap")
+    for key in wanted.keys() - NOT_COMPARED - {"log_time"}:  # heard of later: with the result
+        np.testing.assert_array_equal(found[key], wanted[key], key)
+    assert (found["log_time"] > wanted["log_time"]).all()
+
+
+def test_a_hash_is_over_all_files_of_a_bag(bag: Path, tmp_path: Path) -> None:
+    messages = list(Bag(bag).raw_messages())
+    folder = tmp_path / "split"
+    folder.mkdir()
+    for name, part in (("a.mcap", messages[:10]), ("b.mcap", messages[10:])):
+        write_mcap(folder / name, part, Bag(bag))
+    write_metadata(folder, 9, ["a.mcap", "b.mcap"])
+    content = (folder / "a.mcap").read_bytes() + (folder / "b.mcap").read_bytes()
+    assert set(rows(folder)["bag_sha256"]) == {hashlib.sha256(content).hexdigest()}

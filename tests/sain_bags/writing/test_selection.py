@@ -1,0 +1,47 @@
+"""What is recorded, and how it is asked for."""
+
+import pytest
+
+from sain_bags.bag.metadata import OfferedQos
+from sain_bags.writing.selection import RequestedQos, Selection, adapt, is_hidden
+
+LATCHED = OfferedQos(durability="transient_local")
+LOSSY = OfferedQos(reliability="best_effort")
+
+
+@pytest.mark.parametrize(
+    ("topic", "hidden"),
+    [("/sain/scene", False), ("/_hidden", True), ("/a/_b/c", True), ("/a_b", False)],
+)
+def test_hidden_topics(topic: str, hidden: bool) -> None:
+    assert is_hidden(topic) == hidden
+    assert Selection().wants(topic) == (not hidden)
+    assert Selection(hidden=True).wants(topic)
+
+
+def test_chosen_topics_are_all_there_is() -> None:
+    assert Selection({"/a/_b"}).wants("/a/_b")
+    assert not Selection({"/a/_b"}).wants("/a")
+    assert not Selection({"/a/_b"}, hidden=True).wants("/a")
+    assert not Selection({"/a/_b"}).wants("/sain/rollout/_service_event")
+
+
+def test_service_calls_are_recorded_though_their_topics_are_hidden() -> None:
+    assert is_hidden("/sain/rollout/_service_event")
+    assert Selection().wants("/sain/rollout/_service_event")
+
+
+@pytest.mark.parametrize(
+    ("offers", "request_"),
+    [
+        ([OfferedQos()], RequestedQos(reliable=True, transient_local=False)),
+        ([LATCHED, LATCHED], RequestedQos(reliable=True, transient_local=True)),
+        ([LATCHED, OfferedQos()], RequestedQos(reliable=True, transient_local=False)),
+        ([OfferedQos(), LOSSY], RequestedQos(reliable=False, transient_local=False)),
+        ([], RequestedQos(reliable=False, transient_local=False)),
+    ],
+)
+def test_the_strongest_request_that_all_publishers_serve(
+    offers: list[OfferedQos], request_: RequestedQos
+) -> None:
+    assert adapt(offers) == request_

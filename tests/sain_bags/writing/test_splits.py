@@ -1,0 +1,182 @@
+"""A split bag is one bag: nothing is lost between its files, and what is latched is in each."""
+
+import errno
+import os
+from collections import Counter
+from io import StringIO
+from pathlib import Path
+
+import pytest
+import yaml
+from mcap.reader import make_reader
+from rich.console import Console
+from rosbags.highlevel import AnyReader
+
+from sain_bags.bag.metadata import OfferedQos, Topic
+from sain_bags.cli.info import show
+from sain_bags.reading.reader import Bag
+from sain_bags.reading.timing import read_timings
+from sain_bags.recovery.recovery import recover
+from sain_bags.recovery.recovery_report import Outcome
+from sain_bags.writing.gaps import MISSING_KEY
+from sain_bags.writing.split_file import Part
+from sain_bags.writing.writer import BagConfig, BagWriter
+from sain_core.errors import OutputError
+
+TEXT = "string data\n"
+LATCHED = OfferedQos(durability="transient_local")
+PASSING = OfferedQos(durability="transient_local", lifespan=(10, 0))
+SECOND = 1_000_000_000
+
+
+def topic(name: str, *offered: OfferedQos, publishers: int = 1) -> Topic:
+    return Topic(name, "std_msgs/msg/String", TEXT, "", offered or (OfferedQos(),), publishers)
+
+
+def text(value: int) -> bytes:
+    word = f"{value:08d}".encode()
+    return b"\x00\x01\x00\x00\x09\x00\x00\x00" + word + b"\x00"
+
+
+def record(folder: Path, config: BagConfig, count: int = 200) -> BagWriter:
+    """Record ten messages a second; two of a latched topic, before the others."""
+    with BagWriter(folder, config) as writer:
+        for one in (topic("/chat"), topic("/goal", LATCHED), topic("/rosout", PASSING)):
+            writer.add_topic(one)
+        for number, name in enumerate(("/goal", "/goal", "/rosout")):
+            writer.write(name, text(number), SECOND + number, SECOND, number + 1)
+        for number in range(count):
+            time = SECOND + number * SECOND // 10
+            writer.write("/chat", text(number), time + 10, time, number + 1)
+    return writer
+
+
+def contents(file: Path) -> list[tuple[str, bytes]]:
+    with file.open("rb") as stream:
+        found = make_reader(stream, validate_crcs=True).iter_messages()
+        return [(channel.topic, message.data) for _, channel, message in found]
+
+
+def test_files_end_after_their_time_and_nothing_is_between_them(tmp_path: Path) -> None:
+    writer = record(tmp_path / "bag", BagConfig(split_duration=5.0))
+    files = [tmp_path / "bag" / f"bag_{number}.mcap" for number in range(4)]
+    assert sorted((tmp_path / "bag").glob("*.mcap")) == files
+    assert len(writer.parts) == 4
+    chat = [data for file in files for name, data in contents(file) if name == "/chat"]
+    assert chat == [text(number) for number in range(200)]
+    per_file = [Counter(name for name, _ in contents(file)) for file in files]
+    assert [count["/chat"] for count in per_file] == [50, 50, 50, 50]
+
+
+def test_files_end_at_their_size(tmp_path: Path) -> None:
+    record(tmp_path / "bag", BagConfig(split_size=8_000, chunk_size=1024, compression="none"), 900)
+    sizes = [file.stat().st_size for file in (tmp_path / "bag").glob("*.mcap")]
+    assert len(sizes) > 5
+    assert max(sizes) < 8_000 + 8_000  # with what ends a file
+
+
+def test_what_is_latched_stands_at_the_head_of_each_file(tmp_path: Path) -> None:
+    writer = record(tmp_path / "bag", BagConfig(split_duration=5.0))
+    for number in range(1, 4):
+        messages = contents(tmp_path / "bag" / f"bag_{number}.mcap")
+        assert messages[0] == ("/goal", text(1))  # the last one, not the first
+        assert {name for name, _ in messages[1:]} == {"/chat"}  # what passes is not latched
+    assert writer.counts == {"/chat": 200, "/goal": 2, "/rosout": 1}  # repeats are no messages
+
+
+def test_of_several_publishers_all_that_may_be_held_is_repeated(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag", BagConfig(split_duration=1.0)) as writer:
+        writer.add_topic(topic("/tf_static", LATCHED))
+        for number in range(3):
+            writer.write("/tf_static", text(number), SECOND + number, SECOND, number + 1)
+        writer.add_topic(topic("/tf_static", LATCHED, publishers=2))
+        writer.write("/tf_static", text(3), SECOND + 3, SECOND, 1)
+        writer.write("/tf_static", text(4), 3 * SECOND, SECOND, 2)
+    repeated = [("/tf_static", text(number)) for number in (2, 3, 4)]
+    assert contents(tmp_path / "bag" / "bag_1.mcap") == repeated
+
+
+def test_metadata_tells_of_each_file_as_rosbag2_does(tmp_path: Path) -> None:
+    record(tmp_path / "bag", BagConfig(split_duration=5.0))
+    content = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text(encoding="utf-8"))
+    about = content["rosbag2_bagfile_information"]
+    names = [f"bag_{number}.mcap" for number in range(4)]
+    assert about["relative_file_paths"] == names
+    assert [file["path"] for file in about["files"]] == names
+    assert [file["message_count"] for file in about["files"]] == [53, 51, 51, 51]
+    assert about["message_count"] == 206
+    starts = [file["starting_time"]["nanoseconds_since_epoch"] for file in about["files"]]
+    assert starts == [SECOND, *(SECOND + 5 * SECOND * n + 10 for n in range(1, 4))]
+    assert [file["duration"]["nanoseconds"] for file in about["files"][1:]] == [4_900_000_000] * 3
+    assert about["starting_time"]["nanoseconds_since_epoch"] == SECOND
+    assert about["duration"]["nanoseconds"] == 19_900_000_010
+    counts = {
+        one["topic_metadata"]["name"]: one["message_count"]
+        for one in about["topics_with_message_count"]
+    }
+    assert counts == {"/chat": 200, "/goal": 5, "/rosout": 1}
+
+
+def test_rosbags_and_we_read_it_as_one_bag(tmp_path: Path) -> None:
+    record(tmp_path / "bag", BagConfig(split_duration=5.0))
+    with AnyReader([tmp_path / "bag"]) as reader:
+        found = [
+            (connection.topic, reader.deserialize(raw, connection.msgtype).data, time)
+            for connection, time, raw in reader.messages()
+        ]
+        assert reader.message_count == len(found) == 206
+    assert [time for *_, time in found] == sorted(time for *_, time in found)
+    assert [data for name, data, _ in found if name == "/chat"] == [f"{n:08d}" for n in range(200)]
+    bag = Bag(tmp_path / "bag")
+    bag.check()
+    assert [(m.topic, m.message.data, m.log_time) for m in bag.messages()] == found
+
+
+def test_repeats_are_not_counted_as_gaps(tmp_path: Path) -> None:
+    record(tmp_path / "bag", BagConfig(split_duration=5.0))
+    timings = read_timings(Bag(tmp_path / "bag"))
+    assert (timings["/chat"].missing, timings["/goal"].missing) == (0, 0)
+
+
+def test_a_split_recording_that_was_killed_is_recovered(tmp_path: Path) -> None:
+    record(tmp_path / "bag", BagConfig(split_duration=5.0))
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    last = tmp_path / "bag" / "bag_3.mcap"
+    last.write_bytes(last.read_bytes()[:-3000])
+    report = recover(tmp_path / "bag", tmp_path / "saved")
+    assert report.outcome == Outcome.LOSSY
+    assert [file.lossless for file in report.files] == [True, True, True, False]
+    assert Bag(tmp_path / "saved").message_count == report.messages >= 155
+
+
+def test_a_disk_that_fails_while_a_file_is_ended_stops_the_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    writer = BagWriter(tmp_path / "bag", BagConfig(split_duration=1.0))
+    writer.add_topic(topic("/chat"))
+    writer.write("/chat", text(1), SECOND)
+    monkeypatch.setattr(Part, "finish", fail)
+    with pytest.raises(OutputError, match="Input/output error"):
+        for number in range(2, 1000):
+            writer.write("/chat", text(number), SECOND * number)
+            writer.flush()
+    monkeypatch.undo()
+    with pytest.raises(OutputError, match="Input/output error"):
+        writer.close()
+    assert not (tmp_path / "bag" / "metadata.yaml").exists()  # one file is not whole
+
+
+def test_info_tells_of_files_and_of_what_the_recorder_missed(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag", BagConfig(split_duration=5.0)) as writer:
+        writer.add_topic(topic("/several", publishers=2))
+        for number, sequence in enumerate((1, 7, 2, 9)):
+            writer.write("/several", text(number), SECOND * (10 * number + 1), sequence=sequence)
+        writer.custom_data[MISSING_KEY] = '{"/several": ">= 1"}'
+    out = StringIO()
+    show(tmp_path / "bag", Console(file=out, width=120))
+    assert "MB in 4 files" in out.getvalue()
+    (row,) = [line for line in out.getvalue().splitlines() if line.startswith("/several")]
+    assert row.split()[-2:] == [">=", "1"]

@@ -1,0 +1,309 @@
+"""Bags are what rosbag2 would have written, by the word of readers that are not ours."""
+
+import errno
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.records import Chunk, DataEnd, Message
+from mcap.stream_reader import StreamReader
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosReliability
+from rosbags.rosbag2 import Reader
+
+from sain_bags.bag.metadata import OfferedQos, Topic
+from sain_bags.mcap.preallocated_file import RESERVE, ReservedFile
+from sain_bags.reading.reader import Bag
+from sain_bags.recovery.recovery import recover
+from sain_bags.recovery.recovery_report import Outcome
+from sain_bags.writing.writer import BagConfig, BagWriter
+from sain_core.errors import ConfigError, InvalidInputError, OutputError
+from tests.sain_bags.doctor import examine
+
+TEXT = Topic("/chat", "std_msgs/msg/String", "string data\n", "RIHS01_ab", (OfferedQos(),))
+HELLO = b"\x00\x01\x00\x00\x06\x00\x00\x00hello\x00"
+
+
+def test_rosbags_reads_every_message_with_the_definitions_inside(episode_bag: Path) -> None:
+    with AnyReader([episode_bag]) as reader:
+        results = [
+            reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages()
+            if connection.topic == "/sain/push_result"
+        ]
+    assert [result.push_id for result in results] == [1, 2, 3]
+    assert results[2].after.disks[1].x == pytest.approx(0.79)
+
+
+def test_rosbag2_layout_names_topics_counts_qos_and_times(record: Callable[..., Any]) -> None:
+    recording = record(custom_data={"seed": "7", "model": "sain"})
+    latched = OfferedQos(durability="transient_local")
+    recording.writer.add_topic(recording.messages.topic("/sain/goal", "sain_interfaces/msg/Goal"))
+    recording.add("/sain/scene", "Scene")
+    recording.add("/sain/scene", "Scene")
+    late = recording.messages.topic(
+        "/sain/goal", "sain_interfaces/msg/Goal", offered_qos=(OfferedQos(), latched)
+    )
+    recording.writer.add_topic(late)  # a second publisher came later
+    recording.writer.close()
+    with Reader(recording.writer.folder) as reader:
+        connections = {connection.topic: connection for connection in reader.connections}
+        assert reader.message_count == 2
+        assert reader.duration == 100_000_001  # rosbags counts the last nanosecond
+        assert reader.storage.metadata.custom == {"seed": "7", "model": "sain"}
+        assert reader.ros_distro == "jazzy"
+    assert connections["/sain/scene"].msgcount == 2
+    assert connections["/sain/scene"].digest.startswith("RIHS01_")
+    profiles = connections["/sain/goal"].ext.offered_qos_profiles
+    assert [qos.durability for qos in profiles] == [
+        QosDurability.VOLATILE,
+        QosDurability.TRANSIENT_LOCAL,
+    ]
+    assert profiles[0].reliability == QosReliability.RELIABLE
+
+
+def test_metadata_holds_profiles_as_a_list(episode_bag: Path) -> None:
+    content = yaml.safe_load((episode_bag / "metadata.yaml").read_text(encoding="utf-8"))
+    about = content["rosbag2_bagfile_information"]
+    assert about["version"] == 9
+    assert about["storage_identifier"] == "mcap"
+    assert about["relative_file_paths"] == ["bag_0.mcap"]
+    topic = about["topics_with_message_count"][0]["topic_metadata"]
+    assert isinstance(topic["offered_qos_profiles"], list)
+    assert topic["offered_qos_profiles"][0]["reliability"] == "reliable"
+    assert topic["offered_qos_profiles"][0]["deadline"] == {"sec": 9223372036, "nsec": 854775807}
+
+
+@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
+def test_mcap_says_what_the_registry_asks_for(compression: str, tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag", BagConfig(compression=compression)) as writer:
+        writer.add_topic(TEXT)
+        for number in range(5):
+            writer.write("/chat", HELLO, received=2000 + number, published=1000, sequence=number)
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert reader.get_header().profile == "ros2"
+        found = list(reader.iter_messages())
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == 5
+    schema, channel, message = found[-1]
+    assert schema is not None
+    assert (schema.encoding, schema.name) == ("ros2msg", "std_msgs/msg/String")
+    assert channel.message_encoding == "cdr"
+    assert channel.metadata["topic_type_hash"] == "RIHS01_ab"
+    assert yaml.safe_load(channel.metadata["offered_qos_profiles"])[0]["durability"] == "volatile"
+    assert (message.log_time, message.publish_time, message.sequence) == (2004, 1000, 4)
+    assert {chunk.compression for chunk in summary.chunk_indexes} == {
+        "" if compression == "none" else compression
+    }
+
+
+def test_chunks_and_data_section_carry_crcs(episode_bag: Path) -> None:
+    with (episode_bag / "bag_0.mcap").open("rb") as stream:
+        records = list(StreamReader(stream, emit_chunks=True, validate_crcs=True).records)
+    assert all(record.uncompressed_crc for record in records if isinstance(record, Chunk))
+    assert [record.data_section_crc != 0 for record in records if isinstance(record, DataEnd)] == [
+        True
+    ]
+
+
+def test_an_open_bag_is_no_bag_yet(tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / "bag", BagConfig(flush_period=0.01))
+    writer.add_topic(TEXT)
+    writer.write("/chat", HELLO, 1, 1)
+    writer.flush()
+    assert not (tmp_path / "bag" / "metadata.yaml").exists()
+    with pytest.raises(FileNotFoundError):
+        Reader(tmp_path / "bag")
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as stream:  # what was flushed can be saved
+        found = []
+        with pytest.raises(EndOfFile):
+            for entry in StreamReader(stream).records:
+                found.append(entry)
+    assert any(isinstance(entry, Message) for entry in found)
+    writer.close()
+    assert sorted(path.name for path in (tmp_path / "bag").iterdir()) == [
+        "bag_0.mcap",
+        "metadata.yaml",
+    ]
+
+
+def test_a_bag_without_messages_is_whole(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic(TEXT)
+    assert [topic.messages for topic in Bag(tmp_path / "bag").topics] == [0]
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == 0
+
+
+def test_an_error_elsewhere_still_leaves_a_whole_bag(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError), BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic(TEXT)
+        writer.write("/chat", HELLO, 1, 1)
+        raise RuntimeError
+    assert Bag(tmp_path / "bag").message_count == 1
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "bag").mkdir()
+    with pytest.raises(OutputError, match="never overwritten"):
+        BagWriter(tmp_path / "bag")
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(OutputError, match="file/bag"):
+        BagWriter(tmp_path / "file" / "bag")
+
+
+def test_a_topic_that_was_not_added_is_refused(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as writer, pytest.raises(InvalidInputError, match="'/other'"):
+        writer.write("/other", HELLO, 1, 1)
+
+
+def test_unknown_compression_is_refused() -> None:
+    with pytest.raises(ConfigError, match="'bzip2'; allowed: 'none', 'lz4', 'zstd'"):
+        BagConfig(compression="bzip2")
+
+
+def test_the_reserve_goes_when_the_file_is_closed(tmp_path: Path) -> None:
+    file = ReservedFile(tmp_path / "data", reserve=4096)
+    assert (tmp_path / ".data.reserve").stat().st_size == 4096
+    file.write(b"abc")
+    file.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["data"]
+
+
+class SmallDisk:
+    """Stands in for `os.write` on a disk of limited size that the reserve takes space of."""
+
+    def __init__(self, capacity: int, folder: Path) -> None:
+        self.capacity, self.folder, self.write_for_real = capacity, folder, os.write
+
+    def write(self, descriptor: int, data: memoryview) -> int:
+        used = sum(path.stat().st_size for path in self.folder.rglob("*") if path.is_file())
+        space = self.capacity - used
+        if space <= 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return self.write_for_real(descriptor, data[:space])
+
+
+def test_a_full_disk_ends_in_a_clear_error_and_a_whole_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "write", SmallDisk(RESERVE + 200_000, tmp_path).write)
+    writer = BagWriter(tmp_path / "bag", BagConfig(compression="none", chunk_size=16_384))
+    writer.add_topic(TEXT)
+    with pytest.raises(OutputError, match="no space left for the bag"), writer:
+        for number in range(1, 10_000):
+            writer.write("/chat", HELLO * 100, number, number)
+    assert 50 < writer.counts["/chat"] < 1000
+    bag = Bag(tmp_path / "bag")
+    bag.check()
+    assert bag.message_count == writer.counts["/chat"] == len(list(bag.messages()))
+
+
+def test_a_disk_full_from_the_start_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_space(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "posix_fallocate", no_space)
+    with pytest.raises(OutputError, match="No space left on device"):
+        BagWriter(tmp_path / "bag")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_disk_that_is_nearly_full_ends_the_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer = BagWriter(tmp_path / "bag", BagConfig(min_free_space=1))
+    writer.add_topic(TEXT)
+    writer.write("/chat", HELLO, 1)
+    free = os.statvfs(tmp_path).f_bavail * os.statvfs(tmp_path).f_frsize
+    monkeypatch.setattr(writer, "_config", BagConfig(min_free_space=2 * free))
+    with pytest.raises(OutputError, match=r"MB are left on the disk .*\(--bag.min-free-space\)"):
+        writer.flush()
+    writer.close()
+    assert Bag(tmp_path / "bag").message_count == 1
+    with pytest.raises(OutputError, match="MB are left on the disk"):
+        BagWriter(tmp_path / "other", BagConfig(min_free_space=2 * free))
+    assert not (tmp_path / "other").exists()
+
+
+def test_what_a_failed_write_left_behind_is_cut_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer = BagWriter(tmp_path / "bag", BagConfig(compression="none", chunk_size=4096))
+    writer.add_topic(TEXT)
+    for number in range(100):
+        writer.write("/chat", HELLO, number + 1)
+    writer.flush()
+    real, tries = os.write, []
+
+    def fail(descriptor: int, data: memoryview) -> int:
+        tries.append(len(data))
+        if len(tries) == 1:
+            return real(descriptor, data[:100])
+        if len(tries) == 2:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return real(descriptor, data)
+
+    monkeypatch.setattr(os, "write", fail)
+    with pytest.raises(OutputError, match="Input/output error"), writer:
+        for number in range(100, 1000):
+            writer.write("/chat", HELLO, number + 1)
+    assert tries[1] == tries[0] - 100
+    assert examine(tmp_path / "bag" / "bag_0.mcap").message_count == 100
+    assert [received.log_time for received in Bag(writer.folder).messages()] == [*range(1, 101)]
+    assert (
+        yaml.safe_load((writer.folder / "metadata.yaml").read_text(encoding="utf-8"))[
+            "rosbag2_bagfile_information"
+        ]["message_count"]
+        == 100
+    )
+
+
+@pytest.mark.parametrize("lost", [0, 1, 2])
+def test_no_lost_chunk_takes_a_channel_with_it(lost: int, tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag", BagConfig(compression="none", chunk_size=1024)) as writer:
+        for number in range(300):
+            if number in (0, 100):
+                name = f"/chat_{number}"
+                writer.add_topic(Topic(name, "std_msgs/msg/String", "string data\n"))
+            writer.write(name, HELLO, number + 1)
+    file = tmp_path / "bag" / "bag_0.mcap"
+    content = bytearray(file.read_bytes())
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert lost < len(summary.chunk_indexes)
+    index = summary.chunk_indexes[lost]
+    content[index.chunk_start_offset + 200] ^= 1
+    del content[summary.chunk_indexes[-1].chunk_start_offset :]  # and the summary
+    file.write_bytes(content)
+    report = recover(file, tmp_path / "saved")
+    assert {topic for topic, count in report.counts.items() if count} == {"/chat_0", "/chat_100"}
+    assert sum(1 for loss in report.losses if loss.messages) <= 1
+
+
+def test_what_a_recording_says_of_itself_survives_it(tmp_path: Path) -> None:
+    """Nothing is closed: the recorder was killed."""
+    writer = BagWriter(tmp_path / "bag", custom_data={"seed": "7"}, ros_distro="kilted")
+    writer.add_topic(TEXT)
+    writer.write("/chat", HELLO, 1)
+    writer.flush()
+    report = recover(tmp_path / "bag", tmp_path / "saved")
+    writer.close()
+    assert report.outcome == Outcome.LOSSY
+    saved = Bag(tmp_path / "saved")
+    assert saved.custom_data == {"seed": "7", "recovered": "with losses, from bag"}
+    assert saved.metadata["ros_distro"] == "kilted"

@@ -1,0 +1,188 @@
+"""Records, their summary, the journal and the command."""
+
+import json
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from sain_core.errors import ConfigError, OutputError
+from sain_eval.cli.evaluate import Evaluate, evaluate, main, show
+from sain_eval.loop.closed_loop import EpisodeOutcome
+from sain_eval.loop.journal import JOURNAL_FILE, Journal
+from sain_eval.loop.report import markdown_table
+from sain_eval.loop.results import SceneRecord, scene_records, summarise, write_results
+from sain_eval.scenes.scenarios import SCENARIOS
+
+CASE = SCENARIOS["paper"].scene(0)
+SETTINGS = {"tolerances": (0.05, 0.005)}
+
+
+@pytest.fixture
+def records(episode):
+    outcome = EpisodeOutcome(episode, episode.scenes[-1], 1, "too far", False)
+    return scene_records(CASE, "planar", outcome, (0.05, 0.005))
+
+
+def run(out, **changes):
+    options = Evaluate(
+        out=out, **{"scenario": "paper", "scenes": 2, "controllers": "null", **changes}
+    )
+    evaluate(options, "evaluate", Console(file=StringIO()))
+    return json.loads((out / "results.json").read_text())
+
+
+def test_an_episode_is_judged_at_each_tolerance(records):
+    wide, tight = records
+    assert (wide.success, wide.pushes, wide.failure) == (True, 1, "")
+    assert wide.final_distance == pytest.approx(0.04)
+    assert wide.target_errors == pytest.approx((0.005,))
+    assert (tight.success, tight.pushes, tight.failure) == (False, 2, "too far")
+    assert tight.final_distance == pytest.approx(0.008)
+
+
+def test_the_summary_counts_and_averages(records):
+    wide = records[0]
+    group = [replace(wide, seed=seed, pushes=2 + seed) for seed in range(3)]
+    group.append(replace(wide, seed=3, success=False, pushes=15, failure="no"))
+    (row,) = summarise(group)
+    assert (row["scenes"], row["successes"]) == (4, 3)
+    assert row["rate"]["estimate"] == 0.75
+    assert row["pushes"]["estimate"] == 3.0
+    assert row["target_error"] == pytest.approx(0.005)
+
+
+def test_results_hold_all_it_takes_to_make_them_again(records, tmp_path):
+    content = json.loads(write_results(tmp_path, records, {"seed": 0}, "evaluate").read_text())
+    assert content["schema"] == "sain-results-1"
+    assert content["config"] == {"seed": 0} and content["command"] == "evaluate"
+    assert content["versions"]["numpy"] and len(content["git_commit"]) >= 7
+    assert {"cpu", "system"} == set(content["machine"])
+    assert set(content["scenes"][0]) == set(SceneRecord.__dataclass_fields__)
+    assert set(content["summary"][0]["rate"]) == {"estimate", "low", "high"}
+
+
+def test_nothing_solved_has_no_mean_and_is_still_json(records, tmp_path):
+    path = write_results(tmp_path, records[1:], {}, "evaluate")
+    assert json.loads(path.read_text())["summary"][0]["pushes"]["estimate"] is None
+
+
+def test_the_table_has_a_line_for_each_row(records):
+    lines = markdown_table(summarise(records)).splitlines()
+    assert len(lines) == 2 + 2
+    assert "| 5 cm | 1/1 |" in lines[3] and "| 0.5 cm | 0/1 |" in lines[2]
+
+
+def test_a_journal_goes_on_where_it_was(records, tmp_path):
+    Journal(tmp_path, SETTINGS).add(records)
+    again = Journal(tmp_path, SETTINGS)
+    assert again.records == records and again.done == {("paper", 0, "planar")}
+
+
+def test_a_line_cut_off_by_a_crash_is_dropped(records, tmp_path):
+    journal = Journal(tmp_path, SETTINGS)
+    journal.add(records)
+    whole = journal.path.read_text()
+    journal.path.write_text(whole + '[{"scenario": "pap')
+    again = Journal(tmp_path, SETTINGS)
+    assert again.records == records and journal.path.read_text() == whole
+
+
+def test_a_journal_of_other_settings_is_refused(tmp_path):
+    Journal(tmp_path, SETTINGS)
+    with pytest.raises(OutputError, match="made with another tolerances"):
+        Journal(tmp_path, {"tolerances": (0.02,)})
+
+
+@pytest.mark.parametrize("line", ["no json\n", '{"other": 1}\n'])
+def test_a_damaged_journal_is_refused(tmp_path, line):
+    (tmp_path / JOURNAL_FILE).write_text(line)
+    with pytest.raises(OutputError, match="is damaged"):
+        Journal(tmp_path, SETTINGS)
+
+
+def test_the_command_writes_results_table_and_pictures(tmp_path):
+    content = run(tmp_path, pictures=1)
+    assert [scene["seed"] for scene in content["scenes"]] == [0, 0, 1, 1]
+    assert [row["successes"] for row in content["summary"]] == [0, 0]
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"results.json", "table.md", "episodes.jsonl", "paper_0_null.png"}
+
+
+def test_the_command_goes_on_and_reports_only_what_was_asked(tmp_path):
+    first = run(tmp_path)
+    more = run(tmp_path, scenes=3)
+    assert len(more["scenes"]) == 6 and more["scenes"][:4] == first["scenes"]
+    assert len(run(tmp_path, scenes=1)["scenes"]) == 2
+
+
+def test_workers_find_the_same_as_one_process(tmp_path):
+    alone, together = (
+        run(tmp_path / str(workers), workers=workers, controllers="straight")["scenes"]
+        for workers in (1, 2)
+    )
+    by_seed = [
+        sorted(records, key=lambda record: (record["seed"], record["tolerance"]))
+        for records in (alone, together)
+    ]
+    assert by_seed[0] == by_seed[1]
+
+
+def test_the_papers_table_is_all_of_it(tmp_path):
+    options = Evaluate(out=tmp_path, table=True, scenes=2)
+    assert len(options.jobs(set())) == 3 * 2 * 5
+    assert options.tolerance_values == (0.05, 0.02, 0.01, 0.005)
+
+
+def test_the_summary_is_shown(records):
+    text = StringIO()
+    show(records, Console(file=text, width=200))
+    assert "planar" in text.getvalue() and "1/1" in text.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"scenario": "somewhere"}, "scenario is 'somewhere'; allowed: paper,"),
+        ({"tolerances": "0"}, r"tolerance is 0\.0 m; allowed"),
+        ({"tolerances": "near"}, "numbers are needed"),
+        ({"controllers": ","}, "controllers is empty"),
+        ({"scenes": 0}, r"Evaluate\.scenes is 0; it must be at least 1"),
+    ],
+)
+def test_bad_options_are_named(tmp_path, changes, message):
+    with pytest.raises(ConfigError, match=message):
+        _ = Evaluate(out=tmp_path, **changes).controller_names
+
+
+def test_an_output_folder_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(OutputError, match=r"cannot write to .*taken"):
+        run(tmp_path / "taken")
+
+
+def test_an_output_folder_that_cannot_be_made_is_refused():
+    with pytest.raises(OutputError, match="choose another --out"):
+        run(Path("/proc/nowhere"))
+
+
+def test_help_says_what_the_planners_settings_mean(capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["evaluate", "--help"])
+    with pytest.raises(SystemExit) as done:
+        main()
+    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert done.value.code == 0
+    assert "--planner.samples INT K, sequences rolled out in the first round" in shown
+    assert "Standard deviation of the location [rad] (default: 0.5)" in shown
+    assert "Seed of the first scene" in shown
+
+
+def test_a_mistake_on_the_command_line_is_told_in_one_line(tmp_path, capsys, monkeypatch):
+    (tmp_path / "taken").write_text("")
+    monkeypatch.setattr("sys.argv", ["evaluate", "--out", str(tmp_path / "taken")])
+    with pytest.raises(SystemExit) as done:
+        main()
+    assert done.value.code == 1
+    assert capsys.readouterr().err.startswith("evaluate: cannot write to")

@@ -1,0 +1,122 @@
+"""Every scene that a scenario draws can be solved, and comes from its seed alone."""
+
+import numpy as np
+import pytest
+
+from sain_core.feasibility import Feasibility, reachable
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, check_scene, surface_gaps
+from sain_eval.scenes.scenarios import CONTACT_GAP, SCENARIOS
+from sain_sim.world.parameters import CUBE, FLAT, THREE_FEET
+from sain_sim.world.truth import TruthConfig
+
+FEASIBILITY = Feasibility()
+SEEDS = range(60)
+LOCATIONS = np.linspace(-np.pi, np.pi, 73)[1:]
+
+
+@pytest.fixture(params=sorted(SCENARIOS))
+def scenario(request):
+    return SCENARIOS[request.param]
+
+
+def test_the_scenarios_are_there():
+    paper = {"paper", "paper_shift", "paper_cube"}
+    anywhere = {"anywhere", "clutter", "anywhere_cube", "anywhere_rubber"}
+    assert set(SCENARIOS) == paper | anywhere
+
+
+def test_the_same_seed_gives_the_same_scene_and_another_another(scenario):
+    first, again, other = scenario.scene(3), scenario.scene(3), scenario.scene(4)
+    assert first.disks.tobytes() == again.disks.tobytes()
+    assert first.goal.tobytes() == again.goal.tobytes() and first.friction == again.friction
+    assert first.friction != other.friction
+
+
+def test_scenes_exist_and_their_goal_is_on_the_table(scenario):
+    for seed in SEEDS:
+        case = scenario.scene(seed)
+        check_scene(case.disks, FEASIBILITY.table)
+        assert FEASIBILITY.table.contains(case.goal)
+        assert len(case.shapes) == len(case.disks)
+        assert case.max_pushes == 15
+        gap = surface_gaps(case.disks)[MID, TARGET]
+        assert gap == pytest.approx(CONTACT_GAP, abs=1e-12)
+
+
+def test_the_mid_disk_can_be_approached(scenario):
+    pushes = np.stack([LOCATIONS, np.zeros(72), np.full(72, 0.03)], axis=-1)
+    for seed in SEEDS:
+        disks = scenario.scene(seed).disks
+        assert FEASIBILITY.mask(np.broadcast_to(disks, (72, *disks.shape)), pushes).sum() >= 12
+
+
+def test_parameters_are_in_the_papers_ranges(scenario):
+    cases = [scenario.scene(seed) for seed in SEEDS]
+    friction = np.array([case.friction for case in cases])
+    mid = np.array([case.disks[MID, RADIUS] for case in cases])
+    low, high = (0.25, 0.45) if scenario.name == "anywhere_rubber" else (0.08, 0.20)
+    assert friction.min() >= low and friction.max() <= high
+    assert np.ptp(friction) > 0.65 * (high - low)
+    assert mid.min() >= 0.075 and mid.max() <= 0.085 and np.ptp(mid) > 0.006
+
+
+@pytest.mark.parametrize("name", ["anywhere", "clutter", "anywhere_cube", "anywhere_rubber"])
+def test_a_straight_push_from_behind_reaches_the_goal(name):
+    for seed in SEEDS:
+        case = SCENARIOS[name].scene(seed)
+        pair = case.disks[:2].copy()
+        way = case.goal - pair[TARGET, POSITION]
+        length = np.linalg.norm(way)
+        assert 0.15 <= length <= 0.30
+        pair[MID, POSITION] = pair[TARGET, POSITION] - way / length * pair[:, RADIUS].sum()
+        push = np.array([np.arctan2(way[1], way[0]), 0.0, length])
+        assert reachable(pair, push, FEASIBILITY.limits, FEASIBILITY.reach)
+
+
+def test_anywhere_is_anywhere():
+    cases = [SCENARIOS["anywhere"].scene(seed) for seed in range(200)]
+    side = np.array([case.disks[TARGET, POSITION] - case.disks[MID, POSITION] for case in cases])
+    bearing = np.arctan2(side[:, 1], side[:, 0])
+    counts, _ = np.histogram(bearing, 8, (-np.pi, np.pi))
+    assert counts.min() >= 5
+
+
+def test_a_cube_turns_a_side_to_the_mid_disk():
+    for seed in SEEDS:
+        case = SCENARIOS["anywhere_cube"].scene(seed)
+        assert case.shapes == ("disk", "cube")
+        side = case.disks[TARGET, POSITION] - case.disks[MID, POSITION]
+        assert case.disks[TARGET, THETA] == pytest.approx(np.arctan2(side[1], side[0]))
+    assert (SCENARIOS["anywhere"].scene(0).disks[:, THETA] == 0.0).all()
+
+
+def test_clutter_has_one_to_three_more_disks():
+    counts = {len(SCENARIOS["clutter"].scene(seed).disks) for seed in SEEDS}
+    assert counts == {3, 4, 5}
+
+
+def test_the_paper_scene_is_the_papers():
+    case = SCENARIOS["paper"].scene(0)
+    np.testing.assert_array_equal(case.disks[MID, POSITION], [0.35, 0.0])
+    np.testing.assert_array_equal(case.goal, [0.80, 0.0])
+    shifted = SCENARIOS["paper_shift"].scene(0)
+    np.testing.assert_allclose(np.abs(shifted.goal - [0.80, 0.0]), 0.02)
+    assert SCENARIOS["paper_cube"].scene(0).shapes == ("disk", "cube")
+
+
+def test_the_world_is_built_as_asked():
+    case = SCENARIOS["paper_cube"].scene(0)
+    assert case.parameters().shapes == (THREE_FEET, CUBE)
+    assert case.parameters(FLAT).shapes == (FLAT, CUBE)
+    assert case.parameters().friction == case.friction
+
+
+def test_a_scene_can_be_played_in_a_rough_world():
+    case = SCENARIOS["clutter"].scene(3)
+    rough = case.within(TruthConfig("rough", lab=2))
+    assert np.array_equal(rough.disks, case.disks) and rough.goal is case.goal
+    parameters = rough.parameters()
+    assert len(parameters.roughness.mass_offsets) == len(case.disks)
+    assert parameters.friction == rough.friction != case.friction  # what the oracle is told
+    same = case.within(TruthConfig())
+    assert same.parameters() == case.parameters() and same.friction == case.friction

@@ -1,0 +1,113 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sain_core.errors import DatasetError
+from sain_core.scene import Y
+from sain_model.data.dataset import load_transitions, split_by_episode
+
+
+def test_all_shards_are_read_in_order(dataset: Path) -> None:
+    data = load_transitions(dataset)
+    assert len(data) == 120
+    assert data.scenes.shape == (120, 2, 8)
+    assert (np.diff(data.episodes) >= 0).all()
+    one = load_transitions(dataset / "shard-0.npz")
+    np.testing.assert_array_equal(one.pushes, data.pushes[:60])
+    assert one.sha256 != data.sha256 == load_transitions(dataset).sha256
+
+
+def test_no_episode_is_in_two_parts(dataset: Path) -> None:
+    data = load_transitions(dataset)
+    split = split_by_episode(data, seed=5, validation=0.2, test=0.3)
+    parts = [set(part.episodes.tolist()) for part in (split.train, split.validation, split.test)]
+    assert [len(part) for part in parts] == [10, 4, 6]
+    assert set.union(*parts) == set(range(20))
+    assert sum(len(part) for part in (split.train, split.validation, split.test)) == len(data)
+    again = split_by_episode(data, seed=5, validation=0.2, test=0.3)
+    np.testing.assert_array_equal(again.test.episodes, split.test.episodes)
+    other = split_by_episode(data, seed=6, validation=0.2, test=0.3)
+    assert set(other.test.episodes.tolist()) != parts[2]
+
+
+def test_too_few_episodes_cannot_be_split(dataset: Path) -> None:
+    data = load_transitions(dataset)
+    with pytest.raises(DatasetError, match="2 episodes are too few"):
+        split_by_episode(data.select(data.episodes < 2), 0, 0.1, 0.1)
+
+
+def test_the_mirror_of_a_mirror_is_the_data(dataset: Path) -> None:
+    data = load_transitions(dataset)
+    twice = data.mirrored().mirrored()
+    np.testing.assert_allclose(twice.scenes, data.scenes, atol=1e-12)
+    np.testing.assert_allclose(twice.pushes, data.pushes, atol=1e-12)
+    np.testing.assert_array_equal(data.mirrored().next_scenes[..., Y], -data.next_scenes[..., Y])
+
+
+@pytest.mark.parametrize(
+    ("key", "change", "message"),
+    [
+        ("state", None, "lacks state"),
+        ("action", lambda a: a[:, :2], r"action has shape \(60, 2\); it should be \(60, 3\)"),
+        ("next_state", lambda a: a[:-1], r"next_state has shape \(59, 16\)"),
+        (
+            "state",
+            lambda a: np.where(np.arange(60)[:, None] == 7, np.inf, a),
+            "row 7 of state holds NaN or Inf",
+        ),
+        ("state", lambda a: -a, "mass or radius that is not positive"),
+        ("episode", lambda a: a.astype(float), "episode is float64"),
+        ("physics_next", lambda a: a[:, :8], r"physics_next has 1 disks; it needs 2"),
+        ("friction", lambda a: a[:5], r"friction has shape \(5,\)"),
+    ],
+)
+def test_a_damaged_shard_is_refused(
+    dataset: Path, tmp_path: Path, key: str, change: object, message: str
+) -> None:
+    with np.load(dataset / "shard-0.npz") as shard:
+        arrays = dict(shard)
+    arrays[key] = change(arrays[key]) if change else None  # type: ignore[operator]
+    path = tmp_path / "bad.npz"
+    np.savez(path, **{name: value for name, value in arrays.items() if value is not None})
+    with pytest.raises(DatasetError, match=message) as caught:
+        load_transitions(path)
+    assert str(path) in str(caught.value)
+
+
+def test_what_is_no_shard_is_refused(dataset: Path, tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match="holds no shards"):
+        load_transitions(tmp_path)
+    with pytest.raises(DatasetError, match="does not exist"):
+        load_transitions(tmp_path / "none.npz")
+    cut = tmp_path / "cut.npz"
+    cut.write_bytes((dataset / "shard-0.npz").read_bytes()[:2000])
+    with pytest.raises(DatasetError, match="is not a whole"):
+        load_transitions(cut)
+    cut.write_text("hello")
+    with pytest.raises(DatasetError, match="is not a whole"):
+        load_transitions(cut)
+
+
+def test_shards_with_other_numbers_of_disks_do_not_mix(dataset: Path, tmp_path: Path) -> None:
+    with np.load(dataset / "shard-0.npz") as shard:
+        arrays = dict(shard)
+    np.savez(tmp_path / "a.npz", **arrays)
+    for key in ("state", "next_state", "physics_next", "floor_next"):
+        arrays[key] = np.hstack([arrays[key], arrays[key][:, 8:]])
+    np.savez(tmp_path / "b.npz", **arrays)
+    with pytest.raises(DatasetError, match="mixes numbers of disks"):
+        load_transitions(tmp_path)
+
+
+def test_the_order_of_an_episode_is_that_of_its_steps(dataset: Path, tmp_path: Path) -> None:
+    arrays = dict(np.load(dataset / "shard-0.npz"))
+    count = len(arrays["episode"])
+    np.savez(tmp_path / "a.npz", **arrays)
+    np.testing.assert_array_equal(load_transitions(tmp_path / "a.npz").steps, np.arange(count))
+    steps = np.arange(count)[::-1] % 6
+    np.savez(tmp_path / "b.npz", **arrays, step=steps)
+    np.testing.assert_array_equal(load_transitions(tmp_path / "b.npz").steps, steps)
+    np.savez(tmp_path / "c.npz", **arrays, step=steps // 2)
+    with pytest.raises(DatasetError, match="episode 0 has two pushes with step"):
+        load_transitions(tmp_path / "c.npz")

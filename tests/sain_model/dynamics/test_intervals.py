@@ -1,0 +1,108 @@
+"""Regions that hold as often as they say, for errors whose law is known."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sain_core.errors import CheckpointError, ConfigError
+from sain_model.cli import evaluate as evaluate_cli
+from sain_model.cli import train as train_cli
+from sain_model.data.dataset import load_transitions
+from sain_model.dynamics.checkpoint import card_path
+from sain_model.dynamics.intervals import IntervalConfig, Intervals
+from sain_model.dynamics.load import load_dynamics
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.coverage import measure_intervals
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.physics.planar import PlanarPrior
+from sain_model.training.interval_fit import fit_disk
+
+
+def draw(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Spread of members and friction, way, and errors whose scale and tails depend on them [m]."""
+    random = np.random.default_rng(seed)
+    parts = np.exp(random.normal([[-9.0], [-8.0], [-4.0]], 1.0, (3, count)))
+    scale = 2e-5 + 2.0 * parts[0] + 0.5 * parts[1] + 0.02 * parts[2]
+    tails = np.where(parts[2] > 0.02, 2.0, 8.0)  # heavy ones where much moved
+    return parts, scale * np.abs(random.standard_t(tails))
+
+
+def test_regions_hold_as_often_as_they_say_also_where_the_spread_is_small_or_large() -> None:
+    config = fit_disk(*draw(3000, 0), level=0.9)
+    parts, off = draw(20_000, 1)
+    score = config.score(*parts)
+    held = off <= config.radius(score)
+    assert held.mean() == pytest.approx(0.9, abs=0.015)
+    for values in (score, np.hypot(parts[0], parts[1])):
+        for rows in np.array_split(np.argsort(values), 3):
+            assert held[rows].mean() == pytest.approx(0.9, abs=0.035)
+    half = fit_disk(*draw(3000, 0), level=0.5)
+    assert (off <= half.radius(half.score(*parts))).mean() == pytest.approx(0.5, abs=0.02)
+
+
+def test_parts_that_say_nothing_weigh_nothing() -> None:
+    parts, off = draw(500, 0)
+    parts[0] = 0.0
+    config = fit_disk(parts, off, level=0.9)
+    assert config.members == 0.0 and config.way > 0.0
+    assert fit_disk(parts, off, level=0.9) == config
+
+
+def test_few_validation_pushes_give_wide_regions_rather_than_none() -> None:
+    parts, off = draw(8, 0)
+    config = fit_disk(parts, off, level=0.9)
+    assert len(config.factors) == 1
+    assert (off <= config.radius(config.score(*parts))).all()  # 9 pushes are needed for 90 %
+
+
+def test_radii_of_scores_between_and_beyond() -> None:
+    config = IntervalConfig(scores=(0.001, 0.004), factors=(1.0, 4.0))
+    radii = config.radius(np.array([1e-5, 0.001, 0.002, 0.004, 1.0]))
+    np.testing.assert_allclose(radii, [1e-5, 0.001, 0.004, 0.016, 4.0])
+    with pytest.raises(ConfigError, match="one factor for each score"):
+        IntervalConfig(scores=(0.001, 0.002), factors=(1.0,))
+    with pytest.raises(ConfigError, match="scores must rise"):
+        IntervalConfig(scores=(0.002, 0.001), factors=(1.0, 1.0))
+
+
+def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
+    dataset: Path, tmp_path: Path
+) -> None:
+    options = ["--epochs", "3", "--hidden", "8", "--members", "2", "--validation", "0.3"]
+    assert train_cli.main([str(dataset), "--out", str(tmp_path), *options]) == 0
+    path = tmp_path / "sain.safetensors"
+    card = json.loads(card_path(path).read_text())
+    sain = load_dynamics(str(path))
+    assert isinstance(sain, SainDynamics) and sain.intervals is not None
+    assert json.loads(json.dumps(asdict(sain.intervals))) == card["intervals"]
+    report = tmp_path / "errors.json"
+    checkpoint = ["--checkpoint", str(path), "--out", str(report)]
+    assert evaluate_cli.main([str(dataset), *checkpoint]) == 0
+    found = json.loads(report.read_text())["intervals"]["SAIN"]
+    assert found == card["errors"]["intervals"]["SAIN"]
+    parts = found["target"]["parts"]
+    assert found["members"] == 2 and found["level"] == 0.9
+    thirds = [
+        parts[f"{name} third by spread"]["pushes"] for name in ("lowest", "middle", "highest")
+    ]
+    assert sum(thirds) == parts["all"]["pushes"] == 18
+
+    card["intervals"]["target"]["factors"] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
+    card_path(path).write_text(json.dumps(card))
+    with pytest.raises(CheckpointError, match=r"sain.json: intervals: IntervalConfig has scores"):
+        load_dynamics(str(path))
+
+
+def test_coverage_is_counted(dataset: Path, tmp_path: Path) -> None:
+    data = load_transitions(dataset)
+    wide, none = IntervalConfig(factors=(1e6,)), IntervalConfig(noise=1e-9, factors=(1e-3,))
+    intervals = Intervals(mid=wide, target=none)
+    sain = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", intervals=intervals)
+    found = measure_intervals(sain, data, seed=0)
+    assert found["mid"]["parts"]["all"]["coverage"] == 1.0
+    exact = np.all(sain.step(data.scenes, data.pushes)[:, 1, :2] == data.next_scenes[:, 1, :2], -1)
+    assert found["target"]["parts"]["all"]["coverage"] == pytest.approx(exact.mean(), abs=0.05)
+    assert found["target"]["rank_correlation"]["members"] is None  # a lone network agrees

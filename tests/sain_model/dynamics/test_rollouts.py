@@ -1,0 +1,252 @@
+"""Rollouts to learn from: what they predict, how gradients run through them, and resuming."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from sain_core.dynamics import IdentityPrior, RolloutModel, as_rollout
+from sain_core.errors import CheckpointError, ConfigError
+from sain_core.push import LENGTH
+from sain_core.scene import POSE, POSITION, TARGET, wrap_angle
+from sain_model.data.dataset import Split, Transitions, split_by_episode
+from sain_model.data.windows import make_windows
+from sain_model.dynamics.loss import LossConfig
+from sain_model.dynamics.recurrent import PhysicsChain
+from sain_model.dynamics.rollout_inputs import DIFFERENCES, GRADIENTS, NO_GRADIENT, SHIFT
+from sain_model.dynamics.rollouts import (
+    CHAINS,
+    CORRECTED,
+    PHYSICS,
+    RolloutConfig,
+    roll,
+    rollout_loss,
+)
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.open_loop import roll_out
+from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
+from sain_model.physics.friction import FrictionFilter
+from sain_model.physics.planar import PlanarPrior
+from sain_model.training.rollout_training import RolloutTrainer, make_lessons
+from sain_model.training.trainer import Trainer, TrainingConfig
+from tests.sain_model.rolling import load_episodes
+
+SMALL = NetworkConfig(hidden=16, message=8)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Transitions:
+    return load_episodes(tmp_path_factory.mktemp("episodes"))
+
+
+@pytest.fixture(scope="module")
+def split(data: Transitions) -> Split:
+    return split_by_episode(data, 0, 0.2, 0.2)
+
+
+def some_network(seed: int = 1, features: str = "push") -> InteractionNetwork:
+    """A network with corrections of some millimetres, so that what is not the same shows."""
+    torch.manual_seed(seed)
+    network = InteractionNetwork(NetworkConfig(hidden=16, message=8, features=features))
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.copy_(0.4 * torch.randn_like(parameter))
+    return network.eval()
+
+
+def test_a_rollout_of_one_push_is_a_step(data: Transitions) -> None:
+    windows = make_windows(data, 1)
+    for chain, kind in ((CORRECTED, SainDynamics), (PHYSICS, PhysicsChain)):
+        sain = kind(some_network(), PlanarPrior(), "planar", recurrent=True)
+        stepped = sain.step(data.scenes, data.pushes)
+        config = RolloutConfig(chain=chain)
+        with torch.inference_mode():
+            learned = roll(sain.network, windows, sain.prior, config)[:, 0].numpy()
+        learned[..., 2] = wrap_angle(learned[..., 2])
+        # one is PyTorch's forward pass, the other the kernels', both in single precision
+        np.testing.assert_allclose(learned, stepped[..., POSE], atol=1e-6)
+        rolled = as_rollout(sain).rollout(data.scenes[0], data.pushes[:1, None])
+        np.testing.assert_allclose(rolled[0, 0], stepped[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("chain", CHAINS)
+def test_training_rolls_out_what_is_deployed(data: Transitions, chain: str) -> None:
+    windows = make_windows(data, 4, whole=True)
+    kind = PhysicsChain if chain == PHYSICS else SainDynamics
+    sain = kind(some_network(), PlanarPrior(), "planar", recurrent=True)
+    friction = np.full(len(windows), 0.15)
+    deployed = roll_out(sain, windows.scenes, windows.pushes, friction)
+    told = np.full(windows.rows.shape, 0.15)
+    with torch.inference_mode():
+        learned = roll(sain.network, windows, sain.prior, RolloutConfig(chain=chain), told).numpy()
+    off = learned[..., :2] - deployed[..., POSITION]
+    # Contacts amplify the rounding of headings that are wrapped in one and not in the other.
+    assert np.quantile(np.abs(off), 0.99) < 1e-5
+    plain = roll_out(sain, windows.scenes, windows.pushes)
+    assert np.abs(deployed - plain).max() > 1e-3
+
+
+def test_the_chains_part_after_the_first_push(data: Transitions) -> None:
+    """Equation 3: the prior goes on from its own scene, whatever the network corrects."""
+    windows = make_windows(data, 3, whole=True)
+    chained = PhysicsChain(some_network(), PlanarPrior(), "planar", recurrent=True)
+    usual = SainDynamics(chained.network, PlanarPrior(), "planar", recurrent=True)
+    own = roll_out(chained, windows.scenes, windows.pushes)
+    corrected = roll_out(usual, windows.scenes, windows.pushes)
+    np.testing.assert_array_equal(own[:, 0], corrected[:, 0])
+    assert np.abs(own[:, 1] - corrected[:, 1]).max() > 1e-3
+    second = PlanarPrior().step(windows.scenes, windows.pushes[:, 0])
+    second = PlanarPrior().step(second, windows.pushes[:, 1])
+    expected = chained.correct(own[:, 0], windows.pushes[:, 1], second)
+    np.testing.assert_allclose(own[:, 1], expected, atol=1e-12)
+
+
+def test_an_idle_push_keeps_the_corrected_scene(data: Transitions) -> None:
+    pushes = data.pushes[None, :3].copy()
+    pushes[0, 1, LENGTH] = 0.0
+    chained = PhysicsChain(some_network(), PlanarPrior(), "planar", recurrent=True)
+    assert isinstance(chained, RolloutModel) and chained.kind == "recurrent"
+    predicted = chained.rollout(data.scenes[0], pushes)[0]
+    np.testing.assert_array_equal(predicted[1], predicted[0])
+    assert (predicted[2] != predicted[1]).any()
+
+
+def gradient_of(
+    network: InteractionNetwork, data: Transitions, gradient: str, chain: str = CORRECTED
+) -> torch.Tensor:
+    """Return how the target's place after two pushes depends on the first layer's bias."""
+    windows = make_windows(data, 2, whole=True).select(np.arange(8))
+    config = RolloutConfig(gradient=gradient, chain=chain)
+    network.zero_grad()
+    roll(network, windows, PlanarPrior(), config)[:, 1, TARGET, :2].sum().backward()
+    found = network.dynamics[-1].bias.grad
+    assert found is not None
+    return found.clone()
+
+
+@pytest.mark.parametrize("chain", CHAINS)
+def test_differences_give_the_gradient_of_the_whole_rollout(data: Transitions, chain: str) -> None:
+    """Compared with nudging the weights themselves, which knows nothing of how it is done."""
+    network = some_network()
+    found = gradient_of(network, data, DIFFERENCES, chain)
+    windows = make_windows(data, 2, whole=True).select(np.arange(8))
+    config = RolloutConfig(chain=chain)
+    bias = network.dynamics[-1].bias
+    expected = []
+    for number in range(3):
+        sums = []
+        for sign in (1.0, -1.0):
+            with torch.no_grad():
+                bias[number] += sign * 0.02
+                poses = roll(network, windows, PlanarPrior(), config)
+                sums.append(poses[:, 1, TARGET, :2].sum().item())
+                bias[number] -= sign * 0.02
+        expected.append((sums[0] - sums[1]) / 0.04)
+    np.testing.assert_allclose(found, expected, rtol=0.1, atol=0.1 * np.abs(expected).max())
+    for other in (NO_GRADIENT, SHIFT):
+        off = np.abs(gradient_of(network, data, other, chain).numpy() - expected).max()
+        assert off > 2 * np.abs(found.numpy() - expected).max()
+
+
+def test_without_gradient_the_first_step_does_not_know_of_the_second(data: Transitions) -> None:
+    network = some_network()
+    windows = make_windows(data, 2, whole=True)
+    pose = {}
+    for gradient in GRADIENTS:
+        poses = roll(network, windows, IdentityPrior(), RolloutConfig(gradient=gradient))
+        pose[gradient] = poses.detach()
+        assert poses[:, 1].requires_grad
+    for gradient in GRADIENTS[1:]:  # gradients change nothing of what is predicted
+        assert torch.equal(pose[gradient], pose[GRADIENTS[0]])
+
+
+def test_the_loss_is_over_what_was_pushed(data: Transitions) -> None:
+    windows = make_windows(data, 3)
+    config = LossConfig(robust=False, position_scale=1.0, heading_scale=1.0)
+    off = torch.from_numpy(windows.next_scenes[..., POSE]).clone()
+    off[..., 0] += 0.5
+    assert rollout_loss(off, windows, config).item() == pytest.approx(0.25)
+    off[torch.from_numpy(~windows.known)] += 9.0
+    assert rollout_loss(off, windows, config).item() == pytest.approx(0.25)
+
+
+def train(split: Split, folder: Path, config: RolloutConfig) -> RolloutTrainer:
+    training = TrainingConfig(epochs=2, batch=32, network=SMALL, seed=3)
+    single = Trainer(split, PlanarPrior(), training, folder)
+    single.run()
+    return RolloutTrainer(single.network, split, PlanarPrior(), config, training, folder)
+
+
+def test_a_killed_training_on_rollouts_goes_on_to_the_same_weights(
+    split: Split, tmp_path: Path
+) -> None:
+    config = RolloutConfig(steps_ahead=3, rollout_epochs=3, rollout_batch=16)
+    whole = train(split, tmp_path / "whole", config)
+    whole.run()
+
+    class KillError(Exception):
+        pass
+
+    def kill(epoch: int, history: object) -> None:
+        if epoch == 2:
+            raise KillError
+
+    with pytest.raises(KillError):
+        train(split, tmp_path / "cut", config).run(kill)
+    resumed = train(split, tmp_path / "cut", config)
+    assert resumed.epoch == 2
+    resumed.run()
+    assert resumed.history == whole.history
+    for name, value in whole.network.state_dict().items():
+        assert torch.equal(resumed.network.state_dict()[name], value), name
+    paths = [tmp_path / name / RolloutTrainer.STATE for name in ("whole", "cut")]
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_a_state_of_other_settings_or_damaged_is_refused(split: Split, tmp_path: Path) -> None:
+    config = RolloutConfig(steps_ahead=2, rollout_epochs=1)
+    train(split, tmp_path, config).run()
+    with pytest.raises(CheckpointError, match="belongs to other settings or data"):
+        train(split, tmp_path, RolloutConfig(steps_ahead=3, rollout_epochs=1))
+    (tmp_path / RolloutTrainer.STATE).write_bytes(b"half")
+    with pytest.raises(CheckpointError, match="is damaged"):
+        train(split, tmp_path, config)
+
+
+@pytest.mark.parametrize("gradient", GRADIENTS)
+def test_training_on_rollouts_lowers_the_error_of_rollouts(
+    split: Split, tmp_path: Path, gradient: str
+) -> None:
+    config = RolloutConfig(
+        steps_ahead=3, rollout_epochs=8, rollout_batch=8, rollout_rate=5e-3, gradient=gradient
+    )
+    trainer = train(split, tmp_path, config)
+    windows = make_windows(split.test, 3, whole=True)
+
+    def error() -> float:
+        with torch.inference_mode():
+            poses = roll(trainer.network, windows, PlanarPrior(), config).numpy()
+        off = (poses - windows.next_scenes[..., POSE])[:, -1, TARGET, :2]
+        return float(np.linalg.norm(off, axis=-1).mean())
+
+    before = error()
+    trainer.run()
+    assert error() < 0.9 * before
+    assert trainer.history.train[-1] < trainer.history.train[0]
+
+
+def test_mirrored_lessons_are_told_the_same_friction(split: Split) -> None:
+    prior = PlanarPrior()
+    mirrored = make_lessons(split.train, 3, FrictionFilter(prior, 0.12), True)
+    assert mirrored.friction is not None
+    count = len(mirrored) // 2
+    np.testing.assert_array_equal(mirrored.friction[:count], mirrored.friction[count:])
+    windows = mirrored.windows
+    np.testing.assert_allclose(windows.scenes[:count, :, 1], -windows.scenes[count:, :, 1])
+    np.testing.assert_array_equal(windows.known[:count], windows.known[count:])
+
+
+def test_a_setting_that_is_not_allowed_is_named() -> None:
+    with pytest.raises(ConfigError, match=r"RolloutConfig\.chain is 'both'"):
+        RolloutConfig(chain="both")

@@ -1,0 +1,135 @@
+"""Dynamics of other packages beside ours in ``evaluate``: named, followed, counted, closed."""
+
+import json
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from sain_core import plugins
+from sain_model.cli import evaluate as evaluate_cli
+from sain_model.dynamics.recurrent import PhysicsChain
+from sain_model.evaluation.baselines import AT_ONCE, Followed, followed, opened, refusals
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.physics.planar import PlanarPrior
+from tests.sain_model.rolling import PUSHES, make_episodes, truth
+from tests.workspace.source_tree import setup_arguments
+
+FEW = np.arange(4 * PUSHES)  # four episodes
+
+
+class Foreign:
+    """Physics that is right, but that refuses short pushes and has to be closed."""
+
+    def __init__(self) -> None:
+        self.refused = 0
+        self.closed = False
+        self.batches: list[int] = []
+
+    def step(self, scenes: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+        assert not self.closed
+        self.batches.append(len(pushes))
+        too_short = pushes[:, 2] < 0.02
+        self.refused += int(too_short.sum())
+        return np.where(too_short[:, None, None], scenes, truth(scenes, pushes))
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture
+def foreign(monkeypatch: pytest.MonkeyPatch) -> list[Foreign]:
+    """What a package that offers "foreign" has made so far."""
+    made: list[Foreign] = []
+    module = ModuleType("another_package")
+    module.load = lambda name: made.append(Foreign()) or made[-1]  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "another_package", module)
+    entry = EntryPoint("foreign", "another_package:load", plugins.GROUP)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry])
+    return made
+
+
+def test_it_is_physics_beside_the_others(tmp_path: Path, foreign: list[Foreign]) -> None:
+    folder, out = make_episodes(tmp_path / "data"), tmp_path / "errors.json"
+    arguments = [str(folder), "--beside", "foreign", "planar_axes", "--out", str(out)]
+    assert evaluate_cli.main([*arguments, "--open-loop", "1", "3"]) == 0
+    report = json.loads(out.read_text())
+    assert list(report["refused"]) == ["foreign"] and report["refused"]["foreign"] > 0
+    for step in ("1", "3"):
+        found = report["open_loop"][step]
+        assert found["best_physics"] == "foreign" and "ratio_to_foreign" in found
+        counts = {row["windows"] for row in found["errors"]["all"].values()}
+        assert len(counts) == 1  # a refused push leaves no window out
+    (one,) = foreign
+    assert one.closed and max(one.batches) <= AT_ONCE
+    text = (tmp_path / "errors_open_loop.md").read_text()
+    assert f"* foreign: pushes that could not be carried out in the scenes that it predicted, and" \
+        f" moved nothing: {one.refused}\n" in text  # fmt: skip
+
+
+def test_what_is_not_installed_is_refused_before_anything_is_evaluated(
+    tmp_path: Path, foreign: list[Foreign], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
+    arguments = [str(folder), "--beside", "foreign", "forein", "--out", str(out)]
+    assert evaluate_cli.main(arguments) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "model 'forein' is unknown (did you mean 'foreign'?); known: foreign" in said
+    assert not out.exists() and foreign[0].closed
+
+
+def test_the_simulators_own_offer_is_rolled_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = setup_arguments("sain_sim")["entry_points"]["sain.dynamics"]
+    entries = [EntryPoint(*line.split(" = "), plugins.GROUP) for line in lines]
+    monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
+    folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
+    arguments = [str(folder), "--beside", "bullet", "bullet_measured", "--out", str(out)]
+    assert evaluate_cli.main([*arguments, "--open-loop", "1", "2"]) == 0
+    report = json.loads(out.read_text())
+    assert set(report["refused"]) == {"bullet", "bullet_measured"}
+    for step, windows in (("1", 24), ("2", 20)):
+        rows = report["open_loop"][step]["errors"]["all"]
+        still = rows["no motion"]["target"]["mean"]
+        for name in ("bullet", "bullet_measured"):
+            assert rows[name]["windows"] == windows
+            assert 0.0 < rows[name]["target"]["mean"] < 0.5 * still
+
+
+def test_following_changes_no_prediction_and_counts_every_push() -> None:
+    scenes = np.random.default_rng(0).normal(size=(2 * AT_ONCE + 3, 2, 8))
+    pushes = np.zeros((len(scenes), 3))
+    counted: list[float] = []
+
+    class Shift:
+        def step(self, scenes: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+            return scenes + 1.0
+
+    follower = Followed(Shift(), counted.append)
+    np.testing.assert_array_equal(follower.step(scenes, pushes), scenes + 1.0)
+    assert counted == [AT_ONCE, AT_ONCE, 3]
+    assert refusals({"shift": follower, "raw": Shift()}) == {"shift": 0}
+
+
+def test_what_carries_a_state_through_rollouts_is_asked_for_whole_ones() -> None:
+    chain = PhysicsChain(InteractionNetwork(), PlanarPrior(), "planar")
+    quiet = Console(quiet=True)
+    with followed({"chain": chain, "planar": PlanarPrior()}, 1, quiet) as shown:
+        assert shown["chain"] is chain and isinstance(shown["planar"], Followed)
+
+
+def test_everything_is_closed_when_the_work_fails(foreign: list[Foreign]) -> None:
+    quiet = Console(quiet=True)
+    with (
+        pytest.raises(RuntimeError),
+        opened(["foreign"]) as others,
+        followed(others, 1, quiet) as shown,
+    ):
+        assert not foreign[0].closed and list(shown) == ["foreign"]
+        raise RuntimeError
+    assert foreign[0].closed

@@ -1,0 +1,184 @@
+"""The compiled network: PyTorch's answers, to the bit whatever the batch and the threads."""
+
+import multiprocessing
+from collections.abc import Callable
+
+import numba
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from sain_core.dynamics import IdentityPrior, RolloutModel, StepwiseRollout
+from sain_core.errors import InvalidInputError
+from sain_core.push import LENGTH, PushLimits
+from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
+from sain_core.types import Pushes, Scenes
+from sain_model.compute.thread_pool import run_blocks
+from sain_model.dynamics.load import load_dynamics
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.network.compiled_network import CompiledNetwork
+from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
+from sain_model.network.torch_network import TorchNetwork
+from sain_model.physics.planar import PlanarPrior
+
+Draw = Callable[[int, int], tuple[Scenes, Pushes]]
+PLACES = np.array([(0.45, 0.0), (0.591, 0.0), (0.5, 0.14), (0.5, -0.15), (0.72, 0.1)])
+RADII = np.array([0.08, 0.06, 0.06, 0.06, 0.055])
+
+
+def network(seed: int = 0, **size: object) -> InteractionNetwork:
+    """Return a network whose residuals are of a centimetre or so."""
+    torch.manual_seed(seed)
+    made = InteractionNetwork(NetworkConfig(**size))  # type: ignore[arg-type]
+    with torch.no_grad():
+        for parameter in made.parameters():
+            parameter.add_(0.2 * torch.randn_like(parameter))
+    return made
+
+
+def batch(disks: int, count: int, seed: int = 0) -> tuple[Scenes, Pushes]:
+    random = np.random.default_rng(seed)
+    scenes = np.stack(
+        [
+            make_scene(
+                PLACES[:disks],
+                random.uniform(7, 9, disks),
+                RADII[:disks],
+                random.uniform(-3, 3, disks),
+            )
+            for _ in range(count)
+        ]
+    )
+    pushes = PushLimits().sample(random, count)
+    pushes[::7, LENGTH] = 0.0
+    return scenes, pushes
+
+
+@pytest.mark.parametrize("disks", [2, 3, 5])
+@pytest.mark.parametrize(
+    "size",
+    [
+        {},
+        {"features": "world"},
+        {"hidden": 9, "message": 5, "layers": 1},
+        {"hidden": 13, "message": 1, "layers": 3, "features": "world"},
+    ],
+)
+def test_the_kernels_and_pytorch_agree(disks: int, size: dict[str, object]) -> None:
+    scenes, pushes = batch(disks, 150)
+    physics = PlanarPrior().step(scenes, pushes)
+    made = network(**size)
+    expected = TorchNetwork(made, "cpu").correct(scenes, pushes, physics)
+    found = CompiledNetwork(made).correct(scenes, pushes, physics)
+    assert np.abs(expected - physics)[..., POSITION].max() > 1e-3
+    np.testing.assert_allclose(found[..., POSITION], expected[..., POSITION], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(wrap_angle(found - expected)[..., THETA], 0, atol=1e-5)
+    np.testing.assert_array_equal(found[..., THETA + 1 :], expected[..., THETA + 1 :])
+
+
+def test_a_batch_is_a_loop_to_the_bit() -> None:
+    scenes, pushes = batch(3, 300)
+    sain = SainDynamics(network(), PlanarPrior(), "planar")
+    together = sain.step(scenes, pushes)
+    for index in (0, 1, 127, 128, 299):
+        alone = sain.step(scenes[index : index + 1], pushes[index : index + 1])
+        assert alone[0].tobytes() == together[index].tobytes()
+
+
+@pytest.mark.parametrize("disks", [2, 4])
+def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks: int) -> None:
+    sain = SainDynamics(network(1), PlanarPrior().at(0.15), "planar")
+    scenes, pushes = batch(disks, 4 * 300, seed=2)
+    sequences = pushes.reshape(300, 4, 3)
+    assert isinstance(sain, RolloutModel)
+    stepwise = StepwiseRollout(sain).rollout(scenes[0], sequences)
+    before = numba.get_num_threads()
+    try:
+        for threads in range(1, numba.config.NUMBA_NUM_THREADS + 1):
+            numba.set_num_threads(threads)
+            assert sain.rollout(scenes[0], sequences).tobytes() == stepwise.tobytes()
+    finally:
+        numba.set_num_threads(before)
+
+
+def test_a_rollout_on_another_prior_goes_step_by_step(random_pushes: Draw) -> None:
+    scenes, pushes = random_pushes(20, 0)
+    sain = SainDynamics(network(), IdentityPrior(), "identity")
+    stepwise = StepwiseRollout(sain).rollout(scenes[0], pushes.reshape(5, 4, 3))
+    np.testing.assert_array_equal(sain.rollout(scenes[0], pushes.reshape(5, 4, 3)), stepwise)
+
+
+def test_a_rollout_that_cannot_be_is_refused(random_pushes: Draw) -> None:
+    scenes, pushes = random_pushes(4, 0)
+    sain = SainDynamics(network(), PlanarPrior(), "planar")
+    pushes[1, 0] = np.nan
+    with pytest.raises(InvalidInputError, match=r"pushes\[1, 0\] is nan"):
+        sain.rollout(scenes[0], pushes.reshape(2, 2, 3))
+    massless = scenes[0] * np.array([1, 1, 1, 1, 1, 1, 0, 1])
+    with pytest.raises(InvalidInputError, match="mass of disk 0 in scene 0"):
+        sain.rollout(massless, pushes[2:].reshape(1, 2, 3))
+
+
+class Stacked(nn.Module):
+    """A layer of several members, as an ensemble keeps it."""
+
+    def __init__(self, layers: list[nn.Linear]) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(torch.stack([layer.weight.detach() for layer in layers]))
+        self.bias = nn.Parameter(torch.stack([layer.bias.detach() for layer in layers]))
+
+
+def stacked(parts: list[nn.Sequential]) -> nn.Sequential:
+    layers = zip(*parts, strict=True)
+    return nn.Sequential(*(Stacked(list(one)) if one[0].state_dict() else one[0] for one in layers))
+
+
+def test_of_several_members_the_mean_is_predicted(random_pushes: Draw) -> None:
+    scenes, pushes = random_pushes(40, 0)
+    physics = PlanarPrior().step(scenes, pushes)
+    members = [network(seed) for seed in range(3)]
+    together = network()
+    together.relation = stacked([member.relation for member in members])
+    together.dynamics = stacked([member.dynamics for member in members])
+    mean = np.mean([CompiledNetwork(m).correct(scenes, pushes, physics) for m in members], axis=0)
+    found = CompiledNetwork(together).correct(scenes, pushes, physics)
+    np.testing.assert_allclose(found[..., POSITION], mean[..., POSITION], atol=1e-9)
+
+
+def test_every_block_is_done_once_and_an_error_comes_through() -> None:
+    done: list[int] = []
+    run_blocks(done.append, 1000, 128)
+    assert sorted(done) == list(range(0, 1000, 128))
+
+    def fail(first: int) -> None:
+        raise InvalidInputError(f"block {first}")
+
+    with pytest.raises(InvalidInputError, match="block"):
+        run_blocks(fail, 1000, 128)
+
+
+def predict_in_child(queue: "multiprocessing.Queue[bytes]") -> None:
+    scenes, pushes = batch(2, 300)
+    queue.put(CompiledNetwork(network()).correct(scenes, pushes, scenes).tobytes())
+
+
+def test_a_forked_process_predicts_the_same() -> None:
+    scenes, pushes = batch(2, 300)
+    here = CompiledNetwork(network()).correct(scenes, pushes, scenes).tobytes()
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    child = context.Process(target=predict_in_child, args=(queue,))
+    child.start()
+    there = queue.get(timeout=60)
+    child.join(timeout=60)
+    assert there == here
+
+
+def test_the_shipped_checkpoint_answers_as_pytorch_does(random_pushes: Draw) -> None:
+    scenes, pushes = random_pushes(300, 5)
+    sain = load_dynamics("sain")
+    assert isinstance(sain, SainDynamics)
+    physics = sain.prior.step(scenes, pushes)
+    expected = TorchNetwork(sain.network, "cpu").correct(scenes, pushes, physics)
+    np.testing.assert_allclose(sain.step(scenes, pushes), expected, rtol=0, atol=1e-7)

@@ -1,0 +1,89 @@
+"""A network that sees the world learns what is tied to places and headings; another cannot."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sain_core.errors import CheckpointError, DatasetError
+from sain_core.push import rotate_pushes
+from sain_core.scene import POSITION, TARGET, rotate_scenes
+from sain_model.cli import train as train_cli
+from sain_model.data.dataset import limit_training, load_transitions, split_by_episode
+from sain_model.dynamics.checkpoint import load_checkpoint
+from sain_model.dynamics.load import load_dynamics
+from sain_model.dynamics.loss import LossConfig
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.prediction_errors import measure
+from sain_model.network.features import DISK_FEATURES, PUSH_FRAME, WORLD_FRAME, make_features
+from sain_model.network.interaction_network import NetworkConfig
+from sain_model.network.place_features import PLACE_FEATURES
+from sain_model.physics.planar import PlanarPrior
+from sain_model.training.trainer import Trainer, TrainingConfig
+
+
+def downhill(dataset: Path):
+    """The dataset with targets that end 5 mm further along the world's x, wherever pushed."""
+    data = load_transitions(dataset)
+    after = data.scenes.copy()
+    after[:] = PlanarPrior().step(data.scenes, data.pushes)
+    after[:, TARGET, 0] += 0.005
+    return split_by_episode(replace(data, next_scenes=after), 0, 0.2, 0.2)
+
+
+def test_only_the_frame_of_the_world_shows_how_a_scene_is_turned(random_pushes) -> None:
+    scenes, pushes = random_pushes(20, 0)
+    after = PlanarPrior().step(scenes, pushes)
+    turn = [rotate_scenes(scenes, 2.0), rotate_pushes(pushes, 2.0), rotate_scenes(after, 2.0)]
+    push, world = (make_features(scenes, pushes, after, f) for f in (PUSH_FRAME, WORLD_FRAME))
+    turned_push, turned_world = (make_features(*turn, frame) for frame in (PUSH_FRAME, WORLD_FRAME))
+    np.testing.assert_allclose(turned_push.disks, push.disks, atol=1e-9)
+    assert world.disks.shape[-1] == DISK_FEATURES + PLACE_FEATURES
+    np.testing.assert_array_equal(world.disks[..., :DISK_FEATURES], push.disks)
+    np.testing.assert_array_equal(world.relations, push.relations)
+    changed = np.abs(turned_world.disks - world.disks).max(axis=(0, 1))
+    assert (changed[DISK_FEATURES:-2] > 0.1).all()
+    np.testing.assert_allclose(changed[-2:], 0.0, atol=1e-9)  # a disk's heading as the push sees it
+
+
+def test_what_pulls_along_the_world_is_learned_in_its_frame_alone(dataset, tmp_path) -> None:
+    split, prior, left = downhill(dataset), PlanarPrior(), {}
+    for frame in (PUSH_FRAME, WORLD_FRAME):
+        network = NetworkConfig(hidden=32, message=8, features=frame)
+        config = TrainingConfig(
+            epochs=150, batch=16, network=network, loss=LossConfig(position_scale=0.005)
+        )
+        trainer = Trainer(split, prior, config, tmp_path / frame)
+        trainer.run()
+        sain = SainDynamics(trainer.network, prior, "planar")
+        predicted = sain.step(split.test.scenes, split.test.pushes)
+        left[frame] = measure(predicted, split.test, 0).target_mean
+    assert left[WORLD_FRAME] < 2.0 and left[WORLD_FRAME] < 0.5 * left[PUSH_FRAME]
+
+
+def test_a_checkpoint_knows_what_its_network_sees(dataset, tmp_path, random_pushes) -> None:
+    arguments = [str(dataset), "--out", str(tmp_path), "--features", "world"]
+    arguments += ["--epochs", "2", "--validation", "0.2", "--transitions", "40"]
+    assert train_cli.main(arguments) == 0
+    path = tmp_path / "sain.safetensors"
+    network, card, _ = load_checkpoint(path)
+    assert network.config.features == "world" and card.data["transitions"]["train"] == 40
+    scenes, pushes = random_pushes(5, 1)
+    assert np.isfinite(load_dynamics(str(path)).step(scenes, pushes)[..., POSITION]).all()
+    text = (tmp_path / "sain.json").read_text()
+    (tmp_path / "sain.json").write_text(text.replace('"features": "world"', '"features": "push"'))
+    with pytest.raises(CheckpointError, match=r"dynamics\.0\.weight has shape"):
+        load_checkpoint(path)
+
+
+def test_learning_from_fewer_keeps_what_is_held_out(dataset) -> None:
+    split = split_by_episode(load_transitions(dataset), 0, 0.2, 0.2)
+    part = limit_training(split, 24)
+    assert len(part.train) == 24
+    np.testing.assert_array_equal(part.train.pushes, split.train.pushes[:24])
+    share = 24 / len(split.train)
+    assert len(part.validation) == round(share * len(split.validation))
+    assert part.test is split.test
+    with pytest.raises(DatasetError, match="1000 transitions to train on are asked for; there are"):
+        limit_training(split, 1000)

@@ -1,0 +1,215 @@
+import numpy as np
+import pytest
+
+from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.errors import (
+    ConfigError,
+    InvalidInputError,
+    ModelUnavailableError,
+    OutOfRangeError,
+    TooMuchWorkError,
+)
+from sain_core.history import PushHistory
+from sain_core.push import PushLimits
+from sain_core.scene import make_scene, wrap_angle
+from sain_core.types import Pushes, Scenes
+from sain_model.compute.devices import choose_device
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.physics.friction import FrictionConfig
+from sain_model.physics.planar import PlanarPrior
+from sain_model.serving.latency import RECENT, ServiceRecord
+from sain_model.serving.live import LiveModel
+from sain_model.serving.server import ModelServer, ServingConfig
+
+SCENE = make_scene(
+    np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
+)
+SCENES = np.stack([SCENE] * 6)
+PUSHES = PushLimits().sample(np.random.default_rng(0), 6)
+
+
+class Broken:
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        return np.full_like(scenes, np.nan)
+
+
+@pytest.fixture
+def sain() -> SainDynamics:
+    return SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", "abc", "{}")
+
+
+def test_next_state_is_physics_plus_residual(sain: SainDynamics) -> None:
+    server = ModelServer(sain, ServingConfig(model="mine"))
+    physics = PlanarPrior().step(SCENES, PUSHES)
+    residual, next_state = server.predict(SCENES, PUSHES)
+    np.testing.assert_array_equal(next_state, sain.step(SCENES, PUSHES))
+    difference = next_state - physics
+    difference[..., 2] = wrap_angle(difference[..., 2])
+    np.testing.assert_array_equal(residual, difference)
+    given = server.predict(SCENES, PUSHES, physics)
+    np.testing.assert_array_equal(given[1], next_state)
+
+
+def test_a_model_is_described(sain: SainDynamics) -> None:
+    description = ModelServer(sain, ServingConfig(model="mine")).description
+    told = (description.model, description.kind, description.prior, description.model_hash)
+    assert told == ("mine", "residual", "planar", "abc")
+    identity = ModelServer(IdentityPrior(), ServingConfig(model="identity")).description
+    assert (identity.kind, identity.prior, identity.card) == ("physics", "identity", "")
+
+
+def test_too_much_work_is_refused() -> None:
+    server = ModelServer(IdentityPrior(), ServingConfig(max_work=11))
+    with pytest.raises(TooMuchWorkError, match="6 predictions of 2 disks are 12 of work"):
+        server.predict(SCENES, PUSHES)
+    with pytest.raises(TooMuchWorkError):
+        server.rollout(SCENE, PUSHES.reshape(3, 2, 3))
+    assert server.rollout(SCENE, PUSHES[:5, None]).shape == (5, 1, 2, 8)
+
+
+def test_a_model_that_predicts_nan_is_unavailable() -> None:
+    server = ModelServer(Broken(), ServingConfig(model="broken"))
+    with pytest.raises(ModelUnavailableError, match="model 'broken' predicts NaN or Inf"):
+        server.rollout(SCENE, PUSHES[:, None])
+    with pytest.raises(ModelUnavailableError):
+        server.predict(SCENES, PUSHES)
+
+
+def test_a_scene_that_cannot_exist_is_refused() -> None:
+    server = ModelServer(IdentityPrior(), ServingConfig())
+    overlapping = SCENE.copy()
+    overlapping[1, 0] = 0.45
+    with pytest.raises(InvalidInputError, match="disks 0 and 1 overlap"):
+        server.rollout(overlapping, PUSHES[:, None])
+
+
+def past(friction: float, pushes: int = 4) -> PushHistory:
+    scenes, actions = SCENES[:pushes], PUSHES[:pushes]
+    after = PlanarPrior().step(scenes, actions, np.full(pushes, friction))
+    return PushHistory(scenes, actions, after)
+
+
+def test_a_model_serves_what_the_past_tells() -> None:
+    sain = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", friction=FrictionConfig())
+    server = ModelServer(sain, ServingConfig(model="mine"))
+    for truth in (0.2, 0.08, 0.08):
+        history = past(truth)
+        told = sain.with_history(history)
+        np.testing.assert_array_equal(
+            server.predict(SCENES, PUSHES, history=history)[1], told.step(SCENES, PUSHES)
+        )
+        predicted = server.rollout(SCENE, PUSHES[:, None], history)
+        np.testing.assert_array_equal(predicted[:, 0], told.step(SCENES, PUSHES))
+        assert server.friction(history) == pytest.approx(truth, rel=0.05)
+    assert server.friction(None) == server.friction(PushHistory.empty()) == 0.12
+    np.testing.assert_array_equal(server.predict(SCENES, PUSHES)[1], sain.step(SCENES, PUSHES))
+
+
+def test_a_past_is_bounded_work_and_may_be_of_no_use() -> None:
+    server = ModelServer(IdentityPrior(), ServingConfig(max_work=7))
+    assert server.friction(past(0.2, pushes=3)) == 0.0
+    with pytest.raises(TooMuchWorkError, match="4 predictions of 2 disks are 8 of work"):
+        server.rollout(SCENE, PUSHES[:1, None], past(0.2))
+
+
+def test_what_is_too_much_is_refused_before_anything_is_computed() -> None:
+    server = ModelServer(IdentityPrior(), ServingConfig(max_disks=3))
+    crowd = np.ones((1, 4, 8))
+    with pytest.raises(TooMuchWorkError, match="scenes of 4 disks; at most 3 are accepted"):
+        server.predict(crowd, PUSHES[:1])
+    with pytest.raises(TooMuchWorkError):
+        server.rollout(crowd[0], PUSHES[:1, None])
+    planar = ModelServer(PlanarPrior(), ServingConfig(max_work=8))
+    with pytest.raises(TooMuchWorkError, match="61 predictions of 2 disks are 122 of work"):
+        planar.friction(past(0.2, pushes=1))
+
+
+def test_a_push_that_no_arm_could_make_is_refused() -> None:
+    server = ModelServer(IdentityPrior(), ServingConfig())
+    pushes = PUSHES.copy()
+    pushes[3, 2] = 1e9
+    with pytest.raises(OutOfRangeError, match=r"length of push \(3,\) is 1000000000.0; allo"):
+        server.predict(SCENES, pushes)
+    with pytest.raises(OutOfRangeError, match=r"length of push \(1, 1\)"):
+        server.rollout(SCENE, pushes.reshape(3, 2, 3))
+    pushes[3] = 0.0, -3.0, 0.1
+    with pytest.raises(OutOfRangeError, match=r"angle of push \(3,\) is -3.0; allowed: -1.57"):
+        server.predict(SCENES, pushes)
+
+
+def test_a_scene_in_a_batch_that_cannot_exist_is_refused() -> None:
+    server = ModelServer(IdentityPrior(), ServingConfig())
+    for change, text in (
+        ((1, 0, 0.45), "disks 0 and 1 overlap"),
+        ((0, 3, np.inf), "vx of disk 0 is inf"),
+        ((1, 7, -0.06), "radius of disk 1 is -0.06"),
+    ):
+        scenes = SCENES.copy()
+        scenes[(4, *change[:2])] = change[2]
+        with pytest.raises(InvalidInputError, match=text):
+            server.predict(scenes, PUSHES)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "found", "device"),
+    [
+        ("auto", True, "cuda"),
+        ("auto", False, "cpu"),
+        ("cpu", True, "cpu"),
+        ("cpu", False, "cpu"),
+        ("cuda", True, "cuda"),
+    ],
+)
+def test_the_device_is_what_is_wanted_and_there(
+    monkeypatch: pytest.MonkeyPatch, sain: SainDynamics, wanted: str, found: bool, device: str
+) -> None:
+    monkeypatch.setattr("torch.cuda.is_available", lambda: found)
+    assert choose_device(wanted) == device
+    server = ModelServer(sain, ServingConfig(device=wanted))
+    assert server.description.device == device
+    assert sain.device == "cpu"  # moving makes another one
+
+
+def test_a_device_that_is_not_there_is_refused(
+    monkeypatch: pytest.MonkeyPatch, sain: SainDynamics
+) -> None:
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    with pytest.raises(ConfigError, match="device is 'cuda', but PyTorch finds no GPU"):
+        ModelServer(sain, ServingConfig(device="cuda"))
+    with pytest.raises(ConfigError, match="allowed: 'auto', 'cpu', 'cuda'"):
+        ServingConfig(device="tpu")
+    with pytest.raises(ConfigError, match="allowed: auto, cpu, cuda"):
+        choose_device("tpu")
+
+
+def test_another_model_takes_its_place_or_the_old_one_stays(sain: SainDynamics) -> None:
+    models: dict[str, Dynamics] = {"one": sain, "two": IdentityPrior(), "broken": Broken()}
+    live = LiveModel(models.__getitem__, ServingConfig(model="one", max_work=99))
+    begun = live.current
+    live.serve(live.prepare("two"))
+    assert (begun.description.model, live.current.description.model) == ("one", "two")
+    assert live.current.config.max_work == 99
+    with pytest.raises(ModelUnavailableError, match="model 'broken' predicts NaN or Inf"):
+        live.prepare("broken")
+    assert live.current.description.model == "two"
+    np.testing.assert_array_equal(begun.predict(SCENES, PUSHES)[1], sain.step(SCENES, PUSHES))
+
+
+def test_latency_and_queue_are_recorded() -> None:
+    record = ServiceRecord()
+    assert record.summary()["p95_ms"] == "0.0"
+    for _ in range(3):
+        record.take()
+    for number in range(100):
+        record.take()
+        record.answer(0.001 * (number + 1), well=number % 10 > 0)
+    assert (record.requests, record.failures) == (100, 10)
+    assert (record.queue, record.longest_queue) == (3, 4)
+    assert (record.percentile(0.5), record.percentile(0.95)) == (0.05, 0.095)
+    told = record.summary()
+    assert (told["p50_ms"], told["p95_ms"], told["longest_ms"]) == ("50.0", "95.0", "100.0")
+    for _ in range(RECENT):
+        record.take()
+        record.answer(0.002, well=True)
+    assert record.percentile(0.95) == 0.002

@@ -1,0 +1,259 @@
+"""A checkpoint goes on learning: what stays and what moves, what is refused, what is told."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from sain_core.errors import CheckpointError, DatasetError
+from sain_core.scene import unit
+from sain_model.cli import train as train_cli
+from sain_model.cli.evaluate import unseen
+from sain_model.data.dataset import Transitions, load_transitions
+from sain_model.dynamics.checkpoint import load_checkpoint, read_card
+from sain_model.dynamics.load import load_sain
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.training.fine_tuning import Parent
+
+SMALL = ("--hidden", "8", "--message", "4", "--members", "2")
+LEARN = ("--epochs", "20", "--batch", "16", "--learning-rate", "0.01")
+
+
+def run(*arguments: object) -> int:
+    return train_cli.main([str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def parent(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small ensemble that has learned from the data set of all these tests."""
+    out = tmp_path_factory.mktemp("parent")
+    assert run(dataset, "--out", out, "--epochs", 5, "--history", "earlier", *SMALL) == 0
+    return out / "sain.safetensors"
+
+
+@pytest.fixture(scope="module")
+def world(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Another world: the target goes further by 3 tenths, along the push; friction is unknown."""
+    folder = tmp_path_factory.mktemp("world")
+    for shard in sorted(dataset.glob("*.npz")):
+        arrays = dict(np.load(shard))
+        state, after = (arrays[name].reshape(-1, 2, 8) for name in ("state", "next_state"))
+        way = np.linalg.norm((after - state)[:, 1, :2], axis=-1)
+        after[:, 1, :2] += 0.3 * way[:, None] * unit(arrays["action"][:, 0])
+        del arrays["friction"], arrays["floor_next"]
+        np.savez_compressed(folder / shard.name, **arrays)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def child(parent: Path, world: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What becomes of the parent in the other world."""
+    out = tmp_path_factory.mktemp("child")
+    assert run(world, "--from", parent, "--out", out, *LEARN) == 0
+    return out / "sain.safetensors"
+
+
+def error(message: str) -> Callable[[pytest.CaptureFixture[str]], bool]:
+    return lambda capture: message in " ".join(capture.readouterr().err.split())
+
+
+def test_it_is_the_parent_with_other_weights_and_regions(parent: Path, child: Path) -> None:
+    before, after = load_sain(parent), load_sain(child)
+    assert isinstance(after, SainDynamics)
+    assert after.network.config == before.network.config
+    assert after.prior_name == before.prior_name
+    assert after.prior.config == before.prior.config  # type: ignore[attr-defined]
+    assert after.friction == before.friction
+    assert after.model_hash != before.model_hash
+    assert after.intervals is not None and after.intervals != before.intervals
+    settings = read_card(child).training
+    assert settings["history"] == "earlier" and settings["validation"] == 0.2
+
+
+def test_it_errs_less_where_it_learned(child: Path) -> None:
+    gain = read_card(child).errors["fine_tuning"]
+    ratio, low, high = gain["ratio"]
+    assert gain["after"] == pytest.approx(ratio * gain["before"])
+    assert low <= ratio <= high < 0.9
+    training = read_card(child).training
+    assert training["validation_loss"] < training["loss_before"]
+
+
+def test_the_card_tells_where_it_came_from(parent: Path, child: Path, dataset: Path) -> None:
+    card, before = read_card(child), read_card(parent)
+    family = list(card.lineage())
+    assert [member.weights_sha256 for member in family] == [
+        card.weights_sha256,
+        before.weights_sha256,
+    ]
+    assert family[1] == replace(before, errors={})
+    assert family[1].data["sha256"] == load_transitions(dataset).sha256
+    assert list(before.lineage()) == [before]
+    with pytest.raises(CheckpointError, match="parent on a card is no card"):
+        list(replace(card, parent={"colour": "red"}).lineage())
+
+
+def test_nothing_that_an_ancestor_learned_from_counts_as_held_out(
+    parent: Path, child: Path, dataset: Path, world: Path
+) -> None:
+    old, new = load_transitions(dataset), load_transitions(world)
+    by_parent, by_child = unseen(old, read_card(parent)), unseen(old, read_card(child))
+    assert 0 < len(by_child) < len(old)
+    assert np.array_equal(by_child.pushes, by_parent.pushes)
+    assert 0 < len(unseen(new, read_card(child))) < len(new)
+
+
+def test_the_same_command_gives_the_same_bytes_also_after_a_stop(
+    parent: Path, child: Path, world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = (world, "--from", parent, "--out", tmp_path, *LEARN)
+    whole = train_cli.Trainer.run
+
+    def stopped(self: train_cli.Trainer, progress: Callable[..., None]) -> None:
+        def stop(epoch: int, history: object) -> None:
+            if epoch == 7:
+                raise KeyboardInterrupt
+
+        whole(self, stop)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(train_cli.Trainer, "run", stopped)
+        assert run(*command) == 130
+    assert not (tmp_path / "sain.safetensors").exists()
+    assert run(*command) == 0
+    assert (tmp_path / "sain.safetensors").read_bytes() == child.read_bytes()
+    cards = [json.loads((folder / "sain.json").read_text()) for folder in (tmp_path, child.parent)]
+    for part in ("intervals", "training", "errors", "parent"):
+        assert cards[0][part] == cards[1][part]
+
+
+def test_a_state_of_another_parent_is_refused(
+    parent: Path, child: Path, world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = (world, "--out", tmp_path, "--epochs", 1)
+    assert run(*command, "--from", parent) == 0
+    assert run(*command, *SMALL) == 1
+    assert error("belongs to other settings or data")(capsys)
+
+
+def test_where_nothing_helps_the_parents_weights_stay(
+    parent: Path, world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = (world, "--from", parent, "--out", tmp_path, "--epochs", 2, "--learning-rate", 9)
+    assert run(*command) == 0
+    assert "no epoch did better" in capsys.readouterr().out
+    assert (tmp_path / "sain.safetensors").read_bytes() == parent.read_bytes()
+    card = read_card(tmp_path / "sain.safetensors")
+    assert card.training["best_epoch"] == 0 and card.training["train_loss"] is None
+    assert card.training["validation_loss"] == card.training["loss_before"]
+    assert card.intervals != read_card(parent).intervals
+    gain = card.errors["fine_tuning"]
+    assert gain["before"] == gain["after"] and gain["ratio"] == [1.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--members", "5"], "--members is 5; {} has 2, and its weights fit nothing else"),
+        (["--features", "world"], "--features is 'world'; {} has 'push'"),
+        (["--prior", "planar_axes"], "--prior is 'planar_axes'; {} has 'planar'"),
+        (["--history", "none"], "--history is 'none'; {} has 'earlier'"),
+        (["--prior-friction", "0.2"], "--prior-friction is 0.2; {} has 0.12"),
+        (["--preset", "paper"], "--preset paper is for new weights"),
+        (["--steps-ahead", "3"], "--steps-ahead is for new weights"),
+    ],
+)
+def test_what_contradicts_the_parent_is_refused(
+    options: list[str],
+    message: str,
+    parent: Path,
+    world: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(world, "--from", parent, "--out", tmp_path / "out", *options) == 1
+    told = "".join(capsys.readouterr().err.split())
+    assert "".join(message.format(parent).split()) in told
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_agrees_with_the_parent_may_be_said(parent: Path, world: Path, tmp_path: Path) -> None:
+    agreed = ("--members", 2, "--hidden", 8, "--prior", "planar", "--epochs", 1)
+    assert run(world, "--from", parent, "--out", tmp_path, *agreed) == 0
+
+
+def test_data_that_an_ancestor_has_seen_are_refused(
+    parent: Path, child: Path, dataset: Path, world: Path
+) -> None:
+    old, new = load_transitions(dataset), load_transitions(world)
+    Parent.load(str(parent)).check_data(new)
+    for checkpoint, data in ((parent, old), (child, old), (child, new)):
+        with pytest.raises(DatasetError, match="has learned from this data set already"):
+            Parent.load(str(checkpoint)).check_data(data)
+    mixed = replace(new, sha256="of both", sources=("other", old.sha256))
+    with pytest.raises(DatasetError, match="has learned from this data set already"):
+        Parent.load(str(parent)).check_data(mixed)
+
+
+def test_what_cannot_be_a_parent_is_refused(dataset: Path, tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match="--from is 'planar'; it must be sain, or the path"):
+        Parent.load("planar")
+    with pytest.raises(CheckpointError, match="does not exist"):
+        Parent.load(str(tmp_path / "none.safetensors"))
+    rolled = tmp_path / "rolled"
+    options = ("--epochs", 1, "--steps-ahead", 2, "--rollout-epochs", 1, "--hidden", 8)
+    assert run(dataset, "--out", rolled, *options) == 0
+    with pytest.raises(CheckpointError, match="was trained on rollouts"):
+        Parent.load(str(rolled / "sain.safetensors"))
+
+
+def test_the_shipped_checkpoint_can_be_a_parent() -> None:
+    parent = Parent.load("sain")
+    assert parent.settings.prior == "planar_axes"
+    assert parent.settings.network.members == 3
+    assert parent.settings.loss.position_scale == 2e-4
+    assert parent.settings.weight_decay == parent.card.training["weight_decay"] == 0.01
+
+
+def test_a_card_with_settings_of_nonsense_is_refused(parent: Path, tmp_path: Path) -> None:
+    path = tmp_path / "sain.safetensors"
+    path.write_bytes(parent.read_bytes())
+    card = json.loads(parent.with_suffix(".json").read_text())
+    card["training"]["loss"]["robust"] = "very"
+    path.with_suffix(".json").write_text(json.dumps(card))
+    load_checkpoint(path)  # it can be served all the same
+    with pytest.raises(CheckpointError, match=r"training.loss: robust is 'very'"):
+        _ = Parent.load(str(path)).settings
+
+
+def test_one_episode_less_than_the_parts_is_too_few(
+    parent: Path, world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = first_episodes(load_transitions(world), 2)
+    arrays = {
+        "state": few.scenes.reshape(len(few), -1),
+        "action": few.pushes,
+        "physics_next": few.physics_next.reshape(len(few), -1),
+        "next_state": few.next_scenes.reshape(len(few), -1),
+        "episode": few.episodes,
+    }
+    np.savez_compressed(tmp_path / "shard-0.npz", **arrays)
+    command = (tmp_path / "shard-0.npz", "--from", parent, "--out", tmp_path / "o", "--epochs", 2)
+    assert run(*command) == 1
+    assert error("2 episodes are too few to train, validate and test")(capsys)
+    assert run(*command, "--test", 0) == 0
+
+
+def first_episodes(data: Transitions, count: int) -> Transitions:
+    return data.select(np.isin(data.episodes, np.unique(data.episodes)[:count]))
+
+
+def test_the_summary_fits_a_line_of_text(child: Path) -> None:
+    console = Console(record=True, width=200)
+    console.print(train_cli.gain_line(read_card(child).errors["fine_tuning"], "sain", "test"))
+    line = console.export_text()
+    assert "mm with sain, " in line and "ratio 0." in line and line.count("[") == 1

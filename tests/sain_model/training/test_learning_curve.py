@@ -1,0 +1,80 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sain_core.errors import CheckpointError, DatasetError
+from sain_model.cli import learning_curve as learning_curve_cli
+from sain_model.data.dataset import Split, load_transitions, split_by_episode
+from sain_model.network.interaction_network import NetworkConfig
+from sain_model.training.learning_curve import Point, learning_curve
+from sain_model.training.trainer import TrainingConfig
+
+SIZES = (20, 60)
+STEPS = 8
+SMALL = TrainingConfig(batch=16, network=NetworkConfig(hidden=8, message=4, layers=1))
+
+
+@pytest.fixture
+def split(dataset: Path) -> Split:
+    return split_by_episode(load_transitions(dataset), 0, 0.2, 0.2)
+
+
+def test_every_size_is_learned_from_with_physics_and_without(split: Split, tmp_path: Path) -> None:
+    points = learning_curve(split, SMALL, SIZES, STEPS, tmp_path)
+    measured = {(point.name, point.transitions) for point in points}
+    networks = {"learned only", "SAIN", "SAIN, history"}
+    assert {(name, size) for name in networks for size in SIZES} < measured
+    physics = {name for name, size in measured if not size}
+    assert {"bullet, nominal", "planar, measured", "floor"} < physics
+    for point in points:
+        assert 0.0 <= point.low <= point.mean <= point.high, point
+    # the fixture's truth is the planar prior but for a few millimetres
+    errors = {(point.name, point.transitions): point.mean for point in points}
+    assert all(errors["SAIN", size] < errors["learned only", size] for size in SIZES)
+
+
+def test_what_is_done_is_not_done_again(split: Split, tmp_path: Path) -> None:
+    begun: list[tuple[str, int]] = []
+    first = learning_curve(split, SMALL, SIZES[:1], STEPS, tmp_path)
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("training.pt")}
+    both = learning_curve(
+        split, SMALL, SIZES, STEPS, tmp_path, lambda prior, size: begun.append((prior, size))
+    )
+    assert kept == {path: path.stat().st_mtime_ns for path in kept}
+    assert set(first) < set(both)
+    assert begun == [(prior, size) for size in SIZES for prior in ("identity", "planar")]
+
+
+def test_a_folder_of_other_settings_is_refused(split: Split, tmp_path: Path) -> None:
+    learning_curve(split, SMALL, SIZES[:1], STEPS, tmp_path)
+    with pytest.raises(CheckpointError, match="belongs to other settings or data"):
+        learning_curve(split, replace(SMALL, seed=1), SIZES[:1], STEPS, tmp_path)
+
+
+def test_more_than_there_is_cannot_be_learned_from(split: Split, tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match=f"5000 transitions .* there are {len(split.train)}"):
+        learning_curve(split, SMALL, (20, 5000), STEPS, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_held_out_episodes_nothing_is_trained(dataset: Path, tmp_path: Path) -> None:
+    split = split_by_episode(load_transitions(dataset), 0, 0.2, 0.0)
+    with pytest.raises(DatasetError, match="errors need held-out episodes; give --test above 0"):
+        learning_curve(split, SMALL, SIZES, STEPS, tmp_path)
+    assert learning_curve_cli.main([str(dataset), "--out", str(tmp_path), "--test", "0"]) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_writes_table_picture_and_figures(dataset: Path, tmp_path: Path) -> None:
+    out = tmp_path / "curves"
+    words = f"{dataset} --out {out} --sizes 20 60 --steps 8 --batch 16 --hidden 8 --layers 1"
+    assert learning_curve_cli.main([*words.split(), "--validation", "0.2"]) == 0
+    report = json.loads((out / "curves.json").read_text())
+    assert report["steps"] == STEPS
+    points = [Point(**point) for point in report["points"]]
+    table = (out / "curves.md").read_text().splitlines()
+    assert table[0] == "| predictor | none | 20 | 60 |"
+    assert len(table) == 2 + len({point.name for point in points})
+    assert (out / "curves.png").read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,197 @@
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from sain_core.errors import CheckpointError
+from sain_model.cli import evaluate as evaluate_cli
+from sain_model.cli import train as train_cli
+from sain_model.data.dataset import Split, load_transitions, split_by_episode
+from sain_model.data.examples import Examples
+from sain_model.dynamics.load import load_dynamics
+from sain_model.dynamics.loss import LossConfig, mixed_loss
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.metrics import bootstrap_over_episodes, measure
+from sain_model.evaluation.prediction_errors import evaluate
+from sain_model.network.interaction_network import NetworkConfig
+from sain_model.physics.planar import PlanarPrior
+from sain_model.training.trainer import Trainer, TrainingConfig
+
+SMALL = NetworkConfig(hidden=32, message=8)
+
+
+@pytest.fixture
+def split(dataset: Path) -> Split:
+    return split_by_episode(load_transitions(dataset), 0, 0.2, 0.2)
+
+
+def test_training_learns_a_residual(split: Split, tmp_path: Path) -> None:
+    config = TrainingConfig(
+        epochs=120, batch=16, network=SMALL, loss=LossConfig(position_scale=0.005)
+    )
+    prior = PlanarPrior()
+    trainer = Trainer(split, prior, config, tmp_path)
+    trainer.run()
+    sain = SainDynamics(trainer.network, prior, "planar")
+    test = split.test
+    before = measure(prior.step(test.scenes, test.pushes), test, 0)
+    after = measure(sain.step(test.scenes, test.pushes), test, 0)
+    assert after.target_mean < 0.6 * before.target_mean
+    history = trainer.history
+    assert history.validation[history.best] == min(history.validation)
+
+
+def test_a_killed_training_goes_on_to_the_same_weights(split: Split, tmp_path: Path) -> None:
+    config = TrainingConfig(epochs=4, batch=32, network=SMALL)
+    whole = Trainer(split, PlanarPrior(), config, tmp_path / "whole")
+    whole.run()
+
+    class KillError(Exception):
+        pass
+
+    def kill(epoch: int, history: object) -> None:
+        if epoch == 2:
+            raise KillError
+
+    with pytest.raises(KillError):
+        Trainer(split, PlanarPrior(), config, tmp_path / "cut").run(kill)
+    resumed = Trainer(split, PlanarPrior(), config, tmp_path / "cut")
+    assert resumed.epoch == 2
+    resumed.run()
+    assert resumed.history == whole.history
+    for name, value in whole.network.state_dict().items():
+        assert torch.equal(resumed.network.state_dict()[name], value), name
+
+
+def test_a_state_of_other_settings_or_damaged_is_refused(split: Split, tmp_path: Path) -> None:
+    config = TrainingConfig(epochs=1, network=SMALL)
+    Trainer(split, PlanarPrior(), config, tmp_path).run()
+    with pytest.raises(CheckpointError, match="belongs to other settings or data"):
+        Trainer(split, PlanarPrior(), TrainingConfig(epochs=2, network=SMALL), tmp_path)
+    (tmp_path / Trainer.STATE).write_bytes(b"half")
+    with pytest.raises(CheckpointError, match="is damaged"):
+        Trainer(split, PlanarPrior(), config, tmp_path)
+
+
+def test_the_loss_is_the_papers() -> None:
+    """Without robustness: |dp|^2 + |dv|^2 + |d sin|^2 + |d cos|^2, averaged over disks."""
+    random = torch.Generator().manual_seed(0)
+    residual, velocity, predicted = (torch.randn(5, 2, 3, generator=random) for _ in range(3))
+    examples = Examples(torch.zeros(5, 2, 1), torch.zeros(5, 2, 1), residual, velocity)
+    ones = LossConfig(robust=False, position_scale=1.0, velocity_scale=1.0, heading_scale=1.0)
+    rows = torch.arange(5)
+    angle, guess = residual[..., 2], predicted[..., 2]
+    expected = (
+        (residual - predicted)[..., :2].square().sum(-1)
+        + velocity.square().sum(-1)
+        + (angle.sin() - guess.sin()).square()
+        + (angle.cos() - guess.cos()).square()
+    ).mean()
+    assert mixed_loss(predicted, examples, rows, ones).item() == pytest.approx(expected.item())
+    robust = mixed_loss(100 * predicted, examples, rows, LossConfig(robust=True))
+    assert robust < mixed_loss(100 * predicted, examples, rows, LossConfig(robust=False))
+
+
+def test_the_command_lines_end_in_a_checkpoint_and_a_report(dataset: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    options = ["--epochs", "2", "--hidden", "8", "--message", "4", "--test", "0.3"]
+    assert train_cli.main([str(dataset), "--out", str(out), *options]) == 0
+    names = {path.name for path in out.iterdir()}
+    assert {"sain.safetensors", "sain.json", "loss.png", "config.json"} <= names
+    card = json.loads((out / "sain.json").read_text())
+    assert card["data"]["episodes"] == {"train": 12, "validation": 2, "test": 6}
+    assert sum(card["data"]["transitions"].values()) == 120
+    assert card["errors"]["all"]["SAIN"]["pushes"] == card["data"]["transitions"]["test"]
+    sain = load_dynamics(str(out / "sain.safetensors"))
+    assert isinstance(sain, SainDynamics) and sain.kind == "residual"
+    assert sain.friction is not None and asdict(sain.friction) == card["friction"]
+
+    learned = tmp_path / "learned"
+    assert (
+        train_cli.main([str(dataset), "--out", str(learned), *options, "--prior", "identity"]) == 0
+    )
+    report = tmp_path / "errors.json"
+    arguments = ["--checkpoint", str(out / "sain.safetensors"), "--out", str(report)]
+    arguments += ["--learned", str(learned / "sain.safetensors")]
+    assert evaluate_cli.main([str(dataset), *arguments]) == 0
+    errors = json.loads(report.read_text())
+    assert errors["transitions"] == card["data"]["transitions"]["test"]
+    assert errors["all"]["SAIN"] == card["errors"]["all"]["SAIN"]
+    assert set(errors["all"]) == {
+        "no motion",
+        "planar, nominal",
+        "bullet, nominal",
+        "planar, measured",
+        "planar, true",
+        "learned only",
+        "SAIN",
+        "planar, history",
+        "its prior, history",
+        "SAIN, history",
+        "SAIN, true friction",
+        "floor",
+    }
+    groups = errors["by_history"]
+    assert [group["earlier"] for group in groups] == ["0", "1", "2", "3+"]
+    assert [group["pushes"] for group in groups] == [6, 6, 6, 18]
+    assert groups[0]["target_mean"]["SAIN, history"] == groups[0]["target_mean"]["SAIN"]
+    assert groups[3]["target_mean"]["SAIN, history"] != groups[3]["target_mean"]["SAIN"]
+    assert errors["all"]["floor"]["target_mean"] == pytest.approx(0.1 * 2**0.5)
+
+
+def test_a_command_line_says_what_is_wrong(
+    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert train_cli.main([str(tmp_path / "none"), "--out", str(tmp_path)]) == 1
+    assert "does not exist" in " ".join(capsys.readouterr().err.split())
+    missing = str(tmp_path / "m.safetensors")
+    assert evaluate_cli.main([str(dataset), "--checkpoint", missing]) == 1
+    assert "does not exist" in " ".join(capsys.readouterr().err.split())
+
+
+def test_errors_are_what_they_say(dataset: Path) -> None:
+    data = load_transitions(dataset)
+    result = evaluate(data)
+    truth = PlanarPrior().step(data.scenes, data.pushes)
+    off = 1e3 * np.linalg.norm((truth - data.next_scenes)[:, 1, :2], axis=-1)
+    assert result["all"]["planar, measured"]["target_mean"] == pytest.approx(off.mean())
+    assert result["all"]["planar, measured"]["target_p95"] == pytest.approx(np.quantile(off, 0.95))
+    assert result["moved"] == result["target_moved"]["no motion"]["pushes"]
+    shares = result["reducible_error_removed"]
+    assert shares["planar, measured"] == pytest.approx(0.0, abs=1e-9)
+    assert shares["no motion"] < 0.0
+
+
+def test_the_interval_is_over_episodes() -> None:
+    episodes = np.repeat(np.arange(50), 20)
+    values = np.repeat(np.random.default_rng(0).normal(size=50), 20)
+    low, high = bootstrap_over_episodes(values, episodes, seed=0)
+    assert low < values.mean() < high
+    assert high - low == pytest.approx(2 * 1.96 * values.std() / 50**0.5, rel=0.15)
+
+
+def test_a_residual_can_be_on_the_state_too(split: Split, tmp_path: Path) -> None:
+    """The paper's other reading: what physics predicts is an input alone."""
+    network = replace(SMALL, residual="state")
+    config = TrainingConfig(epochs=60, batch=16, network=network)
+    trainer = Trainer(split, PlanarPrior(), config, tmp_path)
+    start = SainDynamics(trainer.network, PlanarPrior(), "planar")
+    test = split.test
+    np.testing.assert_allclose(start.step(test.scenes, test.pushes), test.scenes, atol=1e-12)
+    still = measure(test.scenes, test, 0).target_mean
+    trainer.run()
+    sain = SainDynamics(trainer.network, PlanarPrior(), "planar")
+    learned = sain.step(test.scenes, test.pushes)
+    assert measure(learned, test, 0).target_mean < 0.5 * still
+    # a rollout of one push is a step here as well
+    rolled = sain.rollout(test.scenes[0], test.pushes[:1, None])
+    np.testing.assert_allclose(rolled[0, 0], learned[0], atol=1e-9)
+
+
+def test_rollouts_are_learned_on_physics_alone(dataset: Path, tmp_path: Path, capsys) -> None:
+    words = f"{dataset} --out {tmp_path} --epochs 1 --residual state --steps-ahead 2"
+    assert train_cli.main(words.split()) == 1
+    assert "leave --residual state out" in " ".join(capsys.readouterr().err.split())

@@ -1,0 +1,204 @@
+"""What every algorithm promises, over a toy model that only knows how to push disks apart."""
+
+from dataclasses import fields, replace
+from time import monotonic, sleep
+
+import numpy as np
+import pytest
+
+from sain_core.dynamics import IdentityPrior, StepwiseRollout
+from sain_core.errors import ModelUnavailableError, NoPushError
+from sain_core.feasibility import Feasibility, Reach
+from sain_core.push import LENGTH, LOCATION
+from sain_core.scene import MASS, make_scene, unit
+from sain_core.seeding import generator
+from sain_mppi.algorithms import ALGORITHMS
+from sain_mppi.planner import Planner
+from sain_mppi.search.config import EXHAUSTIVE, MPPI, MPPI_ROUNDS, PlannerConfig
+from sain_mppi.search.cost import CostWeights
+
+GOAL = np.array([0.68, 0.05])
+CONFIG = PlannerConfig(samples=192)
+WEIGHTLESS = CostWeights(
+    **{
+        item.name: 0.0
+        for item in fields(CostWeights)
+        if item.metadata["minimum"] == 0.0 and item.name not in ("position", "uncertainty")
+    },
+    position=(0.0, 0.0),
+)
+
+pytestmark = pytest.mark.parametrize("algorithm", ALGORITHMS)
+
+
+def planner(model, algorithm, feasibility=None, **changes):
+    rollout = model if hasattr(model, "rollout") else StepwiseRollout(model)
+    return Planner(rollout, replace(CONFIG, algorithm=algorithm, **changes), feasibility)
+
+
+class Changed:
+    """A `RolloutModel` whose answers are spoiled."""
+
+    def __init__(self, dynamics, spoil):
+        self.inner, self.spoil = StepwiseRollout(dynamics), spoil
+
+    def rollout(self, scene, pushes):
+        return self.spoil(self.inner.rollout(scene, pushes))
+
+
+class Slow:
+    """A `RolloutModel` that takes its time for each sequence."""
+
+    def __init__(self, dynamics, seconds):
+        self.inner, self.seconds = StepwiseRollout(dynamics), seconds
+
+    def rollout(self, scene, pushes):
+        sleep(self.seconds * len(pushes))
+        return self.inner.rollout(scene, pushes)
+
+
+def assert_permitted(push, scene):
+    Feasibility().limits.check(push)
+    assert Feasibility().mask(scene, push)
+    assert push[LENGTH] > Feasibility().limits.clearance
+
+
+@pytest.mark.parametrize("disks", [2, 4])
+@pytest.mark.parametrize("seed", range(3))
+def test_every_push_is_one_that_the_arm_can_do(algorithm, dynamics, seed, disks):
+    random = generator(seed, "scenes")
+    mid = np.array([0.45, 0.0]) + random.uniform(-0.08, 0.08, 2)
+    ring = random.uniform(-0.5, 0.5) + 2.2 * np.arange(disks - 1)
+    places = np.stack([mid, *(mid + 0.15 * unit(ring))])
+    radii = np.array([0.08] + [0.06] * (disks - 1))
+    scene = make_scene(places, np.full(disks, 8.0), radii)
+    plan = planner(dynamics, algorithm).plan(scene, GOAL, random)
+    assert_permitted(plan.push, scene)
+    assert plan.predicted.shape == (CONFIG.horizon, disks, 8)
+
+
+def test_the_result_is_what_the_model_says_of_the_plan(algorithm, scene, dynamics):
+    plan = planner(dynamics, algorithm).plan(scene, GOAL, generator(0))
+    predicted = StepwiseRollout(dynamics).rollout(scene, plan.pushes[None])[0]
+    np.testing.assert_allclose(plan.predicted, predicted)
+    assert plan.cost == pytest.approx(sum(plan.terms.values()))
+    assert plan.improves and 1.0 <= plan.effective_samples <= plan.samples
+    assert 0.0 < plan.times.rollout + plan.times.cost < plan.times.total
+
+
+def test_what_is_shown_beside_the_plan_runs_from_cheap_to_dear(algorithm, scene, dynamics):
+    plan = planner(dynamics, algorithm, shown=9).plan(scene, GOAL, generator(0))
+    assert plan.others.predicted.shape == (9, CONFIG.horizon, 2, 8)
+    assert (np.diff(plan.others.costs) >= 0.0).all()
+    assert plan.others.costs[0] == pytest.approx(plan.cost)
+    np.testing.assert_array_equal(plan.others.predicted[0], plan.predicted)
+
+
+def test_the_same_generator_gives_the_same_plan(algorithm, scene, dynamics):
+    plans = [planner(dynamics, algorithm).plan(scene, GOAL, generator(5)) for _ in range(2)]
+    assert plans[0].pushes.tobytes() == plans[1].pushes.tobytes()
+    other = planner(dynamics, algorithm).plan(scene, GOAL, generator(6))
+    assert (other.pushes.tobytes() == plans[0].pushes.tobytes()) == (algorithm == EXHAUSTIVE)
+
+
+def test_one_sample_and_one_push_are_enough(algorithm, scene, dynamics):
+    plan = planner(dynamics, algorithm, samples=1, horizon=1).plan(scene, GOAL, generator(0))
+    assert plan.pushes.shape == (1, 3)
+    assert_permitted(plan.push, scene)
+
+
+def test_the_longest_horizon_works(algorithm, scene, dynamics):
+    plan = planner(dynamics, algorithm, samples=8, horizon=50).plan(scene, GOAL, generator(0))
+    assert plan.predicted.shape == (50, 2, 8)
+
+
+def test_refused_pushes_are_not_tried_again_from_the_same_scene(algorithm, scene, dynamics):
+    plans, refused = planner(dynamics, algorithm), []
+    for number in range(3):
+        push = plans.plan(scene, GOAL, generator(number)).push
+        for before in refused:
+            apart = np.abs(push - before)
+            apart[LOCATION] = min(apart[LOCATION], 2 * np.pi - apart[LOCATION])
+            assert apart[LOCATION] > 0.15 or apart[1] > 0.15 or apart[2] > 0.02
+        plans.refuse(push)
+        refused.append(push)
+
+
+def test_a_wide_search_says_so_and_tries_more(algorithm, scene, dynamics):
+    plans = planner(dynamics, algorithm)
+    usual, wide = (plans.plan(scene, GOAL, generator(0), concern=why) for why in ("", "stuck"))
+    assert (usual.concern, wide.concern) == ("", "stuck")
+    assert wide.samples > usual.samples or algorithm == EXHAUSTIVE
+
+
+def test_a_deadline_leaves_the_best_until_then(algorithm, scene, dynamics):
+    """The model takes 1 ms for each sequence: all of a plan's would take 105 ms and more."""
+    plans = planner(Slow(dynamics, 0.001), algorithm)
+    plan = plans.plan(scene, GOAL, generator(0), deadline=monotonic() + 0.07)
+    assert_permitted(plan.push, scene)
+    assert 64 <= plan.samples < 105
+
+
+def test_a_deadline_in_a_later_round_leaves_the_best_until_then(algorithm, scene, dynamics):
+    """There is time for 64 sequences more, and not for the 96 of the next round."""
+    plans = planner(Slow(dynamics, 0.002), algorithm)
+    plan = plans.plan(scene, GOAL, generator(0), deadline=monotonic() + 0.31)
+    assert_permitted(plan.push, scene)
+    assert plan.samples >= 64
+
+
+def test_a_deadline_that_is_past_leaves_one_small_batch(algorithm, scene, dynamics):
+    plan = planner(dynamics, algorithm).plan(scene, GOAL, generator(0), monotonic() - 1.0)
+    assert plan.rounds == 1 and 0 < plan.samples <= 64
+    assert_permitted(plan.push, scene)
+
+
+def test_sequences_that_the_model_cannot_predict_are_not_chosen(algorithm, scene, dynamics):
+    def half_nan(predicted):
+        predicted[::2] = np.nan
+        return predicted
+
+    plan = planner(Changed(dynamics, half_nan), algorithm).plan(scene, GOAL, generator(0))
+    assert np.isfinite(plan.predicted).all() and np.isfinite(plan.cost)
+    assert np.isfinite(plan.others.predicted).all()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda predicted: np.full_like(predicted, np.nan), "predictions is finite"),
+        (lambda predicted: predicted[:, 1:], "shape"),
+        (lambda predicted: predicted + np.eye(8)[MASS], "another scene"),
+    ],
+)
+def test_an_answer_that_is_none_is_told(algorithm, scene, dynamics, spoil, message):
+    with pytest.raises(ModelUnavailableError, match=message):
+        planner(Changed(dynamics, spoil), algorithm).plan(scene, GOAL, generator(0))
+
+
+def test_costs_all_equal_still_give_a_permitted_push(algorithm, scene, dynamics):
+    plan = planner(dynamics, algorithm, weights=WEIGHTLESS).plan(scene, GOAL, generator(0))
+    assert plan.cost == plan.rest_cost == 0.0
+    assert_permitted(plan.push, scene)
+
+
+def test_a_model_in_which_nothing_moves_still_gives_a_push(algorithm, scene):
+    plan = planner(IdentityPrior(), algorithm).plan(scene, GOAL, generator(0))
+    assert not plan.improves
+    assert_permitted(plan.push, scene)
+
+
+def test_no_push_left_is_an_error_that_says_where(algorithm, scene, dynamics):
+    nowhere = Feasibility(reach=Reach(inner=0.50, outer=0.74, max_bearing=1.0))
+    with pytest.raises(NoPushError, match=r"mid disk at \(0\.400, 0\.000\)"):
+        planner(dynamics, algorithm, nowhere).plan(scene, GOAL, generator(0))
+
+
+@pytest.mark.parametrize("selection", ["argmin", "mean"])
+def test_the_mean_is_executed_when_it_is_chosen(algorithm, scene, dynamics, selection):
+    plan = planner(dynamics, algorithm, selection=selection).plan(scene, GOAL, generator(0))
+    assert_permitted(plan.push, scene)
+    cheapest = planner(dynamics, algorithm).plan(scene, GOAL, generator(0))
+    same = plan.pushes.tobytes() == cheapest.pushes.tobytes()
+    if algorithm in (MPPI, MPPI_ROUNDS):
+        assert same == (selection == "argmin")

@@ -1,0 +1,104 @@
+"""Gradient descent on models and costs of which it is known where downhill is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sain_core.dynamics import IdentityPrior, StepwiseRollout
+from sain_core.feasibility import Feasibility
+from sain_core.push import LENGTH, push_direction
+from sain_core.scene import POSITION, unit
+from sain_core.seeding import generator
+from sain_core.types import Pushes, PushSequences, Scalars, Scenes
+from sain_mppi.algorithms.gradient import gradient
+from sain_mppi.planner import Planner
+from sain_mppi.search.config import GRADIENT, GradientConfig, PlannerConfig
+from sain_mppi.search.search import Problem, Search
+
+GOAL = np.array([0.62, 0.07])
+CONFIG = PlannerConfig(algorithm=GRADIENT, samples=64, horizon=3)
+NOTHING = np.empty((0, CONFIG.horizon, 3))
+
+
+class Gliding:
+    """A smooth `Dynamics`: all disks go where the tool goes, as far as it goes."""
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        after = scenes.copy()
+        way = unit(push_direction(pushes)) * pushes[:, LENGTH, None]
+        after[..., POSITION] += way[:, None]
+        return after
+
+
+class Recorded(Search):
+    """A search that remembers what it was asked."""
+
+    def __init__(self, dynamics, config, scene):
+        problem = Problem(scene, GOAL, Feasibility())
+        super().__init__(StepwiseRollout(dynamics), config, problem)
+        self.drawn: list[Scalars] = []
+        self.probed: list[PushSequences] = []
+
+    def evaluate(self, sequences):
+        self.drawn.append(super().evaluate(sequences))
+        return self.drawn[-1]
+
+    def probe(self, sequences):
+        self.probed.append(sequences)
+        return super().probe(sequences)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_it_gets_far_below_its_starts_on_a_smooth_model(scene, seed):
+    search = Recorded(Gliding(), CONFIG, scene)
+    gradient(search, NOTHING, CONFIG, generator(seed))
+    predicted = search.result().predicted[-1, 1, POSITION]
+    drawn = min(costs.min() for costs in search.drawn)
+    assert search.finds.cost < 0.8 * drawn
+    assert np.linalg.norm(predicted - GOAL) < 0.002
+
+
+def test_more_steps_lead_further_down(scene):
+    costs = []
+    for steps in (1, 3, 9):
+        config = replace(CONFIG, gradient=GradientConfig(steps=steps))
+        search = Recorded(Gliding(), config, scene)
+        gradient(search, NOTHING, config, generator(0))
+        costs.append(search.finds.cost)
+    assert costs[0] > costs[1] > costs[2]
+
+
+def test_rests_stay_rests_and_steps_stay_inside_the_limits(scene):
+    search = Recorded(Gliding(), CONFIG, scene)
+    start = np.array([[[0.1, 0.7, 0.145], [0.0, 0.0, 0.0], [0.2, -0.78, 0.01]]])
+    gradient(search, start, replace(CONFIG, samples=2, stop_share=1.0), generator(0))
+    probed = np.concatenate(search.probed)
+    assert (probed[:, 1, LENGTH] == 0.0).all() and (probed[:, 2, LENGTH] != 0.01).any()
+    limits = Feasibility().limits
+    for push in probed.reshape(-1, 3):
+        limits.check(push)
+
+
+def test_probes_are_samples_and_no_round(scene):
+    search = Recorded(Gliding(), CONFIG, scene)
+    gradient(search, NOTHING, CONFIG, generator(0))
+    assert search.rounds == 1
+    assert 32 < search.samples <= 32 + sum(map(len, search.probed))
+    drawn = search.effective
+    assert 1.0 <= drawn <= 32
+    blocked = np.zeros((1, CONFIG.horizon, 3))
+    blocked[0, 0] = [np.pi, 0.0, 0.1]  # from where the target is
+    assert np.isinf(search.probe(blocked)).all() and search.effective == drawn
+
+
+def test_it_draws_again_where_nothing_helps(scene):
+    search = Recorded(IdentityPrior(), CONFIG, scene)
+    gradient(search, NOTHING, CONFIG, generator(0))
+    assert search.rounds == 1 + CONFIG.stuck_rounds and not search.improves
+
+
+def test_the_next_plan_begins_where_the_last_one_ended(scene):
+    planner = Planner(StepwiseRollout(Gliding()), CONFIG)
+    costs = [planner.plan(scene, GOAL, generator(seed)).cost for seed in range(4)]
+    assert (np.diff(costs) <= 0.0).all()

@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+
+from sain_core.errors import CancelledError, ModelUnavailableError
+from sain_core.scene import MASS
+from sain_mppi.loop.fallback import FallbackRollout
+
+SCENE, PUSHES = np.zeros((2, 8)), np.zeros((3, 1, 3))
+
+
+class Model:
+    """Answers with one number, or fails."""
+
+    def __init__(self, value: float, error: Exception | None = None) -> None:
+        self.value, self.error, self.asked = value, error, 0
+
+    def rollout(self, scene: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+        self.asked += 1
+        if self.error is not None:
+            raise self.error
+        predicted = np.full((*pushes.shape[:2], *scene.shape), self.value)
+        if np.isfinite(self.value):
+            predicted[..., MASS:] = scene[:, MASS:]
+        return predicted
+
+
+class Elsewhere(Model):
+    """Answers for other disks."""
+
+    def rollout(self, scene: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+        return super().rollout(scene + 1.0, pushes)
+
+
+class Short(Model):
+    """Forgets a push."""
+
+    def rollout(self, scene: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+        return super().rollout(scene, pushes)[:, 1:]
+
+
+class Sure(Model):
+    """Knows how sure it is, and can be told to hurry."""
+
+    moment: float | None = None
+
+    def regions(self, scene: np.ndarray, pushes: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+        if self.error is not None:
+            raise self.error
+        return np.full(predicted.shape[:3], 0.01)
+
+    def until(self, moment: float | None) -> None:
+        self.moment = moment
+
+
+def test_regions_are_the_model_s_and_nobody_s_where_it_fails() -> None:
+    model = Sure(1.0)
+    rollout = FallbackRollout(model, Sure(2.0))
+    predicted = rollout.rollout(SCENE, PUSHES)
+    assert (rollout.regions(SCENE, PUSHES, predicted) == 0.01).all()
+    model.error = ModelUnavailableError("silent")
+    assert rollout.regions(SCENE, PUSHES, predicted) is None  # the plan stands without
+    assert rollout.failure is None
+    rollout.rollout(SCENE, PUSHES)
+    model.error = None
+    assert rollout.regions(SCENE, PUSHES, predicted) is None  # physics predicted
+    assert FallbackRollout(Model(1.0), model).regions(SCENE, PUSHES, predicted) is None
+
+
+def test_a_model_is_told_how_long_it_is_waited_for() -> None:
+    model = Sure(1.0)
+    FallbackRollout(model, Model(2.0)).until(5.0)
+    assert model.moment == 5.0
+    FallbackRollout(Model(1.0), Model(2.0)).until(5.0)  # one that cannot be hurried
+
+
+def test_a_model_that_answers_is_used() -> None:
+    model, physics = Model(1.0), Model(2.0)
+    rollout = FallbackRollout(model, physics)
+    assert (rollout.rollout(SCENE, PUSHES)[..., 0] == 1.0).all()
+    assert (rollout.failure, physics.asked) == (None, 0)
+
+
+@pytest.mark.parametrize(
+    ("model", "text"),
+    [
+        (Model(0.0, ModelUnavailableError("silent")), "silent"),
+        (Model(np.nan), "48 of the model's 48 numbers are NaN or Inf"),
+        (Model(np.inf), "48 of the model's 48 numbers are NaN or Inf"),
+        (Elsewhere(1.0), "the model predicted disks of other masses or radii"),
+        (Short(1.0), "the model predicted scenes of shape (3, 0, 2, 8), not (3, 1, 2, 8)"),
+    ],
+)
+def test_a_model_that_fails_is_asked_once_a_plan(model: Model, text: str) -> None:
+    rollout = FallbackRollout(model, Model(2.0))
+    for _ in range(3):
+        assert (rollout.rollout(SCENE, PUSHES)[..., 0] == 2.0).all()
+    assert model.asked == 1
+    assert str(rollout.failure).startswith(text)
+    rollout.begin()
+    assert rollout.failure is None
+    rollout.rollout(SCENE, PUSHES)
+    assert model.asked == 2
+
+
+def test_a_defect_is_not_covered_up() -> None:
+    with pytest.raises(ZeroDivisionError):
+        FallbackRollout(Model(0.0, ZeroDivisionError()), Model(2.0)).rollout(SCENE, PUSHES)
+
+
+def test_a_cancelled_plan_ends_until_the_next_begins() -> None:
+    rollout = FallbackRollout(Model(1.0), Model(2.0))
+    rollout.cancel()
+    with pytest.raises(CancelledError):
+        rollout.rollout(SCENE, PUSHES)
+    rollout.begin()
+    rollout.rollout(SCENE, PUSHES)

@@ -1,0 +1,141 @@
+"""Cost terms: what they punish, and that most of them do not care which way is north."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sain_core.dynamics import StepwiseRollout
+from sain_core.feasibility import Feasibility
+from sain_core.push import LENGTH, rotate_pushes
+from sain_core.scene import MID, POSITION, TARGET, Table, rotate_scenes
+from sain_core.seeding import generator
+from sain_mppi.planner import Planner
+from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.cost import CostWeights, cost_terms, make_rollout, total_cost
+from sain_mppi.search.sampling import uniform_sequences
+
+FEASIBILITY = Feasibility()
+WEIGHTS = CostWeights()
+TURNING = ("position", "distance", "alignment", "approach", "clearance", "effort", "pushes")
+
+
+def rest_terms(scene, goal, **weights):
+    rollout = make_rollout(scene, np.zeros((1, 2, 3)), np.stack([[scene, scene]]), goal)
+    terms = cost_terms(rollout, replace(WEIGHTS, **weights), FEASIBILITY)
+    return {name: float(value[0]) for name, value in terms.items()}
+
+
+@pytest.mark.parametrize("angle", [0.7, -2.4, np.pi])
+def test_turning_scene_pushes_and_goal_together_changes_no_cost(scene, dynamics, angle):
+    goal = np.array([0.5, 0.25])
+    pushes = uniform_sequences(FEASIBILITY.limits, generator(0), 64, 4)
+    predicted = StepwiseRollout(dynamics).rollout(scene, pushes)
+    terms = cost_terms(make_rollout(scene, pushes, predicted, goal), WEIGHTS, FEASIBILITY)
+    c, s = np.cos(angle), np.sin(angle)
+    turned_goal = np.array([[c, -s], [s, c]]) @ goal
+    turned = cost_terms(
+        make_rollout(
+            rotate_scenes(scene, angle),
+            rotate_pushes(pushes, angle),
+            rotate_scenes(predicted, angle),
+            turned_goal,
+        ),
+        WEIGHTS,
+        FEASIBILITY,
+    )
+    for name in TURNING:
+        np.testing.assert_allclose(turned[name], terms[name], atol=1e-9, err_msg=name)
+
+
+def test_at_the_goal_nothing_is_left_to_pay(scene):
+    terms = rest_terms(scene, scene[TARGET, POSITION].copy())
+    assert sum(terms.values()) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_position_is_the_papers_weighted_square(scene):
+    goal = scene[TARGET, POSITION] + [0.1, 0.2]
+    terms = rest_terms(scene, goal, position=(10.0, 100.0), running=0.0, terminal=1.0)
+    assert terms["position"] == pytest.approx(10.0 * 0.01 + 100.0 * 0.04)
+
+
+def test_being_behind_the_target_is_cheaper_than_before_it(scene):
+    ahead = rest_terms(scene, np.array([0.75, 0.0]))
+    back = rest_terms(scene, scene[TARGET, POSITION] - [0.209, 0.0])
+    assert ahead["alignment"] == pytest.approx(0.0, abs=1e-9)
+    assert back["alignment"] == pytest.approx(WEIGHTS.alignment)
+    assert ahead["approach"] < back["approach"]
+
+
+def test_a_disk_near_the_edge_costs_but_the_goal_may_be_there(scene):
+    table = Table()
+    scene[TARGET, POSITION] = [0.6, table.y_max - 0.02]
+    scene[MID, POSITION] = [0.45, table.y_max - 0.02 - 0.1]
+    there = scene[TARGET, POSITION].copy()
+    assert rest_terms(scene, np.array([0.6, 0.0]))["edge"] > 1.0
+    assert rest_terms(scene, there)["edge"] == pytest.approx(0.0)
+
+
+def test_a_mid_disk_out_of_reach_costs(scene):
+    far = scene.copy()
+    far[MID, POSITION], far[TARGET, POSITION] = [0.74, 0.0], [0.60, 0.0]
+    goal = np.array([0.5, 0.3])
+    assert rest_terms(far, goal)["reach"] > rest_terms(scene, goal)["reach"] + 1.0
+
+
+def test_a_later_push_that_is_blocked_costs(scene):
+    pushes = np.zeros((1, 2, 3))
+    pushes[0, 1] = [np.pi, 0.0, 0.1]  # the tool would start inside the target
+    rollout = make_rollout(scene, pushes, np.stack([[scene, scene]]), np.array([0.5, 0.2]))
+    terms = cost_terms(rollout, WEIGHTS, FEASIBILITY)
+    assert terms["blocked"][0] == WEIGHTS.blocked
+    assert terms["clearance"][0] > 0.0
+
+
+def test_where_overshooting_is_for_good_the_last_millimetres_cost(scene):
+    after = scene.copy()
+    after[TARGET, POSITION] += [0.1, 0.0]
+    near, far = after[TARGET, POSITION].copy(), after[TARGET, POSITION] + [0.02, 0.0]
+    pushes = np.array([[[0.0, 0.0, 0.1]]])
+    costs = [
+        cost_terms(make_rollout(scene, pushes, after[None, None], goal), WEIGHTS, FEASIBILITY)
+        for goal in (near, far)
+    ]
+    assert costs[0]["caution"][0] > 0.0 == costs[1]["caution"][0]
+
+
+def test_predictions_that_are_not_finite_cost_infinitely(scene):
+    predicted = np.stack([[scene], [scene]])
+    predicted[1, 0, TARGET, 0] = np.nan
+    rollout = make_rollout(scene, np.zeros((2, 1, 3)), predicted, np.array([0.5, 0.2]))
+    costs = total_cost(cost_terms(rollout, WEIGHTS, FEASIBILITY))
+    assert np.isfinite(costs[0]) and costs[1] == np.inf
+
+
+def test_risk_is_what_the_model_is_not_sure_of_about_the_target(scene, dynamics):
+    pushes = uniform_sequences(FEASIBILITY.limits, generator(3), 5, 2)
+    predicted = StepwiseRollout(dynamics).rollout(scene, pushes)
+    regions = generator(4).uniform(0.0, 0.1, (5, 2, 2))
+    weights = replace(WEIGHTS, risk=3.0)
+    goal = np.array([0.7, 0.0])
+    for known, risk in ((regions, 3.0 * regions[:, :, TARGET].sum(axis=1)), (None, np.zeros(5))):
+        rollout = make_rollout(scene, pushes, predicted, goal, known)
+        np.testing.assert_allclose(cost_terms(rollout, weights, FEASIBILITY)["risk"], risk)
+
+
+def test_a_sure_sequence_is_preferred_when_risk_has_a_price(scene, dynamics):
+    class Unsure(StepwiseRollout):
+        """Knows nothing of where long pushes lead."""
+
+        def regions(self, scene, pushes, predicted):
+            return np.repeat(pushes[..., LENGTH, None] > 0.06, 2, axis=-1).astype(float)
+
+    goal = np.array([0.68, 0.05])
+    lengths = []
+    for risk in (0.0, 50.0):
+        config = PlannerConfig(samples=192, weights=CostWeights(risk=risk))
+        planner = Planner(Unsure(dynamics), config)
+        plan = planner.complete(scene, planner.plan(scene, goal, generator(0)))
+        lengths.append(plan.pushes[:, LENGTH].max())
+        assert plan.regions.shape == (config.horizon, 2)
+    assert lengths[0] > 0.06 > lengths[1]

@@ -1,0 +1,143 @@
+"""The planner's promises, over a toy model that only knows how to push disks apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sain_core.dynamics import IdentityPrior, StepwiseRollout
+from sain_core.errors import (
+    ConfigError,
+    InvalidInputError,
+    OffTableError,
+    OutOfRangeError,
+)
+from sain_core.feasibility import Feasibility
+from sain_core.push import LENGTH
+from sain_core.scene import MID, POSITION, TARGET, VX, make_scene, target_distance, unit
+from sain_core.seeding import generator
+from sain_mppi.planner import Planner
+from sain_mppi.search.config import ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
+from sain_mppi.search.goal import goal_reached
+
+CONFIG = PlannerConfig(samples=192)
+GOAL = np.array([0.68, 0.05])
+
+
+def planner(dynamics, **changes):
+    return Planner(StepwiseRollout(dynamics), replace(CONFIG, **changes))
+
+
+def test_the_result_tells_what_was_done(scene, dynamics):
+    plan = planner(dynamics).plan(scene, GOAL, generator(0))
+    assert plan.pushes.shape == (CONFIG.horizon, 3)
+    assert plan.predicted.shape == (CONFIG.horizon, 2, 8)
+    assert plan.cost == pytest.approx(sum(plan.terms.values()))
+    assert plan.improves and plan.rounds == CONFIG.rounds
+    assert plan.samples == 192 + 96 + 48
+    assert 1.0 <= plan.effective_samples <= CONFIG.samples
+    assert 0.0 < plan.times.rollout <= plan.times.total
+    np.testing.assert_allclose(plan.predicted[0], dynamics.step(scene[None], plan.push[None])[0])
+
+
+def test_more_rounds_of_the_same_search_are_never_worse(scene, dynamics):
+    costs = [planner(dynamics, rounds=n).plan(scene, GOAL, generator(1)).cost for n in (1, 2, 4)]
+    assert costs[0] >= costs[1] >= costs[2]
+
+
+@pytest.mark.parametrize("bearing", [0.0, 2.0, np.pi, -1.5])
+def test_it_brings_the_target_to_the_goal_from_any_side(dynamics, bearing):
+    mid = np.array([0.45, 0.0])
+    positions = np.stack([mid, mid + 0.141 * unit(np.float64(bearing))])
+    scene = make_scene(positions, np.full(2, 8.0), np.array([0.08, 0.06]))
+    goal, plans = np.array([0.45, 0.22]), planner(dynamics)
+    for step in range(12):
+        if goal_reached(scene, goal, 0.02):
+            break
+        scene = dynamics.step(scene[None], plans.plan(scene, goal, generator(2, step)).push[None])[
+            0
+        ]
+    assert target_distance(scene, goal) <= 0.02
+
+
+def test_the_next_plan_starts_from_the_rest_of_the_last(scene, dynamics):
+    warm = planner(dynamics)
+    first = warm.plan(scene, GOAL, generator(0))
+    warm.config = replace(CONFIG, samples=1, rounds=1, stuck_rounds=0)
+    then = warm.plan(first.predicted[0], GOAL, generator(1))
+    np.testing.assert_allclose(then.pushes[:-1], first.pushes[1:])
+
+
+@pytest.mark.parametrize("algorithm", [MPPI_ROUNDS, MPPI, ICEM])
+def test_few_samples_are_enough_where_the_last_plan_goes_on(scene, dynamics, algorithm):
+    plans = planner(dynamics, algorithm=algorithm, samples=256)
+    first = plans.plan(scene, GOAL, generator(0))
+    plans.config = few = replace(plans.config, samples=8)
+    then = plans.plan(first.predicted[0], GOAL, generator(1))
+    cold = Planner(plans.model, few).plan(first.predicted[0], GOAL, generator(1))
+    without = Planner(plans.model, replace(few, warm_start=False))
+    assert then.cost < cold.cost
+    assert without.plan(first.predicted[0], GOAL, generator(1)).cost == cold.cost
+
+
+def test_reset_and_another_goal_forget_the_last_plan(scene, dynamics):
+    fresh = planner(dynamics).plan(scene, GOAL, generator(1))
+    used = planner(dynamics)
+    used.plan(scene, np.array([0.6, -0.2]), generator(0))
+    assert used.plan(scene, GOAL, generator(1)).pushes.tobytes() == fresh.pushes.tobytes()
+    used.reset()
+    assert used.plan(scene, GOAL, generator(1)).pushes.tobytes() == fresh.pushes.tobytes()
+
+
+def test_an_identity_model_makes_it_try_more_rounds_and_still_push(scene):
+    plan = planner(IdentityPrior()).plan(scene, GOAL, generator(0))
+    assert not plan.improves
+    assert plan.rounds == CONFIG.rounds + CONFIG.stuck_rounds
+    assert plan.push[LENGTH] > 0.0
+
+
+def test_a_goal_off_the_table_is_refused(scene, dynamics):
+    with pytest.raises(OffTableError, match=r"the goal \(2\.000, 0\.000\) m is off the table"):
+        planner(dynamics).plan(scene, np.array([2.0, 0.0]), generator(0))
+
+
+@pytest.mark.parametrize("goal", [np.array([np.nan, 0.0]), np.array([0.5, np.inf])])
+def test_a_goal_that_is_no_point_is_refused(scene, dynamics, goal):
+    with pytest.raises(InvalidInputError, match="goal"):
+        planner(dynamics).plan(scene, goal, generator(0))
+
+
+def test_a_scene_with_a_disk_off_the_table_is_refused(scene, dynamics):
+    scene[TARGET, POSITION] = [0.5, 0.9]
+    with pytest.raises(OffTableError, match="disk 1"):
+        planner(dynamics).plan(scene, GOAL, generator(0))
+
+
+def test_reached_means_settled_within_the_tolerance(scene):
+    goal = scene[TARGET, POSITION] + [0.019, 0.0]
+    assert goal_reached(scene, goal, 0.02) and not goal_reached(scene, goal, 0.01)
+    scene[MID, VX] = 0.01
+    assert not goal_reached(scene, goal, 0.02)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -0.01, np.nan])
+def test_a_tolerance_must_be_positive(scene, tolerance):
+    with pytest.raises(OutOfRangeError, match="tolerance"):
+        goal_reached(scene, GOAL, tolerance)
+
+
+def test_settings_out_of_range_are_named():
+    with pytest.raises(ConfigError, match=r"PlannerConfig\.samples is 0; it must be at least 1"):
+        PlannerConfig(samples=0)
+    with pytest.raises(ConfigError, match="selection is 'best'; allowed: 'argmin', 'mean'"):
+        PlannerConfig(selection="best")
+
+
+def test_disks_that_seem_to_overlap_a_little_are_planned_with_as_touching(scene, dynamics):
+    near, deep = scene.copy(), scene.copy()
+    near[TARGET, POSITION] -= [0.011, 0.0]  # a cube's corner, or a tilted disk, from above
+    deep[TARGET, POSITION] -= [0.031, 0.0]
+    plan = planner(dynamics).plan(near, GOAL, generator(0))
+    assert Feasibility().mask(near, plan.push)
+    with pytest.raises(InvalidInputError, match=r"disks 0 and 1 overlap by 30\.0 mm"):
+        planner(dynamics).plan(deep, GOAL, generator(0))

@@ -1,0 +1,212 @@
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+import sain_sim.collecting.collect as collection
+import sain_sim.collecting.shards
+from sain_core.errors import ConfigError, DatasetError, OutputError
+from sain_core.push import PaperGrid
+from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
+from sain_core.seeding import generator
+from sain_sim.cli.collect import main
+from sain_sim.collecting.collect import CollectConfig, collect
+from sain_sim.collecting.episode import EpisodeConfig
+from sain_sim.collecting.shards import load_shards, shard_path
+from sain_sim.world.parameters import CUBE, RANGES, THREE_FEET, WIDE, sample_parameters
+from sain_sim.world.sampling import GridSampler, StartConfig, draw_start
+from sain_sim.world.workcell import WorldConfig
+
+SHORT = EpisodeConfig(pushes=4, floor_episodes=1)
+
+
+@pytest.fixture(scope="module")
+def collected(tmp_path_factory):
+    """Four short episodes in one go, in shards of five."""
+    folder = tmp_path_factory.mktemp("collected")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(collection, "SHARD_SIZE", 5)
+        patch.setattr("sain_sim.collecting.shards.SHARD_SIZE", 5)
+        config = CollectConfig(out=folder, episodes=4, seed=3, episode=SHORT)
+        yield config, collect(config).transitions
+
+
+def content(folder) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def test_transitions_are_what_they_say(collected):
+    config, total = collected
+    data = load_shards(config.out)
+    assert len(data["state"]) == total > 8
+    assert data["state"].shape == data["next_state"].shape == data["physics_next"].shape
+    assert data["state"].shape[1:] == (16,) and data["action"].shape[1:] == (3,)
+    assert all(np.isfinite(data[name]).all() for name in data if name != "floor_next")
+    first = data["episode"] == 0
+    assert np.isfinite(data["floor_next"][first]).all()
+    assert np.isnan(data["floor_next"][~first]).all()
+    follows = (np.diff(data["step"]) == 1) & (np.diff(data["episode"]) == 0)
+    assert np.array_equal(data["state"][1:][follows], data["next_state"][:-1][follows])
+    before, after = (
+        data[n].reshape(-1, 2, 8)[:, TARGET, POSITION] for n in ("state", "next_state")
+    )
+    assert np.array_equal(data["moved"], np.linalg.norm(after - before, axis=-1) >= 0.002)
+    assert data["moved"].any()
+    card = json.loads((config.out / "card.json").read_text())
+    assert card["transitions"] == total and card["seed"] == 3
+
+
+def test_workers_and_a_kill_change_no_byte(collected, tmp_path):
+    config, total = collected
+    whole = content(config.out)
+    two = dataclasses.replace(config, out=tmp_path / "two", workers=2)
+    assert collect(two).transitions == total
+    assert content(two.out) == whole
+
+    class KilledError(Exception):
+        pass
+
+    def kill(episodes: int, transitions: int) -> None:
+        if episodes == 2:
+            raise KilledError
+
+    cut = dataclasses.replace(config, out=tmp_path / "cut")
+    with pytest.raises(KilledError):
+        collect(cut, kill)
+    assert shard_path(cut.out, 0).exists() and not (cut.out / "card.json").exists()
+    (cut.out / "shard-00001.partial").write_bytes(b"half")
+    assert collect(cut).transitions == total
+    assert content(cut.out) == whole
+
+
+def test_another_collection_in_the_folder_is_left_alone(collected):
+    config, _ = collected
+    whole = content(config.out)
+    with pytest.raises(DatasetError, match="was collected with seed = 3, not 4"):
+        collect(dataclasses.replace(config, seed=4))
+    assert content(config.out) == whole
+
+
+def test_a_full_disk_keeps_what_is_whole_and_the_collection_goes_on(collected, tmp_path):
+    config, total = collected
+    full = dataclasses.replace(config, out=tmp_path)
+
+    def no_space(path, arrays):
+        raise OutputError(f"cannot write {path}: No space left on device")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sain_sim.collecting.shards.write_arrays", no_space)
+        with pytest.raises(OutputError, match=r"shard-00000\.npz: No space left"):
+            collect(full)
+    with pytest.MonkeyPatch.context() as patch:
+        write, path = sain_sim.collecting.shards.write_arrays, shard_path(tmp_path, 1)
+        patch.setattr(
+            "sain_sim.collecting.shards.write_arrays",
+            lambda to, arrays: no_space(to, arrays) if to == path else write(to, arrays),
+        )
+        with pytest.raises(OutputError, match=r"shard-00001\.npz: No space left"):
+            collect(full)
+    first = shard_path(tmp_path, 0).read_bytes()
+    assert first == shard_path(config.out, 0).read_bytes()
+    assert collect(full).transitions == total
+    assert content(tmp_path) == content(config.out)
+
+
+def test_a_damaged_shard_is_named_and_left_alone(collected, tmp_path):
+    config, _ = collected
+    for name, data in content(config.out).items():
+        (tmp_path / name).write_bytes(data)
+    shard = shard_path(tmp_path, 0)
+    damaged = bytearray(shard.read_bytes())
+    damaged[len(damaged) // 2] ^= 4
+    shard.write_bytes(damaged)
+    with pytest.raises(DatasetError, match=r"shard-00000\.npz is not a whole .* delete it to have"):
+        collect(dataclasses.replace(config, out=tmp_path))
+    assert shard.read_bytes() == damaged
+    (tmp_path / "collection.json").write_text("{")
+    with pytest.raises(DatasetError, match=r"collection\.json is damaged"):
+        collect(dataclasses.replace(config, out=tmp_path))
+
+
+def test_wide_parameters_and_a_cube_for_a_target(tmp_path):
+    episode = EpisodeConfig(disks=3, pushes=3, target="cube", parameters="wide")
+    done = collect(CollectConfig(tmp_path, 3, seed=2, episode=episode))
+    data = load_shards(tmp_path)
+    assert done.transitions == len(data["cubes"]) > 0
+    assert (data["cubes"] == [False, True, False]).all()
+    identity = json.loads((tmp_path / "collection.json").read_text())
+    assert identity["target"] == "cube" and identity["parameters"] == "wide"
+    assert (data["masses"] < 7.0).any() or (data["masses"] > 9.0).any()
+
+
+def test_wide_parameters_are_the_ranges_to_generalise_to():
+    drawn = [sample_parameters(generator(0, i), 3, ranges=RANGES[WIDE]) for i in range(500)]
+    masses, radii = (np.array([getattr(p, name) for p in drawn]) for name in ("masses", "radii"))
+    friction = np.array([p.friction for p in drawn])
+    spans = [(masses, 5.0, 12.0), (friction, 0.05, 0.35)]
+    spans += [(radii[:, 0], 0.8 * 0.08, 1.2 * 0.08), (radii[:, 1:], 0.8 * 0.06, 1.2 * 0.06)]
+    for values, low, high in spans:
+        assert low <= values.min() < low + 0.05 * (high - low)
+        assert high - 0.05 * (high - low) < values.max() <= high
+
+
+def test_a_cube_starts_with_a_side_to_the_mid_disk_and_room_for_its_corners():
+    table = WorldConfig().feasibility.table
+    for seed in range(30):
+        random = generator(seed, "start")
+        drawn = sample_parameters(random, 3)
+        cube = dataclasses.replace(drawn, shapes=(THREE_FEET, CUBE, THREE_FEET))
+        scene = draw_start(random, cube, StartConfig(), table)
+        corners = cube.radii[TARGET] * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+        turn = scene[TARGET, THETA]
+        turned = corners @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        for disk in (0, 2):
+            away = np.linalg.norm(scene[TARGET, POSITION] + turned - scene[disk, POSITION], axis=-1)
+            assert away.min() > cube.radii[disk]
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="cannot write"):
+        collect(CollectConfig(out=tmp_path / "file" / "data", episodes=1))
+
+
+def test_missing_and_damaged_shards_are_named(tmp_path):
+    with pytest.raises(DatasetError, match="holds no shards"):
+        load_shards(tmp_path)
+    shard_path(tmp_path, 0).write_bytes(b"PK not a zip")
+    with pytest.raises(DatasetError, match=r"shard-00000\.npz is not a whole \.npz"):
+        load_shards(tmp_path)
+
+
+def test_the_command_collects_more_disks_and_the_papers_grid(tmp_path, capsys):
+    arguments = ["--out", str(tmp_path), "--episodes", "1", "--disks", "3", "--sampler", "grid"]
+    assert main([*arguments, "--pushes", "2", "--moved-only"]) == 0
+    capsys.readouterr()
+    identity = json.loads((tmp_path / "collection.json").read_text())
+    assert identity["disks"] == 3 and identity["sampler"] == "grid"
+    assert main([*arguments, "--seed", "1"]) == 1
+    assert "was collected with seed" in capsys.readouterr().err
+
+
+def test_starts_have_room_and_half_of_the_targets_at_the_mid_disk():
+    table = WorldConfig().feasibility.table
+    gaps = []
+    for seed in range(100):
+        random = generator(seed, "start")
+        scene = draw_start(random, sample_parameters(random, 4), StartConfig(), table)
+        assert surface_gaps(scene).min() >= 0.0
+        gaps.append(surface_gaps(scene)[0, 1])
+    assert 30 < (np.array(gaps) <= 0.002).sum() < 70
+    with pytest.raises(ConfigError, match="no room for 5 disks"):
+        crowded = StartConfig(spread=0.1)
+        random = generator(0, "start")
+        draw_start(random, sample_parameters(random, 5), crowded, table)
+
+
+def test_the_papers_grid_is_drawn_evenly():
+    sampler, random = GridSampler(PaperGrid()), generator(0, "grid")
+    scene = np.zeros((2, 8))
+    drawn = np.array([sampler.draw(random, scene) for _ in range(3000)])
+    assert len(np.unique(drawn, axis=0)) == 105

@@ -1,0 +1,101 @@
+"""Collection on a real Ray cluster, which is made on this machine for the test.
+
+Ray is not imported here: it reads the variables that make it private when it is imported.
+"""
+
+import os
+import signal
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+from sain_core.errors import ConfigError
+from sain_sim.cli.collect import main
+from sain_sim.collecting.collect import CollectConfig, collect
+from sain_sim.collecting.episode import EpisodeConfig
+from sain_sim.collecting.ray_workers import RayCrew
+
+CONFIG = CollectConfig(episodes=4, seed=6, workers=2, ray="local", episode=EpisodeConfig(pushes=3))
+
+NAMES = ("TMPDIR", "RAY_AUTH_MODE", "RAY_AUTH_TOKEN", "RAY_USAGE_STATS_ENABLED")
+
+
+@pytest.fixture
+def elsewhere(tmp_path, monkeypatch) -> Iterator[Path]:
+    """A home and a folder for temporary files where everything that is written can be seen."""
+    with tempfile.TemporaryDirectory(prefix="t-", dir="/tmp") as folder:  # sockets: short paths
+        monkeypatch.setenv("HOME", str(tmp_path))
+        monkeypatch.setattr(tempfile, "tempdir", folder)
+        yield Path(folder)
+
+
+def processes(word: str) -> list[int]:
+    """The processes of this machine whose command line holds a word."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            if word in path.read_text(errors="replace"):
+                found.append(int(path.parent.name))
+        except OSError:
+            continue
+    return found
+
+
+def entries(folder: Path | str) -> set[str]:
+    return {path.name for path in Path(folder).iterdir()}
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def test_a_cluster_writes_the_same_bytes_and_leaves_nothing(elsewhere, tmp_path) -> None:
+    """Also when one of its workers is killed in the midst of an episode."""
+    alone = replace(CONFIG, out=tmp_path / "alone", workers=1, ray="")
+    collect(alone)
+    shared, home = entries("/dev/shm"), entries(tmp_path)
+    killed, variables = [], {name: os.environ.get(name) for name in NAMES}
+
+    def kill(episodes: int, transitions: int) -> None:
+        if episodes == 1:
+            assert processes(str(elsewhere))  # Ray is here, and nowhere else
+            killed.append(processes("ray::RayRunner")[0])
+            os.kill(killed[0], signal.SIGKILL)
+
+    done = collect(replace(CONFIG, out=tmp_path / "cluster"), kill)
+    assert killed and done.transitions > 4
+    assert content(tmp_path / "cluster") == content(alone.out)
+    assert processes(str(elsewhere)) == [] and list(elsewhere.iterdir()) == []
+    assert entries("/dev/shm") == shared
+    assert entries(tmp_path) == home | {"cluster"}
+    assert {name: os.environ.get(name) for name in NAMES} == variables
+
+
+def test_without_ray_there_is_one_clear_line(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    assert main(["--out", str(tmp_path), "--episodes", "1", "--ray", "local"]) == 1
+    error = capsys.readouterr().err
+    assert "error: --ray needs Ray, which is not installed: pip install" in error
+    assert "sain_sim[ray]" in error  # brackets are no markup
+    assert "Traceback" not in error
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:9", "nowhere", "127.0.0.1:many"])
+def test_an_address_without_a_cluster_is_refused_at_once(tmp_path, address, capsys) -> None:
+    assert main(["--out", str(tmp_path), "--episodes", "1", "--ray", address]) == 1
+    assert f"error: no Ray cluster at '{address}'" in capsys.readouterr().err
+
+
+def test_machines_with_other_software_are_refused(monkeypatch) -> None:
+    actor = SimpleNamespace(software=SimpleNamespace(remote=lambda: None))
+    cluster = ModuleType("ray")
+    cluster.remote = lambda **_: lambda runner: SimpleNamespace(remote=lambda *_: actor)
+    cluster.get = lambda references: [{"numpy": "0.1"} for _ in references]
+    cluster.exceptions = SimpleNamespace(RayTaskError=KeyError, RayError=KeyError)
+    with pytest.raises(ConfigError, match="other software the same seed may give other bytes"):
+        RayCrew(cluster, 1, 0, EpisodeConfig())

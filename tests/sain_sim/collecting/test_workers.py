@@ -1,0 +1,145 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from multiprocessing import active_children
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sain_core.errors import SainError
+from sain_sim.cli.collect import main
+from sain_sim.collecting.collect import CollectConfig, collect
+from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult
+from sain_sim.collecting.push_counts import JOURNAL_FILE, Tally
+from sain_sim.collecting.workers import AHEAD, LIVES, ProcessCrew, in_order
+
+SHORT = EpisodeConfig(pushes=3)
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> tuple[CollectConfig, dict[str, bytes]]:
+    """What one process collects undisturbed."""
+    config = CollectConfig(tmp_path_factory.mktemp("whole"), episodes=5, seed=4, episode=SHORT)
+    collect(config)
+    return config, content(config.out)
+
+
+class ShuffledCrew:
+    """Ends episodes in any order."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.begun: list[int] = []
+        self._running: list[int] = []
+        self._random = np.random.default_rng(0)
+
+    @property
+    def free(self) -> int:
+        return self.size - len(self._running)
+
+    def begin(self, episode: int) -> None:
+        assert self.free
+        self.begun.append(episode)
+        self._running.append(episode)
+
+    def finished(self) -> list[tuple[int, EpisodeResult]]:
+        late = [episode for episode in self._running if episode]  # the first one ends last
+        episode = self._random.choice(late) if late and len(self.begun) < 30 else self._running[0]
+        self._running.remove(episode)
+        return [(int(episode), EpisodeResult([], Tally(moved=int(episode))))]
+
+
+def test_episodes_come_back_in_order_and_no_worker_runs_far_ahead() -> None:
+    crew = ShuffledCrew(4)
+    results = in_order(crew, range(100))
+    assert next(results).tally.moved == 0
+    assert max(crew.begun) < AHEAD * crew.size
+    assert [result.tally.moved for result in results] == list(range(1, 100))
+    assert crew.begun == list(range(100))
+
+
+def test_a_worker_killed_in_mid_episode_costs_nothing(whole, tmp_path, caplog) -> None:
+    config, expected = whole
+
+    def kill(episodes: int, transitions: int) -> None:
+        if episodes == 1:  # the others are in the midst of theirs
+            os.kill(active_children()[0].pid, signal.SIGKILL)
+
+    collect(replace(config, out=tmp_path, workers=2), kill)
+    assert content(tmp_path) == expected
+    assert "a worker died (exit code -9); episode" in caplog.text
+    assert active_children() == []
+
+
+def test_an_episode_that_ends_every_worker_is_named() -> None:
+    class Doomed(ProcessCrew):
+        def _start(self):
+            worker = super()._start()
+            worker.process.kill()
+            return worker
+
+    crew = Doomed(1, 0, SHORT)
+    crew.begin(7)
+    with pytest.raises(SainError, match=rf"episode 7 ended {LIVES} workers, .* exit code -9"):
+        while True:
+            crew.finished()
+    crew.close()
+    assert active_children() == []
+
+
+def test_an_episode_that_cannot_be_run_is_an_error_of_the_collection(tmp_path) -> None:
+    crowded = replace(SHORT, disks=5)
+    errors = []
+    for workers in (1, 2):
+        with pytest.MonkeyPatch.context() as patch, pytest.raises(SainError) as caught:
+            patch.setattr("sain_sim.collecting.workers._serve", _refuse)
+            patch.setattr("sain_sim.collecting.episode.EpisodeRunner.run", _no_room)
+            collect(CollectConfig(tmp_path, episodes=3, workers=workers, episode=crowded))
+        errors.append(str(caught.value))
+    assert errors == ["no room"] * 2 and active_children() == []
+
+
+def _no_room(*_: object) -> EpisodeResult:
+    raise SainError("no room")
+
+
+def _refuse(pipe, *_: object) -> None:
+    pipe.recv()
+    pipe.send(SainError("no room"))
+
+
+def children(process: int) -> list[int]:
+    return [
+        int(pid) for pid in Path(f"/proc/{process}/task/{process}/children").read_text().split()
+    ]
+
+
+def wait_for(done, what: str) -> None:
+    end = time.monotonic() + 120
+    while not done():
+        assert time.monotonic() < end, f"no {what}"
+        time.sleep(0.02)
+
+
+def test_a_collection_killed_as_a_whole_goes_on_and_leaves_no_process(whole, tmp_path) -> None:
+    _, expected = whole
+    arguments = ["--out", str(tmp_path), "--episodes", "5", "--seed", "4", "--pushes", "3"]
+    command = [sys.executable, "-m", "sain_sim.cli.collect", *arguments, "--workers", "2"]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    journal = tmp_path / JOURNAL_FILE
+    wait_for(lambda: journal.exists() and journal.read_text().count("\n") >= 2, "episodes")
+    workers = children(process.pid)
+    process.kill()
+    process.wait()
+    assert workers and content(tmp_path) != expected
+    wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), "end of workers")
+    assert main(arguments) == 0
+    assert content(tmp_path) == expected

@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from sain_core.errors import ConfigError
+from sain_core.seeding import generator
+from sain_sim.arm.client import Client
+from sain_sim.world.disks import Build, Disk, inertia, resting
+from sain_sim.world.parameters import (
+    CUBE,
+    FLAT,
+    FRICTION_RANGE,
+    MASS_RANGE,
+    RADIUS_RANGES,
+    SHAPES,
+    THREE_FEET,
+    WorldParameters,
+    nominal_parameters,
+    sample_parameters,
+)
+
+
+def test_the_nominal_world_is_the_papers():
+    nominal = nominal_parameters(3)
+    assert nominal.masses == (8.0, 8.0, 8.0)
+    assert nominal.radii == (0.08, 0.06, 0.06)
+    assert nominal.friction == 0.12
+
+
+def test_drawn_parameters_fill_the_papers_ranges_and_repeat():
+    drawn = [sample_parameters(generator(5, i), 3) for i in range(300)]
+    assert drawn == [sample_parameters(generator(5, i), 3) for i in range(300)]
+    columns = [
+        (np.array([d.masses for d in drawn]), MASS_RANGE),
+        (np.array([d.radii[0] for d in drawn]), RADIUS_RANGES[0]),
+        (np.array([d.radii[1:] for d in drawn]), RADIUS_RANGES[1]),
+        (np.array([d.friction for d in drawn]), FRICTION_RANGE),
+    ]
+    for values, (low, high) in columns:
+        assert values.min() >= low and values.max() <= high
+        assert values.min() < low + 0.05 * (high - low)
+        assert values.max() > high - 0.05 * (high - low)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"masses": (8.0,)}, "1 masses, 2 radii and 2 shapes"),
+        ({"shapes": ("disk", "flat")}, "shape is 'disk'; allowed: three_feet, flat, cube"),
+        ({"friction": -0.1}, "friction is -0.1; it must be at least 0.005"),
+        ({"radii": (0.08, float("nan"))}, "radii is nan; it must be finite"),
+    ],
+)
+def test_parameters_that_make_no_world_are_refused(fields, message):
+    with pytest.raises(ConfigError) as caught:
+        WorldParameters(**fields)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_bullet_knows_the_mass_and_inertia_of_a_uniform_body(shape):
+    client = Client()
+    scene = nominal_parameters().scene(np.array([[0.4, 0.0], [0.6, 0.0]]))
+    disk = Disk(client, Build(shape, 7.5, 0.08), resting(client, scene[0]), 0.3)
+    told = client.getDynamicsInfo(disk.body, -1)
+    assert told[0] == 7.5
+    assert np.allclose(told[2], inertia(shape, 7.5, 0.08))
+    client.close()
+
+
+def test_inertia_of_a_disk_and_of_a_block():
+    assert np.isclose(inertia(THREE_FEET, 8.0, 0.08)[2], 0.0256)  # m r^2 / 2
+    assert inertia(FLAT, 8.0, 0.08) == inertia(THREE_FEET, 8.0, 0.08)
+    assert np.isclose(inertia(CUBE, 6.0, 0.05)[2], 0.01)  # m (2 a)^2 / 6

@@ -1,0 +1,226 @@
+import dataclasses
+import subprocess
+import sys
+from math import pi
+
+import numpy as np
+import pytest
+
+from sain_core.errors import SainError
+from sain_core.scene import (
+    MID,
+    POSITION,
+    RADIUS,
+    TARGET,
+    VELOCITY,
+    is_settled,
+    surface_gaps,
+    unit,
+)
+from sain_sim.world.parameters import CUBE, FLAT, THREE_FEET, nominal_parameters
+from sain_sim.world.workcell import WorldConfig
+from sain_sim.world.world import World
+
+FULL = WorldConfig(full_motion=True)
+
+
+def test_a_reset_world_shows_the_scene_that_was_asked_for(world, bench):
+    scene = bench.touching()
+    assert np.allclose(world.reset(scene), scene, atol=1e-12)
+    assert np.array_equal(world.observe(), world.observe())
+
+
+def test_a_push_moves_the_target_and_ends_at_rest(world, bench):
+    world.reset(bench.touching())
+    outcome = world.push(bench.straight)
+    moved = outcome.after[TARGET, POSITION] - outcome.before[TARGET, POSITION]
+    assert 0.08 < moved[0] < 0.15
+    assert abs(moved[1]) < 0.01
+    assert outcome.settled and is_settled(outcome.after) and not outcome.off_table
+    assert np.array_equal(outcome.after, world.observe())
+    assert 0.5 < outcome.duration == pytest.approx(world.time)
+
+
+@pytest.mark.parametrize("shape", [THREE_FEET, FLAT, CUBE])
+def test_sliding_disks_obey_coulomb(shape, bench):
+    parameters = nominal_parameters(shape=THREE_FEET)
+    parameters = dataclasses.replace(parameters, shapes=(THREE_FEET, shape), friction=0.2)
+    with World(parameters) as world:
+        world.reset(bench.touching(parameters))
+        outcome = world.push(bench.towards(0.0, 0.15))
+    beyond = outcome.after[TARGET, 0] - outcome.after[MID, 0] - sum(parameters.radii)
+    assert -0.001 < beyond < 0.2**2 / (2 * 0.2 * 9.81)  # at most a free slide from 0.2 m/s
+
+
+def test_no_length_moves_nothing_at_all(world, bench):
+    world.reset(bench.touching())
+    world.push(bench.straight)
+    before, time = world.observe(), world.time
+    seen = []
+    outcome = world.push(np.array([3.0, 0.1, 0.0]), on_step=seen.append)
+    assert np.array_equal(outcome.before, before) and np.array_equal(outcome.after, before)
+    assert np.array_equal(world.observe(), before)
+    assert outcome.duration == 0.0 and world.time == time and not seen
+
+
+def test_time_goes_on_over_resets(world, bench):
+    world.reset(bench.touching())
+    world.push(bench.straight)
+    time = world.time
+    world.reset(bench.touching())
+    assert world.time == time > 0.0
+
+
+def test_one_world_leaves_another_alone_to_the_bit(bench):
+    with World(nominal_parameters()) as still, World(nominal_parameters()) as busy:
+        still.reset(bench.touching(bearing=0.5))
+        busy.reset(bench.touching())
+        before, joints = still.observe(), still.sample().joint_positions
+        after = busy.push(bench.straight).after
+        assert np.array_equal(still.observe(), before)
+        assert np.array_equal(still.sample().joint_positions, joints)
+        assert np.array_equal(busy.observe(), after)
+        pushed = still.push(bench.straight).after
+    with World(nominal_parameters()) as alone:
+        alone.reset(bench.touching(bearing=0.5))
+        assert np.array_equal(alone.push(bench.straight).after, pushed)
+
+
+def episode(world, bench, observer=None, seed=4, count=3):
+    """Push ten times; return every scene, and what was refused."""
+    parameters, start = bench.drawn(seed, count)
+    world.reset(start, parameters)
+    scenes, refused = [], []
+    for push in bench.pushes(seed, start, 6):
+        try:
+            scenes.append(world.push(push, on_step=observer).after)
+        except SainError as error:
+            refused.append(str(error))
+    return np.array(scenes), refused
+
+
+@pytest.mark.parametrize("config", [WorldConfig(), FULL], ids=["short", "full"])
+def test_worlds_repeat_bit_for_bit_fresh_used_or_watched(config, bench):
+    with World(nominal_parameters(3), config) as first, World(nominal_parameters(), config) as used:
+        episode(used, bench, seed=9)
+        scenes, refused = episode(first, bench)
+        assert len(scenes) >= 2
+        for world, observer in ((used, None), (first, lambda sample: None)):
+            again, refused_again = episode(world, bench, observer)
+            assert np.array_equal(again, scenes)
+            assert refused_again == refused
+
+
+PROGRAM = """
+import numpy as np
+from sain_sim.world.parameters import nominal_parameters
+from sain_sim.world.world import World
+parameters = nominal_parameters()
+world = World(parameters)
+world.reset(parameters.scene(np.array([[0.42, 0.0], [0.561, 0.0]])))
+for angle in (0.2, -0.3):
+    after = world.push(np.array([0.0, angle, 0.1])).after
+print(after.tobytes().hex())
+"""
+
+
+def test_processes_agree_to_the_bit():
+    runs = [
+        subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True)
+        for _ in range(2)
+    ]
+    assert runs[0].stdout == runs[1].stdout
+    assert len(runs[0].stdout.strip()) == 2 * 2 * 8 * 8
+
+
+def test_leaving_out_motion_without_contact_changes_little(bench):
+    after = []
+    for config in (WorldConfig(), FULL):
+        with World(nominal_parameters(), config) as world:
+            world.reset(bench.touching())
+            after.append(world.push(bench.straight).after)
+    assert np.abs(after[0][:, POSITION] - after[1][:, POSITION]).max() < 1e-3
+
+
+@pytest.mark.parametrize("config", [WorldConfig(), FULL], ids=["short", "full"])
+def test_the_tool_follows_its_line_and_touches_the_mid_disk_alone(config, bench):
+    along, pushed = [], 0
+    with World(nominal_parameters(), config) as world:
+        for seed in range(4):
+            parameters, start = bench.drawn(seed, 4)
+            world.reset(start, parameters)
+            for push in bench.pushes(seed, start, 6):
+                samples = []
+                try:
+                    world.push(push, on_step=samples.append)
+                except SainError:
+                    continue
+                pushed += 1
+                radius = world.config.feasibility.limits.tool_radius
+                for sample in samples:
+                    others = sample.scene[1:]
+                    apart = np.hypot(*(others[:, POSITION] - sample.tool[:2]).T)
+                    low = sample.tool[2] < 0.04
+                    assert not low or (apart - others[:, RADIUS] - radius).min() > -1e-4
+                    if sample.phase == "push":
+                        along.append(np.abs(sample.tool - sample.commanded_tool).max())
+    assert pushed >= 6
+    assert np.percentile(along, 99) < 1.5e-3
+
+
+def test_samples_come_at_the_rate_asked_for_with_time_running(world, bench):
+    world.reset(bench.touching())
+    samples = []
+    world.push(bench.straight, on_step=samples.append, every=4)
+    times = np.array([sample.time for sample in samples])
+    assert np.allclose(np.diff(times), 4 / 240)
+    assert {sample.phase for sample in samples} == {"push", "settle"}
+    assert samples[0].joint_positions.shape == samples[0].joint_velocities.shape == (7,)
+    assert samples[0].scene.shape == (2, 8)
+
+
+def test_a_disk_that_falls_off_the_table_is_an_outcome(bench):
+    table = dataclasses.replace(WorldConfig().feasibility.table, x_max=0.66)
+    feasibility = dataclasses.replace(WorldConfig().feasibility, table=table)
+    with World(nominal_parameters(), WorldConfig(feasibility=feasibility)) as world:
+        world.reset(bench.touching())
+        outcome = world.push(bench.towards(0.0, 0.15))
+        assert outcome.off_table
+        assert outcome.fallen.tolist() == [False, True]
+        assert outcome.settled  # what lies on the floor does not count
+
+
+def test_settling_waits_until_the_disks_are_still(world, bench):
+    world.reset(bench.touching())
+    body = world._cell.stage.disks[MID].body
+    world._client.resetBaseVelocity(body, [-0.3, 0.0, 0.0])
+    assert world.settle()
+    assert is_settled(world.observe())
+    assert world.observe()[MID, 0] < bench.touching()[MID, 0] - 0.02
+    assert np.abs(world.observe()[:, VELOCITY]).max() < 1e-2
+
+
+def test_disks_keep_apart(world, bench):
+    world.reset(bench.touching())
+    gaps = []
+    world.push(bench.straight, on_step=lambda s: gaps.append(surface_gaps(s.scene).min()))
+    assert min(gaps) > -1.5e-3
+
+
+def test_turning_scene_and_push_turns_the_outcome(bench):
+    """Up to Bullet's friction, which knows the world's axes."""
+    off = []
+    for bearing, location, angle in [(0.3, 0.0, 0.2), (-0.4, -0.1, 0.0), (0.1, 0.5, -0.3)]:
+        ends = []
+        for turn in np.arange(4) * pi / 4:
+            parameters = nominal_parameters()
+            mid = np.array([0.52, 0.0])
+            target = mid + (sum(parameters.radii) + 0.001) * unit(np.asarray(bearing + turn))
+            scene = parameters.scene(np.stack([mid, target]), np.array([1.0, 2.0]) + turn)
+            with World(parameters) as world:
+                world.reset(scene)
+                after = world.push(np.array([location + turn, angle, 0.08])).after
+            away = after[:, POSITION] - mid
+            ends.append(np.stack([away @ unit(np.asarray(turn + a)) for a in (0.0, pi / 2)], -1))
+        off.append(np.linalg.norm(ends - np.mean(ends, axis=0), axis=-1))
+    assert np.mean(off) < 0.0015
