@@ -1,8 +1,9 @@
 """One picture of a whole run: every episode from above, side by side."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sain_core.drawing.figures import TEXT, new_figure
@@ -26,18 +27,13 @@ def draw_overview(records: Sequence[EpisodeRecord]) -> Figure:
     for place, record in enumerate(records, start=1):
         axes = figure.add_subplot(rows, columns, place)
         names.update(draw_top_view(axes, record))
-        axes.set_title(
-            describe_result(record), fontsize=TEXT - 0.5, loc="left", color=result_colour(record)
-        )
-        axes.annotate(
-            record.title,
-            (0.0, 1.0),
-            (0, 18),
-            xycoords="axes fraction",
-            textcoords="offset points",
-            fontsize=TEXT + 1.5,
-            fontweight="bold",
-            color=PALETTE.ink,
-        )
+        _write(axes, record.title, 17, fontsize=TEXT + 1.5, fontweight="bold", color=PALETTE.ink)
+        _write(axes, describe_result(record), 5, fontsize=TEXT - 1, color=result_colour(record))
     draw_legend(figure, sorted(names), columns=columns + 1)
     return figure
+
+
+def _write(axes: Axes, text: str, above: float, **style: Any) -> None:
+    """Write a line so many points above axes, from the left edge of their labels on."""
+    place = {"xycoords": "axes fraction", "textcoords": "offset points"}
+    axes.annotate(text, (0.0, 1.0), (-32, above), **place, **style)
