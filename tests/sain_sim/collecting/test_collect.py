@@ -14,8 +14,8 @@ from sain_sim.cli.collect import main
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import load_shards, shard_path
+from sain_sim.episodes.sampling import GridSampler, StartConfig, draw_start
 from sain_sim.world.parameters import CUBE, RANGES, THREE_FEET, WIDE, sample_parameters
-from sain_sim.world.sampling import GridSampler, StartConfig, draw_start
 from sain_sim.world.workcell import WorldConfig
 
 SHORT = EpisodeConfig(pushes=4, floor_episodes=1)

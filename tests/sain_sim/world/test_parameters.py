@@ -4,7 +4,7 @@ import pytest
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
 from sain_sim.arm.client import Client
-from sain_sim.world.disks import Build, Disk, inertia, resting
+from sain_sim.world.bodies import Build, Disk, inertia, resting
 from sain_sim.world.parameters import (
     CUBE,
     FLAT,

@@ -10,7 +10,7 @@ from sain_core.errors import BlockedError, ConfigError
 from sain_core.scene import MID, POSITION, TARGET, THETA, is_settled, unit
 from sain_sim.arm.kinematics import LOWER_LIMITS, UPPER_LIMITS
 from sain_sim.arm.tool_spring import SLIDES
-from sain_sim.world.disks import REGULAR_FEET
+from sain_sim.world.bodies import REGULAR_FEET
 from sain_sim.world.parameters import FLAT, WorldParameters, nominal_parameters
 from sain_sim.world.roughness import (
     EFFECTS,

@@ -16,6 +16,7 @@ from sain_core.seeding import generator
 from sain_core.types import Scene
 from sain_eval.scenes.placement import draw_extra_disks, draw_goal, touching_distance
 from sain_mppi.search.goal import Goal
+from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.parameters import (
     CUBE,
     FRICTION_RANGE,
@@ -25,7 +26,6 @@ from sain_sim.world.parameters import (
     WorldParameters,
     sample_parameters,
 )
-from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 
 MAX_PUSHES: Final = 15  # paper section II-D
 PAPER_TOLERANCE: Final = 0.05  # [m], paper section III-A

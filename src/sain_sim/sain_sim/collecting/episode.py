@@ -19,9 +19,7 @@ from sain_core.shards import MOVED
 from sain_core.types import PushArray
 from sain_sim.collecting.push_counts import Tally
 from sain_sim.collecting.shards import Transition
-from sain_sim.world.outcome import PushOutcome
-from sain_sim.world.parameters import CUBE, FLAT, PAPER, RANGES, THREE_FEET, WIDE, WorldParameters
-from sain_sim.world.sampling import (
+from sain_sim.episodes.sampling import (
     CircleSampler,
     GridSampler,
     PushSampler,
@@ -29,8 +27,10 @@ from sain_sim.world.sampling import (
     draw_start,
     wholly_on,
 )
+from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
+from sain_sim.world.outcome import PushOutcome
+from sain_sim.world.parameters import CUBE, FLAT, PAPER, RANGES, THREE_FEET, WIDE, WorldParameters
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
-from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.world import World, WorldConfig
 
 MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet

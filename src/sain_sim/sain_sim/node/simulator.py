@@ -6,13 +6,13 @@ from time import perf_counter
 
 from sain_core.config import Config, option
 from sain_core.types import PushArray, Scene
+from sain_sim.episodes.start import WORLDS, draw_episode
+from sain_sim.episodes.truth import ALL, KNOWN_EFFECTS, TruthConfig
 from sain_sim.node.pacing import Pacer
 from sain_sim.rendering.window import Window
 from sain_sim.world.outcome import PushOutcome, Sample
 from sain_sim.world.parameters import FLAT, THREE_FEET, WorldParameters, nominal_parameters
 from sain_sim.world.shadow import BulletPrior
-from sain_sim.world.start import WORLDS, draw_episode
-from sain_sim.world.truth import ALL, KNOWN_EFFECTS, TruthConfig
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 

@@ -5,7 +5,7 @@ from typing import Any, Final
 from sain_core.scene import DISK_HEIGHT, Table
 from sain_sim.arm.client import Client
 from sain_sim.rendering.meshes import cylinder, ring
-from sain_sim.world.disks import COLORS
+from sain_sim.world.bodies import COLORS
 from sain_sim.world.parameters import CUBE
 
 TABLE_COLOR: Final = (0.80, 0.75, 0.68, 1.0)

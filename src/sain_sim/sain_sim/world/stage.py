@@ -8,7 +8,7 @@ import numpy as np
 from sain_core.scene import Table
 from sain_core.types import Mask, Scene
 from sain_sim.arm.client import Client
-from sain_sim.world.disks import REGULAR_FEET, BodyState, Build, Disk, unseen_shape
+from sain_sim.world.bodies import REGULAR_FEET, BodyState, Build, Disk, unseen_shape
 from sain_sim.world.parameters import WorldParameters
 
 FLOOR_SIZE: Final = 3.0  # [m], half its side

@@ -12,7 +12,7 @@ from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Client
 from sain_sim.arm.kinematics import Joints
 from sain_sim.arm.panda import ArmConfig, PandaModel
-from sain_sim.world.disks import resting
+from sain_sim.world.bodies import resting
 from sain_sim.world.outcome import Observer, PushOutcome, Sample, Stroke, is_idle
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.refusals import check_gap, check_reach, check_same_disks

@@ -9,13 +9,13 @@ from sain_core.errors import InvalidInputError, OutOfRangeError
 from sain_core.scene import MASS, RADIUS, VELOCITY
 from sain_core.seeding import generator
 from sain_core.types import Scene
+from sain_sim.episodes.truth import ALL, TRUTHS, TruthConfig
 from sain_sim.world.parameters import (
     CUBE,
     THREE_FEET,
     WorldParameters,
     nominal_parameters,
 )
-from sain_sim.world.truth import ALL, TRUTHS, TruthConfig
 
 NOMINAL: Final = "nominal"
 WORLDS: Final = (*TRUTHS, NOMINAL)

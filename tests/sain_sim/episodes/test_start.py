@@ -3,8 +3,8 @@ import pytest
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
 from sain_core.scene import MASS, RADIUS, VELOCITY, make_scene, surface_gaps
+from sain_sim.episodes.start import draw_episode
 from sain_sim.world.parameters import CUBE, FLAT, THREE_FEET, nominal_parameters
-from sain_sim.world.start import draw_episode
 
 GIVEN = make_scene(
     np.array([(0.4, 0.1), (0.6, 0.1), (0.5, -0.2)]), np.array([7.5, 8.5, 7.0]), np.full(3, 0.06)
