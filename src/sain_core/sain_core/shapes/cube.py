@@ -18,4 +18,4 @@ class Cube(Polygon):
         return across, across, mass * (2 * radius) ** 2 / 6
 
 
-SHAPES: Final = (Cube("cube", corners=((-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0))),)
+SHAPES: Final = (Cube("cube", corners=((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))),)

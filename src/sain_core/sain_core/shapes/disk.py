@@ -11,7 +11,8 @@ from sain_core.types import Points
 
 DISK: Final = "disk"
 THREE_FEET: Final = "three_feet"
-FLAT: Final = "flat"
+FLAT: Final = "flat"  # as in the paper
+DISK_SHAPES: Final = (THREE_FEET, FLAT)
 CORNERS: Final = 72  # of an outline
 
 
@@ -33,4 +34,4 @@ class Disk(Shape):
         return across, across, mass * radius**2 / 2
 
 
-SHAPES: Final = (Disk(THREE_FEET), Disk(FLAT, feet=()))  # flat: as in the paper
+SHAPES: Final = (Disk(THREE_FEET), Disk(FLAT, feet=()))

@@ -21,7 +21,7 @@ GROUP: Final = "sain.shapes"
 _BUILT_IN: Final = (*disk.SHAPES, *cube.SHAPES)
 _shapes: dict[str, Shape] = {}
 _footprints: dict[str, Shape] = {}  # the usual shape of each
-_all: Final = ChainMap(_footprints, _shapes)
+_all: Final = ChainMap(_shapes, _footprints)
 
 
 def register(shape: Shape) -> None:

@@ -22,9 +22,8 @@ Pair = tuple[float, float]
 Vector = tuple[float, float, float]
 Triangles = Float[ndarray, "T 3 3"]
 
-FOOT_DISTANCE: Final = 0.7  # [radii], of a regular foot from the centre
 FOOT_BEARINGS: Final = (0.0, 2 * pi / 3, 4 * pi / 3)  # [rad], of regular feet
-REGULAR_FEET: Final = tuple((FOOT_DISTANCE, bearing) for bearing in FOOT_BEARINGS)
+REGULAR_FEET: Final = tuple((0.7, bearing) for bearing in FOOT_BEARINGS)
 
 
 class Solid(Enum):

@@ -9,7 +9,9 @@ from matplotlib.patheffects import withStroke
 
 from sain_core.feasibility import Feasibility
 from sain_core.push import push_direction, tool_end, tool_start
-from sain_core.scene import POSITION, RADIUS, TARGET, THETA, unit
+from sain_core.scene import POSITION, RADIUS, TARGET, unit
+from sain_core.shapes.disk import DISK
+from sain_core.shapes.registry import get_shape
 from sain_core.types import Scene
 from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
 from sain_eval.plots.palette import PALETTE
@@ -52,16 +54,15 @@ def _draw_goal(axes: Axes, record: EpisodeRecord) -> None:
 
 def _outline(scene: Scene, disk: int, shape: str, **style: Any) -> Patch:
     centre, radius = scene[disk, POSITION], float(scene[disk, RADIUS])
-    if shape != "cube":
+    if get_shape(shape).is_round:
         return Circle(tuple(centre), radius, **style)
-    corners = scene[disk, THETA] + np.pi / 4 + np.arange(4) * np.pi / 2
-    return Polygon(centre + radius * 2**0.5 * unit(corners), closed=True, **style)
+    return Polygon(get_shape(shape).placed(scene[disk]), closed=True, **style)
 
 
 def _draw_disks(axes: Axes, scene: Scene, shapes: tuple[str, ...], ghost: bool) -> None:
     for disk in range(len(scene)):
         colour = PALETTE.disk(disk)
-        shape = shapes[disk] if shapes else "disk"
+        shape = shapes[disk] if shapes else DISK
         if ghost:
             patch = _outline(
                 scene,
@@ -100,7 +101,7 @@ def _draw_trail(axes: Axes, record: EpisodeRecord, disk: int) -> None:
         return
     axes.plot(*trail.T, color=colour, linewidth=1.8, alpha=0.85, zorder=6, solid_capstyle="round")
     axes.plot(*trail.T, "o", color=colour, markersize=3.8, zorder=6.5)
-    shape = record.shapes[disk] if record.shapes else "disk"
+    shape = record.shapes[disk] if record.shapes else DISK
     moved = np.linalg.norm(np.diff(trail, axis=0), axis=1) > SHOWN_MOVE
     for scene, shown in zip(scenes[1:-1], moved[:-1], strict=True):
         if shown:
