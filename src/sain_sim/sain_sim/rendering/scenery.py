@@ -2,23 +2,16 @@
 
 from typing import Any, Final
 
+from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.scene import DISK_HEIGHT, Table
 from sain_core.shapes.registry import get_shape
 from sain_core.shapes.shape import Shape, Solid
 from sain_sim.arm.client import Client
 from sain_sim.rendering.meshes import Mesh, cylinder, flat_faces, ring
 
-# mid disk, target, and the others in turn
-COLORS: Final = (
-    (0.20, 0.45, 0.80, 1.0),
-    (0.93, 0.42, 0.18, 1.0),
-    (0.42, 0.62, 0.45, 1.0),
-    (0.62, 0.50, 0.74, 1.0),
-    (0.80, 0.70, 0.36, 1.0),
-)
 TABLE_COLOR: Final = (0.80, 0.75, 0.68, 1.0)
 TOP_COLOR: Final = (0.91, 0.89, 0.86, 1.0)
-GOAL_COLOR: Final = (0.10, 0.62, 0.40, 1.0)
+GOAL_COLOR: Final = rgba(PALETTE.goal)
 MARK_COLOR: Final = (1.0, 1.0, 1.0, 1.0)
 RING_WIDTH: Final = 0.008  # [m]
 RING_LIFT: Final = 0.001  # [m]
@@ -44,7 +37,7 @@ def build_disk(client: Client, index: int, shape: str, radius: float) -> int:
     kind, geometry = _solid(client, get_shape(shape), radius)
     visual = client.createVisualShape(
         kind,
-        rgbaColor=COLORS[index % len(COLORS)],
+        rgbaColor=rgba(PALETTE.disk(index)),
         specularColor=[0.3, 0.3, 0.3],
         **geometry,
     )
