@@ -123,7 +123,7 @@ def _draw_prediction(axes: Axes, push: PushRecord) -> None:
 def draw_error(axes: Axes, predicted: Points, actual: Points) -> None:
     """Draw a predicted place (2,), with a line to where the target came to rest (2,)."""
     axes.plot(*np.stack([predicted, actual]).T, color=PALETTE.predicted, linewidth=1.0, zorder=7)
-    mark = {"markerfacecolor": "none", "markeredgecolor": PALETTE.predicted}
+    mark: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": PALETTE.predicted}
     axes.plot(*predicted, "D", markersize=5.0, markeredgewidth=1.2, zorder=7, **mark)
 
 
@@ -148,7 +148,7 @@ def _draw_push(axes: Axes, push: PushRecord, number: int, feasibility: Feasibili
     start = tool_start(push.before, push.push, feasibility.limits)
     draw_arrow(axes, start, tool_end(push.before, push.push, feasibility.limits))
     badge = start - 0.004 * unit(push_direction(push.push))
-    edge = {"markeredgecolor": "white", "markeredgewidth": 1.2}
+    edge: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 1.2}
     axes.plot(*badge, "o", markersize=12.5, color=PALETTE.ink, zorder=10, **edge)
     axes.text(
         float(badge[0]),
