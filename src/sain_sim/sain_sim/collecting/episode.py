@@ -6,21 +6,20 @@ Paper, section III-B. An episode depends on the collection's seed and its own nu
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from sain_core.config import Config, option
+from sain_core.dataset import MOVED, ROUGH, Column, Row, shape_marks
 from sain_core.errors import SainError
 from sain_core.push import PaperGrid
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
 from sain_core.shapes.registry import built_shapes, footprint_names
-from sain_core.shards import MOVED
 from sain_core.types import PushArray
 from sain_sim.collecting.push_counts import Tally
-from sain_sim.collecting.shards import Transition
 from sain_sim.episodes.samplers import CircleSampler, GridSampler, PushSampler
 from sain_sim.episodes.start import StartConfig, draw_start, wholly_on
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
@@ -71,7 +70,7 @@ class EpisodeConfig(Config):
 class EpisodeResult(NamedTuple):
     """What an episode gave."""
 
-    transitions: list[Transition]  # in order; with the 2 mm filter only those that pass it
+    transitions: list[Row]  # in order; with the 2 mm filter only those that pass it
     tally: Tally  # of all pushes that were drawn
 
 
@@ -108,7 +107,7 @@ class EpisodeRunner:
             for step, (push, outcome) in enumerate(self._pushes(random, tally)):
                 moved = _count(outcome, tally)
                 if moved or not self._config.moved_only:
-                    kept.append(self._transition(episode, step, push, outcome, moved, floor))
+                    kept.append(self._row(episode, step, push, outcome, moved, floor))
         return EpisodeResult(kept, tally)
 
     def _pushes(
@@ -139,7 +138,7 @@ class EpisodeRunner:
                 tally.refuse(error)
         return None
 
-    def _transition(
+    def _row(
         self,
         episode: int,
         step: int,
@@ -147,28 +146,32 @@ class EpisodeRunner:
         outcome: PushOutcome,
         moved: bool,
         floor: BulletPrior | None,
-    ) -> Transition:
+    ) -> Row:
         before, after = outcome.before, outcome.after
         again = np.full_like(before, np.nan) if floor is None else floor.predict(before, push)
         parameters = self._world.parameters
-        return Transition(
-            state=before.ravel(),
-            action=push,
-            physics_next=self._shadow.predict(before, push).ravel(),
-            next_state=after.ravel(),
-            floor_next=again.ravel(),
-            episode=episode,
-            step=step,
-            seed=self._seed,
-            masses=np.array(parameters.masses),
-            radii=np.array(parameters.radii),
-            friction=parameters.friction,
-            rim_friction=parameters.rim_friction,
-            tool_friction=parameters.tool_friction,
-            moved=moved,
-            duration=outcome.duration,
-            roughness=parameters.roughness.arrays(),
-            shapes=parameters.shapes,
+        row: dict[str, Any] = {
+            Column.STATE: before.ravel(),
+            Column.ACTION: push,
+            Column.PHYSICS_NEXT: self._shadow.predict(before, push).ravel(),
+            Column.NEXT_STATE: after.ravel(),
+            Column.FLOOR_NEXT: again.ravel(),
+            Column.EPISODE: episode,
+            Column.STEP: step,
+            Column.SEED: self._seed,
+            Column.MASSES: parameters.masses,
+            Column.RADII: parameters.radii,
+            Column.FRICTION: parameters.friction,
+            Column.RIM_FRICTION: parameters.rim_friction,
+            Column.TOOL_FRICTION: parameters.tool_friction,
+            Column.MOVED: moved,
+            Column.DURATION: outcome.duration,
+        }
+        rough = parameters.roughness.arrays()
+        return (
+            row
+            | shape_marks(parameters.shapes)
+            | {f"{ROUGH}{name}": value for name, value in rough.items()}
         )
 
     def close(self) -> None:
