@@ -1,4 +1,4 @@
-"""Plan the same scene with every algorithm, and draw what each found: planners.png.
+"""Plan the same scene with every algorithm and draw the plans into planners.png.
 
 ./env python examples/04_compare_planners.py
 """
@@ -31,19 +31,19 @@ figure = new_figure(6.6, 2.5 * ROWS + 0.9)
 places = figure.subplots(ROWS, COLUMNS).ravel()
 for place, (axes, name) in enumerate(zip(places, ALGORITHMS, strict=False)):
     planner = Planner(sain, replace(PlannerConfig(), algorithm=name))
-    planner.plan(scene, goal, generator(7, name))  # what is loaded and compiled once
+    planner.plan(scene, goal, generator(7, name))  # the first plan loads and compiles
     planner.reset()
     plan = planner.complete(scene, planner.plan(scene, goal, generator(7, name)))
     draw_plan(axes, scene, goal, plan)
-    axes.set(xlim=(0.28, 0.83), ylim=(-0.22, 0.33))  # the same for all
+    axes.set(xlim=(0.28, 0.83), ylim=(-0.22, 0.33))  # the same view for every algorithm
     title = f"{name}\ncost {plan.cost:.2f}, {plan.samples} sequences"
     axes.set_title(title, loc="left", fontsize=TEXT - 1)
     axes.set_ylabel("y [m]" if place % COLUMNS == 0 else "")
     axes.set_xlabel("x [m]" if place + COLUMNS >= len(ALGORITHMS) else "")
     worst = max(plan.terms, key=plan.terms.__getitem__)
     print(
-        f"{name:12} cost {plan.cost:5.2f} (doing nothing: {plan.rest_cost:.2f}; most of it:"
-        f" {worst}), {plan.samples} sequences in {1e3 * plan.times.total:.0f} ms"
+        f"{name:12} cost {plan.cost:5.2f} (doing nothing: {plan.rest_cost:.2f}; largest"
+        f" term: {worst}), {plan.samples} sequences in {1e3 * plan.times.total:.0f} ms"
     )
 for axes in places[len(ALGORITHMS) :]:
     axes.remove()
