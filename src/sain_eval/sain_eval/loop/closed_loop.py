@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 from sain_core.errors import BlockedError, SainError, UnreachableError
 from sain_core.feasibility import Feasibility
+from sain_core.push_record import PushRecord
 from sain_core.scene import is_settled, target_distance
 from sain_core.seeding import generator
 from sain_core.types import Scene
 from sain_eval.loop.controllers import Controller, Decision
-from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
+from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenarios import ScenarioScene
 from sain_mppi.search.goal import goal_reached
 from sain_sim.world.workcell import WorldConfig

@@ -13,14 +13,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from sain_core.feasibility import Feasibility
+from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, TARGET, target_distance
 from sain_core.storage import write_whole
-from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
+from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.plots.legend import draw_legend
 from sain_eval.plots.palette import PALETTE
 from sain_eval.plots.top_view import draw_top_view
-
-__all__ = ["EpisodeRecord", "PushRecord", "draw_episode", "save_picture"]
 
 FIGURE_SIZE = (11.0, 6.8)  # [inch]
 DOTS_PER_INCH = 160
