@@ -8,10 +8,11 @@ from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 
+from sain_core.drawing.figures import write_png
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import AgentMaker, agent_maker
 from sain_eval.loop.results import SceneRecord, scene_records
-from sain_eval.plots.pictures import draw_episode, save_picture
+from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
 from sain_mppi.loop.settings import AgentConfig
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
@@ -48,7 +49,7 @@ def run_job(job: EpisodeJob) -> list[SceneRecord]:
     outcome = play(job)
     if job.picture is not None:
         title = f"{job.scenario}, scene {job.seed}, {job.controller}"
-        save_picture(draw_episode(outcome.record, title), job.picture)
+        write_png(draw_episode(outcome.record, title), job.picture)
     return scene_records(job.case(), job.controller, outcome, job.tolerances)
 
 
