@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sain_core.errors import DatasetError
+from sain_core.shapes.registry import get_shape
 from sain_core.shards import SHARD_PATTERN, SHARD_SIZE, shard_path
 from sain_core.storage import PARTIAL, read_arrays, write_arrays
 
@@ -30,7 +31,7 @@ class Transition(NamedTuple):
     moved: bool  # the target moved by more than the paper's 2 mm
     duration: float  # simulated time of the push [s]
     roughness: Mapping[str, np.ndarray] = {}  # what is rough; each stored as ``rough_NAME``
-    cubes: np.ndarray | None = None  # (N,) which disks are cubes; stored where one is
+    shapes: tuple[str, ...] = ()  # (N,) names; which disks have a NAME is stored as ``NAMEs``
 
 
 def write_shard(folder: Path, index: int, transitions: Sequence[Transition]) -> None:
@@ -47,10 +48,10 @@ def write_shard(folder: Path, index: int, transitions: Sequence[Transition]) -> 
 def _row(transition: Transition) -> dict[str, Any]:
     """Return what is stored of a transition."""
     row = transition._asdict()
-    rough = row.pop("roughness")
-    if row["cubes"] is None:
-        del row["cubes"]
-    return row | {f"rough_{name}": value for name, value in rough.items()}
+    rough, shapes = row.pop("roughness"), row.pop("shapes")
+    cornered = [name for name in dict.fromkeys(shapes) if not get_shape(name).is_round]
+    marks = {f"{name}s": np.array([shape == name for shape in shapes]) for name in cornered}
+    return row | marks | {f"rough_{name}": value for name, value in rough.items()}
 
 
 def full_shards(folder: Path) -> int:

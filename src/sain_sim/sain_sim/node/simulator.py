@@ -5,14 +5,15 @@ from dataclasses import dataclass
 from time import perf_counter
 
 from sain_core.config import Config, option
+from sain_core.shapes.disk import DISK_SHAPES, THREE_FEET
 from sain_core.types import PushArray, Scene
+from sain_sim.episodes.start import WORLDS, draw_episode
+from sain_sim.episodes.truth import ALL, KNOWN_EFFECTS, TruthConfig
 from sain_sim.node.pacing import Pacer
 from sain_sim.rendering.window import Window
 from sain_sim.world.outcome import PushOutcome, Sample
-from sain_sim.world.parameters import FLAT, THREE_FEET, WorldParameters, nominal_parameters
+from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.shadow import BulletPrior
-from sain_sim.world.start import WORLDS, draw_episode
-from sain_sim.world.truth import ALL, KNOWN_EFFECTS, TruthConfig
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 
@@ -31,7 +32,7 @@ class SimulatorConfig(Config):
         ALL, f"of a rough world: all, none, or some with commas of {', '.join(KNOWN_EFFECTS)}"
     )
     seed: int = option(0, "of the episode that the simulator starts with", minimum=0)
-    disk_shape: str = option(THREE_FEET, "how disks are built", choices=(THREE_FEET, FLAT))
+    disk_shape: str = option(THREE_FEET, "how disks are built", choices=DISK_SHAPES)
     real_time_factor: float = option(
         0.0, "simulated by real time; 0: as fast as possible", minimum=0.0, maximum=100.0
     )

@@ -14,15 +14,14 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
+from sain_core.shapes.shape import FOOT_BEARINGS, Pair
 from sain_sim.arm.panda import ArmConfig
 
-Pair = tuple[float, float]
 Feet = tuple[Pair, Pair, Pair]
 Wave = tuple[float, float, float]
 
 MASS_OFFSET: Final = (0.08, 0.15)  # [radii], from the centre to the centre of mass
 FOOT_DISTANCE: Final = (0.6, 0.8)  # [radii]; a regular foot stands at 0.7
-FOOT_BEARINGS: Final = (0.0, 2 * pi / 3, 4 * pi / 3)  # [rad], of regular feet
 FOOT_TURN: Final = radians(15)  # either way from its regular bearing
 WAVES: Final = 3  # of which the patches are made
 WAVE_LENGTH: Final = (0.2, 0.4)  # [m], patches are half as wide

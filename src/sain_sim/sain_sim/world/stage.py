@@ -8,7 +8,8 @@ import numpy as np
 from sain_core.scene import Table
 from sain_core.types import Mask, Scene
 from sain_sim.arm.client import Client
-from sain_sim.world.disks import REGULAR_FEET, BodyState, Build, Disk, unseen_shape
+from sain_sim.world.bodies import Body, BodyState
+from sain_sim.world.collision import Build, unseen_shape
 from sain_sim.world.parameters import WorldParameters
 
 FLOOR_SIZE: Final = 3.0  # [m], half its side
@@ -40,7 +41,7 @@ class Stage:
         self.tables = self._build_tables(table, parameters)
         self.floor = self._build_floor(table)
         self.disks = [
-            Disk(client, build, state, friction)
+            Body(client, build, state, friction)
             for build, state in zip(_builds(parameters), states, strict=True)
         ]
         self._parted = self._part_tables() if len(self.tables) > 1 else []
@@ -76,14 +77,14 @@ class Stage:
                 self._client.changeDynamics(body, -1, anisotropicFriction=[1 / across, across, 1.0])
         return bodies
 
-    def _part_tables(self) -> list[tuple[int, Disk]]:
+    def _part_tables(self) -> list[tuple[int, Body]]:
         """Let each disk touch its own table and no other's; return each table and its disk."""
         others = sum(1 << (TABLE_GROUP + disk) for disk in range(len(self.disks)))
         parted = list(zip(self.tables, self.disks, strict=True))
         for index, (table, disk) in enumerate(parted):
             mine, its = 1 << (TABLE_GROUP + index), 1 << (DISK_GROUP + index)
             self._client.setCollisionFilterGroupMask(table, -1, mine, its)
-            self._client.setCollisionFilterGroupMask(disk.body, -1, its | 1, ~others | mine)
+            self._client.setCollisionFilterGroupMask(disk.id, -1, its | 1, ~others | mine)
         return parted
 
     def _build_floor(self, table: Table) -> int:
@@ -112,7 +113,7 @@ class Stage:
     def touched_by(self, body: int, link: int) -> int | None:
         """Return the first disk but the mid disk that a body's link touches, if any."""
         for index, disk in enumerate(self.disks[1:], start=1):
-            for contact in self._client.getContactPoints(body, disk.body, link):
+            for contact in self._client.getContactPoints(body, disk.id, link):
                 distance, force = contact[8], contact[9]
                 if distance <= 0.0 or force > 0.0:
                     return index
@@ -121,9 +122,10 @@ class Stage:
 
 def _builds(parameters: WorldParameters) -> list[Build]:
     """Return how each disk is made."""
-    feet = parameters.roughness.feet or (REGULAR_FEET,) * parameters.count
-    columns = (parameters.shapes, parameters.masses, parameters.radii)
-    return [Build(*row) for row in zip(*columns, parameters.mass_offsets, feet, strict=True)]
+    shapes = parameters.body_shapes
+    feet = parameters.roughness.feet or [shape.feet for shape in shapes]
+    columns = (parameters.masses, parameters.radii, feet, parameters.mass_offsets)
+    return [Build(*row) for row in zip(shapes, *columns, strict=True)]
 
 
 def _boxes(

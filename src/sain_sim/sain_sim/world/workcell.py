@@ -14,7 +14,7 @@ from sain_sim.arm.client import Client
 from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.motion import MotionConfig
 from sain_sim.arm.panda import Arm, ArmConfig, PandaModel
-from sain_sim.world.disks import BodyState
+from sain_sim.world.bodies import BodyState
 from sain_sim.world.outcome import Observer, Sample
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.stage import Stage

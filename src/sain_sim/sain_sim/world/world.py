@@ -12,7 +12,7 @@ from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Client
 from sain_sim.arm.kinematics import Joints
 from sain_sim.arm.panda import ArmConfig, PandaModel
-from sain_sim.world.disks import resting
+from sain_sim.world.bodies import resting
 from sain_sim.world.outcome import Observer, PushOutcome, Sample, Stroke, is_idle
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.refusals import check_gap, check_reach, check_same_disks
@@ -20,6 +20,7 @@ from sain_sim.world.workcell import Origin, Route, Watch, Watches, Workcell, Wor
 
 __all__ = ["Viewer", "World", "WorldConfig"]
 
+ROW_ROOM: Final = 2**0.5  # [widths], from one disk to the next in the first scene
 HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
 
 
@@ -255,8 +256,9 @@ class World:
 
 
 def _in_a_row(parameters: WorldParameters, table: Table) -> Scene:
-    """Return a scene with the disks in a row across the table."""
-    widths = 2.0 * np.array(parameters.radii) * 2**0.5  # a turned cube is that wide
+    """Return a scene with the disks in a row across the table, each with room to turn."""
+    room = max(ROW_ROOM, *(shape.circumradius for shape in parameters.body_shapes))
+    widths = 2.0 * np.array(parameters.radii) * room
     y = np.cumsum(widths) - widths / 2 - widths.sum() / 2
     x = np.full_like(y, (table.x_min + table.x_max) / 2)
     return parameters.scene(np.stack([x, y], axis=-1))
