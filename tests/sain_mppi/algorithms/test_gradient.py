@@ -55,7 +55,7 @@ def test_it_gets_far_below_its_starts_on_a_smooth_model(scene, seed):
     gradient(search, NOTHING, CONFIG, generator(seed))
     predicted = search.result().predicted[-1, 1, POSITION]
     drawn = min(costs.min() for costs in search.drawn)
-    assert search.finds.cost < 0.8 * drawn
+    assert search.elites.cost < 0.8 * drawn
     assert np.linalg.norm(predicted - GOAL) < 0.002
 
 
@@ -65,7 +65,7 @@ def test_more_steps_lead_further_down(scene):
         config = replace(CONFIG, gradient=GradientConfig(steps=steps))
         search = Recorded(Gliding(), config, scene)
         gradient(search, NOTHING, config, generator(0))
-        costs.append(search.finds.cost)
+        costs.append(search.elites.cost)
     assert costs[0] > costs[1] > costs[2]
 
 

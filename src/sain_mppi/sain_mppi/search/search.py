@@ -21,7 +21,7 @@ from sain_core.types import (
 )
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.cost import cost_terms, make_rollout, resting_cost, total_cost
-from sain_mppi.search.elites import Finds
+from sain_mppi.search.elites import Elites
 from sain_mppi.search.feasible_mask import permitted
 from sain_mppi.search.goal import Goal
 from sain_mppi.search.pacing import Pacing
@@ -56,7 +56,7 @@ class Search:
         """Begin with nothing found."""
         self.model, self.config, self.problem = model, config, problem
         self.scene, self.goal, self.feasibility = problem.scene, problem.goal, problem.feasibility
-        self.finds = Finds(config.horizon, config.shown)
+        self.elites = Elites(config.horizon, config.shown)
         self.effective = 0.0
         self.samples = self.rounds = 0
         self._pacing = Pacing(problem.deadline)
@@ -69,7 +69,7 @@ class Search:
     @property
     def improves(self) -> bool:
         """Whether the best sequence so far is better than doing nothing."""
-        return bool(self.finds.cost < self.rest_cost)
+        return bool(self.elites.cost < self.rest_cost)
 
     @property
     def over(self) -> bool:
@@ -127,23 +127,23 @@ class Search:
         predicted = self._rollout(sequence[None])
         costs, terms = self._costs(sequence[None], predicted)
         if np.isfinite(costs[0]):
-            self.finds.prefer(sequence[None], predicted, costs, terms)
+            self.elites.prefer(sequence[None], predicted, costs, terms)
 
     def result(self) -> PlanResult:
         """Return the best sequence as the plan; something must have been evaluated."""
-        finds = self.finds
+        elites = self.elites
         total = perf_counter() - self._began
         return PlanResult(
-            finds.elites[0],
-            finds.predicted,
-            finds.cost,
+            elites.sequences[0],
+            elites.predicted,
+            elites.cost,
             self.rest_cost,
-            finds.terms,
+            elites.terms,
             self.effective,
             self.samples,
             self.rounds,
             Times(total, self._rollout_time, self._cost_time),
-            finds.shown,
+            elites.shown,
         )
 
     def _regions(self, sequences: PushSequences, predicted: PredictedScenes) -> Radii | None:
@@ -158,7 +158,7 @@ class Search:
             tried = sequences[part]
             predicted = self._rollout(tried)
             costs[part], terms = self._costs(tried, predicted)
-            self.finds.add(tried, predicted, costs[part], terms)
+            self.elites.add(tried, predicted, costs[part], terms)
             self.samples += len(tried)
         return costs
 
