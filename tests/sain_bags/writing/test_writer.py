@@ -17,7 +17,7 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 
 from sain_bags.bag.metadata import OfferedQos, Topic
-from sain_bags.mcap.preallocated_file import RESERVE, ReservedFile
+from sain_bags.mcap.preallocated_file import RESERVE, PreallocatedFile
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import Outcome
@@ -174,7 +174,7 @@ def test_unknown_compression_is_refused() -> None:
 
 
 def test_the_reserve_goes_when_the_file_is_closed(tmp_path: Path) -> None:
-    file = ReservedFile(tmp_path / "data", reserve=4096)
+    file = PreallocatedFile(tmp_path / "data", reserve=4096)
     assert (tmp_path / ".data.reserve").stat().st_size == 4096
     file.write(b"abc")
     file.close()

@@ -14,7 +14,7 @@ from sain_core.errors import SainError
 from sain_sim.cli.collect import main
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult
-from sain_sim.collecting.push_counts import JOURNAL_FILE, Tally
+from sain_sim.collecting.push_counts import JOURNAL_FILE, PushCounts
 from sain_sim.collecting.workers import AHEAD, LIVES, ProcessCrew, in_order
 
 SHORT = EpisodeConfig(pushes=3)
@@ -54,15 +54,15 @@ class ShuffledCrew:
         late = [episode for episode in self._running if episode]  # the first one ends last
         episode = self._random.choice(late) if late and len(self.begun) < 30 else self._running[0]
         self._running.remove(episode)
-        return [(int(episode), EpisodeResult([], Tally(moved=int(episode))))]
+        return [(int(episode), EpisodeResult([], PushCounts(moved=int(episode))))]
 
 
 def test_episodes_come_back_in_order_and_no_worker_runs_far_ahead() -> None:
     crew = ShuffledCrew(4)
     results = in_order(crew, range(100))
-    assert next(results).tally.moved == 0
+    assert next(results).counts.moved == 0
     assert max(crew.begun) < AHEAD * crew.size
-    assert [result.tally.moved for result in results] == list(range(1, 100))
+    assert [result.counts.moved for result in results] == list(range(1, 100))
     assert crew.begun == list(range(100))
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.rows import Dropped
+from sain_bags.transitions.dropped import Dropped
 from sain_core.dataset import SHARD_SIZE, Column, Columns, centres, describe_fields
 from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import MID, TARGET
@@ -67,7 +67,7 @@ class Spread:
         }
 
 
-class Card:
+class DatasetCard:
     """Counts what is written and what is dropped, as it happens."""
 
     def __init__(self) -> None:

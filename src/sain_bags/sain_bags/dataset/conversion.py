@@ -13,10 +13,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from sain_bags.dataset.card import Card
+from sain_bags.dataset.card import DatasetCard
 from sain_bags.dataset.dataset_folder import DatasetFolder
 from sain_bags.dataset.formats import FormatName
-from sain_bags.dataset.formats.shards import Sharding
+from sain_bags.dataset.formats.sharding import Sharding
 from sain_bags.dataset.known_parameters import KnownParameters
 from sain_bags.transitions.messages import MessageReader
 from sain_bags.transitions.numbering import Numbering
@@ -85,7 +85,7 @@ def convert(
     sources = find_sources(paths, config.namespace or None)
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
-    card, numbering, parameters = Card(), Numbering(), KnownParameters(sources)
+    card, numbering, parameters = DatasetCard(), Numbering(), KnownParameters(sources)
     with ExitStack() as stack:
 
         def prior() -> Dynamics:
@@ -123,7 +123,7 @@ def _shards(
     sources: Sequence[Source],
     maker: RowMaker,
     numbering: Numbering,
-    card: Card,
+    card: DatasetCard,
     progress: Progress,
 ) -> Iterator[Columns]:
     """Stream all recordings as shards, and count on the card what is dropped."""
@@ -138,7 +138,7 @@ def _shards(
     yield from counter.pass_on(sharding.rest())
 
 
-def _pushes(source: Source, card: Card, counter: "_Counter") -> Iterator[Paired]:
+def _pushes(source: Source, card: DatasetCard, counter: "_Counter") -> Iterator[Paired]:
     """Stream the pushes of one recording, some at a time."""
     pairing = Pairing(source.has_results, source.has_predictions)
     reader = MessageReader(source.bag.channels)

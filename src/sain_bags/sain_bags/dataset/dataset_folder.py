@@ -16,7 +16,7 @@ import numpy as np
 from sain_bags.dataset.dataset_export import clear, export, put_in_place, remove
 from sain_bags.dataset.dataset_split import describe_split, split_episodes
 from sain_bags.dataset.formats import SHARDS, find_format
-from sain_bags.dataset.formats.shards import write_shard
+from sain_bags.dataset.formats.sharding import write_shard
 from sain_core.dataset import Column, Columns, shard_path
 from sain_core.errors import OutputError
 from sain_core.storage import PARTIAL, write_json
@@ -26,13 +26,13 @@ CARD_FILE: Final = "card.json"
 PICTURE_FILE: Final = "card.png"  # drawn from the card
 GATHERED: Final = ".rows"  # folder of the shards until they are written in another format
 
-Content = dict[str, Any]
+CardContent = dict[str, Any]
 
 
 class DatasetFolder:
     """Takes the shards and the card of one conversion."""
 
-    def __init__(self, path: Path, identity: Content, overwrite: bool = False) -> None:
+    def __init__(self, path: Path, identity: CardContent, overwrite: bool = False) -> None:
         """Look at the folder; nothing is written or deleted before the first shard.
 
         Args:
@@ -77,7 +77,7 @@ class DatasetFolder:
         return stored
 
     def finish(
-        self, card: Content, progress: Callable[[int, int], None] = lambda rows, of: None
+        self, card: CardContent, progress: Callable[[int, int], None] = lambda rows, of: None
     ) -> None:
         """Write the gathered rows in the format, and the card: the data set is whole.
 
@@ -119,7 +119,7 @@ class DatasetFolder:
         self._claimed = True
 
 
-def _read_identity(folder: Path) -> Content | None:
+def _read_identity(folder: Path) -> CardContent | None:
     """Return what the folder says whose it is; None: it is new or empty.
 
     Raises:
@@ -144,6 +144,6 @@ def _read_identity(folder: Path) -> Content | None:
     return content
 
 
-def _difference(found: Content, wanted: Content) -> str:
+def _difference(found: CardContent, wanted: CardContent) -> str:
     name = next(key for key in {**wanted, **found} if found.get(key) != wanted.get(key))
     return f"{name} = {found.get(name)!r}, not {wanted.get(name)!r}"

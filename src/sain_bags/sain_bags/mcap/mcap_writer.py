@@ -34,7 +34,7 @@ from mcap.records import (
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
 
-from sain_bags.mcap.preallocated_file import ReservedFile
+from sain_bags.mcap.preallocated_file import PreallocatedFile
 
 LIBRARY: Final = "sain_bags"
 MESSAGE: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log, publish time
@@ -63,10 +63,10 @@ class Contents:
         return sum(self.counts.values())
 
 
-class LeanWriter:
+class McapWriter:
     """One file in the making. Every method raises `OSError` where the disk fails."""
 
-    def __init__(self, file: ReservedFile, compression: str, chunk_size: int) -> None:
+    def __init__(self, file: PreallocatedFile, compression: str, chunk_size: int) -> None:
         """Begin a file.
 
         Args:

@@ -11,7 +11,7 @@ RESERVE: Final = 1 << 20  # [bytes], a chunk, its index and a long bag's summary
 FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 
 
-class ReservedFile:
+class PreallocatedFile:
     """A new binary file for writing that keeps some space back.
 
     When a write finds the disk full, the space kept back is given up, the write goes on, and

@@ -15,10 +15,10 @@ from sain_bags.bag.metadata import METADATA_RECORD, read_record
 from sain_bags.mcap.chunks import MESSAGE_HEAD, OpenedChunk, open_chunk
 from sain_bags.mcap.scanner import Gap, Record, Scanner, is_exact, parse
 from sain_bags.recovery.bag_copy import BagCopy
-from sain_bags.recovery.recovery_report import FileReport, Loss, Outcome, Report
+from sain_bags.recovery.recovery_report import FileReport, Loss, RecoveryOutcome, Report
 from sain_bags.recovery.verified_summary import (
     Sidecar,
-    TrustedSummary,
+    VerifiedSummary,
     complete_sidecar,
     read_sidecar,
     read_trusted_summary,
@@ -46,7 +46,7 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
             files = tuple(_recover_file(path, copy, advance) for path in sidecar.files)
             sidecar = complete_sidecar(sidecar, files[-1].about, files[-1].said)
             report = _report(files, copy, sidecar)
-            if report.outcome != Outcome.NOTHING:
+            if report.outcome != RecoveryOutcome.NOTHING:
                 copy.finish(_custom_data(sidecar, report, source), sidecar.ros_distro)
             return report
     except OutputError:
@@ -70,7 +70,7 @@ def _report(files: tuple[FileReport, ...], copy: BagCopy, sidecar: Sidecar) -> R
 
 def _custom_data(sidecar: Sidecar, report: Report, source: Path) -> dict[str, str]:
     """Whoever opens the new bag should see that it is not all that was recorded."""
-    if report.outcome == Outcome.LOSSLESS:
+    if report.outcome == RecoveryOutcome.LOSSLESS:
         return dict(sidecar.custom_data)
     return {**sidecar.custom_data, "recovered": f"with losses, from {source.name}"}
 
@@ -91,7 +91,7 @@ def _recover_file(path: Path, copy: BagCopy, advance: Advance) -> FileReport:
 class _Salvage:
     """One file's records on their way into the new bag."""
 
-    def __init__(self, report: FileReport, copy: BagCopy, summary: TrustedSummary | None) -> None:
+    def __init__(self, report: FileReport, copy: BagCopy, summary: VerifiedSummary | None) -> None:
         self._report = report
         self._copy = copy
         self._schemas: dict[int, Schema] = {}

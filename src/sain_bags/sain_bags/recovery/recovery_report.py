@@ -6,7 +6,7 @@ from enum import IntEnum
 from typing import Any
 
 
-class Outcome(IntEnum):
+class RecoveryOutcome(IntEnum):
     """How a recovery ended; the exit code."""
 
     LOSSLESS = 0
@@ -104,12 +104,12 @@ class Report:
         return sum(file.doubtful for file in self.files)
 
     @property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> RecoveryOutcome:
         """Whether nothing was lost, something, or all."""
         all_there = all(file.lossless for file in self.files) or self.counts == self.listed
         if all_there and not self.doubtful and not self.lost:
-            return Outcome.LOSSLESS
-        return Outcome.LOSSY if self.messages else Outcome.NOTHING
+            return RecoveryOutcome.LOSSLESS
+        return RecoveryOutcome.LOSSY if self.messages else RecoveryOutcome.NOTHING
 
     @property
     def missing(self) -> dict[str, int] | None:

@@ -17,7 +17,7 @@ DEFAULT_DISTRO: Final = "jazzy"
 
 
 @dataclass(frozen=True)
-class TrustedSummary:
+class VerifiedSummary:
     """The end of an MCAP file whose CRC is right."""
 
     schemas: Mapping[int, Schema]
@@ -27,7 +27,7 @@ class TrustedSummary:
     says: bool  # whether it says something of its bag
 
 
-def read_trusted_summary(stream: IO[bytes]) -> TrustedSummary | None:
+def read_trusted_summary(stream: IO[bytes]) -> VerifiedSummary | None:
     """Return a file's summary, None where there is none or no CRC says that it is undamaged."""
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
@@ -54,7 +54,7 @@ def read_trusted_summary(stream: IO[bytes]) -> TrustedSummary | None:
     for number, count in statistics.channel_message_counts.items():
         counts[channels[number].topic] += count
     extras = statistics.attachment_count + statistics.metadata_count - says
-    return TrustedSummary(schemas, channels, counts, extras, bool(says))
+    return VerifiedSummary(schemas, channels, counts, extras, bool(says))
 
 
 @dataclass(frozen=True)

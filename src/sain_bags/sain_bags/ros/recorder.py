@@ -18,7 +18,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from sain_bags.bag.metadata import Topic
 from sain_bags.ros.endpoints import offered_qos, request_profile
-from sain_bags.ros.message_types import MessageType, MessageTypes
+from sain_bags.ros.recordable_types import RecordableType, RecordableTypes
 from sain_bags.writing.gaps import Gaps
 from sain_bags.writing.selection import RequestedQos, Selection, adapt
 from sain_bags.writing.writer import BagWriter
@@ -39,7 +39,7 @@ class Recorded:
     """One topic that is recorded."""
 
     topic: Topic
-    kind: MessageType
+    kind: RecordableType
     gaps: Gaps
     wanted: RequestedQos | None = None
     subscription: Subscription | None = None
@@ -68,7 +68,7 @@ class Recorder(Node):
         self.unusable: dict[str, str] = {}  # topics that cannot be recorded, and why
         self._writer = writer
         self._selection = selection
-        self._types = MessageTypes(self)
+        self._types = RecordableTypes(self)
         self._recorded: dict[str, Recorded] = {}
         self._known_publishers: dict[str, set[bytes]] = {}  # that ever were, by topic
         self._counts: dict[str, int] = {}  # of publishers, when last looked

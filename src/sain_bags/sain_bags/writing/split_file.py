@@ -11,11 +11,11 @@ from sain_bags.bag.metadata import (
     bag_metadata,
     metadata_record,
 )
-from sain_bags.mcap.mcap_writer import LeanWriter
-from sain_bags.mcap.preallocated_file import ReservedFile
+from sain_bags.mcap.mcap_writer import McapWriter
+from sain_bags.mcap.preallocated_file import PreallocatedFile
 
 
-class Part:
+class SplitFile:
     """A file that knows topics by name. Every method raises `OSError` where the disk fails."""
 
     def __init__(
@@ -32,8 +32,8 @@ class Part:
         """
         self.name = path.name
         self._ros = ros
-        self._file = ReservedFile(path)
-        self._mcap = LeanWriter(self._file, compression, chunk_size)
+        self._file = PreallocatedFile(path)
+        self._mcap = McapWriter(self._file, compression, chunk_size)
         self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[str, int] = {}
         self.write = self._mcap.add_message  # (channel, sequence, received, published, data)

@@ -4,15 +4,15 @@ from collections.abc import Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from sain_bags.bag.metadata import FileSummary, Topic
-from sain_bags.writing.split_file import Part
+from sain_bags.writing.split_file import SplitFile
 
 
-class Parts:
+class SplitFiles:
     """Ends files on a thread of its own: the disk may take its time, and messages do not wait."""
 
     def __init__(self) -> None:
         """Begin without a file."""
-        self._parts: list[Part] = []
+        self._parts: list[SplitFile] = []
         self._finisher = ThreadPoolExecutor(1, "finisher")
         self._finished: list[Future[None]] = []
 
@@ -43,7 +43,7 @@ class Parts:
                 counts[name] += count
         return counts
 
-    def add(self, part: Part) -> None:
+    def add(self, part: SplitFile) -> None:
         """Take on the next file."""
         self._parts.append(part)
 

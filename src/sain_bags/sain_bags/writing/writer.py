@@ -17,8 +17,8 @@ from sain_bags.bag.metadata import Topic, bag_metadata, write_metadata
 from sain_bags.mcap.integrity import RESCUE
 from sain_bags.mcap.preallocated_file import free_space, removed_on_error
 from sain_bags.writing.latched import Held, Latched
-from sain_bags.writing.split_file import Part
-from sain_bags.writing.split_files import Parts
+from sain_bags.writing.split_file import SplitFile
+from sain_bags.writing.split_files import SplitFiles
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError, OutputError
 
@@ -69,7 +69,7 @@ class BagWriter:
         self._channels: dict[str, int] = {}  # in the part
         self._counts: dict[str, int] = {}
         self._latched = Latched()
-        self.parts = Parts()
+        self.parts = SplitFiles()
         self._part_start = 0  # [ns since the epoch], its first message; 0: it has none yet
         self._flush_at: float | None = None  # by `time.monotonic`; None: just flushed
         self._closed = False
@@ -205,10 +205,12 @@ class BagWriter:
         for topic, held in self._latched:
             part.write(self._channels[topic], held.sequence, received, held.published, held.data)
 
-    def _begin_part(self) -> Part:
+    def _begin_part(self) -> SplitFile:
         path = self.folder / f"{self.folder.name}_{len(self.parts)}.mcap"
         config = self._config
-        return Part(path, config.compression, config.chunk_size, self.custom_data, self._ros_distro)
+        return SplitFile(
+            path, config.compression, config.chunk_size, self.custom_data, self._ros_distro
+        )
 
     def _metadata(self) -> dict[str, object]:
         counts = self.parts.counts(self._topics)
@@ -229,7 +231,7 @@ class BagWriter:
                 f" {least / 1e6:,.1f} MB must stay free (--bag.min-free-space)"
             )
 
-    def _create(self) -> Part:
+    def _create(self) -> SplitFile:
         folder = self.folder
         try:
             folder.mkdir(parents=True)

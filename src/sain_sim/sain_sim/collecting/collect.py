@@ -16,7 +16,7 @@ from sain_core.dataset import SHARD_SIZE, Column, Row, describe_fields
 from sain_core.errors import DatasetError
 from sain_core.storage import write_json
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
-from sain_sim.collecting.push_counts import Journal, Tally
+from sain_sim.collecting.push_counts import CollectionJournal, PushCounts
 from sain_sim.collecting.ray_workers import RayCrew, ray_cluster
 from sain_sim.collecting.shards import (
     full_shards,
@@ -55,7 +55,7 @@ class Collected(NamedTuple):
     """What a folder holds when its collection is done."""
 
     transitions: int
-    tally: Tally  # of all pushes that were drawn
+    counts: PushCounts  # of all pushes that were drawn
 
 
 def collect(
@@ -80,9 +80,12 @@ def collect(
     last = last_transition(folder, shards - 1) if shards else (0, -1)
     waiting: list[Row] = []
     progress(last[0], shards * SHARD_SIZE)
-    with closing(Journal(folder, last[0])) as journal, closing(_run(config, last[0])) as results:
+    with (
+        closing(CollectionJournal(folder, last[0])) as journal,
+        closing(_run(config, last[0])) as results,
+    ):
         for episode, result in enumerate(results, start=last[0]):
-            journal.add(episode, result.tally)
+            journal.add(episode, result.counts)
             waiting += [row for row in result.transitions if _place(row) > last]
             while len(waiting) >= SHARD_SIZE:
                 write_shard(folder, shards, waiting[:SHARD_SIZE])
@@ -163,7 +166,7 @@ def _summary(config: CollectConfig, done: Collected) -> dict[str, Any]:
         "episodes": config.episodes,
         "transitions": len(data[Column.EPISODE]),
         "moved": int(data[Column.MOVED].sum()),
-        "tally": {"drawn": done.tally.drawn, "valid": done.tally.valid, **asdict(done.tally)},
+        "tally": {"drawn": done.counts.drawn, "valid": done.counts.valid, **asdict(done.counts)},
         "shard_size": SHARD_SIZE,
         "fields": describe_fields(data),
     }

@@ -8,7 +8,7 @@ from sain_core.config import Config, option
 from sain_core.types import PushArray, Scene
 from sain_sim.node.pacing import Pacer
 from sain_sim.rendering.window import Window
-from sain_sim.world.outcome import PushOutcome, Sample
+from sain_sim.world.outcome import Sample, StrokeOutcome
 from sain_sim.world.parameters import FLAT, THREE_FEET, WorldParameters, nominal_parameters
 from sain_sim.world.shadow import BulletPrior
 from sain_sim.world.start import WORLDS, draw_episode
@@ -63,7 +63,7 @@ class SimulatorConfig(Config):
 class Pushed:
     """A push that was carried out: what came of it, the world now, and the time it took [s]."""
 
-    outcome: PushOutcome
+    outcome: StrokeOutcome
     sample: Sample
     wall_time: float
 

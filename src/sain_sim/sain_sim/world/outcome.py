@@ -58,8 +58,8 @@ Observer = Callable[[Sample], None]
 
 
 @dataclass(frozen=True)
-class PushOutcome:
-    """A push that was carried out.
+class StrokeOutcome:
+    """What the world shows before and after a stroke of the tool.
 
     Attributes:
         before: the scene (N, 8) that it started from.

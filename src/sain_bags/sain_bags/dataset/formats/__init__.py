@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final, Literal
 
-from sain_bags.dataset.formats.rows import StoredRows
+from sain_bags.dataset.formats.stored_rows import StoredRows
 from sain_core.dataset import PARTS, SHARD_PATTERN
 from sain_core.errors import ConfigError
 

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from numpy import ndarray
 
-from sain_bags.dataset.formats.rows import StoredRows, goal_distance, reached
+from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
 from sain_core.dataset import PARTS, Column, Columns
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES

@@ -21,7 +21,7 @@ from minari.data_collector import EpisodeBuffer
 from minari.dataset.minari_storage import MinariStorage
 from numpy import ndarray
 
-from sain_bags.dataset.formats.rows import StoredRows, goal_distance, reached
+from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
 from sain_core.dataset import PARTS, Column, Columns
 from sain_core.push import PUSH_NAMES, PushLimits
 
