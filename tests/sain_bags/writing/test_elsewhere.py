@@ -18,7 +18,7 @@ from sain_bags.dataset.conversion import convert
 from sain_bags.reading.reader import Bag, Raw
 from sain_core.errors import DatasetError
 from sain_core.seeding import generator
-from tests.sain_bags.driven import Drive, SplitFiles
+from tests.sain_bags.driven import Drive, Parts
 from tests.sain_bags.independent import compare, shards
 
 Start = Callable[..., Any]
@@ -218,7 +218,7 @@ def redefined(bag: Path, out: Path, change: Callable[[str], str], kind: str) -> 
 def test_a_definition_with_its_fields_in_another_order(record: Start, tmp_path: Path) -> None:
     """Foreign definitions are followed: here the message is written by hand in another order."""
     recording = record()
-    driver = Drive(recording, SplitFiles(scenes=False))
+    driver = Drive(recording, Parts(scenes=False))
     driver.episode(1, [1])
     recording.writer.close()
     ours = Bag(recording.writer.folder)

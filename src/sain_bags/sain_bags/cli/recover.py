@@ -71,7 +71,7 @@ def _loss_lines(report: Report) -> list[str]:
     if report.doubtful:
         lines.append(
             f"Beware: {report.doubtful:,} messages that were saved have no CRC of their own;"
-            " whether they are as recorded cannot be told."
+            " they have no checksum, so that damage to them is not detected."
         )
     return lines
 

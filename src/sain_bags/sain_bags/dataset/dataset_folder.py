@@ -1,4 +1,4 @@
-"""The folder that a data set is written to: whose it is, and when it is whole.
+"""The folder that a data set is written to.
 
 ``conversion.json`` is written before the first shard and says which conversion the folder belongs
 to; ``card.json`` is written last, and where it stands the data set is whole. Rows of any format
@@ -30,10 +30,10 @@ CardContent = dict[str, Any]
 
 
 class DatasetFolder:
-    """Takes the shards and the card of one conversion."""
+    """Writes the shards and the card of one conversion."""
 
     def __init__(self, path: Path, identity: CardContent, overwrite: bool = False) -> None:
-        """Look at the folder; nothing is written or deleted before the first shard.
+        """Check the folder; nothing is written or deleted before the first shard.
 
         Args:
             path: a new or empty folder, or that of a conversion.
@@ -60,7 +60,7 @@ class DatasetFolder:
             )
 
     def store(self, columns: Columns) -> Columns:
-        """Write columns as the next shard, or find it written, and return them.
+        """Write columns as the next shard, unless it is there already; return them.
 
         Raises:
             DatasetError: what is there is damaged or differs.
@@ -79,11 +79,11 @@ class DatasetFolder:
     def finish(
         self, card: CardContent, progress: Callable[[int, int], None] = lambda rows, of: None
     ) -> None:
-        """Write the gathered rows in the format, and the card: the data set is whole.
+        """Write the rows in the format, then the card, which completes the data set.
 
         Args:
-            card: all that is told of the data set but its split.
-            progress: told how many rows are written, of how many.
+            card: of the data set, without its split.
+            progress: called with the number of rows written, and of all.
 
         Raises:
             OutputError: the folder cannot be written, or the disk is full.
@@ -120,7 +120,7 @@ class DatasetFolder:
 
 
 def _read_identity(folder: Path) -> CardContent | None:
-    """Return what the folder says whose it is; None: it is new or empty.
+    """Return the identity of the conversion in a folder; None: the folder is new or empty.
 
     Raises:
         OutputError: it is no folder, or holds what no conversion has made.

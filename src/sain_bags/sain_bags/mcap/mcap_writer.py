@@ -1,10 +1,10 @@
-"""Writes one MCAP file, lean enough for thousands of messages a second beside a robot's work.
+"""Writes one MCAP file: thousands of messages a second, at little processor time.
 
 Format: https://mcap.dev/spec. Two things are done otherwise than `mcap`'s own writer does them:
 
-* What describes a channel stands in two chunks: none that is lost takes the channel with it.
-* What a failed write left behind is cut off, so that the file can still be ended and is whole up to
-  there. The statistics tell of what is in the file, never of what should have been.
+* The description of a channel is in two chunks, so that a lost chunk does not lose the channel.
+* The rest of a failed write is cut off, so that the file can still be ended and is whole. The
+  statistics count the messages in the file.
 """
 
 import struct

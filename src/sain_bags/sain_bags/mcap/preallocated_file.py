@@ -76,7 +76,7 @@ def free_space(folder: Path) -> int:
     """Return what is left on a folder's disk [bytes].
 
     Raises:
-        OSError: it cannot be told.
+        OSError: it is not known.
     """
     disk = os.statvfs(folder)
     return disk.f_bavail * disk.f_frsize

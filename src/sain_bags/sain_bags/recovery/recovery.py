@@ -21,11 +21,11 @@ from sain_bags.recovery.verified_summary import (
     VerifiedSummary,
     complete_sidecar,
     read_sidecar,
-    read_trusted_summary,
+    read_verified_summary,
 )
 from sain_core.errors import DatasetError, OutputError
 
-Advance = Callable[[int], object]  # told how many bytes were gone through
+Advance = Callable[[int], object]  # called with the number of bytes that were read
 
 
 def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Report:
@@ -69,7 +69,7 @@ def _report(files: tuple[FileReport, ...], copy: BagCopy, sidecar: Sidecar) -> R
 
 
 def _custom_data(sidecar: Sidecar, report: Report, source: Path) -> dict[str, str]:
-    """Whoever opens the new bag should see that it is not all that was recorded."""
+    """Return the custom data of the new bag; they state losses."""
     if report.outcome == RecoveryOutcome.LOSSLESS:
         return dict(sidecar.custom_data)
     return {**sidecar.custom_data, "recovered": f"with losses, from {source.name}"}
@@ -77,7 +77,7 @@ def _custom_data(sidecar: Sidecar, report: Report, source: Path) -> dict[str, st
 
 def _recover_file(path: Path, copy: BagCopy, advance: Advance) -> FileReport:
     with path.open("rb") as stream:
-        summary = read_trusted_summary(stream)
+        summary = read_verified_summary(stream)
         scanner = Scanner(stream)
         salvage = _Salvage(FileReport(path.name, scanner.size), copy, summary)
         place = 0
@@ -97,15 +97,15 @@ class _Salvage:
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._numbers: dict[int, int] = {}  # of channels, here and in the copy
-        self._unchecked: set[int] = set()  # channels whose description no CRC vouches for
+        self._unchecked: set[int] = set()  # channels whose description has no CRC
         self._chunk = 0
         self._last_time: int | None = None
-        self._loss: Loss | None = None  # the latest, while nothing was saved after it
-        self._open: list[Loss] = []  # those of which it is not known yet when they end
+        self._loss: Loss | None = None  # the latest, until a message after it is saved
+        self._open: list[Loss] = []  # those without a message after them so far
         if summary is not None:
             self._declare(list(summary.schemas.values()), list(summary.channels.values()))
             report.expected, report.expected_extras = summary.counts, summary.extras
-            report.said = summary.says
+            report.described_bag = summary.describes_bag
 
     def take(self, found: Record | Gap) -> None:
         """Save a record, or note what is lost."""

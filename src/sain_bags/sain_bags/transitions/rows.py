@@ -1,4 +1,4 @@
-"""Pushes of a recording as rows of a data set, by the thousand; and why a push is none."""
+"""Pushes of a recording as rows of a data set, a batch at a time."""
 
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
@@ -39,7 +39,7 @@ class Block(NamedTuple):
 
 
 class RowMaker:
-    """Makes rows of pushes, or says why one is none."""
+    """Makes rows of pushes, or returns why a push is no row."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class RowMaker:
         moved_only: bool = False,
         keep_unsettled: bool = False,
     ) -> None:
-        """Filter so, and predict with this prior, made when it is needed first, what is not."""
+        """Store the settings; the prior is made when a push without a prediction comes."""
         self._make_prior, self._prior_name = prior, prior_name
         self._prior: Dynamics | None = None
         self._moved_only, self._keep_unsettled = moved_only, keep_unsettled
@@ -130,7 +130,7 @@ class RowMaker:
         }
 
     def _predict(self, scenes: Scenes, pushes: Pushes) -> tuple[Scenes, dict[int, str]]:
-        """Return what the prior predicts (M, N, 8), and for which it cannot, with the reason."""
+        """Return the prior's predictions (M, N, 8), and the reason for each that it cannot make."""
         if self._prior is None:
             self._prior = self._make_prior()
         reasons: dict[int, str] = {}
@@ -151,7 +151,7 @@ class RowMaker:
 
 
 def _by_source(pushes: Sequence[PendingPush], dropped: dict[int, Dropped]) -> list[list[int]]:
-    """Return the places of pushes that may be rows: with scenes from messages, and from results."""
+    """Return the places of pushes that may be rows, by the source of their scenes."""
     chosen: dict[bool, list[int]] = {}
     for place, push in enumerate(pushes):
         if (found := why_no_row(push)) is not None:

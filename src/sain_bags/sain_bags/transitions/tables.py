@@ -1,4 +1,4 @@
-"""The graph's messages as columns: of each type, the fields that rows are made of.
+"""The graph's messages as columns: the fields of each type that rows need.
 
 Whatever else a type has, and in whatever order, does not matter: it is read as the bag describes
 it.
@@ -50,7 +50,7 @@ class Disks:
 
 @dataclass(frozen=True)
 class MessageTable:
-    """ChannelMessages of one type; entry i of each column is of the i-th."""
+    """Messages of one type; entry i of each column is of the i-th."""
 
     columns: dict[str, ndarray]  # (M,) by path
     disks: dict[str, Disks]
@@ -148,7 +148,7 @@ class TableReader:
 
 
 class _Builder:
-    """Takes messages layout by layout, and gives them back in their order."""
+    """Collects messages layout by layout, and returns them in their order."""
 
     def __init__(self, fields: Sequence[str], count: int) -> None:
         self._count = count
@@ -161,7 +161,7 @@ class _Builder:
         self._counts = {name: np.zeros(count, dtype=np.int64) for name in self._parts}
 
     def fill(self, layout: Layout, rows: ndarray, messages: ndarray) -> tuple[ndarray, ndarray]:
-        """Take the messages that a layout fits; return the others."""
+        """Read the messages that a layout fits; return the others."""
         fitting = layout.fits(messages)
         if fitting.all():
             self._take(layout, rows, messages)
@@ -171,7 +171,7 @@ class _Builder:
         return rows[~fitting], messages[~fitting]
 
     def table(self) -> MessageTable:
-        """Return all that was taken."""
+        """Return all messages that were read."""
         disks = {
             name: Disks(
                 np.concatenate(parts) if parts else np.empty((0, STATE_SIZE)),

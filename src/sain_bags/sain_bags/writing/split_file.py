@@ -1,4 +1,4 @@
-"""One file of a bag in the making."""
+"""One file of a bag that is being written."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -16,12 +16,12 @@ from sain_bags.mcap.preallocated_file import PreallocatedFile
 
 
 class SplitFile:
-    """A file that knows topics by name. Every method raises `OSError` where the disk fails."""
+    """A file that is written by topic. Every method raises `OSError` where the disk fails."""
 
     def __init__(
         self, path: Path, compression: str, chunk_size: int, about: Mapping[str, str], ros: str
     ) -> None:
-        """Create the file, and say in it at once what the bag is about.
+        """Create the file with the metadata of the bag.
 
         Args:
             path: of the file; must not exist.
@@ -43,12 +43,12 @@ class SplitFile:
 
     @property
     def full(self) -> bool:
-        """Whether the disk was found full: time to finish."""
+        """Whether the disk is full, so that the file must be ended."""
         return self._file.full
 
     @property
     def size(self) -> int:
-        """Of what was written and what waits to be [bytes]."""
+        """Written and waiting [bytes]."""
         return self._mcap.size
 
     @property
@@ -64,7 +64,7 @@ class SplitFile:
 
     @property
     def summary(self) -> FileSummary:
-        """What ``metadata.yaml`` says about the file."""
+        """The file's entry in ``metadata.yaml``."""
         contents = self._mcap.contents
         return FileSummary(self.name, Span(contents.start, contents.end, contents.messages))
 

@@ -100,7 +100,7 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
 
 
 def _frames(columns: Columns) -> Columns:
-    """Return what a frame holds, by LeRobot's keys."""
+    """Return the columns of a frame, by LeRobot's keys."""
     frames = {
         RENAMED.get(key, key): _signed(values)
         for key, values in columns.items()
