@@ -18,7 +18,7 @@ of the rows need the simulator:
 import json
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -54,10 +54,11 @@ from sain_model.evaluation.open_loop import (
     roll_out,
 )
 from sain_model.network.features import apply_residual, true_residual
+from sain_sim.collecting.episode import EpisodeConfig, draw_parameters
+from sain_sim.episodes.truth import TruthConfig
 from sain_sim.world.bullet import Bullet
-from sain_sim.world.parameters import CUBE, PAPER, RANGES, WorldParameters
+from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.shadow import MEASURED, TRUE, BulletPrior
-from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import WorldConfig
 
 Predict = Callable[[Scene, PushArray], Scene]
@@ -169,12 +170,9 @@ def truths_with_errors(data: Dataset, windows: Windows, command: Command) -> dic
 def parameters(dataset: Path, episode: int) -> WorldParameters:
     """Return what an episode of a collection was made of."""
     settings = json.loads((dataset / "collection.json").read_text())
-    truth, ranges = TruthConfig(**settings.get("truth", {})), settings.get("parameters", PAPER)
-    random = generator(settings["seed"], "episode", episode)
-    drawn = truth.draw(random, settings["disks"], settings["shape"], RANGES[ranges])
-    if settings.get("target") != CUBE:
-        return drawn
-    return replace(drawn, shapes=(drawn.shapes[0], CUBE, *drawn.shapes[2:]))
+    seed, truth = settings.pop("seed"), TruthConfig(**settings.pop("truth", {}))
+    config = EpisodeConfig(**settings, truth=truth)
+    return draw_parameters(generator(seed, "episode", episode), config)
 
 
 def roll(windows: Windows, worlds: Callable[[int], AbstractContextManager[Predict]]) -> ndarray:

@@ -1,4 +1,4 @@
-"""Plan pushes that bring the target to a goal behind the mid disk's back, without a robot.
+"""Plan pushes that move the target to a goal beside it, without a robot.
 
 ./env python examples/02_plan_a_push.py
 """

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sain_core.dataset import ROUGH, Column
+from sain_core.dataset import MARKS, ROUGH, Column
 
 PAGE = Path(__file__).parents[1] / "docs" / "formats.md"
 BEGIN, END = "<!-- columns: made by tools/columns.py -->\n", "<!-- end of columns -->\n"
@@ -21,7 +21,7 @@ def page() -> str:
     """Return the page with the table as the schema has it now."""
     before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
     _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n{HEAD}{''.join(map(row, Column))}{rough()}\n{END}{after}"
+    return f"{before}{BEGIN}\n{HEAD}{''.join(map(row, Column))}{families()}\n{END}{after}"
 
 
 def row(column: Column) -> str:
@@ -34,10 +34,12 @@ def row(column: Column) -> str:
     return f"| {' | '.join(cells)} |\n"
 
 
-def rough() -> str:
-    """Return the line of the columns that a rough world adds."""
+def families() -> str:
+    """Return the lines of the columns whose names depend on the world."""
+    which = "which bodies have this shape, as in `cubes`"
+    marks = f"| `SHAPE{MARKS}` | N | bool | | where there are | no | {which} |\n"
     about = "numbers of a rough world, one column for each ([the worlds](worlds.md))"
-    return f"| `{ROUGH}*` | the world's | | | where rough | no | {about} |\n"
+    return f"{marks}| `{ROUGH}*` | the world's | | | where rough | no | {about} |\n"
 
 
 if __name__ == "__main__":

@@ -62,7 +62,7 @@ def test_what_it_says_is_what_was_measured(walked: tuple[Path, str]) -> None:
     folder, told = walked
     for report in ("shipped", "tuned"):
         errors = json.loads((folder / f"{report}.json").read_text())
-        assert f"{errors['all']['SAIN, history']['target_mean']:6.2f} mm off" in told
+        assert f"{errors['all']['SAIN, history']['target_mean']:6.2f} mm mean error" in told
         rows = load_transitions(folder / "unseen")
         assert errors["transitions"] == len(rows)
     lines = [line for line in told.splitlines() if line.startswith("--- ")]

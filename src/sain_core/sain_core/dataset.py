@@ -7,7 +7,7 @@ Data sets are npz shards of 1,000 rows, as in the paper (section III-B c). Episo
 divided between the parts of a split: pushes of one episode share friction, masses and radii.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from pathlib import Path
@@ -21,6 +21,7 @@ from sain_core.errors import DatasetError
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import POSITION, STATE_SIZE
 from sain_core.seeding import generator
+from sain_core.shapes.registry import get_shape
 from sain_core.types import Mask, Points, Scenes
 
 SHARD_SIZE: Final = 1000  # transitions, as in the paper
@@ -34,6 +35,7 @@ SHARES: Final = {VALIDATION: 0.1, TEST: 0.15}  # of the episodes, by default
 FLAT: Final = "8 N"  # a scene (N, 8), row by row
 DISKS: Final = "N"
 ROUGH: Final = "rough_"  # prefix of the columns of a rough world; their shapes are the world's
+MARKS: Final = "s"  # ends the column (N,) that states which bodies have a shape: ``cubes``
 
 Row = Mapping[str, Any]  # one transition: a value for each column
 Columns = dict[str, ndarray]  # many: an array (M, ...) for each
@@ -108,7 +110,6 @@ class Column(StrEnum):
                      "friction coefficient of the tool; NaN: not known", ALWAYS, SOMETIMES)
     MOVED = "moved", (), "bool", "", "the target moved by 2 mm or more"
     DURATION = "duration", (), "float64", "s", "simulated time of the push"
-    CUBES = "cubes", (DISKS,), "bool", "", "which disks are cubes", SOMETIMES, NEVER
     GOAL = "goal", (2,), "float64", "m", "goal x, y; NaN: no goal", NEVER, ALWAYS
     TOLERANCE = "tolerance", (), "float64", "m", "goal's tolerance; NaN: no goal", NEVER, ALWAYS
     PUSH_ID = "push_id", (), "uint64", "", "id of the push in the recording", NEVER, ALWAYS
@@ -174,6 +175,12 @@ class Transitions:
     def select(self, rows: Mask | slice) -> Self:
         """Return the pushes that a mask (M,) or a slice picks."""
         return replace(self, **{name: array[rows] for name, array in self.arrays.items()})
+
+
+def shape_marks(shapes: Sequence[str]) -> Row:
+    """Return for each shape with corners, as a column, which bodies (N,) have it."""
+    cornered = [name for name in dict.fromkeys(shapes) if not get_shape(name).is_round]
+    return {f"{name}{MARKS}": np.array([shape == name for shape in shapes]) for name in cornered}
 
 
 def shard_path(folder: Path, index: int) -> Path:

@@ -252,6 +252,7 @@ def test_the_picture_draws_what_the_card_says(record: Start) -> None:
     _, _, card = to_rows(drive(record))
     figure = histograms(card["ranges"])
     for axes, (name, spread) in zip(figure.axes, card["ranges"].items(), strict=True):
-        assert axes.get_title() == name.replace("_", " ")
+        assert axes.get_title("left") == name.replace("_", " ")
+        assert axes.get_xlabel().startswith(f"[{spread['unit']}]")
         (stairs,) = axes.patches
         assert stairs.get_data().values.tolist() == spread["histogram"]["counts"]

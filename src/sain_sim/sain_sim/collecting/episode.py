@@ -11,31 +11,26 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from sain_core.config import Config, option
-from sain_core.dataset import MOVED, ROUGH, Column, Row
+from sain_core.dataset import MOVED, ROUGH, Column, Row, shape_marks
 from sain_core.errors import SainError
 from sain_core.push import PaperGrid
-from sain_core.scene import POSITION, TARGET
+from sain_core.scene import MID, POSITION, TARGET
 from sain_core.seeding import generator
+from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
+from sain_core.shapes.registry import built_shapes, footprint_names
 from sain_core.types import PushArray
 from sain_sim.collecting.push_counts import PushCounts
+from sain_sim.episodes.samplers import CircleSampler, GridSampler, PushSampler
+from sain_sim.episodes.start import StartConfig, draw_start, wholly_on
+from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.outcome import StrokeOutcome
-from sain_sim.world.parameters import CUBE, FLAT, PAPER, RANGES, THREE_FEET, WIDE, WorldParameters
-from sain_sim.world.sampling import (
-    CircleSampler,
-    GridSampler,
-    PushSampler,
-    StartConfig,
-    draw_start,
-    wholly_on,
-)
+from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
-from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.world import World, WorldConfig
 
 MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
 CIRCLE: Final = "circle"
 GRID: Final = "grid"
-DISK: Final = "disk"
 
 
 @dataclass(frozen=True)
@@ -43,8 +38,8 @@ class EpisodeConfig(Config):
     """What episodes are like."""
 
     disks: int = option(2, "number of disks N", minimum=2, maximum=5)
-    shape: str = option(THREE_FEET, "how disks are built", choices=(THREE_FEET, FLAT))
-    target: str = option(DISK, "what the target is", choices=(DISK, CUBE))
+    shape: str = option(THREE_FEET, "how disks are built", choices=DISK_SHAPES)
+    target: str = option(DISK, f"what the target is: {', '.join(footprint_names())}")
     parameters: str = option(
         PAPER,
         "masses, radii and friction: the paper's ranges, or wide ones (5 to 12 kg, radii +-20 %,"
@@ -65,6 +60,11 @@ class EpisodeConfig(Config):
         0, "repeat the pushes of the first so many episodes with the true parameters", minimum=0
     )
     truth: TruthConfig = RANDOMISED_TRUTH
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that the target's shape exists."""
+        super().__post_init__()
+        built_shapes([self.target], self.shape)
 
 
 class EpisodeResult(NamedTuple):
@@ -90,13 +90,13 @@ class EpisodeRunner:
         self._sampler: PushSampler = CircleSampler()
         if config.sampler == GRID:
             self._sampler = GridSampler(PaperGrid())
-        self._world = World(_draw_parameters(generator(seed, "build"), config), self._world_config)
+        self._world = World(draw_parameters(generator(seed, "build"), config), self._world_config)
         self._shadow = BulletPrior(NOMINAL, self._world_config, self._world.parameters)
 
     def run(self, episode: int) -> EpisodeResult:
         """Return the transitions of one episode, in order, and what became of its pushes."""
         random = generator(self._seed, "episode", episode)
-        parameters = _draw_parameters(random, self._config)
+        parameters = draw_parameters(random, self._config)
         table = self._world_config.feasibility.table
         self._world.reset(draw_start(random, parameters, StartConfig(), table), parameters)
         counts, kept = PushCounts(episodes=1), []
@@ -167,10 +167,12 @@ class EpisodeRunner:
             Column.MOVED: moved,
             Column.DURATION: outcome.duration,
         }
-        if any(parameters.cubes):
-            row[Column.CUBES] = parameters.cubes
         rough = parameters.roughness.arrays()
-        return row | {f"{ROUGH}{name}": value for name, value in rough.items()}
+        return (
+            row
+            | shape_marks(parameters.shapes)
+            | {f"{ROUGH}{name}": value for name, value in rough.items()}
+        )
 
     def close(self) -> None:
         """Let go of the worlds."""
@@ -188,9 +190,9 @@ def _count(outcome: StrokeOutcome, counts: PushCounts) -> bool:
     return travel >= MOVED
 
 
-def _draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> WorldParameters:
+def draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> WorldParameters:
+    """Draw what the world of an episode is made of."""
     ranges = RANGES[config.parameters]
     drawn = config.truth.draw(random, config.disks, config.shape, ranges)
-    if config.target == DISK:
-        return drawn
-    return replace(drawn, shapes=(drawn.shapes[0], CUBE, *drawn.shapes[2:]))
+    (target,) = built_shapes([config.target], config.shape)
+    return replace(drawn, shapes=(drawn.shapes[MID], target, *drawn.shapes[TARGET + 1 :]))

@@ -8,7 +8,6 @@ import numpy as np
 from sain_core.dataset import (
     COLLECTED,
     NEEDED,
-    ROUGH,
     SHARD_PATTERN,
     SHARD_SIZE,
     Column,
@@ -31,7 +30,7 @@ def write_shard(folder: Path, index: int, rows: Sequence[Row]) -> None:
         str(column): np.array([row[column] for row in rows], dtype=column.dtype) for column in known
     }
     for name in rows[0]:
-        if name.startswith(ROUGH):
+        if name not in columns:  # which shapes there are, and what is rough
             columns[name] = np.stack([np.asarray(row[name]) for row in rows])
     write_arrays(shard_path(folder, index), columns)
 
