@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sain_bags.transitions.rows import Block
+from sain_bags.transitions.rows import RowBlock
 from sain_core.dataset import Column
 
 
@@ -22,7 +22,7 @@ class Numbering:
         self._step = 0
         self._last: tuple[str, int, int] = ("", 0, 0)  # bag, and its numbers
 
-    def number(self, blocks: Sequence[Block], bag: str) -> Sequence[Block]:
+    def number(self, blocks: Sequence[RowBlock], bag: str) -> Sequence[RowBlock]:
         """Add `episode`, `step` and `bag_sha256` to the next rows; return them."""
         if not blocks:
             return blocks

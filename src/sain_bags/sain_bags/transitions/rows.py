@@ -31,7 +31,7 @@ from sain_core.wire import MIN_DISKS
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction
 
 
-class Block(NamedTuple):
+class RowBlock(NamedTuple):
     """Rows whose scenes have one number of disks."""
 
     places: ndarray  # (M,) of their pushes among those that were given
@@ -53,7 +53,7 @@ class RowMaker:
         self._prior: Dynamics | None = None
         self._moved_only, self._keep_unsettled = moved_only, keep_unsettled
 
-    def rows(self, pushes: Paired) -> tuple[list[Block], list[Dropped]]:
+    def rows(self, pushes: Paired) -> tuple[list[RowBlock], list[Dropped]]:
         """Return the rows of pushes, by numbers of disks, and those that are none, in order."""
         dropped: dict[int, Dropped] = {}
         if isinstance(pushes, PairedPushes):
@@ -64,7 +64,7 @@ class RowMaker:
                 blocks += self._blocks(as_columns(pushes, places), dropped)
         return _merged(blocks), [dropped[place] for place in sorted(dropped)]
 
-    def _blocks(self, pushes: PairedPushes, dropped: dict[int, Dropped]) -> list[Block]:
+    def _blocks(self, pushes: PairedPushes, dropped: dict[int, Dropped]) -> list[RowBlock]:
         before, after = pushes.before, pushes.after
         left = np.ones(len(pushes), dtype=bool)
         if not self._keep_unsettled:
@@ -78,7 +78,9 @@ class RowMaker:
             for count in np.unique(before.counts[left])
         ]
 
-    def _block(self, pushes: PairedPushes, chosen: ndarray, dropped: dict[int, Dropped]) -> Block:
+    def _block(
+        self, pushes: PairedPushes, chosen: ndarray, dropped: dict[int, Dropped]
+    ) -> RowBlock:
         """Return the rows of pushes (M,) whose scenes have one number of disks N."""
         count = int(pushes.before.counts[chosen[0]])
         before, after = pushes.before.take(chosen, count), pushes.after.take(chosen, count)
@@ -108,7 +110,7 @@ class RowMaker:
                 array[kept] for array in (chosen, before, after, physics)
             )
         columns = _scene_columns(before, after, physics) | self._push_columns(pushes, chosen)
-        return Block(pushes.places[chosen], columns)
+        return RowBlock(pushes.places[chosen], columns)
 
     def _push_columns(self, pushes: PairedPushes, chosen: ndarray) -> dict[str, ndarray]:
         computed = COMPUTED + self._prior_name
@@ -185,9 +187,9 @@ def _scene_columns(before: Scenes, after: Scenes, physics: Scenes) -> dict[str, 
     }
 
 
-def _merged(blocks: list[Block]) -> list[Block]:
+def _merged(blocks: list[RowBlock]) -> list[RowBlock]:
     """Return blocks of rows in their order, one for each number of disks."""
-    merged: dict[int, Block] = {}
+    merged: dict[int, RowBlock] = {}
     for block in blocks:
         disks = block.columns[Column.MASSES].shape[1]
         if disks in merged:
@@ -198,7 +200,7 @@ def _merged(blocks: list[Block]) -> list[Block]:
                 name: np.concatenate([first[name], column])[order]
                 for name, column in block.columns.items()
             }
-            merged[disks] = Block(places[order], columns)
+            merged[disks] = RowBlock(places[order], columns)
         else:
             merged[disks] = block
     return [block for block in merged.values() if len(block.places)]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sain_bags.transitions.rows import Block
+from sain_bags.transitions.rows import RowBlock
 from sain_core.dataset import RECORDED, SHARD_SIZE, Column, Columns, shard_path
 from sain_core.errors import DatasetError
 from sain_core.storage import read_arrays, write_arrays
@@ -19,7 +19,7 @@ class Sharding:
         self._size = size
         self._waiting: dict[int, list[Columns]] = {}  # by number of disks
 
-    def add(self, blocks: Sequence[Block]) -> list[Columns]:
+    def add(self, blocks: Sequence[RowBlock]) -> list[Columns]:
         """Add rows; return the shards that they complete, in order of completion."""
         full: list[tuple[int, Columns]] = []
         for block in blocks:
