@@ -41,17 +41,11 @@ class OfferedQos:
 
     def as_record(self) -> dict[str, Any]:
         """Return the profile as rosbag2 writes it."""
-        return {
-            "history": self.history,
-            "depth": self.depth,
-            "reliability": self.reliability,
-            "durability": self.durability,
-            "deadline": _duration(self.deadline),
-            "lifespan": _duration(self.lifespan),
-            "liveliness": self.liveliness,
-            "liveliness_lease_duration": _duration(self.liveliness_lease_duration),
-            "avoid_ros_namespace_conventions": False,
+        values = {
+            name: {"sec": value[0], "nsec": value[1]} if isinstance(value, tuple) else value
+            for name, value in vars(self).items()
         }
+        return {**values, "avoid_ros_namespace_conventions": False}
 
 
 @dataclass(frozen=True)
@@ -194,7 +188,3 @@ def _topic(topic: Topic, count: int) -> dict[str, Any]:
         },
         "message_count": count,
     }
-
-
-def _duration(value: tuple[int, int]) -> dict[str, int]:
-    return {"sec": value[0], "nsec": value[1]}

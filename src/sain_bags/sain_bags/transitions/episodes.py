@@ -4,7 +4,7 @@ Everything is paired by the ids that the messages carry; time stamps pair nothin
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Final
 
 import numpy as np
@@ -230,19 +230,9 @@ def _push(result: Any, plans: dict[int, PlanRecord], physics: dict[int, Any]) ->
 
 def _plan(message: Any) -> PlanRecord:
     pushes, predicted = decode_plan(message)
-    return PlanRecord(
-        plan_id=message.plan_id,
-        push_id=message.push_id,
-        status=message.status,
-        error_code=message.error_code,
-        error_message=message.error_message,
-        dynamics=message.dynamics,
-        fallback=message.fallback,
-        pushes=pushes,
-        predicted=predicted,
-        goal_distance=message.goal_distance,
-        planning_time=message.planning_time,
-    )
+    decoded = {"pushes": pushes, "predicted": predicted}
+    names = [field.name for field in fields(PlanRecord) if field.name not in decoded]
+    return PlanRecord(**{name: getattr(message, name) for name in names}, **decoded)
 
 
 def _choose(found: tuple[str, ...], wanted: str | None, bag: Bag) -> str:

@@ -17,7 +17,7 @@ from sain_core.errors import DatasetError
 from sain_core.storage import write_json
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.push_counts import CollectionJournal, PushCounts
-from sain_sim.collecting.ray_workers import RayCrew, ray_cluster
+from sain_sim.collecting.ray_workers import RayPool, ray_cluster
 from sain_sim.collecting.shards import (
     full_shards,
     last_transition,
@@ -25,7 +25,7 @@ from sain_sim.collecting.shards import (
     remove_leftovers,
     write_shard,
 )
-from sain_sim.collecting.workers import ProcessCrew, in_order
+from sain_sim.collecting.workers import ProcessPool, in_order
 
 IDENTITY_FILE: Final = "collection.json"
 CARD_FILE: Final = "card.json"
@@ -108,11 +108,11 @@ def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, No
     if config.ray:
         with (
             ray_cluster(config.ray, config.workers) as ray,
-            closing(RayCrew(ray, config.workers, *settings)) as actors,
+            closing(RayPool(ray, config.workers, *settings)) as actors,
         ):
             yield from in_order(actors, episodes)
     elif config.workers > 1:
-        with closing(ProcessCrew(config.workers, *settings)) as processes:
+        with closing(ProcessPool(config.workers, *settings)) as processes:
             yield from in_order(processes, episodes)
     else:
         with closing(EpisodeRunner(*settings)) as runner:
