@@ -114,7 +114,7 @@ class BagWriter:
         published = published or received
         sequence &= WORD
         try:
-            if self._is_part_done(received):
+            if self._is_file_done(received):
                 self._split(received)
             self._file.write(self._channels[topic], sequence, received, published, data)
         except OSError as error:
@@ -186,7 +186,7 @@ class BagWriter:
         """Make the bag whole, also after an error elsewhere: what was recorded is valid."""
         self.close()
 
-    def _is_part_done(self, received: int) -> bool:
+    def _is_file_done(self, received: int) -> bool:
         config = self._config
         if not self._file_start or not (config.split_size or config.split_duration):
             return False
