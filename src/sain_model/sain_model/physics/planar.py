@@ -19,6 +19,7 @@ from sain_core.push import TOOL_RADIUS
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET
 from sain_core.types import Mask, Pushes, Scalars, Scenes
 from sain_model.compute.batch_checks import check_batch
+from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.physics.body_kernels import Physics
 from sain_model.physics.corrections import (
@@ -209,7 +210,7 @@ class PlanarPrior:
         order = _canonical_order(scenes)
         after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
         touched = np.zeros(batch, dtype=bool)
-        rows = after, np.ascontiguousarray(pushes), np.ascontiguousarray(friction), start
+        rows = after, plain(pushes), plain(friction), start
         corrections = None if told is None else np.take_along_axis(told, order, axis=1)
 
         def work(first: int) -> None:
