@@ -33,7 +33,7 @@ from sain_model.data.dataset import (
     split_by_episode,
 )
 from sain_model.dynamics.correction_network import InsideNetworkConfig
-from sain_model.dynamics.load import PLANAR, PLANAR_AXES, load_prior, load_told_prior
+from sain_model.dynamics.load import PLANAR, PLANAR_AXES, load_planar, load_prior
 from sain_model.dynamics.parameter_correction import InsideSain
 from sain_model.dynamics.sain import IDENTITY, SainDynamics
 from sain_model.evaluation.markdown import markdown_table
@@ -162,7 +162,7 @@ def network_errors(split: Split, prior_name: str, frame: str, command: Command) 
 
 def inside_errors(split: Split, command: Command) -> np.ndarray:
     """Train networks inside a prior and return their errors (M,) [mm] on what is held out."""
-    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
+    prior = load_planar(command.prior, {"friction": command.prior_friction})
     network = InsideNetworkConfig(hidden=command.hidden, members=command.members)
     config = InsideTrainingConfig(
         seed=command.seed, steps=command.inside_steps, batch=BATCH, network=network
@@ -174,7 +174,7 @@ def inside_errors(split: Split, command: Command) -> np.ndarray:
 
 def identified_errors(split: Split, command: Command) -> np.ndarray:
     """Return the errors (M,) [mm] of the prior that is told the same of every push."""
-    prior, test = load_told_prior(command.prior, {"friction": command.prior_friction}), split.test
+    prior, test = load_planar(command.prior, {"friction": command.prior_friction}), split.test
     told = np.tile(identify(prior, split.train), (len(test), 1, 1))
     return target_distances(prior.step_told(test.scenes, test.pushes, told), test)
 

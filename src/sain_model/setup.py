@@ -37,11 +37,11 @@ setup(
             "learning_curve = sain_model.cli.learning_curve:main",
         ],
         "sain.dynamics": [
-            "planar = sain_model.dynamics.load:load_dynamics",
-            "planar_axes = sain_model.dynamics.load:load_dynamics",
-            "identity = sain_model.dynamics.load:load_dynamics",
-            "sain = sain_model.dynamics.load:load_dynamics",
-            "checkpoint = sain_model.dynamics.load:load_dynamics",
+            "planar = sain_model.dynamics.load:load_builtin",
+            "planar_axes = sain_model.dynamics.load:load_builtin",
+            "identity = sain_model.dynamics.load:load_builtin",
+            "sain = sain_model.dynamics.load:load_builtin",
+            "checkpoint = sain_model.dynamics.load:load_builtin",
         ],
     },
 )

@@ -10,13 +10,14 @@ import torch
 
 from sain_core.errors import CheckpointError
 from sain_core.history import PushHistory
+from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH
 from sain_core.scene import MASS
 from sain_core.types import Pushes, Scenes
 from sain_model.data.batches import BOOTSTRAP, ORDER, Batches
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import Card, card_path, save_checkpoint
-from sain_model.dynamics.load import load_dynamics, prior_settings
+from sain_model.dynamics.load import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.interaction_network import (
     InteractionNetwork,

@@ -9,13 +9,14 @@ import pytest
 import torch
 
 from sain_core.errors import CheckpointError
+from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH
 from sain_core.scene import POSITION, TARGET
 from sain_model.cli import train_inside as inside_cli
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import INSIDE_ARCHITECTURE, Card, card_path, save_checkpoint
 from sain_model.dynamics.correction_network import InsideNetworkConfig, InsideNetworks
-from sain_model.dynamics.load import PLANAR_AXES, load_dynamics, load_told_prior
+from sain_model.dynamics.load import PLANAR_AXES, load_planar
 from sain_model.dynamics.parameter_correction import InsideSain
 from sain_model.dynamics.physics_gradient import moves, told_moves
 from sain_model.physics import corrections as told
@@ -165,7 +166,7 @@ def test_settings_are_written_when_a_state_was_accepted(dataset, tmp_path) -> No
 @pytest.fixture(scope="module")
 def checkpoint(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("inside") / "inside.safetensors"
-    prior = load_told_prior(PLANAR_AXES, {"friction": 0.14})
+    prior = load_planar(PLANAR_AXES, {"friction": 0.14})
     settings = {"prior": PLANAR_AXES, "prior_config": asdict(prior.config), "network": {}}
     save_checkpoint(path, InsideNetworks(SMALL), Card(**settings, architecture=INSIDE_ARCHITECTURE))
     return path

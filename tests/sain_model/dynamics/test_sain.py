@@ -8,6 +8,7 @@ import torch
 
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import InvalidInputError
+from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH, rotate_pushes
 from sain_core.scene import (
     MASS,
@@ -20,7 +21,6 @@ from sain_core.scene import (
     wrap_angle,
 )
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.sain import SainDynamics, check_prediction
 from sain_model.network.features import apply_residual, make_features, true_residual
 from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig

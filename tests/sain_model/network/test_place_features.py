@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from sain_core.errors import CheckpointError, DatasetError
+from sain_core.plugins import load_dynamics
 from sain_core.push import rotate_pushes
 from sain_core.scene import POSITION, TARGET, rotate_scenes
 from sain_model.cli import train as train_cli
 from sain_model.data.dataset import limit_training, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import load_checkpoint
-from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.loss import LossConfig
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.prediction_errors import measure

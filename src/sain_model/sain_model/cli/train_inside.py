@@ -23,7 +23,7 @@ from sain_model.data.dataset import (
     split_by_episode,
 )
 from sain_model.dynamics.checkpoint import INSIDE_ARCHITECTURE, SUFFIX, Card, save_checkpoint
-from sain_model.dynamics.load import PLANAR_AXES, load_told_prior
+from sain_model.dynamics.load import PLANAR_AXES, load_planar
 from sain_model.dynamics.parameter_correction import InsideSain
 from sain_model.evaluation.metrics import measure
 from sain_model.training.correction_training import (
@@ -82,7 +82,7 @@ def train_inside(command: TrainInsideCommand, console: Console) -> Path:
     check_held_out(split)
     if command.transitions:
         split = limit_training(split, command.transitions)
-    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
+    prior = load_planar(command.prior, {"friction": command.prior_friction})
     trainers = make_trainers(split, prior, command.training, command.out)
     settings = json.dumps(asdict(command), indent=2, default=str) + "\n"
     write_whole(command.out / "config.json", settings.encode())
@@ -116,7 +116,7 @@ def make_card(
 ) -> Card:
     """Return the card of what was trained."""
     parts = {"train": split.train, "validation": split.validation, "test": split.test}
-    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
+    prior = load_planar(command.prior, {"friction": command.prior_friction})
     return Card(
         prior=command.prior,
         prior_config=asdict(prior.config),

@@ -35,7 +35,7 @@ class Card:
     """What a checkpoint says of itself.
 
     Attributes:
-        prior: name of the prior that it corrects, as in `sain_model.dynamics.load.load_dynamics`.
+        prior: name of the prior that it corrects, as in `sain_core.plugins.load_dynamics`.
         prior_config: its parameters, so that a later calibration does not change this model.
         network: size of the network.
         friction: how friction is inferred from an episode's earlier pushes; None: the model was

@@ -33,7 +33,7 @@ class InsideSain:
     Attributes:
         networks: what they predict is averaged.
         prior: f_p.
-        prior_name: its name for `sain_model.dynamics.load.load_dynamics`.
+        prior_name: its name for `sain_core.plugins.load_dynamics`.
         kind: ``inside``.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.

@@ -39,7 +39,7 @@ class SainDynamics:
 
     Attributes:
         prior: f_p.
-        prior_name: its name for `sain_model.dynamics.load.load_dynamics`.
+        prior_name: its name for `sain_core.plugins.load_dynamics`.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.
         friction: how it infers friction from an episode's earlier pushes; None: it was not
@@ -169,7 +169,7 @@ class SainDynamics:
         Raises:
             InvalidInputError: arrays that do not fit together.
         """
-        check_prediction(scenes, physics_next)
+        _check_same_shape(scenes, physics_next)
         corrected = self._forward.correct(scenes, pushes, physics_next)
         if self.network.config.residual == ON_STATE:
             return _carried_over(corrected, physics_next, scenes)
@@ -245,7 +245,7 @@ def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Sc
     return moved
 
 
-def check_prediction(scenes: np.ndarray, physics_next: np.ndarray) -> None:
+def _check_same_shape(scenes: np.ndarray, physics_next: np.ndarray) -> None:
     """Check that a prediction is one of these scenes.
 
     Raises:

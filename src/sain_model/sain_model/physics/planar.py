@@ -13,9 +13,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.config import Config, option
-from sain_core.dynamics import Dynamics
+from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.history import PushHistory
 from sain_core.push import TOOL_RADIUS
+from sain_core.response_check import answering, check_step
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET
 from sain_core.types import Mask, Pushes, Scalars, Scenes
 from sain_model.compute.batch_checks import check_batch
@@ -231,7 +232,10 @@ def step_knowing(
     """Predict with a prior that is told the friction (B,), if there is any and it can be told."""
     if friction is not None and isinstance(prior, PlanarPrior):
         return prior.step(scenes, pushes, friction)
-    return prior.step(scenes, pushes)
+    if isinstance(prior, (PlanarPrior, IdentityPrior)):
+        return prior.step(scenes, pushes)
+    with answering("the prior"):
+        return check_step(prior.step(scenes, pushes), scenes, "the prior")
 
 
 def _canonical_order(scenes: Scenes) -> np.ndarray:

@@ -11,6 +11,7 @@ import torch
 
 from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics
+from sain_core.plugins import check_model_name
 from sain_core.seeding import generator
 from sain_core.split import SHARES, TEST, VALIDATION
 from sain_model.compute.threads import settle_threads
@@ -19,9 +20,9 @@ from sain_model.data.dataset import Split, Transitions
 from sain_model.data.examples import training_examples
 from sain_model.data.friction_noise import make_filter
 from sain_model.data.mixed import MixedSplit, MixedTransitions
-from sain_model.dynamics.load import PLANAR, PRIORS, load_prior
+from sain_model.dynamics.load import PLANAR, PLANAR_PRIORS, load_prior
 from sain_model.dynamics.loss import LossConfig, mixed_loss
-from sain_model.dynamics.sain import IDENTITY, SainDynamics
+from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.features import PUSH_FRAME
 from sain_model.network.interaction_network import NetworkConfig, new_network
 from sain_model.physics.friction import FrictionFilter
@@ -68,7 +69,7 @@ class TrainingConfig(Config):
         minimum=0.0,
         maximum=0.5,
     )
-    prior: str = option(PLANAR, "what is corrected", choices=PRIORS)
+    prior: str = option(PLANAR, "model that is corrected: a name in the registry of models")
     history: str = option(
         EPISODE,
         "what shows the prior the friction in training: nothing, the episode's earlier pushes, or"
@@ -98,7 +99,8 @@ def prior_and_filter(
         config: of the training.
         train: what the filter's noise is fitted to.
     """
-    settings = {"friction": config.prior_friction} if config.prior != IDENTITY else None
+    check_model_name(config.prior)
+    settings = {"friction": config.prior_friction} if config.prior in PLANAR_PRIORS else None
     prior = load_prior(config.prior, settings)
     return prior, None if config.history == NOTHING else make_filter(prior, train)
 
