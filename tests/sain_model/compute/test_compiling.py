@@ -10,7 +10,7 @@ import pytest
 import sain_core
 import sain_model
 from sain_core.types import PushSequences
-from sain_model.cli.compile_kernels import compile_kernels
+from sain_model.cli.kernels import compile_kernels
 from sain_model.compute.compiling import CONSTANTS, CORE_CONSTANTS, sources_hash
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network import sain_kernels

@@ -84,11 +84,15 @@ def test_missing(checkpoint: Path) -> None:
 
 
 def test_an_unknown_name() -> None:
-    message = r"model 'plannar' is unknown \(did you mean 'planar'\?\); known: .*planar, planar_axes"
+    message = (
+        r"model 'plannar' is unknown \(did you mean 'planar'\?\); known: .*planar, planar_axes"
+    )
     for load in (load_dynamics, load_prior):
         with pytest.raises(ConfigError, match=message):
             load("plannar")
-    with pytest.raises(CheckpointError, match="the prior 'bullet' has no settings; given: friction"):
+    with pytest.raises(
+        CheckpointError, match="the prior 'bullet' has no settings; given: friction"
+    ):
         load_prior("bullet", {"friction": 0.1})
 
 

@@ -79,7 +79,9 @@ def test_what_is_not_installed_is_refused_before_anything_is_evaluated(
     arguments = [str(folder), "--baselines", "foreign", "forein", "--out", str(out)]
     assert evaluate_cli.main(arguments) == 1
     said = " ".join(capsys.readouterr().err.split())
-    assert "model 'forein' is unknown (did you mean 'foreign'?); known: foreign, planar_axes" in said
+    assert (
+        "model 'forein' is unknown (did you mean 'foreign'?); known: foreign, planar_axes" in said
+    )
     assert not out.exists() and foreign[0].closed
 
 

@@ -1,4 +1,4 @@
-"""``python -m sain_model.cli.compile_kernels``: compile every kernel once, before others need it.
+"""``python -m sain_model.cli.kernels``: compile every kernel once, before others need it.
 
 Numba keeps what it compiled on disk. Processes that start side by side would each compile the same
 kernels: the set-up and the test session call this first.
