@@ -42,9 +42,7 @@ def test_an_unknown_name_is_refused_with_the_nearest(asked: list[str]) -> None:
 
 
 def test_what_is_no_dynamics_is_refused(asked: list[str]) -> None:
-    message = (
-        "model 'broken' of the package of offering: offering:broken returned a object; it must"
-    )
+    message = "model 'broken' of the package of offering: offering:broken returned a object"
     with pytest.raises(ConfigError, match=message):
         plugins.load_dynamics("broken")
 

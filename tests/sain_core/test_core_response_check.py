@@ -46,7 +46,7 @@ def test_a_step_that_cannot_be_an_answer_is_refused(answer: object, message: str
     [
         (
             PREDICTED[:, :3],
-            "predicted scenes of shape (3, 3, 2, 8); the shape must be (3, 4, 2, 8)",
+            "of shape (3, 3, 2, 8); the shape must be (3, 4, 2, 8)",
         ),
         (spoilt(PREDICTED, MASS, 7.0), "predicted disks of other masses or radii"),
     ],
@@ -64,8 +64,8 @@ def test_a_search_gets_sequences_that_are_not_finite_and_others_may_refuse_them(
 
 
 def test_what_a_model_raises_names_the_model() -> None:
-    with pytest.raises(ModelUnavailableError, match="model 'x' failed: KeyError: 'friction'"):
-        with answering("model 'x'"):
-            raise KeyError("friction")
+    message = "model 'x' failed: KeyError: 'friction'"
+    with pytest.raises(ModelUnavailableError, match=message), answering("model 'x'"):
+        raise KeyError("friction")
     with pytest.raises(OutOfRangeError), answering("model 'x'"):
         raise OutOfRangeError("a push that is too long")
