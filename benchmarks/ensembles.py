@@ -36,7 +36,7 @@ from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.coverage import measure_intervals
 from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
-from sain_model.network.features import RELATION_FEATURES
+from sain_model.network.feature_kernels import RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.trainer import Trainer, TrainingConfig, prior_and_filter

@@ -6,7 +6,7 @@ import numpy as np
 
 from sain_model.data.dataset import Transitions
 from sain_model.dynamics.physics_gradient import moves, variations
-from sain_model.network.features import TURN_SCALE
+from sain_model.network.feature_kernels import TURN_SCALE
 from sain_model.network.interaction_network import POSITION_UNIT
 from sain_model.physics.corrections import CORRECTIONS, Corrections
 from sain_model.physics.planar import PlanarPrior

@@ -16,9 +16,9 @@ from sain_model.dynamics.checkpoint import load_checkpoint
 from sain_model.dynamics.loss import LossConfig
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.prediction_errors import measure
-from sain_model.network.features import DISK_FEATURES, PUSH_FRAME, WORLD_FRAME, make_features
+from sain_model.network.feature_kernels import DISK_FEATURES, PLACE_FEATURES
+from sain_model.network.features import PUSH_FRAME, WORLD_FRAME, make_features
 from sain_model.network.interaction_network import NetworkConfig
-from sain_model.network.place_features import PLACE_FEATURES
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.trainer import Trainer, TrainingConfig
 

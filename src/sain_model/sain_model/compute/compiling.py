@@ -15,14 +15,14 @@ from typing import Any, Final
 
 import numba
 import numpy as np
-from numba.extending import overload
+from numba.extending import overload, register_jitable
 
 import sain_core
 
 PACKAGE: Final = Path(__file__).parents[1]
 CORE: Final = Path(sain_core.__path__[0])
 CORE_CONSTANTS: Final = ("scene.py", "push.py")
-CONSTANTS: Final = ("compute/compiling.py", "network/features.py", "network/place_features.py")
+CONSTANTS: Final = ("compute/compiling.py",)
 OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "fastmath": {"contract", "arcp"}}
 
 
@@ -54,6 +54,13 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 def compiled_apart(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel that is called and not copied to where it is used: it compiles once."""
     return _compile(function, inline=False)
+
+
+def shared(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Let kernels compile a function that stays plain Python: NumPy calls it with whole arrays."""
+    options: Any = {**OPTIONS, "forceinline": True}
+    plain_function: Callable[..., Any] = register_jitable(**options)(function)
+    return plain_function
 
 
 def chosen_by_type(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -8,16 +8,16 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from sain_core.config import Config, option
-from sain_model.network.features import (
+from sain_model.network.feature_kernels import (
     DISK_FEATURES,
     GAP_AFTER,
     GAP_BEFORE,
+    PLACE_FEATURES,
     RELATION_FEATURES,
     TURN_SCALE,
 )
 from sain_model.network.interaction_network import OUTPUTS, POSITION_UNIT
 from sain_model.network.members import make_perceptron, silence
-from sain_model.network.place_features import PLACE_FEATURES
 from sain_model.physics.corrections import CORRECTIONS, DRAG
 
 BEFORE: Final = slice(DISK_FEATURES, DISK_FEATURES + 2)  # a disk's place in the world

@@ -14,7 +14,8 @@ from torch import Tensor
 
 from sain_core.scene import MID
 from sain_core.types import Pushes, Scalars, Scenes
-from sain_model.network.features import TURN_SCALE, true_residual
+from sain_model.network.feature_kernels import TURN_SCALE
+from sain_model.network.features import true_residual
 from sain_model.physics.corrections import CORRECTIONS, OF_DISKS, Corrections
 from sain_model.physics.planar import PlanarPrior
 

@@ -10,18 +10,14 @@ from torch import Tensor, nn
 
 from sain_core.config import Config, option
 from sain_core.seeding import generator
-from sain_model.network.features import (
-    DISK_FEATURES,
-    FRAMES,
+from sain_model.network.feature_kernels import (
     GAP_AFTER,
     GAP_BEFORE,
-    PUSH_FRAME,
     RELATION_FEATURES,
     TURN_SCALE,
-    WORLD_FRAME,
 )
+from sain_model.network.features import FRAMES, PUSH_FRAME, count_disk_features
 from sain_model.network.members import make_perceptron, silence
-from sain_model.network.place_features import PLACE_FEATURES
 
 OUTPUTS = 3  # dx, dy, dtheta
 ON_PHYSICS: Final = "physics"
@@ -53,7 +49,7 @@ class NetworkConfig(Config):
     @property
     def disk_features(self) -> int:
         """How many numbers it is told of each disk."""
-        return DISK_FEATURES + (PLACE_FEATURES if self.features == WORLD_FRAME else 0)
+        return count_disk_features(self.features)
 
 
 class InteractionNetwork(nn.Module):
