@@ -27,7 +27,7 @@ from sain_core.scene import POSE, POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.types import PushSequences, Scalars
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
-from sain_model.dynamics.differentiable import DifferentiableRollout
+from benchmarks.differentiable import DifferentiableRollout
 from sain_model.dynamics.load import load_sain
 from sain_mppi.algorithms.gradient import descend, take_slopes
 from sain_mppi.search.config import PlannerConfig
