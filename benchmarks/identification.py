@@ -27,7 +27,7 @@ def identify(prior: PlanarPrior, data: Transitions) -> Corrections:
     truth = moves(data.scenes, data.pushes, data.next_scenes)
     for _ in range(STEPS):
         everywhere = np.tile(told, (len(data), 1, 1))
-        after = prior.step_told(data.scenes, data.pushes, everywhere)
+        after = prior.step_conditioned(data.scenes, data.pushes, everywhere)
         ends = moves(data.scenes, data.pushes, after)
         slopes = variations(everywhere, prior, data.scenes, data.pushes, None, ends) / SCALE
         missing = ((truth - ends) / SCALE).ravel()

@@ -32,7 +32,7 @@ setup(
         "console_scripts": [
             "model_node = sain_model.ros.model_node:main",
             "train = sain_model.cli.train:main",
-            "train_inside = sain_model.cli.train_inside:main",
+            "train_correction = sain_model.cli.train_correction:main",
             "evaluate = sain_model.cli.evaluate:main",
             "learning_curve = sain_model.cli.learning_curve:main",
         ],

@@ -22,7 +22,7 @@ MODEL, CORE = Path(sain_model.__path__[0]), Path(sain_core.__path__[0])
 HASHED = [*MODEL.rglob("*_kernels.py"), *(MODEL / name for name in CONSTANTS)]
 ENTRIES = (
     planar_kernels.push_block,
-    planar_kernels.push_told_block,
+    planar_kernels.push_conditioned_block,
     sain_kernels.correct_block,
     sain_kernels.roll_out_block,
 )

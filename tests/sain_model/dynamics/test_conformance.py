@@ -8,8 +8,8 @@ import torch
 from sain_core.conformance import check_dynamics
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.plugins import load_dynamics
-from sain_model.dynamics.correction_network import InsideNetworkConfig, InsideNetworks
-from sain_model.dynamics.parameter_correction import InsideSain
+from sain_model.dynamics.correction_network import CorrectionEnsemble, CorrectionNetworkConfig
+from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.sain import IDENTITY, SainDynamics
 from sain_model.network.interaction_network import ON_STATE, NetworkConfig, new_network
@@ -27,13 +27,13 @@ def network(**settings: object) -> torch.nn.Module:
     return made
 
 
-def corrected() -> InsideSain:
+def corrected() -> ParameterCorrection:
     torch.manual_seed(2)
-    networks = InsideNetworks(InsideNetworkConfig(hidden=8, message=4, members=2))
+    networks = CorrectionEnsemble(CorrectionNetworkConfig(hidden=8, message=4, members=2))
     with torch.no_grad():
         for parameter in networks.parameters():
             parameter.add_(0.1 * torch.randn_like(parameter))
-    return InsideSain(networks, PlanarPrior(), "planar")
+    return ParameterCorrection(networks, PlanarPrior(), "planar")
 
 
 MODELS: dict[str, Dynamics] = {

@@ -20,7 +20,7 @@ from sain_model.network.feature_kernels import DISK_FEATURES, PLACE_FEATURES
 from sain_model.network.features import PUSH_FRAME, WORLD_FRAME, make_features
 from sain_model.network.interaction_network import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.trainer import Trainer, TrainingConfig
+from sain_model.training.push_training import Trainer, TrainingConfig
 
 
 def downhill(dataset: Path):

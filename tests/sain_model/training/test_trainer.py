@@ -18,7 +18,7 @@ from sain_model.evaluation.metrics import bootstrap_over_episodes, measure
 from sain_model.evaluation.prediction_errors import evaluate
 from sain_model.network.interaction_network import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.trainer import Trainer, TrainingConfig
+from sain_model.training.push_training import Trainer, TrainingConfig
 
 SMALL = NetworkConfig(hidden=32, message=8)
 

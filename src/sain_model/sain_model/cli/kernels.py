@@ -32,7 +32,7 @@ def compile_kernels() -> None:
     pushes = np.full((1, PUSH_SIZE), 0.05)
     prior = PlanarPrior()
     predicted = prior.step(scenes, pushes)
-    prior.step_told(scenes, pushes, np.zeros((1, 2, CORRECTIONS)))
+    prior.step_conditioned(scenes, pushes, np.zeros((1, 2, CORRECTIONS)))
     with torch.random.fork_rng(devices=[]):  # the weights do not matter, nor may drawing them
         network = CompiledNetwork(InteractionNetwork())
     network.correct(scenes, pushes, predicted)

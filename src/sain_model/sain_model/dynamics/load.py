@@ -12,16 +12,16 @@ from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import CheckpointError
 from sain_core.plugins import load_dynamics
 from sain_model.dynamics.checkpoint import (
-    INSIDE_ARCHITECTURE,
+    CORRECTION_ARCHITECTURE,
     card_path,
     fill,
     load_checkpoint,
     read_card,
     read_checkpoint,
 )
-from sain_model.dynamics.correction_network import InsideNetworkConfig, InsideNetworks
+from sain_model.dynamics.correction_network import CorrectionEnsemble, CorrectionNetworkConfig
 from sain_model.dynamics.intervals import Intervals
-from sain_model.dynamics.parameter_correction import InsideSain
+from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.rollouts import PHYSICS, RolloutConfig
 from sain_model.dynamics.sain import IDENTITY, SainDynamics
@@ -53,8 +53,8 @@ def load_builtin(name: str) -> Dynamics:
     if name in PLANAR_PRIORS:
         return load_planar(name)
     path = shipped_checkpoint() if name == SHIPPED else Path(name).expanduser()
-    if path.exists() and read_card(path).architecture == INSIDE_ARCHITECTURE:
-        return load_inside(path)
+    if path.exists() and read_card(path).architecture == CORRECTION_ARCHITECTURE:
+        return load_parameter_correction(path)
     return load_sain(path)
 
 
@@ -128,18 +128,18 @@ def load_sain(path: Path) -> SainDynamics:
     )
 
 
-def load_inside(path: Path) -> InsideSain:
+def load_parameter_correction(path: Path) -> ParameterCorrection:
     """Return the networks at this path inside the prior that they were trained in.
 
     Raises:
         CheckpointError: the checkpoint is not sound.
     """
-    content, card, text = read_checkpoint(path, INSIDE_ARCHITECTURE)
+    content, card, text = read_checkpoint(path, CORRECTION_ARCHITECTURE)
     with _naming(str(card_path(path))):
         prior = load_planar(card.prior, card.prior_config)
-        networks = InsideNetworks(card_part("network", InsideNetworkConfig, card.network))
+        networks = CorrectionEnsemble(card_part("network", CorrectionNetworkConfig, card.network))
     fill(path, content, networks)
-    return InsideSain(networks, prior, card.prior, card.weights_sha256, text)
+    return ParameterCorrection(networks, prior, card.prior, card.weights_sha256, text)
 
 
 def sain_class(rollouts: RolloutConfig | None) -> type[SainDynamics]:

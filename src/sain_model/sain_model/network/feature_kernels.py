@@ -1,7 +1,8 @@
 """What the network sees, written once: NumPy runs it for training, Numba compiles it for planning.
 
-`look` writes the features of one push into its lane. In a kernel a lane is a number and a scene is
-(N, 8); for NumPy the lane is `ALL_LANES` and every number of a scene is an array over the pushes.
+`write_features` writes the features of one push into its lane. In a kernel a lane is a number and a
+scene is (N, 8); for NumPy the lane is `ALL_LANES`, and each number of a scene is an array over the
+pushes.
 
 The scene is seen in the frame of the push: the origin is the mid disk's centre before the push, the
 x axis points along the push's ``location``, so that the tool always comes from -x. Scenes that
@@ -101,7 +102,7 @@ def write_features(before, push, after, lane, places, work):
 
 
 @compiled_apart
-def look(before, push, after, lane, places, work):
+def write_lane(before, push, after, lane, places, work):
     """Write the features of one push into its lane, compiled once for all kernels."""
     write_features(before, push, after, lane, places, work)
 

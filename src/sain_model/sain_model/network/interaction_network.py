@@ -17,7 +17,7 @@ from sain_model.network.feature_kernels import (
     TURN_SCALE,
 )
 from sain_model.network.features import FRAMES, PUSH_FRAME, count_disk_features
-from sain_model.network.members import make_perceptron, silence
+from sain_model.network.members import make_perceptron, zero_last_layer
 
 OUTPUTS = 3  # dx, dy, dtheta
 ON_PHYSICS: Final = "physics"
@@ -65,7 +65,7 @@ class InteractionNetwork(nn.Module):
         size = config.hidden, config.layers, config.members
         self.relation = make_perceptron(RELATION_FEATURES, config.message, *size)
         self.dynamics = make_perceptron(config.disk_features + config.message, OUTPUTS, *size)
-        silence(self.dynamics)
+        zero_last_layer(self.dynamics)
         self.register_buffer(
             "unit", torch.tensor([POSITION_UNIT, POSITION_UNIT, TURN_SCALE]), persistent=False
         )

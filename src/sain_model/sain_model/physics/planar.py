@@ -30,7 +30,7 @@ from sain_model.physics.corrections import (
     corrected_pushes,
 )
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
-from sain_model.physics.planar_kernels import CHUNK, push_block, push_told_block
+from sain_model.physics.planar_kernels import CHUNK, push_block, push_conditioned_block
 
 NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
 NOMINAL_MID_RADIUS: Final = 0.08  # [m]
@@ -154,7 +154,7 @@ class PlanarPrior:
         """
         return self.step_with_contacts(scenes, pushes, friction)[0]
 
-    def step_told(
+    def step_conditioned(
         self,
         scenes: Scenes,
         pushes: Pushes,
@@ -218,7 +218,7 @@ class PlanarPrior:
             if corrections is None:
                 push_block(first, *rows, self._physics, touched)
             else:
-                push_told_block(first, *rows, self._physics, touched, corrections)
+                push_conditioned_block(first, *rows, self._physics, touched, corrections)
 
         run_blocks(work, batch, CHUNK)
         predicted = np.empty_like(after)

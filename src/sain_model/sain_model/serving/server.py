@@ -19,7 +19,7 @@ from sain_core.response_check import (
 from sain_core.scene import THETA, check_scene, check_scenes, make_scene, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.devices import AUTO, CPU, DEVICES, choose_device
-from sain_model.dynamics.parameter_correction import InsideSain
+from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.physics.planar import PlanarPrior
 
@@ -28,7 +28,7 @@ WARM_UP_SCENE: Final = make_scene(
 )
 WARM_UP_PUSHES: Final = np.array([[[0.0, 0.0, 0.1]], [[0.5, 0.1, 0.05]]])  # (2, 1, 3)
 PHYSICS: Final = "physics"
-LEARNED: Final = (SainDynamics, InsideSain)
+LEARNED: Final = (SainDynamics, ParameterCorrection)
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ class ModelServer:
             physics_next = check_step(prior.step(scenes, pushes), scenes, self._name)
         if isinstance(dynamics, SainDynamics):
             next_state = dynamics.correct(scenes, pushes, physics_next)
-        elif isinstance(dynamics, InsideSain):  # on its own prior, whatever was given
+        elif isinstance(dynamics, ParameterCorrection):  # on its own prior, whatever was given
             next_state = dynamics.step(scenes, pushes)
         else:
             next_state = physics_next  # physics alone corrects nothing
