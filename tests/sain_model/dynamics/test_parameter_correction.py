@@ -47,7 +47,7 @@ def laboratory(dataset: Path) -> Split:
 
 
 def error(sain: ParameterCorrection | PlanarPrior, data) -> float:
-    off = sain.step(data.scenes, data.pushes) - data.next_scenes
+    off = sain.step(data.state, data.action) - data.next_state
     return float(np.linalg.norm(off[:, TARGET, POSITION], axis=-1).mean())
 
 
