@@ -39,7 +39,7 @@ class ScenarioScene:
     scenario: str
     seed: int
     disks: Scene  # (N, 8), at rest
-    friction: float  # between disks and table; no controller is told
+    friction: float  # between disks and table; hidden from all controllers but the oracle
     shapes: tuple[str, ...]  # a footprint for each, as `sain_core.shapes` names them
     goal: Goal  # (2,) [m]
     max_pushes: int = MAX_PUSHES
@@ -63,7 +63,7 @@ class Scenario(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is asked for by."""
+        """Its name on the command line."""
         ...
 
     @property

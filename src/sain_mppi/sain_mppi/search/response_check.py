@@ -1,4 +1,4 @@
-"""Whether what a model answered is an answer to what it was asked."""
+"""Whether the response of a model fits the request."""
 
 import numpy as np
 from numpy import ndarray
