@@ -86,9 +86,9 @@ def test_the_service_gets_the_episode_s_earlier_pushes_and_no_others(graph, stra
     second = nth_push(graph, 2)
     assert {len(past) for past in remote.pasts} == {0, 1}
     known = remote.pasts[-1]
-    np.testing.assert_array_equal(known.scenes[0], START)
-    np.testing.assert_array_equal(known.pushes[0], codec.decode_push(first))
-    np.testing.assert_array_equal(known.next_scenes[0], after)
+    np.testing.assert_array_equal(known.state[0], START)
+    np.testing.assert_array_equal(known.action[0], codec.decode_push(first))
+    np.testing.assert_array_equal(known.next_state[0], after)
     plan(graph, push_id=second.push_id)  # nothing more is asked for it
     straw.answer(second, ErrorCode.OK)  # a result without scenes teaches nothing
     asked = remote.asked

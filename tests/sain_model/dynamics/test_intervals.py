@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from sain_core.errors import CheckpointError, ConfigError
+from sain_core.plugins import load_dynamics
 from sain_model.cli import evaluate as evaluate_cli
 from sain_model.cli import train as train_cli
 from sain_model.data.dataset import load_transitions
 from sain_model.dynamics.checkpoint import card_path
 from sain_model.dynamics.intervals import IntervalConfig, Intervals
-from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.coverage import measure_intervals
 from sain_model.network.interaction_network import InteractionNetwork
@@ -103,6 +103,6 @@ def test_coverage_is_counted(dataset: Path, tmp_path: Path) -> None:
     sain = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", intervals=intervals)
     found = measure_intervals(sain, data, seed=0)
     assert found["mid"]["parts"]["all"]["coverage"] == 1.0
-    exact = np.all(sain.step(data.scenes, data.pushes)[:, 1, :2] == data.next_scenes[:, 1, :2], -1)
+    exact = np.all(sain.step(data.state, data.action)[:, 1, :2] == data.next_state[:, 1, :2], -1)
     assert found["target"]["parts"]["all"]["coverage"] == pytest.approx(exact.mean(), abs=0.05)
     assert found["target"]["rank_correlation"]["members"] is None  # a lone network agrees

@@ -7,29 +7,29 @@ import numpy as np
 import pytest
 
 from sain_core.errors import CheckpointError, DatasetError
+from sain_core.plugins import load_dynamics
 from sain_core.push import rotate_pushes
 from sain_core.scene import POSITION, TARGET, rotate_scenes
 from sain_model.cli import train as train_cli
 from sain_model.data.dataset import limit_training, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import load_checkpoint
-from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.loss import LossConfig
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.prediction_errors import measure
-from sain_model.network.features import DISK_FEATURES, PUSH_FRAME, WORLD_FRAME, make_features
+from sain_model.network.feature_kernels import DISK_FEATURES, PLACE_FEATURES
+from sain_model.network.features import PUSH_FRAME, WORLD_FRAME, make_features
 from sain_model.network.interaction_network import NetworkConfig
-from sain_model.network.place_features import PLACE_FEATURES
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.trainer import Trainer, TrainingConfig
+from sain_model.training.push_training import Trainer, TrainingConfig
 
 
 def downhill(dataset: Path):
     """The dataset with targets that end 5 mm further along the world's x, wherever pushed."""
     data = load_transitions(dataset)
-    after = data.scenes.copy()
-    after[:] = PlanarPrior().step(data.scenes, data.pushes)
+    after = data.state.copy()
+    after[:] = PlanarPrior().step(data.state, data.action)
     after[:, TARGET, 0] += 0.005
-    return split_by_episode(replace(data, next_scenes=after), 0, 0.2, 0.2)
+    return split_by_episode(replace(data, next_state=after), 0, 0.2, 0.2)
 
 
 def test_only_the_frame_of_the_world_shows_how_a_scene_is_turned(random_pushes) -> None:
@@ -57,7 +57,7 @@ def test_what_pulls_along_the_world_is_learned_in_its_frame_alone(dataset, tmp_p
         trainer = Trainer(split, prior, config, tmp_path / frame)
         trainer.run()
         sain = SainDynamics(trainer.network, prior, "planar")
-        predicted = sain.step(split.test.scenes, split.test.pushes)
+        predicted = sain.step(split.test.state, split.test.action)
         left[frame] = measure(predicted, split.test, 0).target_mean
     assert left[WORLD_FRAME] < 2.0 and left[WORLD_FRAME] < 0.5 * left[PUSH_FRAME]
 
@@ -81,7 +81,7 @@ def test_learning_from_fewer_keeps_what_is_held_out(dataset) -> None:
     split = split_by_episode(load_transitions(dataset), 0, 0.2, 0.2)
     part = limit_training(split, 24)
     assert len(part.train) == 24
-    np.testing.assert_array_equal(part.train.pushes, split.train.pushes[:24])
+    np.testing.assert_array_equal(part.train.action, split.train.action[:24])
     share = 24 / len(split.train)
     assert len(part.validation) == round(share * len(split.validation))
     assert part.test is split.test

@@ -1,6 +1,5 @@
 """``ros2 run sain_model learning_curve``: how many transitions a network needs."""
 
-import shlex
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -12,13 +11,14 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from sain_core.provenance import ros2_command
 from sain_core.storage import write_json, write_whole
 from sain_model.cli.command import carry_out
 from sain_model.data.dataset import load_transitions, split_by_episode
 from sain_model.evaluation.markdown import markdown_table
-from sain_model.training.curve_plot import save_curves
 from sain_model.training.learning_curve import Point, learning_curve
-from sain_model.training.trainer import TrainingConfig
+from sain_model.training.plots import save_curves
+from sain_model.training.push_training import TrainingConfig
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def run(command: LearningCurveCommand, console: Console) -> None:
         "held_out": len(split.test),
         "training": asdict(config),
         "steps": command.steps,
-        "command": shlex.join(["ros2", "run", "sain_model", "learning_curve", *sys.argv[1:]]),
+        "command": ros2_command("sain_model", "learning_curve"),
         "points": [asdict(point) for point in points],
     }
     write_json(command.out / "curves.json", report)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from sain_core.dynamics import RolloutModel
 from sain_core.errors import CancelledError, SainError
-from sain_core.ids import push_ids
+from sain_core.push import push_ids
 from sain_core.scene import check_on_table
 from sain_core.seeding import generator
 from sain_core.types import PushArray, Scene

@@ -12,21 +12,20 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from sain_core.config import Config, option
+from sain_core.dataset import SHARD_SIZE, Column, Row, describe_fields
 from sain_core.errors import DatasetError
-from sain_core.shards import SHARD_SIZE
 from sain_core.storage import write_json
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
-from sain_sim.collecting.push_counts import Journal, Tally
-from sain_sim.collecting.ray_workers import RayCrew, ray_cluster
+from sain_sim.collecting.push_counts import CollectionJournal, PushCounts
+from sain_sim.collecting.ray_workers import RayPool, ray_cluster
 from sain_sim.collecting.shards import (
-    Transition,
     full_shards,
     last_transition,
     load_shards,
     remove_leftovers,
     write_shard,
 )
-from sain_sim.collecting.workers import ProcessCrew, in_order
+from sain_sim.collecting.workers import ProcessPool, in_order
 
 IDENTITY_FILE: Final = "collection.json"
 CARD_FILE: Final = "card.json"
@@ -56,7 +55,7 @@ class Collected(NamedTuple):
     """What a folder holds when its collection is done."""
 
     transitions: int
-    tally: Tally  # of all pushes that were drawn
+    counts: PushCounts  # of all pushes that were drawn
 
 
 def collect(
@@ -79,12 +78,15 @@ def collect(
     remove_leftovers(folder)
     shards = full_shards(folder)
     last = last_transition(folder, shards - 1) if shards else (0, -1)
-    waiting: list[Transition] = []
+    waiting: list[Row] = []
     progress(last[0], shards * SHARD_SIZE)
-    with closing(Journal(folder, last[0])) as journal, closing(_run(config, last[0])) as results:
+    with (
+        closing(CollectionJournal(folder, last[0])) as journal,
+        closing(_run(config, last[0])) as results,
+    ):
         for episode, result in enumerate(results, start=last[0]):
-            journal.add(episode, result.tally)
-            waiting += [item for item in result.transitions if (item.episode, item.step) > last]
+            journal.add(episode, result.counts)
+            waiting += [row for row in result.transitions if _place(row) > last]
             while len(waiting) >= SHARD_SIZE:
                 write_shard(folder, shards, waiting[:SHARD_SIZE])
                 shards, waiting = shards + 1, waiting[SHARD_SIZE:]
@@ -106,15 +108,20 @@ def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, No
     if config.ray:
         with (
             ray_cluster(config.ray, config.workers) as ray,
-            closing(RayCrew(ray, config.workers, *settings)) as actors,
+            closing(RayPool(ray, config.workers, *settings)) as actors,
         ):
             yield from in_order(actors, episodes)
     elif config.workers > 1:
-        with closing(ProcessCrew(config.workers, *settings)) as processes:
+        with closing(ProcessPool(config.workers, *settings)) as processes:
             yield from in_order(processes, episodes)
     else:
         with closing(EpisodeRunner(*settings)) as runner:
             yield from map(runner.run, episodes)
+
+
+def _place(row: Row) -> tuple[int, int]:
+    """Return the episode of a row and its step."""
+    return int(row[Column.EPISODE]), int(row[Column.STEP])
 
 
 def _identity(config: CollectConfig) -> dict[str, Any]:
@@ -157,9 +164,9 @@ def _summary(config: CollectConfig, done: Collected) -> dict[str, Any]:
     data = load_shards(config.out)
     return {
         "episodes": config.episodes,
-        "transitions": len(data["episode"]),
-        "moved": int(data["moved"].sum()),
-        "tally": {"drawn": done.tally.drawn, "valid": done.tally.valid, **asdict(done.tally)},
+        "transitions": len(data[Column.EPISODE]),
+        "moved": int(data[Column.MOVED].sum()),
+        "tally": {"drawn": done.counts.drawn, "valid": done.counts.valid, **asdict(done.counts)},
         "shard_size": SHARD_SIZE,
-        "fields": {name: list(values.shape[1:]) for name, values in data.items()},
+        "fields": describe_fields(data),
     }

@@ -7,7 +7,7 @@ drawn twice as large and averaged down, which smooths the edges.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -18,7 +18,7 @@ from sain_core.push import TOOL_RADIUS
 from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, TARGET, THETA, Table, X, Y
 from sain_core.shapes.disk import DISK
 from sain_core.types import Points, Scene
-from sain_sim.arm.client import Client
+from sain_sim.arm.client import Client, Closeable
 from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.panda import JOINT_COUNT, ArmConfig, PandaModel
 from sain_sim.rendering.scenery import OFF_STAGE, build_disk, build_ring, build_table
@@ -58,7 +58,7 @@ class Pixels(NamedTuple):
     goal: int
 
 
-class Renderer:
+class Renderer(Closeable):
     """Takes pictures of a Panda, a table and N disks."""
 
     def __init__(
@@ -209,16 +209,8 @@ class Renderer:
         return [*disks, stick, hand]
 
     def close(self) -> None:
-        """Let go of the renderer's client."""
+        """Close the renderer's client."""
         self._client.close()
-
-    def __enter__(self) -> Self:
-        """Return the renderer itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close the renderer."""
-        self.close()
 
 
 _UNMADE: Final = -1

@@ -1,4 +1,4 @@
-"""Bullet as a dynamics by name, for whoever predicts and does not know this package.
+"""Bullet as a dynamics that other packages find by name.
 
 `sain_core.plugins` finds it under ``bullet`` (the paper's f_p: nominal masses, radii and friction)
 and ``bullet_measured`` (masses and radii of the scene, nominal friction). Each name that is asked
@@ -36,7 +36,7 @@ class Bullet(BulletPrior):
             return scene.copy()
 
 
-def load_dynamics(name: str) -> Bullet:
+def load_bullet(name: str) -> Bullet:
     """Return Bullet by one of its names.
 
     Raises:

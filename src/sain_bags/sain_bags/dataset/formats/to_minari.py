@@ -21,11 +21,9 @@ from minari.data_collector import EpisodeBuffer
 from minari.dataset.minari_storage import MinariStorage
 from numpy import ndarray
 
-from sain_bags.dataset.formats.rows import StoredRows, goal_distance, reached
-from sain_bags.dataset.formats.shards import Columns
+from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
+from sain_core.dataset import PARTS, Column, Columns
 from sain_core.push import PUSH_NAMES, PushLimits
-from sain_core.scene import STATE_SIZE
-from sain_core.split import PARTS
 
 ALLOWED: Final = r"[-\w]+-v\d+"  # what Minari takes for a name
 NAME: Final = "sain-pushes-v0"  # where the folder's own is none
@@ -37,7 +35,7 @@ def write(rows: StoredRows, folder: Path) -> None:
     """Write a data set into ``data``; the parts of its split follow one another."""
     path = folder / "data"
     path.mkdir(parents=True)
-    states = Box(-np.inf, np.inf, (rows.disks * STATE_SIZE,), np.float64)
+    states = Box(-np.inf, np.inf, Column.STATE.row_shape(rows.disks), np.float64)
     storage = MinariStorage.new(path, states, _pushes(rows.card["ranges"]))
     name = rows.name if re.fullmatch(ALLOWED, rows.name) else NAME
     about = {"dataset_id": name, "minari_version": version("minari"), "description": DESCRIPTION}
@@ -48,7 +46,7 @@ def write(rows: StoredRows, folder: Path) -> None:
 
 
 def _pushes(ranges: dict[str, Any]) -> Box:
-    """Return the space of pushes: what the limits allow, and what was recorded beyond them."""
+    """Return the space of pushes: the limits, extended by recorded pushes beyond them."""
     limits = PushLimits()
     low = np.array([-np.pi, -limits.max_angle, 0.0])
     high = np.array([np.pi, limits.max_angle, limits.max_length])
@@ -74,21 +72,21 @@ def _episode(columns: Columns) -> EpisodeBuffer:
     truncations = np.zeros_like(terminations)
     truncations[-1] = not terminations[-1]
     return EpisodeBuffer(
-        observations=np.concatenate([columns["state"], columns["next_state"][-1:]]),
-        actions=columns["action"],
+        observations=np.concatenate([columns[Column.STATE], columns[Column.NEXT_STATE][-1:]]),
+        actions=columns[Column.ACTION],
         rewards=-goal_distance(columns),
         terminations=terminations,
         truncations=truncations,
         infos={
             key: _after_nothing(values)
             for key, values in columns.items()
-            if key not in ("state", "action")
+            if key not in (Column.STATE, Column.ACTION)
         },
     )
 
 
 def _after_nothing(values: ndarray) -> ndarray | list[str]:
-    """Return values after one that says nothing: NaN, 0, false or an empty text."""
+    """Return values behind one without a meaning: NaN, 0, false or an empty text."""
     nothing = np.full_like(values[:1], np.nan if values.dtype.kind == "f" else 0)
     if values.dtype.kind == "U":
         return ["", *values.tolist()]

@@ -1,0 +1,72 @@
+"""The fields of the graph's messages that rows need, and the check that a bag has them."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from sain_bags.bag.message_types import MessageTypes, read_types
+from sain_bags.reading.bag_files import BagChannel
+from sain_bags.transitions.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
+from sain_core.dataset import FRICTIONS
+from sain_core.errors import DatasetError
+from sain_core.push import PUSH_NAMES
+from sain_core.scene import STATE_NAMES
+
+PUSH: Final = "sain_interfaces/msg/Push"
+WORLD: Final = "sain_interfaces/msg/WorldParameters"
+DISKS: Final = "disks"
+
+_IDS: Final = ("push_id", "episode_id")
+_PUSH: Final = (*_IDS, "scene_id", *PUSH_NAMES)
+_SCENE: Final = (
+    "episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec", DISKS,
+)  # fmt: skip
+FIELDS: Final = {
+    PUSH: _PUSH,
+    SCENE: _SCENE,
+    PREDICTION: ("push_id", "error_code", "model", DISKS),
+    GOAL: ("episode_id", "x", "y", "tolerance"),
+    WORLD: ("episode_id", *FRICTIONS),
+    PUSH_RESULT: (
+        *_IDS, "error_code", "error_message", "duration",
+        *(f"push.{name}" for name in _PUSH),
+        *(f"{scene}.{name}" for scene in ("before", "after") for name in _SCENE),
+    ),
+}  # fmt: skip
+TEXTS: Final = frozenset({"model", "error_message"})
+
+
+def channel_types(channel: BagChannel) -> MessageTypes:
+    """Return the message types that a channel's schema describes.
+
+    Raises:
+        DatasetError: they are not CDR, or described in another way.
+    """
+    schema, encoding = channel.schema, channel.channel.message_encoding
+    if schema is None or (encoding, schema.encoding) != ("cdr", "ros2msg"):
+        described = schema.encoding if schema else "nothing"
+        raise DatasetError(
+            f"{channel.topic} is {encoding!r} and described by {described!r};"
+            " only CDR that a ros2msg text describes can be decoded"
+        )
+    return read_types(schema.name, schema.data.decode(errors="replace"))
+
+
+def all_paths(fields: Sequence[str]) -> list[str]:
+    """Return the paths of fields, those of disks once for each number of a disk."""
+    disks = [
+        f"{name}.{column}" for name in fields if name.endswith(DISKS) for column in STATE_NAMES
+    ]
+    return [*(name for name in fields if not name.endswith(DISKS)), *disks]
+
+
+def check_path(types: MessageTypes, name: str, path: str) -> None:
+    """Raise `DatasetError` unless a message has a field of the needed type."""
+    kind = name
+    for step in path.split("."):
+        found = {entry.name: entry.type for entry in types.get(kind, ())}
+        if step not in found:
+            raise DatasetError(f"{name} has no {path}")
+        kind = found[step]
+    is_text = kind == "string"
+    if kind in types or is_text != (path in TEXTS):
+        raise DatasetError(f"{path} of {name} is a {kind}")
