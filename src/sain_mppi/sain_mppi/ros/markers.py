@@ -16,8 +16,7 @@ from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.ros.markers import Colour, make_marker, make_pose
 from sain_core.scene import DISK_HEIGHT, MID, RADIUS, TARGET, THETA, X, Y
 from sain_core.types import Points, Scene
-from sain_mppi.loop.agent import Decision
-from sain_mppi.loop.goal_tracker import Task
+from sain_mppi.loop.decision import PushDecision, Task
 from sain_mppi.search.result import Shown
 
 LINE_WIDTH: Final = 0.006  # [m]
@@ -34,10 +33,12 @@ DEAR: Final = np.array([0.75, 0.25, 0.20, 0.15])
 State = Float[np.ndarray, "8"]
 
 
-def plan_markers(decision: Decision, stamp: Time) -> MarkerArray:
+def plan_markers(decision: PushDecision, stamp: Time) -> MarkerArray:
     """Return the goal and, for mid disk and target, the way that the plan expects."""
-    job, result = decision.job, decision.result
+    job, result = decision.job, decision.plan
     array = goal_markers(job.task, stamp)
+    if result is None:
+        return array
     array.markers.append(_others(job.view.scene, result.others, stamp))
     for disk, colour in PATH_COLOURS.items():
         array.markers.append(_path(disk, result.way(job.view.scene, disk), colour, stamp))

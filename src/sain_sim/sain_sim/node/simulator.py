@@ -11,7 +11,7 @@ from sain_sim.episodes.start import WORLDS, draw_episode
 from sain_sim.episodes.truth import TruthConfig
 from sain_sim.node.pacing import Pacer
 from sain_sim.rendering.window import Window
-from sain_sim.world.outcome import PushOutcome, Sample
+from sain_sim.world.outcome import Sample, StrokeOutcome
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.shadow import BulletPrior
 from sain_sim.world.workcell import WorldConfig
@@ -59,7 +59,7 @@ class SimulatorConfig(TruthConfig):
 class Pushed:
     """An executed push: its outcome, the world after it, and its wall time [s]."""
 
-    outcome: PushOutcome
+    outcome: StrokeOutcome
     sample: Sample
     wall_time: float
 
