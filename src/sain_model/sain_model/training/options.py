@@ -12,7 +12,7 @@ from sain_core.provenance import ros2_command
 from sain_model.dynamics.rollouts import RolloutConfig
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.presets import PRESETS
-from sain_model.training.trainer import TrainingConfig
+from sain_model.training.push_training import TrainingConfig
 
 DEFAULT: Final = "default"
 

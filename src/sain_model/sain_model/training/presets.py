@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import Final
 
 from sain_model.dynamics.loss import LossConfig
-from sain_model.training.optimizer import ADAM, HALVING_EPOCHS, HALVING_STEPS, DescentConfig
-from sain_model.training.trainer import NOTHING, TrainingConfig
+from sain_model.training.push_training import NOTHING, TrainingConfig
+from sain_model.training.training_loop import ADAM, HALVING_EPOCHS, HALVING_STEPS, OptimizerConfig
 
 LAMBDA: Final = 1e-6  # of equation 5, of a loss in units of 1 mm
 
@@ -27,9 +27,9 @@ PAPER: Final = TrainingConfig(
     validation=0.2,
     history=NOTHING,
     loss=LossConfig(robust=False, position_scale=0.001, velocity_scale=0.1, heading_scale=0.05),
-    descent=DescentConfig(ADAM, HALVING_STEPS, 2500),
+    optimizer=OptimizerConfig(ADAM, HALVING_STEPS, 2500),
 )
-PAPER_EPOCHS: Final = replace(PAPER, descent=DescentConfig(ADAM, HALVING_EPOCHS, 2500))
+PAPER_EPOCHS: Final = replace(PAPER, optimizer=OptimizerConfig(ADAM, HALVING_EPOCHS, 2500))
 PAPER_STEPS: Final = replace(PAPER, epochs=16, epoch_steps=500, validate_every=1)
 """8,000 steps, validated every 500 of them."""
 
