@@ -34,7 +34,7 @@ from sain_model.dynamics.load import load_prior
 from sain_model.dynamics.loss import mixed_loss
 from sain_model.network.features import PUSH_FRAME
 from sain_model.network.interaction_network import NetworkConfig
-from sain_model.training.presets import PAPER
+from sain_model.training.options import PAPER
 from sain_model.training.push_training import NOTHING, Trainer, TrainingConfig
 from sain_model.training.training_state import LossHistory
 

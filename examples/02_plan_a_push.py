@@ -32,7 +32,7 @@ while isinstance(decision := agent.act(), PushDecision):
         f"push {agent.pushes}: location {location:+.2f} rad, angle {angle:+.2f} rad,"
         f" {100 * length:4.1f} cm; target {1e3 * decision.job.distance:5.1f} mm from the goal"
     )
-    after = prior.step(scene[None], decision.push[None])[0]  # the graph would ask the world
+    after = prior.step(scene[None], decision.push[None])[0]  # in place of a real push
     agent.learn(1, scene, decision.push, after)
     agent.answered(decision.push_id, ErrorCode.OK)
     scene = after

@@ -16,7 +16,7 @@ from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.goal import Goal, check_goal, check_in_reach
 from sain_mppi.search.result import PlanResult
 from sain_mppi.search.sampling import shift
-from sain_mppi.search.search import Problem, Search
+from sain_mppi.search.search import Search
 
 SEEN_OVERLAP: Final = 0.02  # [m], deepest that disks may seem to overlap
 
@@ -84,8 +84,7 @@ class Planner:
         if deadline is None and self.config.deadline > 0.0:
             deadline = monotonic() + self.config.deadline
         config = self.config.widened() if wide else self.config
-        problem = Problem(scene, goal, self.feasibility, refused, deadline)
-        search = Search(self.model, config, problem)
+        search = Search(self.model, config, self.feasibility, scene, goal, refused, deadline)
         ALGORITHMS[config.algorithm](search, self._start(scene, goal, config), config, generator)
         self._elites, self._scene, self._goal = search.elites.sequences, scene.copy(), goal.copy()
         return search.result()

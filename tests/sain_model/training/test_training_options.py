@@ -21,7 +21,7 @@ from sain_model.data.batches import Batches
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.network.interaction_network import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.presets import LAMBDA, PAPER, PAPER_EPOCHS, PAPER_STEPS, PRESETS
+from sain_model.training.options import LAMBDA, PAPER, PAPER_EPOCHS, PAPER_STEPS, PRESETS
 from sain_model.training.progress import FOLDER, EventLog
 from sain_model.training.push_training import Trainer, TrainingConfig
 from sain_model.training.training_loop import ADAM, HALVING_EPOCHS, HALVING_STEPS, OptimizerConfig

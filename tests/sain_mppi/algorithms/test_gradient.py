@@ -14,7 +14,7 @@ from sain_core.types import Pushes, PushSequences, Scalars, Scenes
 from sain_mppi.algorithms.gradient import gradient
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import GRADIENT, GradientConfig, PlannerConfig
-from sain_mppi.search.search import Problem, Search
+from sain_mppi.search.search import Search
 
 GOAL = np.array([0.62, 0.07])
 CONFIG = PlannerConfig(algorithm=GRADIENT, samples=64, horizon=3)
@@ -35,8 +35,7 @@ class Recorded(Search):
     """A search that remembers what it was asked."""
 
     def __init__(self, dynamics, config, scene):
-        problem = Problem(scene, GOAL, Feasibility())
-        super().__init__(StepwiseRollout(dynamics), config, problem)
+        super().__init__(StepwiseRollout(dynamics), config, Feasibility(), scene, GOAL)
         self.drawn: list[Scalars] = []
         self.probed: list[PushSequences] = []
 

@@ -27,7 +27,7 @@ from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.evaluation import EpisodeJob, run_jobs
 from sain_eval.loop.files import output_folder
 from sain_eval.loop.journal import Journal
-from sain_eval.loop.report import HEADER, markdown_table, table_cells
+from sain_eval.loop.report import HEADER, results_table, table_cells
 from sain_eval.loop.results import SceneRecord, summarise, write_results
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.loop.settings import AgentConfig
@@ -176,7 +176,7 @@ def evaluate(options: Evaluate, command: str, console: Console) -> list[SceneRec
     kept = [record for record in journal.records if options.wants(record)]
     config = {**dataclasses.asdict(options), "out": str(options.out)}
     write_results(options.out, kept, config, command)
-    write_whole(options.out / TABLE_FILE, markdown_table(summarise(kept)).encode())
+    write_whole(options.out / TABLE_FILE, results_table(summarise(kept)).encode())
     return kept
 
 

@@ -104,15 +104,19 @@ class MppiNode(Node):
     def _on_decided(self, done: "Future[PushDecision | Stop | None]") -> None:
         decision = self.agent.conclude(done.result())
         if isinstance(decision, PushDecision):
-            stamp = self.get_clock().now().to_msg()
-            source = self.get_fully_qualified_name()
-            self.push_publisher.publish(push_message(decision, stamp, source))
-            plan = plan_of_decision(decision, self._model(decision), self.config.planner)
-            complete = partial(self.agent.complete, decision)
-            self.worker.submit(complete, partial(self._on_complete, plan))
+            self._send(decision)
         else:
             self._tell(decision)
         self._go_on()
+
+    def _send(self, decision: PushDecision) -> None:
+        stamp, source = self.get_clock().now().to_msg(), self.get_fully_qualified_name()
+        self.push_publisher.publish(push_message(decision, stamp, source))
+        model = self.config.model if self.remote is None else self.remote.model
+        model = model if decision.failure is None else self.config.prior
+        plan = plan_of_decision(decision, model, self.config.planner)
+        complete = partial(self.agent.complete, decision)
+        self.worker.submit(complete, partial(self._on_complete, plan))
 
     def _on_complete(self, plan: Plan, done: "Future[PushDecision]") -> None:
         """Publish a plan whose push is on its way, with all that is now known of it."""
@@ -133,11 +137,6 @@ class MppiNode(Node):
         self.starting = False  # what became of a plan says more
         well = plan.error_code == ErrorCode.OK
         self.diagnostics.set(OK if well else WARN, **summary(plan), pushes=self.agent.pushes)
-
-    def _model(self, decision: PushDecision) -> str:
-        if decision.failure is not None:
-            return self.config.prior
-        return self.config.model if self.remote is None else self.remote.model
 
     def destroy_node(self) -> None:
         """Stop planning."""
