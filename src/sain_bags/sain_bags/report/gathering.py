@@ -32,7 +32,7 @@ class Limits:
 
 @dataclass
 class EpisodeLog:
-    """What is known of an episode beside what `sain_bags.transitions.recorded_episodes` makes of it."""
+    """What is known of an episode beside its `Episode`."""
 
     frames: Frames
     scenes: dict[int, tuple[int, int]] = field(default_factory=dict)  # before, after, by push id
