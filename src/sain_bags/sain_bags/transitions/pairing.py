@@ -185,8 +185,7 @@ class Pairing:
         pushes, goals = stretch.pushes, deque(stretch.given())
         goal_spots = stretch.goals.spots if stretch.goals else np.empty(0)
         given = np.searchsorted(goal_spots, stretch.spots).tolist()  # goals before each push
-        assert pushes.results is not None
-        table, rows = pushes.results
+        table, rows = pushes.messages[0]
         for push, row in enumerate(rows.tolist()):
             while len(goals) > len(goal_spots) - given[push]:
                 self.goal(*goals.popleft())
