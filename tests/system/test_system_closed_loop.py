@@ -18,7 +18,7 @@ from PIL import Image, ImageSequence
 from rosbags.highlevel import AnyReader
 
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.episodes import read_episodes
+from sain_bags.transitions.recorded_episodes import read_episodes
 from sain_bringup.graph import executable
 
 pytestmark = pytest.mark.system

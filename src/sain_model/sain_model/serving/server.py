@@ -9,13 +9,13 @@ from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics, Radii, RegionModel, as_rollout
 from sain_core.errors import TooMuchWorkError
 from sain_core.history import PushHistory, informed
-from sain_core.push import check_predictable
-from sain_core.response_check import (
+from sain_core.model_checks.response_check import (
     answering,
     check_finite_answer,
     check_rollout,
     check_step,
 )
+from sain_core.push import check_predictable
 from sain_core.scene import THETA, check_scene, check_scenes, make_scene, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.devices import AUTO, CPU, DEVICES, choose_device
