@@ -90,7 +90,7 @@ class ModelServer:
             dynamics = dynamics.on(device)
         self.config = config
         self._name = f"model {config.model!r}"
-        self.description = describe(config.model, dynamics)
+        self.description = describe_model(config.model, dynamics)
         self._usual = dynamics
         self._learned: tuple[PushHistory, Dynamics] | None = None
 
@@ -224,7 +224,7 @@ def _residual(next_state: Scenes, physics_next: Scenes) -> Scenes:
     return residual
 
 
-def describe(name: str, dynamics: Dynamics) -> Description:
+def describe_model(name: str, dynamics: Dynamics) -> Description:
     """Return what a dynamics of this name is."""
     if isinstance(dynamics, LEARNED):
         return Description(
