@@ -70,7 +70,7 @@ class Followed:
 
 
 @contextmanager
-def opened(names: Sequence[str]) -> Iterator[dict[str, Dynamics]]:
+def open_models(names: Sequence[str]) -> Iterator[dict[str, Dynamics]]:
     """Give the models of these names, and close them in the end.
 
     Raises:

@@ -36,7 +36,7 @@ class ServingConfig(Config):
     """What is served."""
 
     model: str = option(
-        "sain", "sain, planar, planar_axes, identity, or the path of a checkpoint", live=True
+        "sain", "name in the registry of models, or the path of a checkpoint", live=True
     )
     device: str = option(
         AUTO, "what the network runs on; auto: a GPU where there is one", choices=DEVICES
@@ -90,7 +90,7 @@ class ModelServer:
             dynamics = dynamics.on(device)
         self.config = config
         self._name = f"model {config.model!r}"
-        self.description = describe(config.model, dynamics)
+        self.description = describe_model(config.model, dynamics)
         self._usual = dynamics
         self._learned: tuple[PushHistory, Dynamics] | None = None
 
@@ -105,7 +105,7 @@ class ModelServer:
             self.predict(np.stack([WARM_UP_SCENE] * len(WARM_UP_PUSHES)), WARM_UP_PUSHES[:, 0])
 
     def knowing(self, history: PushHistory | None) -> Dynamics:
-        """Return the model that an episode's earlier pushes speak for; the latest is kept.
+        """Return the model conditioned on an episode's earlier pushes; the latest is kept.
 
         Raises:
             TooMuchWorkError: more pushes than the limit of work allows.
@@ -118,7 +118,7 @@ class ModelServer:
         return self._learned[1]
 
     def friction(self, history: PushHistory | None) -> float:
-        """Return the friction that a prediction rests on; 0: the model knows none."""
+        """Return the friction of a prediction; 0: the model has none."""
         dynamics = self.knowing(history)
         prior = dynamics.prior if isinstance(dynamics, LEARNED) else dynamics
         return prior.config.friction if isinstance(prior, PlanarPrior) else 0.0
@@ -224,7 +224,7 @@ def _residual(next_state: Scenes, physics_next: Scenes) -> Scenes:
     return residual
 
 
-def describe(name: str, dynamics: Dynamics) -> Description:
+def describe_model(name: str, dynamics: Dynamics) -> Description:
     """Return what a dynamics of this name is."""
     if isinstance(dynamics, LEARNED):
         return Description(
