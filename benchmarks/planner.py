@@ -39,7 +39,8 @@ from sain_core.types import Pushes, Scene
 from sain_eval.plots.pictures import save_picture
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
 from sain_model.dynamics.load import load_dynamics
-from sain_model.dynamics.sain import IDENTITY, SainDynamics
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import IDENTITY
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import MPPI, PlannerConfig
 from sain_mppi.search.result import PlanResult

@@ -9,7 +9,7 @@ import dataclasses
 from pathlib import Path
 
 from sain_core.config import Config
-from sain_model.serving.server import ServingConfig
+from sain_model.serving.settings import ServingConfig
 from sain_mppi.loop.settings import MppiConfig
 from sain_sim.node.simulator import SimulatorConfig
 

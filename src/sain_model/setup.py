@@ -37,9 +37,9 @@ setup(
             "learning_curve = sain_model.cli.learning_curve:main",
         ],
         "sain.dynamics": [
-            "planar = sain_model.dynamics.load:load_dynamics",
-            "planar_axes = sain_model.dynamics.load:load_dynamics",
-            "identity = sain_model.dynamics.load:load_dynamics",
+            "planar = sain_model.dynamics.priors:load_prior",
+            "planar_axes = sain_model.dynamics.priors:load_prior",
+            "identity = sain_model.dynamics.priors:load_prior",
             "sain = sain_model.dynamics.load:load_dynamics",
             "checkpoint = sain_model.dynamics.load:load_dynamics",
         ],

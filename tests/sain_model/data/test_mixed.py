@@ -19,7 +19,8 @@ from sain_model.data.dataset import (
 )
 from sain_model.data.examples import make_examples, training_examples
 from sain_model.data.mixed import MixedSplit, MixedTransitions, load_datasets, split_datasets
-from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 

@@ -14,20 +14,19 @@ from sain_core.scene import POSITION, TARGET
 from sain_model.cli import train_inside as inside_cli
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import INSIDE_ARCHITECTURE, Card, card_path, save_checkpoint
-from sain_model.dynamics.correction_network import InsideNetworkConfig, InsideNetworks
-from sain_model.dynamics.load import PLANAR_AXES, load_dynamics, load_told_prior
+from sain_model.dynamics.correction_network import InsideNetworks
+from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.parameter_correction import InsideSain
 from sain_model.dynamics.physics_gradient import moves, told_moves
+from sain_model.dynamics.priors import load_told_prior
+from sain_model.dynamics.settings import PLANAR_AXES, InsideNetworkConfig
 from sain_model.physics import corrections as told
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_axes import AXES
-from sain_model.serving.server import ModelServer, ServingConfig
-from sain_model.training.correction_training import (
-    InsideTrainer,
-    InsideTrainingConfig,
-    make_trainers,
-    train_members,
-)
+from sain_model.serving.server import ModelServer
+from sain_model.serving.settings import ServingConfig
+from sain_model.training.correction_training import InsideTrainer, make_trainers, train_members
+from sain_model.training.settings import InsideTrainingConfig
 
 SMALL = InsideNetworkConfig(hidden=16, message=8)
 OPTIONS = ["--steps", "6", "--rounds", "2", "--hidden", "8", "--validation", "0.2", "--test", "0.2"]

@@ -21,7 +21,8 @@ from sain_model.evaluation.open_loop import MEASURED, predict_open_loop, roll_ou
 from sain_model.evaluation.open_loop_errors import errors_after, ratios
 from sain_model.evaluation.open_loop_report import report_open_loop
 from sain_model.physics.planar import PlanarPrior
-from sain_model.serving.server import ModelServer, ServingConfig
+from sain_model.serving.server import ModelServer
+from sain_model.serving.settings import ServingConfig
 from tests.sain_model.rolling import EPISODES, PUSHES, load_episodes, make_episodes, truth
 
 OPTIONS = ["--epochs", "2", "--hidden", "8", "--message", "4", "--test", "0.3"]

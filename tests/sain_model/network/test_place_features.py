@@ -13,14 +13,20 @@ from sain_model.cli import train as train_cli
 from sain_model.data.dataset import limit_training, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import load_checkpoint
 from sain_model.dynamics.load import load_dynamics
-from sain_model.dynamics.loss import LossConfig
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import LossConfig
 from sain_model.evaluation.prediction_errors import measure
-from sain_model.network.features import DISK_FEATURES, PUSH_FRAME, WORLD_FRAME, make_features
-from sain_model.network.interaction_network import NetworkConfig
-from sain_model.network.place_features import PLACE_FEATURES
+from sain_model.network.features import make_features
+from sain_model.network.settings import (
+    DISK_FEATURES,
+    PLACE_FEATURES,
+    PUSH_FRAME,
+    WORLD_FRAME,
+    NetworkConfig,
+)
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.trainer import Trainer, TrainingConfig
+from sain_model.training.settings import TrainingConfig
+from sain_model.training.trainer import Trainer
 
 
 def downhill(dataset: Path):

@@ -19,12 +19,18 @@ from sain_core.errors import ConfigError
 from sain_model.cli import train as train_cli
 from sain_model.data.batches import Batches
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
-from sain_model.network.interaction_network import NetworkConfig
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.event_log import FOLDER, EventLog
-from sain_model.training.optimizer import ADAM, HALVING_EPOCHS, HALVING_STEPS, DescentConfig
 from sain_model.training.presets import LAMBDA, PAPER, PAPER_EPOCHS, PAPER_STEPS, PRESETS
-from sain_model.training.trainer import Trainer, TrainingConfig
+from sain_model.training.settings import (
+    ADAM,
+    HALVING_EPOCHS,
+    HALVING_STEPS,
+    DescentConfig,
+    TrainingConfig,
+)
+from sain_model.training.trainer import Trainer
 
 SMALL = NetworkConfig(hidden=8, message=4)
 

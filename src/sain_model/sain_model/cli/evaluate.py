@@ -22,15 +22,10 @@ from sain_model.cli.command import carry_out
 from sain_model.data.dataset import Transitions, load_transitions
 from sain_model.data.windows import make_windows
 from sain_model.dynamics.checkpoint import SUFFIX, Card, parse_card
-from sain_model.dynamics.load import (
-    PRIORS,
-    SHIPPED,
-    load_dynamics,
-    load_prior,
-    load_sain,
-    shipped_checkpoint,
-)
+from sain_model.dynamics.load import load_dynamics, load_sain, shipped_checkpoint
+from sain_model.dynamics.priors import load_prior
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import PRIORS, SHIPPED
 from sain_model.evaluation.baselines import followed, opened, refusals
 from sain_model.evaluation.error_table import error_table, history_table, interval_table
 from sain_model.evaluation.metrics import LEARNED

@@ -18,7 +18,7 @@ from sain_model.data.dataset import load_transitions, split_by_episode
 from sain_model.evaluation.markdown import markdown_table
 from sain_model.training.curve_plot import save_curves
 from sain_model.training.learning_curve import Point, learning_curve
-from sain_model.training.trainer import TrainingConfig
+from sain_model.training.settings import TrainingConfig
 
 
 @dataclass(frozen=True)

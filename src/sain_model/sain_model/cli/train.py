@@ -17,7 +17,7 @@ from sain_model.dynamics.checkpoint import save_checkpoint
 from sain_model.dynamics.load import sain_class
 from sain_model.evaluation.error_table import error_table, gain_line, history_table, interval_table
 from sain_model.evaluation.held_out import held_out_errors
-from sain_model.network.interaction_network import ON_STATE
+from sain_model.network.settings import ON_STATE
 from sain_model.training.epoch_bar import EpochBar
 from sain_model.training.event_log import EventLog
 from sain_model.training.fine_tuning import Parent

@@ -23,15 +23,13 @@ from sain_model.data.dataset import (
     split_by_episode,
 )
 from sain_model.dynamics.checkpoint import INSIDE_ARCHITECTURE, SUFFIX, Card, save_checkpoint
-from sain_model.dynamics.load import PLANAR_AXES, load_told_prior
 from sain_model.dynamics.parameter_correction import InsideSain
+from sain_model.dynamics.priors import load_told_prior
+from sain_model.dynamics.settings import PLANAR_AXES
 from sain_model.evaluation.metrics import measure
-from sain_model.training.correction_training import (
-    InsideTrainingConfig,
-    make_trainers,
-    train_members,
-)
+from sain_model.training.correction_training import make_trainers, train_members
 from sain_model.training.environment import environment
+from sain_model.training.settings import InsideTrainingConfig
 from sain_model.training.training_state import History
 
 

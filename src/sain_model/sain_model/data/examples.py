@@ -23,7 +23,7 @@ from sain_model.network.features import (
     relation_ends,
     true_residual,
 )
-from sain_model.network.interaction_network import ON_PHYSICS, NetworkConfig
+from sain_model.network.settings import ON_PHYSICS, NetworkConfig
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import step_knowing
 

@@ -21,8 +21,9 @@ from torch import nn
 from sain_core.errors import CheckpointError, ConfigError
 from sain_core.storage import write_whole
 from sain_model.dynamics.correction_network import InsideNetworks
-from sain_model.network.features import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
-from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
+from sain_model.network.features import FEATURE_VERSION, RELATION_FEATURES
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import DISK_FEATURES, NetworkConfig
 
 FORMAT_VERSION: Final = 1
 ARCHITECTURE: Final = "interaction-network"

@@ -1,42 +1,22 @@
 """The network that corrects what physics is told, and what is left of its prediction."""
 
-from dataclasses import dataclass
 from typing import Final
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from sain_core.config import Config, option
-from sain_model.network.features import (
-    DISK_FEATURES,
-    GAP_AFTER,
-    GAP_BEFORE,
-    RELATION_FEATURES,
-    TURN_SCALE,
-)
+from sain_model.dynamics.settings import InsideNetworkConfig
+from sain_model.network.features import GAP_AFTER, GAP_BEFORE, RELATION_FEATURES, TURN_SCALE
 from sain_model.network.interaction_network import OUTPUTS, POSITION_UNIT
 from sain_model.network.members import make_perceptron, silence
-from sain_model.network.place_features import PLACE_FEATURES
+from sain_model.network.settings import DISK_FEATURES, PLACE_FEATURES
 from sain_model.physics.corrections import CORRECTIONS, DRAG
 
 BEFORE: Final = slice(DISK_FEATURES, DISK_FEATURES + 2)  # a disk's place in the world
 AFTER: Final = slice(DISK_FEATURES + 2, DISK_FEATURES + 4)
 MAP_SCALE: Final = 2.0  # of the map's part in DRAG
 MAP_FINENESS: Final = 3.0  # its first layer starts out so much steeper than usual
-
-
-@dataclass(frozen=True)
-class InsideNetworkConfig(Config):
-    """The size of the network."""
-
-    hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
-    message: int = option(32, "width of what one disk tells another", minimum=1, maximum=1024)
-    layers: int = option(2, "hidden layers of each part", minimum=1, maximum=6)
-    places: int = option(
-        5, "places on a disk's way where the map of the table is looked at; 0: no map", minimum=0
-    )
-    members: int = option(1, "networks whose predictions are averaged", minimum=1, maximum=32)
 
 
 class InsideNetwork(nn.Module):

@@ -1,14 +1,9 @@
 """Dynamics by name: what command lines, parameters and nodes say when they mean a model."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final, TypeVar, get_type_hints
 
-from sain_core.config import Config
-from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.dynamics import Dynamics
 from sain_core.errors import CheckpointError
 from sain_model.dynamics.checkpoint import (
     INSIDE_ARCHITECTURE,
@@ -19,23 +14,20 @@ from sain_model.dynamics.checkpoint import (
     read_card,
     read_checkpoint,
 )
-from sain_model.dynamics.correction_network import InsideNetworkConfig, InsideNetworks
+from sain_model.dynamics.correction_network import InsideNetworks
 from sain_model.dynamics.intervals import Intervals
 from sain_model.dynamics.parameter_correction import InsideSain
+from sain_model.dynamics.priors import C, Settings, load_prior, load_told_prior, naming, typed
 from sain_model.dynamics.recurrent import PhysicsChain
-from sain_model.dynamics.rollouts import PHYSICS, RolloutConfig
-from sain_model.dynamics.sain import IDENTITY, SainDynamics
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import (
+    PHYSICS,
+    PRIORS,
+    SHIPPED,
+    InsideNetworkConfig,
+    RolloutConfig,
+)
 from sain_model.physics.friction import FrictionConfig
-from sain_model.physics.planar import PlanarConfig, PlanarPrior
-from sain_model.physics.planar_axes import AXES
-
-PLANAR: Final = "planar"
-PLANAR_AXES: Final = "planar_axes"
-PRIORS: Final = (PLANAR, PLANAR_AXES, IDENTITY)
-SHIPPED: Final = "sain"
-
-C = TypeVar("C", bound=Config)
-Settings = dict[str, Any]
 
 
 def load_dynamics(name: str) -> Dynamics:
@@ -61,37 +53,6 @@ def load_dynamics(name: str) -> Dynamics:
     return load_sain(path)
 
 
-def load_prior(name: str, settings: Settings | None = None) -> Dynamics:
-    """Return a prior by its name, with its usual settings or with these.
-
-    Raises:
-        CheckpointError: there is none of that name, or it has no such settings.
-    """
-    if name == IDENTITY:
-        return IdentityPrior()
-    if name not in PRIORS:
-        raise CheckpointError(f"no prior {name!r}; known: {', '.join(PRIORS)}")
-    return load_told_prior(name, settings)
-
-
-def load_told_prior(name: str, settings: Settings | None = None) -> PlanarPrior:
-    """Return a prior that can be told what is unlike the textbook.
-
-    Raises:
-        CheckpointError: there is none of that name, or it has no such settings.
-    """
-    if name not in (PLANAR, PLANAR_AXES):
-        raise CheckpointError(f"the prior {name!r} cannot be told; {PLANAR} and {PLANAR_AXES} can")
-    usual = PlanarConfig() if name == PLANAR else AXES
-    with _naming("settings of the planar prior"):
-        return PlanarPrior(replace(usual, **_typed(PlanarConfig, settings or {})))
-
-
-def prior_settings(prior: Dynamics) -> Settings:
-    """Return the settings that make a prior again: the second argument of `load_prior`."""
-    return asdict(prior.config) if isinstance(prior, PlanarPrior) else {}
-
-
 def load_sain(path: Path) -> SainDynamics:
     """Return the checkpoint at this path on the prior that it was trained on.
 
@@ -99,7 +60,7 @@ def load_sain(path: Path) -> SainDynamics:
         CheckpointError: the checkpoint is not sound.
     """
     network, card, text = load_checkpoint(path)
-    with _naming(str(card_path(path))):
+    with naming(str(card_path(path))):
         prior = load_prior(card.prior, card.prior_config)
         friction = intervals = rollouts = None
         if card.friction is not None:
@@ -107,7 +68,7 @@ def load_sain(path: Path) -> SainDynamics:
         if card.rollouts is not None:
             rollouts = card_part("rollouts", RolloutConfig, card.rollouts)
         if card.intervals is not None:
-            with _naming("intervals"):
+            with naming("intervals"):
                 intervals = Intervals.from_card(card.intervals)
     return sain_class(rollouts)(
         network,
@@ -128,7 +89,7 @@ def load_inside(path: Path) -> InsideSain:
         CheckpointError: the checkpoint is not sound.
     """
     content, card, text = read_checkpoint(path, INSIDE_ARCHITECTURE)
-    with _naming(str(card_path(path))):
+    with naming(str(card_path(path))):
         prior = load_told_prior(card.prior, card.prior_config)
         networks = InsideNetworks(card_part("network", InsideNetworkConfig, card.network))
     fill(path, content, networks)
@@ -140,41 +101,14 @@ def sain_class(rollouts: RolloutConfig | None) -> type[SainDynamics]:
     return PhysicsChain if rollouts and rollouts.chain == PHYSICS else SainDynamics
 
 
-@contextmanager
-def _naming(part: str) -> Iterator[None]:
-    """Turn what goes wrong with a part of a card into an error that names the part.
-
-    Raises:
-        CheckpointError: anything went wrong.
-    """
-    try:
-        yield
-    except (CheckpointError, TypeError, KeyError, ValueError) as error:  # ConfigError is one
-        raise CheckpointError(f"{part}: {error}") from error
-
-
 def card_part(name: str, kind: type[C], settings: Settings) -> C:
     """Return the settings of this name on a card.
 
     Raises:
         CheckpointError: they are not of this kind.
     """
-    with _naming(name):
-        return kind(**_typed(kind, settings))
-
-
-def _typed(kind: type[Config], settings: Settings) -> Settings:
-    """Return settings that come from outside when their values are of the right types.
-
-    Raises:
-        TypeError: naming the one that is not.
-    """
-    right = get_type_hints(kind)
-    for name, value in dict(settings).items():
-        allowed = (int, float) if right.get(name) is float else (right.get(name, object),)
-        if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
-            raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
-    return settings
+    with naming(name):
+        return kind(**typed(kind, settings))
 
 
 def shipped_checkpoint() -> Path:

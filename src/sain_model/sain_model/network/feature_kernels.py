@@ -8,7 +8,6 @@ from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import MASS, MID, RADIUS, THETA, X, Y
 from sain_model.compute.compiling import compiled, compiled_apart
 from sain_model.network.features import (
-    DISK_FEATURES,
     GAP_AFTER,
     GAP_BEFORE,
     GAP_SCALE,
@@ -21,6 +20,7 @@ from sain_model.network.features import (
     TURN_SCALE,
 )
 from sain_model.network.place_features import TABLE_MIDDLE, TABLE_SCALE
+from sain_model.network.settings import DISK_FEATURES
 
 LANES = 128  # pushes side by side: the widest layers still fit into a core's nearest cache
 TABLE_X, TABLE_Y = float(TABLE_MIDDLE[0]), float(TABLE_MIDDLE[1])

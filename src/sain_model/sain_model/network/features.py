@@ -19,13 +19,10 @@ from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import MASS, MID, POSITION, RADIUS, THETA, wrap_angle
 from sain_core.types import Angles, Pushes, Scenes
 from sain_model.network.place_features import place_features
+from sain_model.network.settings import DISK_FEATURES, PUSH_FRAME
 
 FEATURE_VERSION: Final = 1  # raise it with every change of meaning, order or scale below
-DISK_FEATURES: Final = 15
 RELATION_FEATURES: Final = 16
-PUSH_FRAME: Final = "push"
-WORLD_FRAME: Final = "world"  # the same, and where on the table and how turned things are
-FRAMES: Final = (PUSH_FRAME, WORLD_FRAME)
 
 GAP_BEFORE: Final = 10  # columns of the relation features: 0 where two disks touch, 1 far apart
 GAP_AFTER: Final = 15

@@ -14,8 +14,8 @@ from numpy import ndarray
 from sain_core.push import LOCATION
 from sain_core.scene import POSITION, THETA
 from sain_core.types import Pushes, Scenes
+from sain_model.network.settings import PLACE_FEATURES
 
-PLACE_FEATURES: Final = 10
 TABLE_MIDDLE: Final = np.array([0.5, 0.0])  # [m]
 TABLE_SCALE: Final = 0.2  # [m]
 

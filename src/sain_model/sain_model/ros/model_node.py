@@ -24,7 +24,8 @@ from sain_core.ros.worker import Worker
 from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
 from sain_model.serving.latency import ServiceRecord
 from sain_model.serving.live import LiveModel
-from sain_model.serving.server import ModelServer, ServingConfig
+from sain_model.serving.server import ModelServer
+from sain_model.serving.settings import ServingConfig
 
 Response = TypeVar("Response", PredictResidual.Response, Rollout.Response)
 REPORT_PERIOD = 1.0  # [s]

@@ -11,37 +11,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sain_core.config import Config, option
 from sain_core.seeding import generator
 from sain_model.compute.threads import settle_threads
 from sain_model.data.dataset import Split, Transitions
 from sain_model.data.examples import Examples, make_examples
-from sain_model.dynamics.correction_network import (
-    InsideNetwork,
-    InsideNetworkConfig,
-    InsideNetworks,
-)
-from sain_model.dynamics.loss import LossConfig, mixed_loss
+from sain_model.dynamics.correction_network import InsideNetwork, InsideNetworks
+from sain_model.dynamics.loss import mixed_loss
 from sain_model.dynamics.physics_gradient import moves, told_moves
-from sain_model.network.features import WORLD_FRAME
-from sain_model.network.interaction_network import NetworkConfig
+from sain_model.network.settings import WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarPrior
+from sain_model.training.settings import InsideTrainingConfig
 from sain_model.training.training_state import History, TrainingState
-
-
-@dataclass(frozen=True)
-class InsideTrainingConfig(Config):
-    """How a network inside physics is trained."""
-
-    seed: int = option(0, "same seed, data and settings: same weights", minimum=0)
-    steps: int = option(3000, "steps of the optimiser", minimum=1)
-    batch: int = option(64, "pushes in a step", minimum=1)
-    learning_rate: float = option(2e-3, "at the start; falls to 0 along a cosine", minimum=1e-7)
-    weight_decay: float = option(0.01, "of AdamW", minimum=0.0)
-    steepest: float = option(50.0, "longest gradient of a step; more is cut off", minimum=1e-3)
-    rounds: int = option(20, "how often validation looks for the best weights", minimum=1)
-    network: InsideNetworkConfig = InsideNetworkConfig()
-    loss: LossConfig = LossConfig()
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from typing import Annotated, Final, Literal
 import tyro
 
 from sain_core.errors import ConfigError
-from sain_model.dynamics.rollouts import RolloutConfig
+from sain_model.dynamics.settings import RolloutConfig
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.presets import PRESETS
-from sain_model.training.trainer import TrainingConfig
+from sain_model.training.settings import TrainingConfig
 
 DEFAULT: Final = "default"
 

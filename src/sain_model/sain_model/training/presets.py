@@ -11,9 +11,15 @@ epochs are steps. See docs/training.md.
 from dataclasses import replace
 from typing import Final
 
-from sain_model.dynamics.loss import LossConfig
-from sain_model.training.optimizer import ADAM, HALVING_EPOCHS, HALVING_STEPS, DescentConfig
-from sain_model.training.trainer import NOTHING, TrainingConfig
+from sain_model.dynamics.settings import LossConfig
+from sain_model.training.settings import (
+    ADAM,
+    HALVING_EPOCHS,
+    HALVING_STEPS,
+    NOTHING,
+    DescentConfig,
+    TrainingConfig,
+)
 
 LAMBDA: Final = 1e-6  # of equation 5, of a loss in units of 1 mm
 

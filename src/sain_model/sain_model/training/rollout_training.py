@@ -15,10 +15,11 @@ from sain_core.seeding import generator
 from sain_model.compute.threads import one_numba_thread, settle_threads
 from sain_model.data.dataset import Split, Transitions
 from sain_model.data.windows import Windows, make_windows
-from sain_model.dynamics.rollouts import RolloutConfig, Told, roll, rollout_loss
+from sain_model.dynamics.rollouts import Told, roll, rollout_loss
+from sain_model.dynamics.settings import RolloutConfig
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.friction import FrictionFilter
-from sain_model.training.trainer import TrainingConfig
+from sain_model.training.settings import TrainingConfig
 from sain_model.training.training_state import History, TrainingState
 
 

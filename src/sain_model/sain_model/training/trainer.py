@@ -2,91 +2,28 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import torch
 
-from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics
 from sain_core.seeding import generator
-from sain_core.split import SHARES, TEST, VALIDATION
 from sain_model.compute.threads import settle_threads
-from sain_model.data.batches import BOOTSTRAP, ORDER, Batches
+from sain_model.data.batches import Batches
 from sain_model.data.dataset import Split, Transitions
 from sain_model.data.examples import training_examples
 from sain_model.data.friction_noise import make_filter
 from sain_model.data.mixed import MixedSplit, MixedTransitions
-from sain_model.dynamics.load import PLANAR, PRIORS, load_prior
-from sain_model.dynamics.loss import LossConfig, mixed_loss
-from sain_model.dynamics.sain import IDENTITY, SainDynamics
-from sain_model.network.features import PUSH_FRAME
-from sain_model.network.interaction_network import NetworkConfig, new_network
+from sain_model.dynamics.loss import mixed_loss
+from sain_model.dynamics.priors import load_prior
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import IDENTITY
+from sain_model.network.interaction_network import new_network
 from sain_model.physics.friction import FrictionFilter
-from sain_model.training.optimizer import DescentConfig
+from sain_model.training.settings import ADAMW, EARLIER, NOTHING, TrainingConfig
 from sain_model.training.training_state import History, TrainingState
-
-NOTHING: Final = "none"
-EARLIER: Final = "earlier"
-EPISODE: Final = "episode"
-
-
-@dataclass(frozen=True)
-class TrainingConfig(Config):
-    """How a network is trained."""
-
-    seed: int = option(0, "same seed, data and settings: same weights", minimum=0)
-    epochs: int = option(40, "passes over the data", minimum=1)
-    epoch_steps: int = option(0, "steps in an epoch; 0: as many as one pass takes", minimum=0)
-    validate_every: int = option(1, "epochs from one look at validation to the next", minimum=1)
-    patience: int = option(
-        0, "stop after so many epochs without a better validation loss; 0: never", minimum=0
-    )
-    batch: int = option(128, "pushes in a step of the optimiser", minimum=1)
-    learning_rate: float = option(2e-3, "at the start", minimum=1e-7)
-    weight_decay: float = option(0.1, "of the optimiser, the paper's lambda", minimum=0.0)
-    diversity: str = option(
-        ORDER,
-        "each member of an ensemble learns from all pushes in an order of its own, or from"
-        " episodes drawn with replacement",
-        choices=(ORDER, BOOTSTRAP),
-    )
-    mirror: bool = option(
-        True, "learn every push in a mirror too, except in the frame of the world"
-    )
-    validation: float = option(
-        SHARES[VALIDATION],
-        "share of the episodes that choose the best epoch",
-        minimum=0.01,
-        maximum=0.5,
-    )
-    test: float = option(
-        SHARES[TEST],
-        "share of the episodes held out; 0: none, training and validation share all",
-        minimum=0.0,
-        maximum=0.5,
-    )
-    prior: str = option(PLANAR, "what is corrected", choices=PRIORS)
-    history: str = option(
-        EPISODE,
-        "what shows the prior the friction in training: nothing, the episode's earlier pushes, or"
-        " all its others; the identity prior has no friction to be told",
-        choices=(NOTHING, EARLIER, EPISODE),
-    )
-    prior_friction: float = option(
-        0.12, "friction that the planar prior assumes", minimum=0.01, maximum=1.0
-    )
-    transitions: int = option(0, "learn from so many transitions only; 0: from all", minimum=0)
-    network: NetworkConfig = NetworkConfig()
-    loss: LossConfig = LossConfig()
-    descent: DescentConfig = DescentConfig()
-
-    @property
-    def mirrors(self) -> bool:
-        """Whether mirror images are learned from: a tilted table in a mirror is another table."""
-        return self.mirror and self.network.features == PUSH_FRAME
 
 
 def prior_and_filter(
@@ -146,8 +83,9 @@ class Trainer:
         if parent is not None:
             identity += f" from {parent.model_hash}"
             self.network.load_state_dict(parent.network.state_dict())
-        self._optimizer = config.descent.make(
-            self.network.parameters(), config.learning_rate, config.weight_decay
+        kind = torch.optim.AdamW if config.descent.optimiser == ADAMW else torch.optim.Adam
+        self._optimizer = kind(
+            self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
         )
         self._batches = Batches(
             config.seed,

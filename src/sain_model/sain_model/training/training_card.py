@@ -9,7 +9,7 @@ import numpy as np
 from sain_model.data.dataset import Split, Transitions
 from sain_model.data.mixed import MixedSplit, MixedTransitions
 from sain_model.dynamics.checkpoint import Card
-from sain_model.dynamics.load import prior_settings
+from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.training.environment import environment
 from sain_model.training.fine_tuning import Parent
