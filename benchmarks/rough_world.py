@@ -49,7 +49,7 @@ from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_axes import AXES
 from sain_model.training.correction_training import make_trainers, train_members
-from sain_model.training.settings import InsideTrainingConfig, TrainingConfig
+from sain_model.training.settings import CorrectionTrainingConfig, TrainingConfig
 from sain_model.training.trainer import Trainer
 from sain_sim.world.shadow import MEASURED, BulletPrior
 
@@ -160,7 +160,7 @@ def inside_errors(split: Split, command: Command) -> np.ndarray:
     """Train networks inside a prior and return their errors (M,) [mm] on what is held out."""
     prior = load_told_prior(command.prior, {"friction": command.prior_friction})
     network = InsideNetworkConfig(hidden=command.hidden, members=command.members)
-    config = InsideTrainingConfig(
+    config = CorrectionTrainingConfig(
         seed=command.seed, steps=command.inside_steps, batch=BATCH, network=network
     )
     with tempfile.TemporaryDirectory() as folder:

@@ -30,11 +30,11 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "model_node = sain_model.ros.model_node:main",
-            "train = sain_model.cli.train:main",
-            "train_inside = sain_model.cli.train_inside:main",
-            "evaluate = sain_model.cli.evaluate:main",
-            "learning_curve = sain_model.cli.learning_curve:main",
+            "model_node = sain_model.commands:model_node",
+            "train = sain_model.commands:train",
+            "train_correction = sain_model.commands:train_correction",
+            "evaluate = sain_model.commands:evaluate",
+            "learning_curve = sain_model.commands:learning_curve",
         ],
         "sain.dynamics": [
             "planar = sain_model.dynamics.priors:load_prior",

@@ -19,8 +19,8 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "sim_node = sain_sim.ros.sim_node:main",
-            "collect = sain_sim.cli.collect:main",
+            "sim_node = sain_sim.commands:sim_node",
+            "collect = sain_sim.commands:collect",
         ],
         "sain.dynamics": [
             "bullet = sain_sim.world.bullet:load_dynamics",

@@ -8,8 +8,7 @@ import torch
 
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_SIZE, X, Y
-from sain_model.cli.evaluate import main as evaluate
-from sain_model.cli.train import main as train
+from sain_model.commands import evaluate, train
 from sain_model.data.dataset import (
     Split,
     Transitions,

@@ -10,8 +10,8 @@ from sain_core.dynamics import IdentityPrior
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.history import PushHistory
 from sain_core.scene import POSITION, TARGET
+from sain_model import commands
 from sain_model.cli import evaluate as evaluate_cli
-from sain_model.cli import train as train_cli
 from sain_model.data.dataset import Transitions, split_by_episode
 from sain_model.dynamics.checkpoint import Card
 from sain_model.dynamics.load import load_dynamics
@@ -117,7 +117,7 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
     }
     paths = {kind: tmp_path / kind / "sain.safetensors" for kind in kinds}
     for kind, more in kinds.items():
-        assert train_cli.main([str(folder), "--out", str(tmp_path / kind), *OPTIONS, *more]) == 0
+        assert commands.train([str(folder), "--out", str(tmp_path / kind), *OPTIONS, *more]) == 0
         card = json.loads(paths[kind].with_suffix(".json").read_text())
         sain = load_dynamics(str(paths[kind]))
         assert isinstance(sain, SainDynamics)
@@ -136,7 +136,7 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
     arguments = ["--checkpoint", str(paths["residual"]), "--learned", str(paths["learned"])]
     arguments += ["--recurrent", str(paths["recurrent"]), "--out", str(out)]
     arguments += ["--beside", "planar_axes", str(paths["recurrent"])]
-    assert evaluate_cli.main([str(folder), *arguments, "--open-loop", "1", "5"]) == 0
+    assert commands.evaluate([str(folder), *arguments, "--open-loop", "1", "5"]) == 0
     report = json.loads(out.read_text())
     rows = report["open_loop"]["5"]["errors"]["all"]
     assert {"learned only", "residual SAIN", "recurrent SAIN", "no motion"} <= set(rows)
@@ -153,7 +153,7 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
 def test_a_model_on_the_priors_own_chain_is_loaded_as_such(tmp_path: Path) -> None:
     folder = make_episodes(tmp_path / "data")
     more = ["--steps-ahead", "2", "--rollout-epochs", "1", "--chain", "physics"]
-    assert train_cli.main([str(folder), "--out", str(tmp_path), *OPTIONS, *more]) == 0
+    assert commands.train([str(folder), "--out", str(tmp_path), *OPTIONS, *more]) == 0
     path = tmp_path / "sain.safetensors"
     assert type(load_dynamics(str(path))) is PhysicsChain
     card = json.loads(path.with_suffix(".json").read_text())

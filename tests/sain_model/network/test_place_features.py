@@ -9,7 +9,7 @@ import pytest
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.push import rotate_pushes
 from sain_core.scene import POSITION, TARGET, rotate_scenes
-from sain_model.cli import train as train_cli
+from sain_model import commands
 from sain_model.data.dataset import limit_training, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import load_checkpoint
 from sain_model.dynamics.load import load_dynamics
@@ -71,7 +71,7 @@ def test_what_pulls_along_the_world_is_learned_in_its_frame_alone(dataset, tmp_p
 def test_a_checkpoint_knows_what_its_network_sees(dataset, tmp_path, random_pushes) -> None:
     arguments = [str(dataset), "--out", str(tmp_path), "--features", "world"]
     arguments += ["--epochs", "2", "--validation", "0.2", "--transitions", "40"]
-    assert train_cli.main(arguments) == 0
+    assert commands.train(arguments) == 0
     path = tmp_path / "sain.safetensors"
     network, card, _ = load_checkpoint(path)
     assert network.config.features == "world" and card.data["transitions"]["train"] == 40

@@ -10,10 +10,10 @@ from sain_core.errors import ConfigError, DatasetError, OutputError
 from sain_core.push import PaperGrid
 from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
 from sain_core.seeding import generator
-from sain_sim.cli.collect import main
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import load_shards, shard_path
+from sain_sim.commands import collect as main
 from sain_sim.world.parameters import CUBE, RANGES, THREE_FEET, WIDE, sample_parameters
 from sain_sim.world.sampling import GridSampler, StartConfig, draw_start
 from sain_sim.world.workcell import WorldConfig

@@ -1,13 +1,10 @@
 """``ros2 run sain_bags info``: what a bag holds, and whether it is undamaged."""
 
-import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.table import Table
 
@@ -15,18 +12,6 @@ from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
 from sain_bags.transitions.episodes import Episode, namespaces, read_episodes
 from sain_bags.writing.gaps import read_gaps
-from sain_core.errors import SainError
-
-
-@dataclass(frozen=True)
-class InfoOptions:
-    """Show what a bag holds: topics, rates, gaps, episodes and pushes."""
-
-    bag: tyro.conf.Positional[Path]
-    """A bag's folder, or its MCAP file."""
-    check: bool = True
-    """Read all of it first and compare every CRC; without, gaps are not told and large bags are
-    fast."""
 
 
 def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
@@ -115,18 +100,3 @@ def _missing(counted: int | None, told: str | None) -> str:
 
 def _millimetres(metres: float) -> str:
     return "-" if np.isnan(metres) else f"{1e3 * metres:.1f} mm"
-
-
-def main() -> None:
-    """Run from the command line."""
-    options = tyro.cli(InfoOptions, prog="ros2 run sain_bags info")
-    try:
-        show(options.bag, Console(), options.check)
-    except SainError as error:
-        console = Console(stderr=True, soft_wrap=True)
-        console.print(f"info: {error}", style="red", markup=False, highlight=False)
-        sys.exit(1)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,24 +1,21 @@
 """``ros2 run sain_model evaluate``: prediction errors of all kinds of dynamics."""
 
-import shlex
-import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import torch
-import tyro
 from rich.console import Console
 
+from sain_core.command_line import command_line
 from sain_core.dynamics import Dynamics
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.push import LENGTH
 from sain_core.split import draw_parts
 from sain_core.storage import write_json
 from sain_core.types import Mask
-from sain_model.cli.command import carry_out
+from sain_model.cli.options import EvaluateModelOptions
 from sain_model.data.dataset import Transitions, load_transitions
 from sain_model.data.windows import make_windows
 from sain_model.dynamics.checkpoint import SUFFIX, Card, parse_card
@@ -29,46 +26,18 @@ from sain_model.dynamics.settings import PRIORS, SHIPPED
 from sain_model.evaluation.baselines import followed, opened, refusals
 from sain_model.evaluation.error_table import error_table, history_table, interval_table
 from sain_model.evaluation.metrics import LEARNED
-from sain_model.evaluation.open_loop import NAMES, RECURRENT_SAIN, STEPS
+from sain_model.evaluation.open_loop import NAMES, RECURRENT_SAIN
 from sain_model.evaluation.open_loop_report import report_open_loop
 from sain_model.evaluation.prediction_errors import evaluate
 
 
-@dataclass(frozen=True)
-class EvaluateCommand:
-    """What to evaluate, and on what."""
-
-    dataset: Annotated[Path, tyro.conf.Positional]
-    """A shard *.npz, or a folder of them."""
-    checkpoint: Path | None = None
-    """The checkpoint; without it the one that comes with the package."""
-    learned: Path | None = None
-    """A checkpoint of kind "learned", trained with --prior identity, to stand beside it."""
-    recurrent: Path | None = None
-    """A checkpoint of kind "recurrent", trained with --steps-ahead, to stand beside it."""
-    beside: tuple[str, ...] = ()
-    """More: priors, checkpoints, physics of other packages: bullet, bullet_measured (slow)."""
-    open_loop: tuple[int, ...] = STEPS
-    """After how many pushes errors of rollouts are taken; none: no rollouts."""
-    out: Path = Path("evaluation.json")
-    """Where the errors are written; open loops also beside it, as a table and a picture."""
-    seed: int = 0
-    """Of the bootstrap."""
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Report errors of every kind of dynamics, one push and many ahead, on episodes held out."""
-    torch.set_num_threads(1)
-    command = tyro.cli(EvaluateCommand, prog="evaluate", description=main.__doc__, args=arguments)
-    return carry_out(lambda console: run(command, console))
-
-
-def run(command: EvaluateCommand, console: Console) -> None:
+def run(command: EvaluateModelOptions, console: Console) -> None:
     """Evaluate, print a table and write the JSON.
 
     Raises:
         DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
     """
+    torch.set_num_threads(1)
     path = command.checkpoint or shipped_checkpoint()
     sain = load_sain(path)
     learned = load_sain(command.learned) if command.learned else None
@@ -85,7 +54,7 @@ def run(command: EvaluateCommand, console: Console) -> None:
         "learned": str(command.learned) if command.learned else None,
         "recurrent": str(command.recurrent) if command.recurrent else None,
         "seed": command.seed,
-        "command": shlex.join(["ros2", "run", "sain_model", "evaluate", *sys.argv[1:]]),
+        "command": command_line("sain_model evaluate"),
         **errors,
     }
     write_json(command.out, report)
@@ -94,7 +63,7 @@ def run(command: EvaluateCommand, console: Console) -> None:
 
 
 def _models(
-    command: EvaluateCommand, sain: SainDynamics, learned: SainDynamics | None
+    command: EvaluateModelOptions, sain: SainDynamics, learned: SainDynamics | None
 ) -> dict[str, Dynamics]:
     """Return the models to roll out, by name."""
     models: dict[str, Dynamics] = {} if learned is None else {LEARNED: learned}
@@ -117,7 +86,7 @@ def _cards(models: Mapping[str, Dynamics]) -> list[Card]:
 
 
 def _open_loop(
-    command: EvaluateCommand,
+    command: EvaluateModelOptions,
     held_out: Transitions,
     models: Mapping[str, Dynamics],
     others: Mapping[str, Dynamics],
@@ -181,7 +150,3 @@ def _held_out(data: Transitions, card: Card) -> Mask:
             "the checkpoint learned from all of this data (test 0); evaluate it on other episodes"
         )
     return draw_parts(data.episodes, *used)[-1]
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,6 +1,5 @@
 """``ros2 run sain_model train``: learn the residual of a prior from collected transitions."""
 
-import sys
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,6 @@ from rich.console import Console
 
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.storage import write_whole
-from sain_model.cli.command import carry_out
 from sain_model.data.dataset import Split, Transitions, limit_training
 from sain_model.data.mixed import MixedSplit, MixedTransitions, load_datasets, split_datasets
 from sain_model.dynamics.checkpoint import save_checkpoint
@@ -23,31 +21,34 @@ from sain_model.training.event_log import EventLog
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.loss_plot import save_loss_curve
-from sain_model.training.options import TrainCommand, parse
+from sain_model.training.options import TrainOptions, check_parent
 from sain_model.training.rollout_training import RolloutTrainer
 from sain_model.training.trainer import Trainer, prior_and_filter
 from sain_model.training.training_card import Learned, make_card, settings_text
 from sain_model.training.training_state import History
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Train the interaction network on the residual of a prior, or go on with a checkpoint."""
+def run(command: TrainOptions, console: Console) -> None:
+    """Train; see `train`."""
     torch.set_num_threads(1)
-    return carry_out(lambda console: train(parse(arguments, main.__doc__), console), "epoch")
+    train(command, console)
 
 
-def train(command: TrainCommand, console: Console) -> Path:
+def train(command: TrainOptions, console: Console) -> Path:
     """Train, evaluate on the held-out episodes, write everything; return the checkpoint's path.
 
     Raises:
         DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
     """
     config = command.training
+    parent = Parent.load(command.parent) if command.parent else None
+    if parent:
+        parent.check_settings(config)
+        check_parent(command)
     data = load_datasets(command.dataset)
     split = split_datasets(data, config.seed, config.validation, config.test)
     if config.transitions:
         split = limit_training(split, config.transitions)
-    parent = Parent.load(command.parent) if command.parent else None
     if parent:
         parent.check_data(data)
     learned = learn(command, data, split, console, parent)
@@ -74,7 +75,7 @@ def train(command: TrainCommand, console: Console) -> Path:
 
 
 def learn(
-    command: TrainCommand,
+    command: TrainOptions,
     data: Transitions | MixedTransitions,
     split: Split | MixedSplit,
     console: Console,
@@ -113,7 +114,7 @@ def learn(
     return Learned(replace(sain, intervals=intervals), trainer.history, after, parent)
 
 
-def _run(trainer: Trainer, command: TrainCommand, console: Console) -> None:
+def _run(trainer: Trainer, command: TrainOptions, console: Console) -> None:
     """Train to the end while the terminal, and TensorBoard where it is asked for, show it."""
     with ExitStack() as stack:
         followers = []
@@ -127,7 +128,3 @@ def _run(trainer: Trainer, command: TrainCommand, console: Console) -> None:
                 follow(epoch, history)
 
         trainer.run(advance)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,20 +1,18 @@
-"""``ros2 run sain_model train_inside``: learn what to tell the planar prior of one laboratory."""
+"""``ros2 run sain_model train_correction``: networks that correct the prior's parameters."""
 
 import json
-import shlex
-import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import torch
-import tyro
 from rich.console import Console
 from rich.progress import Progress
 
+from sain_core.command_line import command_line
 from sain_core.storage import write_whole
-from sain_model.cli.command import carry_out
+from sain_model.cli.options import TrainCorrectionOptions
 from sain_model.data.dataset import (
     Split,
     check_held_out,
@@ -25,51 +23,19 @@ from sain_model.data.dataset import (
 from sain_model.dynamics.checkpoint import INSIDE_ARCHITECTURE, SUFFIX, Card, save_checkpoint
 from sain_model.dynamics.parameter_correction import InsideSain
 from sain_model.dynamics.priors import load_told_prior
-from sain_model.dynamics.settings import PLANAR_AXES
 from sain_model.evaluation.metrics import measure
 from sain_model.training.correction_training import make_trainers, train_members
 from sain_model.training.environment import environment
-from sain_model.training.settings import InsideTrainingConfig
 from sain_model.training.training_state import History
 
 
-@dataclass(frozen=True)
-class TrainInsideCommand:
-    """What to learn from, and where to."""
-
-    dataset: Annotated[Path, tyro.conf.Positional]
-    """A shard *.npz, or a folder of them."""
-    out: Path
-    """Folder for checkpoint, card and settings. Run again to go on after a stop."""
-    name: str = "inside"
-    """Name of the checkpoint."""
-    prior: str = PLANAR_AXES
-    """What is told: planar or planar_axes."""
-    prior_friction: float = 0.12
-    """Friction that it assumes when told nothing."""
-    transitions: int = 0
-    """Learn from so many transitions only; 0: from all."""
-    validation: float = 0.1
-    """Share of the episodes that choose the best round."""
-    test: float = 0.15
-    """Share of the episodes held out."""
-    training: InsideTrainingConfig = InsideTrainingConfig()
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Train networks that correct what the planar prior is told."""
+def run(command: TrainCorrectionOptions, console: Console) -> None:
+    """Train; see `train_correction`."""
     torch.set_num_threads(1)
-    command = tyro.cli(
-        TrainInsideCommand,
-        prog="train_inside",
-        description=main.__doc__,
-        args=arguments,
-        config=(tyro.conf.OmitArgPrefixes,),
-    )
-    return carry_out(lambda console: train_inside(command, console), "round")
+    train_correction(command, console)
 
 
-def train_inside(command: TrainInsideCommand, console: Console) -> Path:
+def train_correction(command: TrainCorrectionOptions, console: Console) -> Path:
     """Train, evaluate on the held-out episodes, write everything; return the checkpoint's path.
 
     Raises:
@@ -106,7 +72,7 @@ def train_inside(command: TrainInsideCommand, console: Console) -> Path:
 
 
 def make_card(
-    command: TrainInsideCommand,
+    command: TrainCorrectionOptions,
     sha256: str,
     split: Split,
     histories: list[History],
@@ -134,10 +100,6 @@ def make_card(
         },
         errors=errors,
         versions=environment(),
-        command=shlex.join(["ros2", "run", "sain_model", "train_inside", *sys.argv[1:]]),
+        command=command_line("sain_model train_correction"),
         architecture=INSIDE_ARCHITECTURE,
     )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -69,3 +69,6 @@ class InsideNetworkConfig(Config):
         5, "places on a disk's way where the map of the table is looked at; 0: no map", minimum=0
     )
     members: int = option(1, "networks whose predictions are averaged", minimum=1, maximum=32)
+
+
+STEPS: Final = (1, 5, 15)

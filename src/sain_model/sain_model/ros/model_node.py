@@ -17,7 +17,7 @@ from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
 from sain_core.ros.introspection import introspect
-from sain_core.ros.node_main import NAMESPACE, node_main
+from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import SERVICE
 from sain_core.ros.worker import Worker
@@ -203,8 +203,3 @@ class ModelNode(Node):
         self.loader.close()
         self.worker.close()
         super().destroy_node()
-
-
-def main() -> None:
-    """Run the model's service until it is interrupted."""
-    node_main(ModelNode, "model_node")

@@ -20,7 +20,7 @@ from sain_model.dynamics.loss import mixed_loss
 from sain_model.dynamics.physics_gradient import moves, told_moves
 from sain_model.network.settings import WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.settings import InsideTrainingConfig
+from sain_model.training.settings import CorrectionTrainingConfig
 from sain_model.training.training_state import History, TrainingState
 
 
@@ -46,7 +46,7 @@ class InsideTrainer:
     STATE: Final = "training.pt"
 
     def __init__(
-        self, split: Split, prior: PlanarPrior, config: InsideTrainingConfig, folder: Path
+        self, split: Split, prior: PlanarPrior, config: CorrectionTrainingConfig, folder: Path
     ) -> None:
         """Prepare the data; go on from the folder's state when one is there.
 
@@ -123,7 +123,7 @@ class InsideTrainer:
 
 
 def make_trainers(
-    split: Split, prior: PlanarPrior, config: InsideTrainingConfig, folder: Path
+    split: Split, prior: PlanarPrior, config: CorrectionTrainingConfig, folder: Path
 ) -> list[InsideTrainer]:
     """Return a trainer for each member; each goes on from its state when one is there.
 

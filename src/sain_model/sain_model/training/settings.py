@@ -1,13 +1,18 @@
 """Settings of all trainings, importable without PyTorch."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sain_core.config import Config, option
 from sain_core.split import SHARES, TEST, VALIDATION
 from sain_model.dynamics.settings import PLANAR, PRIORS, InsideNetworkConfig, LossConfig
 from sain_model.network.settings import BOOTSTRAP, ORDER, PUSH_FRAME, NetworkConfig
+
+if TYPE_CHECKING:
+    import torch
+    from torch import Tensor
 
 ADAMW: Final = "adamw"
 ADAM: Final = "adam"
@@ -39,6 +44,15 @@ class DescentConfig(Config):
             return 0.5 * (1.0 + math.cos(math.pi * epoch / epochs))
         done = step if self.schedule == HALVING_STEPS else epoch
         return float(0.5 ** (done // self.halving))
+
+    def make(
+        self, parameters: "Iterable[Tensor]", rate: float, weight_decay: float
+    ) -> "torch.optim.Optimizer":
+        """Return the optimiser of these parameters."""
+        import torch
+
+        kind = torch.optim.AdamW if self.optimiser == ADAMW else torch.optim.Adam
+        return kind(parameters, rate, weight_decay=weight_decay)
 
 
 NOTHING: Final = "none"
@@ -103,7 +117,7 @@ class TrainingConfig(Config):
 
 
 @dataclass(frozen=True)
-class InsideTrainingConfig(Config):
+class CorrectionTrainingConfig(Config):
     """How a network inside physics is trained."""
 
     seed: int = option(0, "same seed, data and settings: same weights", minimum=0)

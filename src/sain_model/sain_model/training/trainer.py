@@ -22,7 +22,7 @@ from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import IDENTITY
 from sain_model.network.interaction_network import new_network
 from sain_model.physics.friction import FrictionFilter
-from sain_model.training.settings import ADAMW, EARLIER, NOTHING, TrainingConfig
+from sain_model.training.settings import EARLIER, NOTHING, TrainingConfig
 from sain_model.training.training_state import History, TrainingState
 
 
@@ -83,9 +83,8 @@ class Trainer:
         if parent is not None:
             identity += f" from {parent.model_hash}"
             self.network.load_state_dict(parent.network.state_dict())
-        kind = torch.optim.AdamW if config.descent.optimiser == ADAMW else torch.optim.Adam
-        self._optimizer = kind(
-            self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
+        self._optimizer = config.descent.make(
+            self.network.parameters(), config.learning_rate, config.weight_decay
         )
         self._batches = Batches(
             config.seed,

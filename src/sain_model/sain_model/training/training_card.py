@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sain_core.command_line import command_line
 from sain_model.data.dataset import Split, Transitions
 from sain_model.data.mixed import MixedSplit, MixedTransitions
 from sain_model.dynamics.checkpoint import Card
@@ -13,7 +14,7 @@ from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.training.environment import environment
 from sain_model.training.fine_tuning import Parent
-from sain_model.training.options import TrainCommand, command_line
+from sain_model.training.options import TrainOptions
 from sain_model.training.training_state import History
 
 
@@ -35,7 +36,7 @@ class Learned:
 
 
 def make_card(
-    command: TrainCommand,
+    command: TrainOptions,
     data: Transitions | MixedTransitions,
     split: Split | MixedSplit,
     learned: Learned,
@@ -65,7 +66,7 @@ def make_card(
         training=training,
         errors=errors,
         versions=environment(),
-        command=command_line(),
+        command=command_line("sain_model train"),
         parent=learned.parent.about if learned.parent else None,
     )
 
@@ -81,12 +82,12 @@ def _losses(history: History) -> dict[str, float | None]:
     return losses if history.start is None else {**losses, "loss_before": history.start}
 
 
-def settings_text(command: TrainCommand, data: Transitions | MixedTransitions) -> str:
+def settings_text(command: TrainOptions, data: Transitions | MixedTransitions) -> str:
     """Return what is to be done with what, as it stands beside the checkpoint from the start."""
     settings = {
         **asdict(command),
         "data_sha256": data.sha256,
         "environment": environment(),
-        "command": command_line(),
+        "command": command_line("sain_model train"),
     }
     return json.dumps(settings, indent=2, default=str) + "\n"

@@ -12,9 +12,6 @@ from typing import Any
 from sain_core.errors import ConfigError, SainError
 from sain_sim.arm.silence_stderr import muted
 
-with muted():
-    import pybullet
-
 
 class Client:
     """A physics server of our own: ``client.stepSimulation()`` steps this one and no other."""
@@ -28,13 +25,17 @@ class Client:
         """
         if gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
             raise ConfigError("gui is true but DISPLAY is not set: there is no screen to show it")
+        with muted():
+            import pybullet  # here, so that settings and help load without it
+
+        self._pybullet = pybullet
         self.id = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
         if self.id < 0:
             raise SainError("PyBullet refused a connection")
 
     def __getattr__(self, name: str) -> Any:
         """Return PyBullet's function of this name bound to this client, or its constant."""
-        value = getattr(pybullet, name)
+        value = getattr(self._pybullet, name)
         if callable(value):
             value = functools.partial(value, physicsClientId=self.id)
         self.__dict__[name] = value
@@ -43,5 +44,5 @@ class Client:
     def close(self) -> None:
         """Disconnect; doing it twice is fine."""
         if self.id >= 0:
-            pybullet.disconnect(physicsClientId=self.id)
+            self._pybullet.disconnect(physicsClientId=self.id)
             self.id = -1

@@ -9,7 +9,7 @@ from sain_core.errors import BusyError, CancelledError, ErrorCode, SainError, er
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.introspection import introspect
-from sain_core.ros.node_main import NAMESPACE, node_main
+from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.peers import publisher_count, refuse_peers
 from sain_core.ros.qos import RELIABLE
@@ -153,8 +153,3 @@ class SimNode(Node):
         self._closing = True
         self.worker.close(last=self.simulator.close)
         super().destroy_node()
-
-
-def main() -> None:
-    """Run the simulator until it is interrupted."""
-    node_main(SimNode, "sim_node")
