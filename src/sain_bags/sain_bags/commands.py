@@ -7,7 +7,7 @@ from sain_core.command_line import Command
 record: Final = Command(
     "sain_bags record",
     options="sain_bags.cli.options:RecordOptions",
-    work="sain_bags.ros.record:record",
+    work="sain_bags.ros.record:run",
     ros=True,
     prefixes=True,
 )

@@ -9,13 +9,12 @@ from rich.table import Table
 
 from sain_bags.reading.reader import Bag
 from sain_bags.transitions.episodes import Episode, read_episodes
+from sain_bringup.options import EPISODES_KEY
 from sain_core.scene import POSITION, TARGET
 from sain_core.storage import write_json
 from sain_core.types import Scene
 from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
 from sain_eval.scenes.scenarios import SCENARIOS
-
-EPISODES_KEY = "episodes"  # of the bag's custom data: "scenario:seed scenario:seed ..."
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from sain_core.errors import ConfigError, OutputError
 from sain_eval import commands
-from sain_eval.cli.evaluate import evaluate, show
+from sain_eval.cli.evaluate import evaluate, jobs_of, show
 from sain_eval.cli.options import EvaluateOptions as Evaluate
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.journal import JOURNAL_FILE, Journal
@@ -134,7 +134,7 @@ def test_workers_find_the_same_as_one_process(tmp_path):
 
 def test_the_papers_table_is_all_of_it(tmp_path):
     options = Evaluate(out=tmp_path, table=True, scenes=2)
-    assert len(options.jobs(set())) == 3 * 2 * 5
+    assert len(jobs_of(options, set())) == 3 * 2 * 5
     assert options.tolerance_values == (0.05, 0.02, 0.01, 0.005)
 
 
@@ -148,7 +148,7 @@ def test_the_summary_is_shown(records):
     ("changes", "message"),
     [
         ({"scenario": "somewhere"}, "scenario is 'somewhere'; allowed: paper,"),
-        ({"tolerances": "0"}, r"tolerance is 0\.0 m; allowed"),
+        ({"tolerances": "0"}, "--tolerances has 0.0 m; allowed"),
         ({"tolerances": "near"}, "allowed: numbers with commas"),
         ({"controllers": ","}, "controllers is empty"),
         ({"scenes": 0}, r"EvaluateOptions\.scenes is 0; it must be at least 1"),
@@ -176,7 +176,7 @@ def test_help_says_what_the_planners_settings_mean(capsys):
     shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert done.value.code == 0
     assert "--planner.samples INT K, sequences rolled out in the first round" in shown
-    assert "Standard deviation of the location [rad] (default: 0.5)" in shown
+    assert "Standard deviation of the location [at least 0 rad] (default: 0.5)" in shown
     assert "Seed of the first scene" in shown
 
 

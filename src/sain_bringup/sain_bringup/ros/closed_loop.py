@@ -7,9 +7,10 @@ from typing import Final
 from rich.console import Console
 
 from sain_bringup.display import Display
-from sain_bringup.graph import RECORDER, GraphConfig, graph_commands
+from sain_bringup.graph import MODEL, PLANNER, RECORDER, SIMULATOR, GraphConfig, graph_commands
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.options import (
+    EPISODES_KEY,
     ClosedLoopOptions,
     describe,
     episode_plans,
@@ -17,8 +18,6 @@ from sain_bringup.options import (
 )
 from sain_bringup.processes import StopConfig, Supervisor
 from sain_bringup.provenance import provenance
-from sain_bringup.report import EPISODES_KEY
-from sain_bringup.results import write_results
 from sain_bringup.ros.director import Director
 from sain_core.ros.node_main import ros_context
 from sain_eval.scenes.scenarios import SCENARIOS
@@ -59,6 +58,8 @@ def play_and_report(options: ClosedLoopOptions, display: Display, interrupts: In
         with display.stage("closing the recording", "graph stopped, recording closed"):
             supervisor.close_files(UNHURRIED.interrupt)
             supervisor.stop(UNHURRIED)
+    from sain_bringup.results import write_results  # loads what the start need not wait for
+
     return write_results(folder, options.video, display)
 
 
@@ -88,7 +89,8 @@ def play(
         for name, command in graph_commands(config).items():
             supervisor.start(name, command, patient=name == RECORDER)
         director.wait_for_graph(
-            lambda missing: display.status(f"starting the graph, waiting for {missing}")
+            lambda: supervisor.starting((SIMULATOR, MODEL, PLANNER)),
+            lambda missing: display.status(f"starting the graph, waiting for {missing}"),
         )
     for number, plan in enumerate(plans, start=1):
         case = SCENARIOS[plan.scenario].scene(plan.seed)

@@ -1,6 +1,7 @@
 """The simulator: carries out pushes, one at a time, and says what became of each."""
 
 from concurrent.futures import Future
+from time import monotonic
 from typing import Any
 
 from rclpy.node import Node
@@ -31,12 +32,14 @@ class SimNode(Node):
         """Build the worlds and start the first episode."""
         super().__init__("sim_node", namespace=NAMESPACE, **options)
         config = read_parameters(self, SimulatorConfig)
-        refuse_peers(self, ("scene", "/clock"), config.peer_wait)
+        joined = monotonic()
         self._closing = False
         self.session = Session()
         self.pacer = Pacer(config.real_time_factor)
         self.worker = Worker(self, "physics")
         self.simulator = self.worker.call(lambda: Simulator(config, self.pacer))
+        # Peers have the time to be discovered while the worlds are built.
+        refuse_peers(self, ("scene", "/clock"), config.peer_wait - (monotonic() - joined))
         self.publishing = Publishing(self, self.simulator, self.session)
         self.diagnostics = Diagnostics(self)
         self.counts = {"executed": 0, "refused": 0}
