@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.table import Table
+from rich.text import Text
 
 from sain_bags.reading.reader import Bag
 from sain_bags.transitions.episodes import Episode, read_episodes
 from sain_bringup.options import EPISODES_KEY
+from sain_core.fitting_table import FittingTable
 from sain_core.scene import POSITION, TARGET
 from sain_core.storage import write_json
 from sain_core.types import Scene
@@ -111,13 +112,13 @@ def write_summary(path: Path, bag: Bag, summaries: tuple[EpisodeSummary, ...]) -
     write_json(path, content)
 
 
-def summary_table(summaries: tuple[EpisodeSummary, ...]) -> Table:
+def summary_table(summaries: tuple[EpisodeSummary, ...]) -> FittingTable:
     """Return the summary as a table for people; errors are of the target, mean over pushes."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+    table = FittingTable()
     table.add_column("Episode")
     for name in ("Pushes", "Distance", "Planning", "Model error", "Physics error"):
         table.add_column(name, justify="right")
-    table.add_column("")
+    table.add_column("Goal")
     for summary in summaries:
         table.add_row(
             f"{summary.scenario} {summary.seed}",
@@ -126,7 +127,7 @@ def summary_table(summaries: tuple[EpisodeSummary, ...]) -> Table:
             _scaled(summary.planning_time, "ms", 0),
             _scaled(summary.model_error, "mm", 1),
             _scaled(summary.physics_error, "mm", 1),
-            "[green]reached[/]" if summary.success else "[red]not reached[/]",
+            Text("reached", "green") if summary.success else Text("not reached", "red"),
         )
     return table
 

@@ -43,7 +43,7 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
         with display.stage("rendering the moving picture", "moving picture rendered"):
             render_movie(folder / "closed_loop.gif", bag, choose_episode(played), display)
     display.console.print()
-    display.console.print(summary_table(summaries))
+    display.console.print(summary_table(summaries), soft_wrap=True)
     return bool(summaries) and all(summary.success for summary in summaries)
 
 

@@ -16,8 +16,8 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from sain_bags.bag.metadata import OfferedQos, Topic, read_profiles
 from sain_bags import commands
+from sain_bags.bag.metadata import OfferedQos, Topic, read_profiles
 from sain_bags.cli.recover import describe
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover

@@ -15,15 +15,15 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.errors import ConfigError
 from sain_core.command_line import read_options
+from sain_core.errors import ConfigError
 from sain_model import commands
-from sain_model.training.options import TrainOptions, train_options
 from sain_model.data.batches import Batches
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.event_log import FOLDER, EventLog
+from sain_model.training.options import TrainOptions, train_options
 from sain_model.training.presets import LAMBDA, PAPER, PAPER_EPOCHS, PAPER_STEPS, PRESETS
 from sain_model.training.settings import (
     ADAM,

@@ -6,19 +6,21 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
+from rich.text import Text
 
+from sain_bags.cli.options import InfoOptions
 from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
 from sain_bags.transitions.episodes import Episode, namespaces, read_episodes
 from sain_bags.writing.gaps import read_gaps
+from sain_core.fitting_table import FittingTable
 
 
-def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
+def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:
     """Return the bag's topics as a table, with the timings that are known."""
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("Topic", no_wrap=True)
-    table.add_column("Type", style="dim", no_wrap=True)
+    table = FittingTable()
+    table.add_column("Topic")
+    table.add_column("Type")
     for name in ("Messages", "Rate", "Longest gap", "Missing"):
         table.add_column(name, justify="right")
     told = read_gaps(bag.custom_data) or {}
@@ -27,7 +29,7 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
         timing = timings.get(topic.name, TopicTiming(mean, 0.0, None))
         table.add_row(
             topic.name,
-            topic.type,
+            Text(topic.type, "dim"),
             f"{topic.messages:,}",
             f"{timing.rate:.1f} Hz" if timing.rate else "-",
             f"{timing.longest_gap:.2f} s" if timing.longest_gap else "-",
@@ -36,15 +38,15 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
     return table
 
 
-def episode_table(episodes: tuple[Episode, ...]) -> Table:
+def episode_table(episodes: tuple[Episode, ...]) -> FittingTable:
     """Return episodes as a table."""
-    table = Table(box=None, pad_edge=False, header_style="dim")
+    table = FittingTable()
     for name in ("Episode", "Disks", "Pushes", "Refused", "Distance", "Tolerance", "Planning"):
         table.add_column(name, justify="right")
     table.add_column("Goal")
     for episode in episodes:
         times = [plan.planning_time for plan in episode.plans]
-        reached = "[green]reached[/]" if episode.success else "[red]not reached[/]"
+        reached = Text("reached", "green") if episode.success else Text("not reached", "red")
         table.add_row(
             str(episode.episode_id),
             str(len(episode.start)),
@@ -56,6 +58,11 @@ def episode_table(episodes: tuple[Episode, ...]) -> Table:
             "none" if episode.goal is None else reached,
         )
     return table
+
+
+def run(options: InfoOptions, console: Console) -> None:
+    """Print what a bag holds; see `show`."""
+    show(options.bag, console, options.check)
 
 
 def show(path: Path, console: Console, check: bool = True) -> None:
@@ -78,7 +85,7 @@ def show(path: Path, console: Console, check: bool = True) -> None:
         markup=False,
     )
     console.print()
-    console.print(topic_table(bag, timings))
+    console.print(topic_table(bag, timings), soft_wrap=True)
     for namespace in namespaces(bag):
         episodes = read_episodes(bag, namespace)
         pushes = sum(len(episode.executed) for episode in episodes)
@@ -88,7 +95,7 @@ def show(path: Path, console: Console, check: bool = True) -> None:
             f" goal reached in {reached}",
             highlight=False,
         )
-        console.print(episode_table(episodes))
+        console.print(episode_table(episodes), soft_wrap=True)
 
 
 def _missing(counted: int | None, told: str | None) -> str:

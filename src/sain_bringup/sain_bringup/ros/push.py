@@ -9,10 +9,10 @@ import rclpy
 from rclpy.node import Node
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from sain_bringup.options import PushOptions
 from sain_core.errors import ErrorCode, SainError
+from sain_core.fitting_table import FittingTable
 from sain_core.ids import push_ids
 from sain_core.ros.codec import decode_disks, encode_push
 from sain_core.ros.node_main import NAMESPACE, ros_context
@@ -89,14 +89,17 @@ def show(result: PushResult, console: Console) -> None:
         console.print(f"[red]{push} was refused[/]: {name}, {escape(result.error_message)}")
         return
     console.print(f"[green]{push} was carried out[/] in {result.duration:.2f} s of simulated time")
-    table = Table("disk", "x [m]", "y [m]", "theta [rad]", "moved [mm]")
+    table = FittingTable()
+    table.add_column("disk")
+    for column in ("x [m]", "y [m]", "theta [rad]", "moved [mm]"):
+        table.add_column(column, justify="right")
     before, after = decode_disks(result.before.disks), decode_disks(result.after.disks)
     moved = 1e3 * np.linalg.norm(after[:, POSITION] - before[:, POSITION], axis=1)
     for disk, row in enumerate(after):
         name = DISK_NAMES[disk] if disk < len(DISK_NAMES) else f"disk {disk}"
         place = [f"{value:.4f}" for value in (*row[POSITION], row[THETA])]
         table.add_row(name, *place, f"{moved[disk]:.1f}")
-    console.print(table)
+    console.print(table, soft_wrap=True)
 
 
 def run(options: PushOptions, console: Console) -> int:

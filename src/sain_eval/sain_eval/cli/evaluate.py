@@ -13,9 +13,9 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.table import Table
 
 from sain_core.command_line import command_line
+from sain_core.fitting_table import FittingTable
 from sain_core.storage import write_whole
 from sain_eval.cli.options import EvaluateOptions
 from sain_eval.loop.controllers import controller_maker
@@ -90,12 +90,12 @@ def wants(options: EvaluateOptions, record: SceneRecord) -> bool:
 
 def show(records: list[SceneRecord], console: Console) -> None:
     """Print the summary as a table."""
-    table = Table(box=None, pad_edge=False, header_style="dim")
+    table = FittingTable()
     for name in HEADER:
         table.add_column(name)
     for row in summarise(records):
         table.add_row(*table_cells(row))
-    console.print(table)
+    console.print(table, soft_wrap=True)
 
 
 def _picture(options: EvaluateOptions, scenario: str, seed: int, controller: str) -> Path | None:

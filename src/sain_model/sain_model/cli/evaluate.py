@@ -105,10 +105,10 @@ def _open_loop(
 def _show(errors: dict[str, Any], console: Console) -> None:
     """Print errors of single pushes as tables."""
     for part in ("all", "target_moved"):
-        console.print(error_table(errors, part))
-    console.print(history_table(errors))
+        console.print(error_table(errors, part), soft_wrap=True)
+    console.print(history_table(errors), soft_wrap=True)
     for intervals in errors["intervals"].values():
-        console.print(interval_table(intervals))
+        console.print(interval_table(intervals), soft_wrap=True)
     for name, share in errors["reducible_error_removed"].items():
         console.print(f"{name}: {100 * share:.0f} % of the reducible error removed")
     for name, count in errors.get("refused", {}).items():

@@ -5,9 +5,9 @@ from dataclasses import asdict
 
 import torch
 from rich.console import Console
-from rich.table import Table
 
 from sain_core.command_line import command_line
+from sain_core.fitting_table import FittingTable
 from sain_core.storage import write_json, write_whole
 from sain_model.cli.options import LearningCurveOptions
 from sain_model.data.dataset import load_transitions, split_by_episode
@@ -43,7 +43,7 @@ def run(command: LearningCurveOptions, console: Console) -> None:
     write_json(command.out / "curves.json", report)
     write_whole(command.out / "curves.md", markdown(points).encode())
     save_curves(command.out / "curves.png", points)
-    console.print(_table(points, len(split.test)))
+    console.print(_table(points, len(split.test)), soft_wrap=True)
     console.print(f"written to {command.out}")
 
 
@@ -53,10 +53,9 @@ def markdown(points: list[Point]) -> str:
     return markdown_table(header, rows)
 
 
-def _table(points: list[Point], pushes: int) -> Table:
+def _table(points: list[Point], pushes: int) -> FittingTable:
     header, *rows = _cells(points, _mean)
-    title = f"Target's mean error \\[mm] on {pushes} held-out pushes"
-    table = Table(title=title, title_justify="left")
+    table = FittingTable(f"Target's mean error [mm] on {pushes} held-out pushes")
     for column, name in enumerate(header):
         table.add_column(name, justify="right" if column else "left")
     for row in rows:

@@ -60,10 +60,10 @@ def train(command: TrainOptions, console: Console) -> Path:
     path = command.out / f"{command.name}.safetensors"
     save_checkpoint(path, sain.network, card)
     for part in ("all", "target_moved"):
-        console.print(error_table(errors, part))
-    console.print(history_table(errors))
+        console.print(error_table(errors, part), soft_wrap=True)
+    console.print(history_table(errors), soft_wrap=True)
     for intervals in errors["intervals"].values():
-        console.print(interval_table(intervals))
+        console.print(interval_table(intervals), soft_wrap=True)
     if parent:
         console.print(gain_line(errors["fine_tuning"], parent.name, errors["held_out"]))
     if history.best < 0:
