@@ -17,6 +17,7 @@ from sain_core.errors import ConfigError, OutputError
 from sain_eval.scenes.scenarios import SCENARIOS
 
 RECORDINGS: Final = Path("bags")
+NAMESPACE_KEY: Final = "namespace"  # of a bag's custom data: of the graph that made it
 EPISODES_KEY: Final = "episodes"  # of a bag's custom data: "scenario:seed scenario:seed ..."
 DEMO: Final = (("anywhere", 3), ("paper", 1))
 

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from sain_bags.reading.reader import Bag
 from sain_bags.transitions.episodes import Episode, read_episodes
-from sain_bringup.options import EPISODES_KEY
+from sain_bringup.options import EPISODES_KEY, NAMESPACE_KEY
 from sain_core.fitting_table import FittingTable
 from sain_core.scene import POSITION, TARGET
 from sain_core.storage import write_json
@@ -91,7 +91,8 @@ class PlayedEpisode:
 
 def played_episodes(bag: Bag) -> tuple[PlayedEpisode, ...]:
     """Return the episodes of a bag that had a goal, named as the bag says."""
-    with_goal = [episode for episode in read_episodes(bag) if episode.goal is not None]
+    episodes = read_episodes(bag, bag.custom_data.get(NAMESPACE_KEY))
+    with_goal = [episode for episode in episodes if episode.goal is not None]
     names = bag.custom_data.get(EPISODES_KEY, "").split()
     played = []
     for number, episode in enumerate(with_goal):

@@ -5,12 +5,13 @@ module that does the work is imported after the arguments are checked. So help a
 once, and Ctrl-C during the imports ends the process without a traceback.
 """
 
+import io
 import os
 import shlex
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from typing import Annotated, Any, Final, Literal, get_type_hints
@@ -98,15 +99,23 @@ def read_options(options: Any, program: str, arguments: list[str], prefixes: boo
 
     kind = options if isinstance(options, type) else options(arguments)
     describe_options(kind)
+    output = io.StringIO()
     try:
-        return tyro.cli(
-            kind,
-            prog=program,
-            args=arguments,
-            config=() if prefixes else (tyro.conf.OmitArgPrefixes,),
-        )
-    except ConfigError as error:
-        raise ConfigError(_name_argument(str(error), kind, prefixes)) from error
+        with redirect_stderr(output):
+            return tyro.cli(
+                kind,
+                prog=program,
+                args=arguments,
+                config=() if prefixes else (tyro.conf.OmitArgPrefixes,),
+            )
+    except SystemExit as end:
+        cause: BaseException | None = end
+        while cause is not None and not isinstance(cause, ConfigError):
+            cause = cause.__cause__ or cause.__context__
+        if cause is not None:  # tyro has put it into a frame, with the name of the class
+            raise ConfigError(_name_argument(str(cause), kind, prefixes)) from cause
+        sys.stderr.write(output.getvalue())
+        raise
 
 
 def describe_options(settings: type) -> None:

@@ -11,6 +11,7 @@ from sain_bringup.graph import MODEL, PLANNER, RECORDER, SIMULATOR, GraphConfig,
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.options import (
     EPISODES_KEY,
+    NAMESPACE_KEY,
     ClosedLoopOptions,
     describe,
     episode_plans,
@@ -75,9 +76,11 @@ def play(
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
         director = Director(check, options.timeout)
         episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
-        about = {EPISODES_KEY: episodes, "model": options.model, **provenance()}
+        namespace = director.get_namespace()
+        about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
+        about |= provenance()
         config = GraphConfig(
-            namespace=director.get_namespace(),
+            namespace=namespace,
             model=options.model,
             seed=options.seed,
             bag=folder / "bag",
