@@ -16,11 +16,12 @@ test: ## every test; a part of them with ARGS="tests/sain_core -k wrap"
 	@tools/browser.sh
 	@./env python -m pytest $(ARGS)
 
-lint: ## style, types, import boundaries, shell scripts, Docker files
+lint: ## style, types, import boundaries, prose, shell scripts, Docker files
 	@./env ruff check
 	@./env ruff format --check
 	@./env mypy
 	@./env lint-imports --no-logo
+	@./env python tools/prose.py
 	@./env shellcheck --external-sources $(SHELL_SCRIPTS)
 	@./env hadolint docker/Dockerfile
 	@./env check-jsonschema --builtin-schema vendor.compose-spec docker/compose.yaml

@@ -7,7 +7,6 @@ once, and Ctrl-C during the imports ends the process without a traceback.
 
 import io
 import os
-import shlex
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -154,11 +153,6 @@ def split_ros_arguments(arguments: list[str]) -> tuple[list[str], list[str]]:
         else:
             target.append(argument)
     return own, ros
-
-
-def command_line(name: str) -> str:
-    """Return the command line of this process, for records of how something was made."""
-    return shlex.join(["ros2", "run", *name.split(), *sys.argv[1:]])
 
 
 def _name_argument(message: str, options: type, prefixes: bool) -> str:

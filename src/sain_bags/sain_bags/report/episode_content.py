@@ -7,22 +7,25 @@ import numpy as np
 
 from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import Gathered
-from sain_bags.report.pushes import answered, poses, rounded, unanswered
+from sain_bags.report.pushes import answered, models, poses, rounded, unanswered
 from sain_bags.transitions.episodes import Episode
+from sain_core.errors import ConfigError
 from sain_core.scene import MASS, POSE, RADIUS
+from sain_core.shapes.disk import DISK
+from sain_core.shapes.registry import get_shape
 from sain_core.types import Scene
 
 STATUS: Final = ("unknown", "push", "reached", "no push", "exhausted")  # sain_interfaces/msg/Plan
-CUBE: Final = "cube"  # in sain_interfaces/msg/WorldParameters; all else is drawn as a disk
+KINDS: Final = ("physics", "expected")  # of predictions
 PUSHES: Final = 300  # of one episode that are shown
 
 
-def describe_episode(gathered: Gathered, name: str, start: int) -> dict[str, Any]:
+def describe_episode(gathered: Gathered, title: str, start: int) -> dict[str, Any]:
     """Return an episode for the page.
 
     Args:
         gathered: what is known of it.
-        name: what the recording calls it, may be empty.
+        title: what the page calls it.
         start: of the recording [ns since the epoch].
     """
     episode = gathered.episode
@@ -37,8 +40,7 @@ def describe_episode(gathered: Gathered, name: str, start: int) -> dict[str, Any
         frames = frames[: shown[-1]["to"] + 1]
     return {
         "number": episode.episode_id,
-        "namespace": gathered.namespace,
-        "name": name,
+        "title": title,
         "outcome": outcome(episode),
         "goal": None if episode.goal is None else [rounded(value) for value in episode.goal],
         "tolerance": rounded(episode.tolerance),
@@ -46,10 +48,11 @@ def describe_episode(gathered: Gathered, name: str, start: int) -> dict[str, Any
         "maxPushes": episode.max_pushes,
         "start": rounded(1e-9 * (episode.interval[0] - start), 3),
         "end": rounded(1e-9 * (episode.interval[1] - start), 3),
-        "disks": _disks(frames[0].scene if frames else episode.start, gathered.told.shapes),
+        "disks": _disks(frames[0].scene if frames else episode.start, gathered.log.shapes),
         "frames": _frames(frames, gathered, replaced, len(pushes) > len(shown)),
         "pushes": shown,
         "counts": _counts(pushes),
+        "series": _series(pushes, episode),
         "verdicts": _verdicts(episode),
     }
 
@@ -62,16 +65,37 @@ def outcome(episode: Episode) -> str:
 
 
 def _disks(scene: Scene, shapes: Sequence[str]) -> list[dict[str, Any]]:
-    named = (*shapes, *("" for _ in scene))
+    """Return what each disk is like; it has an outline [m] in its own frame unless it is round."""
+    named = (*shapes, *(DISK for _ in scene))
     return [
-        {"radius": rounded(disk[RADIUS]), "mass": rounded(disk[MASS], 3), "cube": shape == CUBE}
-        for disk, shape in zip(scene, named, strict=False)
+        {
+            "radius": rounded(disk[RADIUS]),
+            "mass": rounded(disk[MASS], 3),
+            "outline": _outline(name, float(disk[RADIUS])),
+        }
+        for disk, name in zip(scene, named, strict=False)
     ]
+
+
+def _outline(name: str, radius: float) -> list[list[float | None]] | None:
+    try:
+        shape = get_shape(name)
+    except ConfigError:  # recorded where more shapes were installed
+        return None
+    if shape.is_round:
+        return None
+    return [[rounded(value) for value in corner] for corner in shape.outline(radius)]
 
 
 def _counts(pushes: Sequence[dict[str, Any]]) -> dict[str, int]:
     outcomes = [push["outcome"] for push in pushes]
     return {word: outcomes.count(word) for word in ("executed", "refused", "unanswered")}
+
+
+def _series(pushes: Sequence[dict[str, Any]], episode: Episode) -> dict[str, Any]:
+    """Return which predictions the chart of errors shows, and the models that made them."""
+    known = {kind: any(push[f"{kind}Error"] is not None for push in pushes) for kind in KINDS}
+    return {**known, **models(episode.pushes)}
 
 
 def _verdicts(episode: Episode) -> list[dict[str, Any]]:
@@ -94,9 +118,9 @@ def _frames(
         "time": [round(float(time), 4) for time in frame_times(frames)],
         "poses": [poses(frame.scene) for frame in frames],
         "settled": [int(frame.settled) for frame in frames],
-        "recorded": gathered.told.frames.recorded,
-        "thinned": gathered.told.frames.stride,
-        "unusable": gathered.told.frames.unusable,
+        "recorded": gathered.log.frames.recorded,
+        "thinned": gathered.log.frames.stride,
+        "unusable": gathered.log.frames.unusable,
         "fromPushes": replaced,
         "cut": cut,
     }
@@ -104,11 +128,11 @@ def _frames(
 
 def _from_pushes(gathered: Gathered) -> tuple[Frame, ...]:
     """Return the scenes before and after pushes, where scenes themselves were not recorded."""
-    told, episode = gathered.told, gathered.episode
+    log, episode = gathered.log, gathered.episode
     found: list[Frame] = []
     for push in episode.executed:
         scenes = (push.before, push.after)
-        ids, stamps = told.scenes[push.push_id], told.stamps[push.push_id]
+        ids, stamps = log.scenes[push.push_id], log.stamps[push.push_id]
         for scene, number, stamp in zip(scenes, ids, stamps, strict=True):
             if scene is None or (found and _same(found[-1], scene)):
                 continue

@@ -18,8 +18,8 @@ from sain_bringup.options import (
     make_output_folder,
 )
 from sain_bringup.processes import StopConfig, Supervisor
-from sain_bringup.provenance import provenance
 from sain_bringup.ros.director import Director
+from sain_core.provenance import provenance
 from sain_core.ros.node_main import ros_context
 from sain_eval.scenes.scenarios import SCENARIOS
 
@@ -78,7 +78,7 @@ def play(
         episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
         namespace = director.get_namespace()
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
-        about |= provenance()
+        about |= provenance("sain_bringup")
         config = GraphConfig(
             namespace=namespace,
             model=options.model,

@@ -5,12 +5,12 @@ from typing import Final
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from sain_core.command_line import command_line
+from sain_core.provenance import ros2_command
 from sain_core.storage import write_json, write_whole
 from sain_eval.calibrate import Calibration, calibrate
 from sain_eval.cli.options import CalibrateOptions
 from sain_eval.loop.files import output_folder
-from sain_model.data.dataset import Transitions, load_transitions
+from sain_model.data.dataset import Dataset, load_transitions
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 
@@ -32,11 +32,11 @@ def run(command: CalibrateOptions, console: Console) -> None:
             bar.update(task, completed=evaluations, cost=cost)
 
         calibration = calibrate(data, command.fit, advance)
-    command_text = command_line("sain_eval calibrate")
+    command_text = ros2_command("sain_eval", "calibrate")
     text = markdown(calibration, data, command_text)
     write_whole(out / "calibration.md", text.encode())
     content = {
-        "command": command_line("sain_eval calibrate"),
+        "command": ros2_command("sain_eval", "calibrate"),
         "data_sha256": data.sha256,
         **calibration.as_dict(),
     }
@@ -44,7 +44,7 @@ def run(command: CalibrateOptions, console: Console) -> None:
     console.print(text, highlight=False, markup=False)
 
 
-def markdown(calibration: Calibration, data: Transitions, command: str) -> str:
+def markdown(calibration: Calibration, data: Dataset, command: str) -> str:
     """Return the report as Markdown."""
     lines = [
         "# The planar prior against Bullet with the arm, true parameters in both",
@@ -67,7 +67,7 @@ def markdown(calibration: Calibration, data: Transitions, command: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _data(command: CalibrateOptions, console: Console) -> Transitions:
+def _data(command: CalibrateOptions, console: Console) -> Dataset:
     if command.dataset is not None:
         return load_transitions(command.dataset)
     folder = command.out / "data"

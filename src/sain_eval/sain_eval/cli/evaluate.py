@@ -14,8 +14,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from sain_core.command_line import command_line
 from sain_core.fitting_table import FittingTable
+from sain_core.provenance import ros2_command
 from sain_core.storage import write_whole
 from sain_eval.cli.options import EvaluateOptions
 from sain_eval.loop.controllers import controller_maker
@@ -31,7 +31,7 @@ TABLE_FILE: Final = "table.md"
 def run(options: EvaluateOptions, console: Console) -> None:
     """Evaluate, and print the summary as a table."""
     progress = Console(stderr=True, soft_wrap=True)
-    show(evaluate(options, command_line("sain_eval evaluate"), progress), console)
+    show(evaluate(options, ros2_command("sain_eval", "evaluate"), progress), console)
 
 
 def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[SceneRecord]:

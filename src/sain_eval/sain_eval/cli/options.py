@@ -12,7 +12,7 @@ from sain_core.errors import ConfigError
 from sain_eval.calibration_settings import CalibrationConfig
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.search.config import PlannerConfig
-from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
+from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 
 PAPER_SCENARIOS: Final = "paper,paper_shift,paper_cube"
 PAPER_CONTROLLERS: Final = "null,straight,random,planar,sain"

@@ -6,8 +6,8 @@ from dataclasses import asdict
 import torch
 from rich.console import Console
 
-from sain_core.command_line import command_line
 from sain_core.fitting_table import FittingTable
+from sain_core.provenance import ros2_command
 from sain_core.storage import write_json, write_whole
 from sain_model.cli.options import LearningCurveOptions
 from sain_model.data.dataset import load_transitions, split_by_episode
@@ -37,7 +37,7 @@ def run(command: LearningCurveOptions, console: Console) -> None:
         "held_out": len(split.test),
         "training": asdict(config),
         "steps": command.steps,
-        "command": command_line("sain_model learning_curve"),
+        "command": ros2_command("sain_model", "learning_curve"),
         "points": [asdict(point) for point in points],
     }
     write_json(command.out / "curves.json", report)

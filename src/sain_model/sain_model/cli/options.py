@@ -7,7 +7,7 @@ from typing import Annotated, Final
 import tyro
 
 from sain_core.config import Config, option, required
-from sain_core.split import SHARES, TEST, VALIDATION
+from sain_core.dataset import SHARES, TEST, VALIDATION
 from sain_model.dynamics.settings import PLANAR, PLANAR_AXES, STEPS
 from sain_model.training.settings import CorrectionTrainingConfig, TrainingConfig
 

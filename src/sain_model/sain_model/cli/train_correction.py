@@ -10,7 +10,7 @@ import torch
 from rich.console import Console
 from rich.progress import Progress
 
-from sain_core.command_line import command_line
+from sain_core.provenance import ros2_command
 from sain_core.storage import write_whole
 from sain_model.cli.options import TrainCorrectionOptions
 from sain_model.data.dataset import (
@@ -25,7 +25,7 @@ from sain_model.dynamics.parameter_correction import InsideSain
 from sain_model.dynamics.priors import load_told_prior
 from sain_model.evaluation.metrics import measure
 from sain_model.training.correction_training import make_trainers, train_members
-from sain_model.training.environment import environment
+from sain_model.training.training_card import environment
 from sain_model.training.training_state import History
 
 
@@ -60,7 +60,7 @@ def train_correction(command: TrainCorrectionOptions, console: Console) -> Path:
         networks, histories = train_members(trainers, advance)
     sain = InsideSain(networks, prior)
     errors = {
-        name: asdict(measure(dynamics.step(split.test.scenes, split.test.pushes), split.test, 0))
+        name: asdict(measure(dynamics.step(split.test.state, split.test.action), split.test, 0))
         for name, dynamics in ((command.prior, prior), ("sain", sain))
     }
     path = command.out / f"{command.name}{SUFFIX}"
@@ -89,7 +89,7 @@ def make_card(
             "path": str(command.dataset),
             "sha256": sha256,
             "transitions": {name: len(part) for name, part in parts.items()},
-            "episodes": {name: len(np.unique(part.episodes)) for name, part in parts.items()},
+            "episodes": {name: len(np.unique(part.episode)) for name, part in parts.items()},
         },
         training={
             **asdict(command.training),
@@ -100,6 +100,6 @@ def make_card(
         },
         errors=errors,
         versions=environment(),
-        command=command_line("sain_model train_correction"),
+        command=ros2_command("sain_model", "train_correction"),
         architecture=INSIDE_ARCHITECTURE,
     )

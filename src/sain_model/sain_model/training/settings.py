@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from sain_core.config import Config, option
-from sain_core.split import SHARES, TEST, VALIDATION
+from sain_core.dataset import SHARES, TEST, VALIDATION
 from sain_model.dynamics.settings import PLANAR, PRIORS, InsideNetworkConfig, LossConfig
 from sain_model.network.settings import BOOTSTRAP, ORDER, PUSH_FRAME, NetworkConfig
 

@@ -2,20 +2,21 @@
 
 import json
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from sain_core.command_line import command_line
-from sain_model.data.dataset import Split, Transitions
-from sain_model.data.mixed import MixedSplit, MixedTransitions
+from sain_core.provenance import processor, ros2_command, system, versions
+from sain_model.data.dataset import Dataset, Split
+from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.dynamics.checkpoint import Card
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.training.environment import environment
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.options import TrainOptions
 from sain_model.training.training_state import History
+
+PACKAGES: Final = ("sain_model", "torch", "numpy", "numba", "scipy", "safetensors")
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Learned:
 
 def make_card(
     command: TrainOptions,
-    data: Transitions | MixedTransitions,
+    data: Dataset | MixedDataset,
     split: Split | MixedSplit,
     learned: Learned,
     errors: dict[str, Any],
@@ -61,12 +62,12 @@ def make_card(
             "sha256": data.sha256,
             "sources": list(data.sources),
             "transitions": {name: len(part) for name, part in parts.items()},
-            "episodes": {name: len(np.unique(part.episodes)) for name, part in parts.items()},
+            "episodes": {name: len(np.unique(part.episode)) for name, part in parts.items()},
         },
         training=training,
         errors=errors,
         versions=environment(),
-        command=command_line("sain_model train"),
+        command=ros2_command("sain_model", "train"),
         parent=learned.parent.about if learned.parent else None,
     )
 
@@ -82,12 +83,17 @@ def _losses(history: History) -> dict[str, float | None]:
     return losses if history.start is None else {**losses, "loss_before": history.start}
 
 
-def settings_text(command: TrainOptions, data: Transitions | MixedTransitions) -> str:
+def environment() -> dict[str, str]:
+    """Return versions and machine, as far as they can change a bit of a checkpoint."""
+    return {**versions(*PACKAGES), "system": system(), "processor": processor()}
+
+
+def settings_text(command: TrainOptions, data: Dataset | MixedDataset) -> str:
     """Return what is to be done with what, as it stands beside the checkpoint from the start."""
     settings = {
         **asdict(command),
         "data_sha256": data.sha256,
         "environment": environment(),
-        "command": command_line("sain_model train"),
+        "command": ros2_command("sain_model", "train"),
     }
     return json.dumps(settings, indent=2, default=str) + "\n"

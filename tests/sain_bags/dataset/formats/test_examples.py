@@ -14,7 +14,7 @@ from sain_bags.dataset.conversion import ConversionConfig, convert
 from sain_bags.dataset.formats import MADE
 from tests.sain_bags.driven import Drive
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+DOCS = Path(__file__).resolve().parents[4] / "docs"
 EXAMPLES = re.findall(r"```python\n(.*?)```", (DOCS / "formats.md").read_text(), re.DOTALL)
 
 

@@ -1,0 +1,88 @@
+"""Which world plays reality: the paper's randomised one, or a rough lab."""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from sain_core.config import Config, option
+from sain_core.errors import ConfigError
+from sain_core.seeding import generator
+from sain_core.shapes.disk import THREE_FEET
+from sain_sim.world.parameters import (
+    FRICTION_RANGE,
+    PAPER,
+    RANGES,
+    Ranges,
+    WorldParameters,
+    sample_parameters,
+)
+from sain_sim.world.roughness import EFFECTS, RIM_FRICTION, RIMS, draw_roughness
+
+RANDOMISED: Final = "randomised"
+ROUGH: Final = "rough"
+TRUTHS: Final = (RANDOMISED, ROUGH)
+ALL: Final = "all"
+NONE: Final = "none"
+VARIED_FRICTION: Final = "friction"  # not one of "all": it hides, it is not structure
+KNOWN_EFFECTS: Final = (*EFFECTS, VARIED_FRICTION)
+
+
+@dataclass(frozen=True)
+class TruthConfig(Config):
+    """The world that pushes are tried in.
+
+    A rough world is one lab: its table, the make of its disks and its arm stay the same from
+    episode to episode, and so does the friction; masses and radii are drawn for each.
+    """
+
+    world: str = option(RANDOMISED, "the paper's, or a lab with rough edges", choices=TRUTHS)
+    effects: str = option(
+        ALL, f"of a rough world: all, none, or some with commas of {', '.join(KNOWN_EFFECTS)}"
+    )
+    lab: int = option(0, "which rough world; same number, same lab", minimum=0)
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that every effect is one."""
+        super().__post_init__()
+        for effect in self.effect_names:
+            if effect not in KNOWN_EFFECTS:
+                known = ", ".join((ALL, NONE, *KNOWN_EFFECTS))
+                raise ConfigError(f"effect is {effect!r}; allowed: {known}")
+
+    @property
+    def effect_names(self) -> tuple[str, ...]:
+        """The effects that are on in a rough world; "all" may stand among others."""
+        words = [word.strip() for word in self.effects.split(",") if word.strip()]
+        if words == [NONE]:
+            return ()
+        if not words:
+            raise ConfigError(f"effects is {self.effects!r}; {NONE!r} switches all of them off")
+        names = [name for word in words for name in (EFFECTS if word == ALL else (word,))]
+        return tuple(dict.fromkeys(names))
+
+    def draw(
+        self,
+        random: np.random.Generator,
+        count: int = 2,
+        shape: str = THREE_FEET,
+        ranges: Ranges = RANGES[PAPER],
+    ) -> WorldParameters:
+        """Draw the parameters of one episode with N = count disks."""
+        return self.roughen(sample_parameters(random, count, shape, ranges))
+
+    def roughen(self, parameters: WorldParameters) -> WorldParameters:
+        """Return these disks in this world; a randomised one leaves them as they are."""
+        if self.world == RANDOMISED:
+            return parameters
+        names = self.effect_names
+        roughness = draw_roughness(self.lab, names, parameters.count)
+        friction, rims = parameters.friction, parameters.rim_friction
+        if VARIED_FRICTION not in names:
+            friction = float(generator(self.lab, "lab", "friction").uniform(*FRICTION_RANGE))
+        if RIMS in names:
+            rims = float(generator(self.lab, "lab", RIMS).uniform(*RIM_FRICTION))
+        return replace(parameters, friction=friction, rim_friction=rims, roughness=roughness)
+
+
+RANDOMISED_TRUTH: Final = TruthConfig()
