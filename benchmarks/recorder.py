@@ -151,7 +151,7 @@ class Kill:
 
     lost: float  # [s], from the last message that was saved to the kill
     saved: int
-    is_told: bool  # that something is lost, or that nothing could be saved
+    is_conditioned: bool  # that something is lost, or that nothing could be saved
     holes: int  # messages that are missing before the last one that was saved
     deaf: int  # recorders before it that heard nothing
 
@@ -203,7 +203,7 @@ def kills(options: Options, folder: Path) -> list[Figure]:
             print(f"kill {number + 1}: {found[-1]}", flush=True)
         end(load)
     period = BagConfig().flush_period
-    untold = sum(not kill.is_told for kill in found)
+    untold = sum(not kill.is_conditioned for kill in found)
     return [
         Figure(f"recordings killed: {len(found)}, losses not told of", untold, "", at_most=0),
         Figure("lost, longest", max(kill.lost for kill in found), "s", at_most=period),

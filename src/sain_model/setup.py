@@ -40,8 +40,8 @@ setup(
             "planar = sain_model.dynamics.priors:load_prior",
             "planar_axes = sain_model.dynamics.priors:load_prior",
             "identity = sain_model.dynamics.priors:load_prior",
-            "sain = sain_model.dynamics.load:load_dynamics",
-            "checkpoint = sain_model.dynamics.load:load_dynamics",
+            "sain = sain_model.dynamics.load:load_builtin",
+            "checkpoint = sain_model.dynamics.load:load_builtin",
         ],
     },
 )

@@ -25,7 +25,7 @@ train_correction: Final = Command(
     "sain_model train_correction",
     options="sain_model.cli.options:TrainCorrectionOptions",
     work="sain_model.cli.train_correction:run",
-    resumes="round",
+    resumes="epoch",
 )
 evaluate: Final = Command(
     "sain_model evaluate",

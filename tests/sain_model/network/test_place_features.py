@@ -7,26 +7,21 @@ import numpy as np
 import pytest
 
 from sain_core.errors import CheckpointError, DatasetError
+from sain_core.plugins import load_dynamics
 from sain_core.push import rotate_pushes
 from sain_core.scene import POSITION, TARGET, rotate_scenes
 from sain_model import commands
 from sain_model.data.dataset import limit_training, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import load_checkpoint
-from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import LossConfig
 from sain_model.evaluation.prediction_errors import measure
+from sain_model.network.feature_kernels import DISK_FEATURES, PLACE_FEATURES
 from sain_model.network.features import make_features
-from sain_model.network.settings import (
-    DISK_FEATURES,
-    PLACE_FEATURES,
-    PUSH_FRAME,
-    WORLD_FRAME,
-    NetworkConfig,
-)
+from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarPrior
+from sain_model.training.push_training import Trainer
 from sain_model.training.settings import TrainingConfig
-from sain_model.training.trainer import Trainer
 
 
 def downhill(dataset: Path):

@@ -10,11 +10,11 @@ from sain_core.dynamics import Dynamics, as_rollout
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.history import PushHistory, informed_rollout
+from sain_core.plugins import load_dynamics
 from sain_core.push import LOCATION
 from sain_core.scene import MID, POSITION, wrap_angle
 from sain_core.types import PushArray, Scene
 from sain_eval.scenes.scenarios import ScenarioScene
-from sain_model.dynamics.load import load_dynamics
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_mppi.loop.progress_monitor import Replanner
 from sain_mppi.planner import Planner

@@ -12,8 +12,8 @@ from sain_core.storage import write_json, write_whole
 from sain_model.cli.options import LearningCurveOptions
 from sain_model.data.dataset import load_transitions, split_by_episode
 from sain_model.evaluation.markdown import markdown_table
-from sain_model.training.curve_plot import save_curves
 from sain_model.training.learning_curve import Point, learning_curve
+from sain_model.training.plots import save_curves
 
 
 def run(command: LearningCurveOptions, console: Console) -> None:

@@ -23,7 +23,7 @@ class TrainCorrectionOptions(Config):
 
     dataset: Annotated[Path, tyro.conf.Positional] = required(DATASET)
     out: Path = required("folder for checkpoint, card and settings")
-    name: str = option("inside", "name of the checkpoint")
+    name: str = option("correction", "name of the checkpoint")
     prior: str = option(
         PLANAR_AXES, "the prior whose parameters are corrected", choices=(PLANAR, PLANAR_AXES)
     )
@@ -33,7 +33,7 @@ class TrainCorrectionOptions(Config):
     transitions: int = option(0, "learn from so many transitions only; 0: from all", minimum=0)
     validation: float = option(
         SHARES[VALIDATION],
-        "share of the episodes that choose the best round",
+        "share of the episodes that choose the best epoch",
         minimum=0.01,
         maximum=0.5,
     )
@@ -53,8 +53,10 @@ class EvaluateModelOptions(Config):
     recurrent: Path | None = option(
         None, 'a checkpoint of kind "recurrent", trained with --steps-ahead, to compare with'
     )
-    beside: tuple[str, ...] = option(
-        (), "more to compare with: priors, checkpoints, or models of other packages such as bullet"
+    baselines: Annotated[tuple[str, ...], tyro.conf.arg(aliases=["--beside"])] = option(
+        (),
+        "more models to compare with: names in the registry of models (bullet is slow), or paths of"
+        " checkpoints",
     )
     open_loop: tuple[int, ...] = option(
         STEPS, "numbers of pushes after which errors of rollouts are taken; none: no rollouts"

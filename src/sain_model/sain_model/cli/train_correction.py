@@ -1,4 +1,4 @@
-"""``ros2 run sain_model train_correction``: networks that correct the prior's parameters."""
+"""``ros2 run sain_model train_correction``: learn to correct the planar prior's parameters."""
 
 import json
 from dataclasses import asdict
@@ -20,13 +20,13 @@ from sain_model.data.dataset import (
     load_transitions,
     split_by_episode,
 )
-from sain_model.dynamics.checkpoint import INSIDE_ARCHITECTURE, SUFFIX, Card, save_checkpoint
-from sain_model.dynamics.parameter_correction import InsideSain
-from sain_model.dynamics.priors import load_told_prior
+from sain_model.dynamics.checkpoint import CORRECTION_ARCHITECTURE, SUFFIX, Card, save_checkpoint
+from sain_model.dynamics.parameter_correction import ParameterCorrection
+from sain_model.dynamics.priors import load_planar
 from sain_model.evaluation.metrics import measure
 from sain_model.training.correction_training import make_trainers, train_members
 from sain_model.training.training_card import environment
-from sain_model.training.training_state import History
+from sain_model.training.training_state import LossHistory
 
 
 def run(command: TrainCorrectionOptions, console: Console) -> None:
@@ -46,19 +46,19 @@ def train_correction(command: TrainCorrectionOptions, console: Console) -> Path:
     check_held_out(split)
     if command.transitions:
         split = limit_training(split, command.transitions)
-    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
+    prior = load_planar(command.prior, {"friction": command.prior_friction})
     trainers = make_trainers(split, prior, command.training, command.out)
     settings = json.dumps(asdict(command), indent=2, default=str) + "\n"
     write_whole(command.out / "config.json", settings.encode())
-    rounds = command.training.rounds
+    epochs = command.training.epochs
     with Progress(console=console) as bar:
-        task = bar.add_task("train", total=command.training.network.members * rounds)
+        task = bar.add_task("train", total=command.training.network.members * epochs)
 
-        def advance(member: int, number: int, history: History) -> None:
-            bar.update(task, completed=member * rounds + number)
+        def advance(member: int, number: int, history: LossHistory) -> None:
+            bar.update(task, completed=member * epochs + number)
 
         networks, histories = train_members(trainers, advance)
-    sain = InsideSain(networks, prior)
+    sain = ParameterCorrection(networks, prior)
     errors = {
         name: asdict(measure(dynamics.step(split.test.state, split.test.action), split.test, 0))
         for name, dynamics in ((command.prior, prior), ("sain", sain))
@@ -75,12 +75,12 @@ def make_card(
     command: TrainCorrectionOptions,
     sha256: str,
     split: Split,
-    histories: list[History],
+    histories: list[LossHistory],
     errors: dict[str, Any],
 ) -> Card:
     """Return the card of what was trained."""
     parts = {"train": split.train, "validation": split.validation, "test": split.test}
-    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
+    prior = load_planar(command.prior, {"friction": command.prior_friction})
     return Card(
         prior=command.prior,
         prior_config=asdict(prior.config),
@@ -95,11 +95,11 @@ def make_card(
             **asdict(command.training),
             "validation": command.validation,
             "test": command.test,
-            "best_rounds": [history.best + 1 for history in histories],
+            "best_epochs": [history.best + 1 for history in histories],
             "validation_losses": [history.validation[history.best] for history in histories],
         },
         errors=errors,
         versions=environment(),
         command=ros2_command("sain_model", "train_correction"),
-        architecture=INSIDE_ARCHITECTURE,
+        architecture=CORRECTION_ARCHITECTURE,
     )

@@ -1,55 +1,51 @@
-"""Dynamics by name: what command lines, parameters and nodes say when they mean a model."""
+"""What this package offers to the registry of models: its priors and checkpoints."""
 
 from importlib import resources
 from pathlib import Path
 
-from sain_core.dynamics import Dynamics
-from sain_core.errors import CheckpointError
+from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_model.dynamics.checkpoint import (
-    INSIDE_ARCHITECTURE,
-    SUFFIX,
+    CORRECTION_ARCHITECTURE,
     card_path,
     fill,
     load_checkpoint,
     read_card,
     read_checkpoint,
 )
-from sain_model.dynamics.correction_network import InsideNetworks
+from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.intervals import Intervals
-from sain_model.dynamics.parameter_correction import InsideSain
-from sain_model.dynamics.priors import C, Settings, load_prior, load_told_prior, naming, typed
+from sain_model.dynamics.parameter_correction import ParameterCorrection
+from sain_model.dynamics.priors import C, Settings, load_planar, load_prior, naming, typed
 from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import (
+    IDENTITY,
     PHYSICS,
-    PRIORS,
+    PLANAR_PRIORS,
     SHIPPED,
-    InsideNetworkConfig,
+    CorrectionNetworkConfig,
     RolloutConfig,
 )
 from sain_model.physics.friction import FrictionConfig
 
 
-def load_dynamics(name: str) -> Dynamics:
-    """Return a dynamics by its name.
+def load_builtin(name: str) -> Dynamics:
+    """Return a dynamics of this package: what `sain_core.plugins.load_dynamics` finds here.
 
     Args:
         name: ``planar``, ``planar_axes`` or ``identity``: that prior; ``sain``: the checkpoint
             that comes with this package; anything else: the path of a checkpoint.
 
     Raises:
-        CheckpointError: no prior of that name, and no sound checkpoint at that path.
+        CheckpointError: no sound checkpoint at that path.
     """
-    if name in PRIORS:
-        return load_prior(name)
-    if name == SHIPPED:
-        return load_sain(shipped_checkpoint())
-    if not name.endswith(SUFFIX):
-        known = ", ".join([*PRIORS, SHIPPED])
-        raise CheckpointError(f"no dynamics {name!r}; known: {known}, or a path *{SUFFIX}")
-    path = Path(name)
-    if path.exists() and read_card(path).architecture == INSIDE_ARCHITECTURE:
-        return load_inside(path)
+    if name == IDENTITY:
+        return IdentityPrior()
+    if name in PLANAR_PRIORS:
+        return load_planar(name)
+    path = shipped_checkpoint() if name == SHIPPED else Path(name).expanduser()
+    if path.exists() and read_card(path).architecture == CORRECTION_ARCHITECTURE:
+        return load_parameter_correction(path)
     return load_sain(path)
 
 
@@ -82,18 +78,18 @@ def load_sain(path: Path) -> SainDynamics:
     )
 
 
-def load_inside(path: Path) -> InsideSain:
+def load_parameter_correction(path: Path) -> ParameterCorrection:
     """Return the networks at this path inside the prior that they were trained in.
 
     Raises:
         CheckpointError: the checkpoint is not sound.
     """
-    content, card, text = read_checkpoint(path, INSIDE_ARCHITECTURE)
+    content, card, text = read_checkpoint(path, CORRECTION_ARCHITECTURE)
     with naming(str(card_path(path))):
-        prior = load_told_prior(card.prior, card.prior_config)
-        networks = InsideNetworks(card_part("network", InsideNetworkConfig, card.network))
+        prior = load_planar(card.prior, card.prior_config)
+        networks = CorrectionEnsemble(card_part("network", CorrectionNetworkConfig, card.network))
     fill(path, content, networks)
-    return InsideSain(networks, prior, card.prior, card.weights_sha256, text)
+    return ParameterCorrection(networks, prior, card.prior, card.weights_sha256, text)
 
 
 def sain_class(rollouts: RolloutConfig | None) -> type[SainDynamics]:
@@ -113,4 +109,4 @@ def card_part(name: str, kind: type[C], settings: Settings) -> C:
 
 def shipped_checkpoint() -> Path:
     """Return the path of the checkpoint that comes with this package."""
-    return Path(str(resources.files("sain_model") / "checkpoints" / f"{SHIPPED}{SUFFIX}"))
+    return Path(str(resources.files("sain_model") / "checkpoints" / "sain.safetensors"))

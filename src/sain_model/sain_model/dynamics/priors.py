@@ -1,4 +1,4 @@
-"""The physics below a network, by name; importable without PyTorch."""
+"""Priors by name, importable without PyTorch."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,11 +8,11 @@ from typing import Any, TypeVar, get_type_hints
 from sain_core.config import Config
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import CheckpointError
+from sain_core.plugins import load_dynamics
 from sain_model.dynamics.settings import (
     IDENTITY,
     PLANAR,
-    PLANAR_AXES,
-    PRIORS,
+    PLANAR_PRIORS,
 )
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_axes import AXES
@@ -22,26 +22,36 @@ Settings = dict[str, Any]
 
 
 def load_prior(name: str, settings: Settings | None = None) -> Dynamics:
-    """Return a prior by its name, with its usual settings or with these.
+    """Return a prior by its name, from any installed package.
+
+    Args:
+        name: of the prior, as in `sain_core.plugins.load_dynamics`.
+        settings: of `PlanarConfig`, for ``planar`` and ``planar_axes``; None: the usual ones.
 
     Raises:
-        CheckpointError: there is none of that name, or it has no such settings.
+        ConfigError: no package offers this name.
+        CheckpointError: the prior has no such settings.
     """
     if name == IDENTITY:
         return IdentityPrior()
-    if name not in PRIORS:
-        raise CheckpointError(f"no prior {name!r}; known: {', '.join(PRIORS)}")
-    return load_told_prior(name, settings)
+    if name in PLANAR_PRIORS:
+        return load_planar(name, settings)
+    if settings:
+        raise CheckpointError(f"the prior {name!r} has no settings; given: {', '.join(settings)}")
+    return load_dynamics(name)
 
 
-def load_told_prior(name: str, settings: Settings | None = None) -> PlanarPrior:
-    """Return a prior that can be told what is unlike the textbook.
+def load_planar(name: str, settings: Settings | None = None) -> PlanarPrior:
+    """Return a planar prior, whose friction and parameters can be conditioned.
 
     Raises:
         CheckpointError: there is none of that name, or it has no such settings.
     """
-    if name not in (PLANAR, PLANAR_AXES):
-        raise CheckpointError(f"the prior {name!r} cannot be told; {PLANAR} and {PLANAR_AXES} can")
+    if name not in PLANAR_PRIORS:
+        known = " and ".join(PLANAR_PRIORS)
+        raise CheckpointError(
+            f"the parameters of {name!r} cannot be corrected; those of {known} can"
+        )
     usual = PlanarConfig() if name == PLANAR else AXES
     with naming("settings of the planar prior"):
         return PlanarPrior(replace(usual, **typed(PlanarConfig, settings or {})))

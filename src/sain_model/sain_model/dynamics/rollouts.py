@@ -17,7 +17,7 @@ from sain_model.dynamics.settings import NO_GRADIENT, PHYSICS, LossConfig, Rollo
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.planar import step_knowing
 
-Told = Float[ndarray, "W T"]  # the friction that the prior is told for each push
+PushFrictions = Float[ndarray, "W T"]  # the friction that the prior is conditioned on
 
 
 def roll(
@@ -25,7 +25,7 @@ def roll(
     windows: Windows,
     prior: Dynamics,
     config: RolloutConfig,
-    friction: Told | None = None,
+    friction: PushFrictions | None = None,
 ) -> Float[Tensor, "W T N 3"]:
     """Return the poses that a network predicts over windows, fed with its own predictions.
 
@@ -34,7 +34,7 @@ def roll(
         windows: where to start from, and which pushes.
         prior: what is corrected.
         config: how steps hang together.
-        friction: what the planar prior is told for each push; None: the nominal one.
+        friction: of each push, for the planar prior; None: the nominal one.
     """
     pose = torch.from_numpy(windows.scenes[..., POSE])
     own = windows.scenes

@@ -7,9 +7,9 @@ from sain_core.config import Config, option
 
 PLANAR: Final = "planar"
 PLANAR_AXES: Final = "planar_axes"
-IDENTITY: Final = "identity"
-PRIORS: Final = (PLANAR, PLANAR_AXES, IDENTITY)
+PLANAR_PRIORS: Final = (PLANAR, PLANAR_AXES)
 SHIPPED: Final = "sain"
+IDENTITY: Final = "identity"
 CORRECTED: Final = "corrected"  # s-bar_{t+1} = f_p(s-hat_t, a_t)
 PHYSICS: Final = "physics"  # s-bar_{t+1} = f_p(s-bar_t, a_t): equation 3 to the letter
 CHAINS: Final = (CORRECTED, PHYSICS)
@@ -17,6 +17,7 @@ NO_GRADIENT: Final = "none"
 SHIFT: Final = "shift"
 DIFFERENCES: Final = "differences"
 GRADIENTS: Final = (NO_GRADIENT, SHIFT, DIFFERENCES)
+STEPS: Final = (1, 5, 15)
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,10 @@ class RolloutConfig(Config):
     )
     rollout_epochs: int = option(12, "passes over the windows", minimum=1)
     rollout_batch: int = option(64, "windows in a step of the optimiser", minimum=1)
-    rollout_rate: float = option(1e-3, "at the start; falls to 0 along a cosine", minimum=1e-7)
-    largest_gradient: float = option(1.0, "norm to which longer gradients are cut", minimum=1e-6)
+    rollout_learning_rate: float = option(
+        1e-3, "at the start; falls to 0 along a cosine", minimum=1e-7
+    )
+    max_grad_norm: float = option(1.0, "norm to which longer gradients are cut", minimum=1e-6)
 
     @property
     def wanted(self) -> bool:
@@ -59,7 +62,7 @@ class RolloutConfig(Config):
 
 
 @dataclass(frozen=True)
-class InsideNetworkConfig(Config):
+class CorrectionNetworkConfig(Config):
     """The size of the network."""
 
     hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
@@ -69,6 +72,3 @@ class InsideNetworkConfig(Config):
         5, "places on a disk's way where the map of the table is looked at; 0: no map", minimum=0
     )
     members: int = option(1, "networks whose predictions are averaged", minimum=1, maximum=32)
-
-
-STEPS: Final = (1, 5, 15)

@@ -8,11 +8,14 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from sain_core.seeding import generator
-from sain_model.network.features import GAP_AFTER, GAP_BEFORE, RELATION_FEATURES, TURN_SCALE
-from sain_model.network.members import make_perceptron, silence
-from sain_model.network.settings import (
-    NetworkConfig,
+from sain_model.network.feature_kernels import (
+    GAP_AFTER,
+    GAP_BEFORE,
+    RELATION_FEATURES,
+    TURN_SCALE,
 )
+from sain_model.network.members import make_perceptron, zero_last_layer
+from sain_model.network.settings import NetworkConfig
 
 OUTPUTS = 3  # dx, dy, dtheta
 CHUNK = 512  # pushes at a time in an ensemble: what all its members make of them fits the cache
@@ -32,7 +35,7 @@ class InteractionNetwork(nn.Module):
         size = config.hidden, config.layers, config.members
         self.relation = make_perceptron(RELATION_FEATURES, config.message, *size)
         self.dynamics = make_perceptron(config.disk_features + config.message, OUTPUTS, *size)
-        silence(self.dynamics)
+        zero_last_layer(self.dynamics)
         self.register_buffer(
             "unit", torch.tensor([POSITION_UNIT, POSITION_UNIT, TURN_SCALE]), persistent=False
         )

@@ -37,8 +37,6 @@ class NetworkConfig(Config):
     @property
     def disk_features(self) -> int:
         """How many numbers it is told of each disk."""
-        return DISK_FEATURES + (PLACE_FEATURES if self.features == WORLD_FRAME else 0)
+        from sain_model.network.features import count_disk_features  # loads Numba
 
-
-DISK_FEATURES: Final = 15
-PLACE_FEATURES: Final = 10
+        return count_disk_features(self.features)

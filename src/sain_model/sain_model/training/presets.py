@@ -17,7 +17,7 @@ from sain_model.training.settings import (
     HALVING_EPOCHS,
     HALVING_STEPS,
     NOTHING,
-    DescentConfig,
+    OptimizerConfig,
     TrainingConfig,
 )
 
@@ -33,9 +33,9 @@ PAPER: Final = TrainingConfig(
     validation=0.2,
     history=NOTHING,
     loss=LossConfig(robust=False, position_scale=0.001, velocity_scale=0.1, heading_scale=0.05),
-    descent=DescentConfig(ADAM, HALVING_STEPS, 2500),
+    optimizer=OptimizerConfig(ADAM, HALVING_STEPS, 2500),
 )
-PAPER_EPOCHS: Final = replace(PAPER, descent=DescentConfig(ADAM, HALVING_EPOCHS, 2500))
+PAPER_EPOCHS: Final = replace(PAPER, optimizer=OptimizerConfig(ADAM, HALVING_EPOCHS, 2500))
 PAPER_STEPS: Final = replace(PAPER, epochs=16, epoch_steps=500, validate_every=1)
 """8,000 steps, validated every 500 of them."""
 

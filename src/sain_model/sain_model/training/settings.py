@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from sain_core.config import Config, option
 from sain_core.dataset import SHARES, TEST, VALIDATION
-from sain_model.dynamics.settings import PLANAR, PRIORS, InsideNetworkConfig, LossConfig
+from sain_model.dynamics.settings import PLANAR, CorrectionNetworkConfig, LossConfig
 from sain_model.network.settings import BOOTSTRAP, ORDER, PUSH_FRAME, NetworkConfig
 
 if TYPE_CHECKING:
@@ -22,10 +22,10 @@ HALVING_EPOCHS: Final = "halving_epochs"
 
 
 @dataclass(frozen=True)
-class DescentConfig(Config):
-    """The optimiser, and how its learning rate falls."""
+class OptimizerConfig(Config):
+    """The optimizer, and how its learning rate falls."""
 
-    optimiser: str = option(
+    optimizer: str = option(
         ADAMW,
         "adamw shrinks weights apart from the loss; adam adds equation 5's L2 term to it, with"
         " lambda half of weight_decay",
@@ -41,18 +41,23 @@ class DescentConfig(Config):
     def rate(self, epoch: int, epochs: int, step: int) -> float:
         """Return the share of the first learning rate, at an epoch of so many and a step."""
         if self.schedule == COSINE:
-            return 0.5 * (1.0 + math.cos(math.pi * epoch / epochs))
+            return cosine(epoch, epochs)
         done = step if self.schedule == HALVING_STEPS else epoch
         return float(0.5 ** (done // self.halving))
 
     def make(
         self, parameters: "Iterable[Tensor]", rate: float, weight_decay: float
     ) -> "torch.optim.Optimizer":
-        """Return the optimiser of these parameters."""
+        """Return the optimizer of these parameters."""
         import torch
 
-        kind = torch.optim.AdamW if self.optimiser == ADAMW else torch.optim.Adam
+        kind = torch.optim.AdamW if self.optimizer == ADAMW else torch.optim.Adam
         return kind(parameters, rate, weight_decay=weight_decay)
+
+
+def cosine(done: int, total: int) -> float:
+    """Return the share of the first learning rate when so much of a training is done."""
+    return 0.5 * (1.0 + math.cos(math.pi * done / total))
 
 
 NOTHING: Final = "none"
@@ -95,7 +100,7 @@ class TrainingConfig(Config):
         minimum=0.0,
         maximum=0.5,
     )
-    prior: str = option(PLANAR, "what is corrected", choices=PRIORS)
+    prior: str = option(PLANAR, "model that is corrected: a name in the registry of models")
     history: str = option(
         EPISODE,
         "what shows the prior the friction in training: nothing, the episode's earlier pushes, or"
@@ -108,7 +113,7 @@ class TrainingConfig(Config):
     transitions: int = option(0, "learn from so many transitions only; 0: from all", minimum=0)
     network: NetworkConfig = NetworkConfig()
     loss: LossConfig = LossConfig()
-    descent: DescentConfig = DescentConfig()
+    optimizer: OptimizerConfig = OptimizerConfig()
 
     @property
     def mirrors(self) -> bool:
@@ -121,11 +126,13 @@ class CorrectionTrainingConfig(Config):
     """How a network inside physics is trained."""
 
     seed: int = option(0, "same seed, data and settings: same weights", minimum=0)
-    steps: int = option(3000, "steps of the optimiser", minimum=1)
+    steps: int = option(3000, "steps of the optimizer in all epochs", minimum=1)
     batch: int = option(64, "pushes in a step", minimum=1)
     learning_rate: float = option(2e-3, "at the start; falls to 0 along a cosine", minimum=1e-7)
     weight_decay: float = option(0.01, "of AdamW", minimum=0.0)
-    steepest: float = option(50.0, "longest gradient of a step; more is cut off", minimum=1e-3)
-    rounds: int = option(20, "how often validation looks for the best weights", minimum=1)
-    network: InsideNetworkConfig = InsideNetworkConfig()
+    max_grad_norm: float = option(50.0, "norm to which longer gradients are cut", minimum=1e-3)
+    epochs: int = option(
+        20, "parts of the steps; validation after each chooses the best weights", minimum=1
+    )
+    network: CorrectionNetworkConfig = CorrectionNetworkConfig()
     loss: LossConfig = LossConfig()

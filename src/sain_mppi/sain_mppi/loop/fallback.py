@@ -4,13 +4,11 @@ import logging
 from threading import Event
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-
 from sain_core.dynamics import Radii, RegionModel, RolloutModel
-from sain_core.errors import CancelledError, ModelUnavailableError, SainError
+from sain_core.errors import CancelledError, SainError
 from sain_core.history import PushHistory, informed_rollout
+from sain_core.response_check import check_finite_answer, check_rollout
 from sain_core.types import PredictedScenes, PushSequences, Scene
-from sain_mppi.search.response_check import check_answer
 
 logger = logging.getLogger(__name__)
 
@@ -69,7 +67,8 @@ class FallbackRollout:
             raise CancelledError("the plan is no longer wanted")
         if self.failure is None:
             try:
-                return check_answer(_finite(self._model.rollout(scene, pushes)), scene, pushes)
+                predicted = check_rollout(self._model.rollout(scene, pushes), scene, pushes)
+                return check_finite_answer(predicted)
             except SainError as error:
                 logger.debug("falling back to physics: %s", error)
                 self.failure = error
@@ -89,11 +88,3 @@ class FallbackRollout:
         except SainError as error:  # the plan stands without it
             logger.debug("no regions are known: %s", error)
             return None
-
-
-def _finite(predicted: PredictedScenes) -> PredictedScenes:
-    finite = np.isfinite(predicted)
-    if not finite.all():
-        bad = int((~finite).sum())
-        raise ModelUnavailableError(f"{bad} of the model's {finite.size} numbers are NaN or Inf")
-    return predicted

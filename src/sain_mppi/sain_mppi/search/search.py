@@ -9,6 +9,7 @@ import numpy as np
 from sain_core.dynamics import Radii, RolloutModel, regions_of
 from sain_core.errors import ModelUnavailableError
 from sain_core.feasibility import Feasibility
+from sain_core.response_check import check_rollout
 from sain_core.scene import MID, POSITION
 from sain_core.types import (
     Mask,
@@ -25,7 +26,6 @@ from sain_mppi.search.elites import Finds
 from sain_mppi.search.feasible_mask import permitted
 from sain_mppi.search.goal import Goal
 from sain_mppi.search.pacing import Pacing
-from sain_mppi.search.response_check import check_answer
 from sain_mppi.search.result import PlanResult, Times
 from sain_mppi.search.weights import cost_spread, effective_samples, softmin_weights
 
@@ -166,7 +166,7 @@ class Search:
         begun = perf_counter()
         predicted = self.model.rollout(self.scene, sequences)
         self._rollout_time += perf_counter() - begun
-        return check_answer(predicted, self.scene, sequences)
+        return check_rollout(predicted, self.scene, sequences)
 
     def _costs(
         self, sequences: PushSequences, predicted: PredictedScenes
