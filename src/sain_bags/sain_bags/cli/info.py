@@ -23,7 +23,7 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:
     table.add_column("Type")
     for name in ("Messages", "Rate", "Longest gap", "Missing"):
         table.add_column(name, justify="right")
-    told = read_gaps(bag.custom_data) or {}
+    recorded = read_gaps(bag.custom_data) or {}
     for topic in bag.topics:
         mean = topic.messages / bag.duration if topic.messages > 1 and bag.duration else 0.0
         timing = timings.get(topic.name, TopicTiming(mean, 0.0, None))
@@ -33,7 +33,7 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:
             f"{topic.messages:,}",
             f"{timing.rate:.1f} Hz" if timing.rate else "-",
             f"{timing.longest_gap:.2f} s" if timing.longest_gap else "-",
-            _missing(timing.missing, told.get(topic.name)),
+            _missing(timing.missing, recorded.get(topic.name)),
         )
     return table
 
@@ -98,11 +98,11 @@ def show(path: Path, console: Console, check: bool = True) -> None:
         console.print(episode_table(episodes), soft_wrap=True)
 
 
-def _missing(counted: int | None, told: str | None) -> str:
+def _missing(counted: int | None, recorded: str | None) -> str:
     """What the bag shows is certain; of several publishers only their recorder could tell."""
     if counted is not None:
         return f"{counted:,}"
-    return told or "-"
+    return recorded or "-"
 
 
 def _millimetres(metres: float) -> str:

@@ -9,7 +9,7 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColu
 
 from sain_bags.cli.options import RecoverOptions
 from sain_bags.recovery.recovery import recover
-from sain_bags.recovery.recovery_report import Outcome, Report
+from sain_bags.recovery.recovery_report import RecoveryOutcome, Report
 from sain_bags.recovery.verified_summary import read_sidecar
 
 LISTED: Final = 20  # losses that are printed one by one
@@ -17,7 +17,7 @@ LISTED: Final = 20  # losses that are printed one by one
 
 def describe(report: Report, out: Path) -> list[str]:
     """Return what a recovery came to, line by line."""
-    if report.outcome == Outcome.NOTHING:
+    if report.outcome == RecoveryOutcome.NOTHING:
         return ["Nothing could be saved.", *_loss_lines(report)]
     chunks = sum(file.chunks for file in report.files)
     duration = 1e-9 * (report.end - report.start)
@@ -28,7 +28,7 @@ def describe(report: Report, out: Path) -> list[str]:
     ]
     if report.note:
         lines.append(f"Note: {report.note}.")
-    if report.outcome == Outcome.LOSSLESS:
+    if report.outcome == RecoveryOutcome.LOSSLESS:
         damaged = any(file.losses for file in report.files)
         return [*lines, "Nothing was lost" + (", though it is damaged." if damaged else ".")]
     return [*lines, *_loss_lines(report)]
@@ -55,7 +55,7 @@ def _loss_lines(report: Report) -> list[str]:
     if report.doubtful:
         lines.append(
             f"Beware: {report.doubtful:,} messages that were saved have no CRC of their own;"
-            " whether they are as recorded cannot be told."
+            " they have no checksum, so that damage to them is not detected."
         )
     return lines
 

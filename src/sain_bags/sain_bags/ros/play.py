@@ -19,7 +19,7 @@ LOOK: Final = 0.02  # [s], between two looks for subscribers
 SHOWN: Final = 0.2  # [s], between two looks at the bar
 
 
-class Watch:
+class PlaybackClock:
     """Monotonic time, and an end that a signal asks for."""
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ def run(options: PlayOptions, console: Console) -> None:
 
 def play_bag(options: PlayOptions, console: Console) -> Played:
     """Play a bag; rclpy is initialised. Raises as `run`."""
-    watch, bag = Watch(), Bag(options.bag)
+    watch, bag = PlaybackClock(), Bag(options.bag)
     chosen = choose_topics(bag, options.topics, options.passage.clock > 0.0)
     player = Player(chosen, options.namespace)
     try:
@@ -70,7 +70,7 @@ def play_bag(options: PlayOptions, console: Console) -> Played:
     return played
 
 
-def await_subscribers(player: Player, patience: float, watch: Watch) -> None:
+def await_subscribers(player: Player, patience: float, watch: PlaybackClock) -> None:
     """Wait until every topic has a subscriber, not longer than patience allows [s]."""
     end = watch.now() + patience
     while player.unheard() and watch.now() < end and not watch.wait(LOOK):
@@ -78,7 +78,7 @@ def await_subscribers(player: Player, patience: float, watch: Watch) -> None:
 
 
 def _play_with_bar(
-    passage: Passage, player: Player, watch: Watch, options: PlayOptions, console: Console
+    passage: Passage, player: Player, watch: PlaybackClock, options: PlayOptions, console: Console
 ) -> Played:
     columns = (
         TextColumn("play"),

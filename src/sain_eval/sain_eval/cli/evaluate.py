@@ -18,11 +18,11 @@ from sain_core.fitting_table import FittingTable
 from sain_core.provenance import ros2_command
 from sain_core.storage import write_whole
 from sain_eval.cli.options import EvaluateOptions
-from sain_eval.loop.controllers import controller_maker
-from sain_eval.loop.evaluation import Job, run_jobs
+from sain_eval.loop.controllers import agent_maker
+from sain_eval.loop.evaluation import EpisodeJob, run_jobs
 from sain_eval.loop.files import output_folder
 from sain_eval.loop.journal import Journal
-from sain_eval.loop.report import HEADER, markdown_table, table_cells
+from sain_eval.loop.report import HEADER, results_table, table_cells
 from sain_eval.loop.results import SceneRecord, summarise, write_results
 
 TABLE_FILE: Final = "table.md"
@@ -42,7 +42,7 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
         CheckpointError: a controller's model cannot be loaded.
     """
     for name in options.controller_names:
-        controller_maker(name, options.planner)  # a bad name should not wait for its first scene
+        agent_maker(name, options.agent)  # a bad name should not wait for its first scene
     journal = Journal(output_folder(options.out), options.settings())
     jobs = jobs_of(options, journal.done)
     if len(jobs) < len(journal.done):
@@ -55,20 +55,19 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     kept = [record for record in journal.records if wants(options, record)]
     config = {**dataclasses.asdict(options), "out": str(options.out)}
     write_results(options.out, kept, config, command)
-    write_whole(options.out / TABLE_FILE, markdown_table(summarise(kept)).encode())
+    write_whole(options.out / TABLE_FILE, results_table(summarise(kept)).encode())
     return kept
 
 
-def jobs_of(options: EvaluateOptions, done: set[tuple[str, int, str]]) -> list[Job]:
+def jobs_of(options: EvaluateOptions, done: set[tuple[str, int, str]]) -> list[EpisodeJob]:
     """Return the episodes that are still to be run, scene by scene."""
     return [
-        Job(
+        EpisodeJob(
             scenario,
             seed,
             controller,
             options.tolerance_values,
-            options.planner,
-            options.history,
+            options.agent,
             _picture(options, scenario, seed, controller),
             options.truth,
         )

@@ -11,6 +11,7 @@ from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
 from sain_eval.calibration_settings import CalibrationConfig
 from sain_eval.scenes.scenarios import SCENARIOS
+from sain_mppi.loop.settings import AgentConfig
 from sain_mppi.search.config import PlannerConfig
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 
@@ -94,6 +95,11 @@ class EvaluateOptions(Config):
             raise ConfigError(
                 f"--tolerances is {self.tolerances!r}; allowed: numbers with commas"
             ) from error
+
+    @property
+    def agent(self) -> AgentConfig:
+        """How agents decide: what is not chosen here is as in the planner's node."""
+        return AgentConfig(history=self.history, planner=self.planner)
 
     def settings(self) -> dict[str, object]:
         """Return what a record depends on besides scenario, seed and controller."""
