@@ -33,7 +33,7 @@ from sain_model.data.examples import Examples, make_examples
 from sain_model.dynamics.loss import mixed_loss
 from sain_model.dynamics.priors import load_prior
 from sain_model.network.settings import PUSH_FRAME, NetworkConfig
-from sain_model.training.presets import PAPER
+from sain_model.training.options import PAPER
 from sain_model.training.push_training import Trainer
 from sain_model.training.settings import NOTHING, TrainingConfig
 from sain_model.training.training_state import LossHistory

@@ -22,8 +22,15 @@ from sain_model.data.batches import Batches
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.options import TrainOptions, train_options
-from sain_model.training.presets import LAMBDA, PAPER, PAPER_EPOCHS, PAPER_STEPS, PRESETS
+from sain_model.training.options import (
+    LAMBDA,
+    PAPER,
+    PAPER_EPOCHS,
+    PAPER_STEPS,
+    PRESETS,
+    TrainOptions,
+    train_options,
+)
 from sain_model.training.progress import FOLDER, EventLog
 from sain_model.training.push_training import Trainer
 from sain_model.training.settings import (

@@ -44,7 +44,7 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
     try:
         with BagCopy(out) as copy:
             files = tuple(_recover_file(path, copy, advance) for path in sidecar.files)
-            sidecar = complete_sidecar(sidecar, files[-1].about, files[-1].said)
+            sidecar = complete_sidecar(sidecar, files[-1].about, files[-1].described_bag)
             report = _report(files, copy, sidecar)
             if report.outcome != RecoveryOutcome.NOTHING:
                 copy.finish(_custom_data(sidecar, report, source), sidecar.ros_distro)

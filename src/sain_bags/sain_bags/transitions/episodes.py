@@ -230,7 +230,7 @@ def _push(result: Any, plans: dict[int, PlanRecord], physics: dict[int, Any]) ->
 
 def _plan(message: Any) -> PlanRecord:
     pushes, predicted = decode_plan(message)
-    decoded = {"pushes": pushes, "predicted": predicted}
+    decoded: dict[str, Any] = {"pushes": pushes, "predicted": predicted}
     names = [field.name for field in fields(PlanRecord) if field.name not in decoded]
     return PlanRecord(**{name: getattr(message, name) for name in names}, **decoded)
 
