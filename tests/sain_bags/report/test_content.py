@@ -26,9 +26,10 @@ from sain_bags.report.writing import render_page
 from sain_core.errors import DatasetError, OutputError
 from sain_core.scene import STATE_NAMES
 from sain_eval.plots.palette import PALETTE
+from tests.paths import ROOT
 from tests.sain_bags.shown import STEPS, Show, recorded, shown_scenes
 
-PAGE = Path(__file__).resolve().parents[2] / "src/sain_bags/sain_bags/report/page"
+PAGE = ROOT / "src/sain_bags/sain_bags/report/page"
 
 
 @pytest.fixture
