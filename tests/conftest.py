@@ -7,13 +7,17 @@ from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import pytest
 from beartype import BeartypeConf, FrozenDict, beartype
 from hypothesis import settings
 from jaxtyping import install_import_hook
+
+
+if TYPE_CHECKING:
+    from tests.graph import Graph
 
 PACKAGES = (
     "sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval", "sain_bringup",
@@ -70,3 +74,13 @@ def ros_domain() -> Iterator[int]:
             os.environ.pop(name, None)
         else:
             os.environ[name] = value
+
+
+@pytest.fixture
+def graph(ros_domain: int) -> Iterator["Graph"]:
+    """A graph with nobody in it but a bystander."""
+    from tests.graph import Graph  # not before the domain is set, nor where no test needs ROS
+
+    graph = Graph(ros_domain)
+    yield graph
+    graph.close()
