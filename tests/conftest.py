@@ -15,6 +15,12 @@ from beartype import BeartypeConf, FrozenDict, beartype
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
+from tests.workers import (  # noqa: F401 - these are hooks
+    pytest_collection_modifyitems,
+    pytest_sessionstart,
+    pytest_xdist_auto_num_workers,
+    pytest_xdist_make_scheduler,
+)
 
 if TYPE_CHECKING:
     from tests.graph import Graph
