@@ -32,11 +32,12 @@ from matplotlib.figure import Figure as Picture
 from benchmarks.inference import SIZE, Reference, multiplications, peak
 from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
+from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
+from sain_core.drawing.palette import PALETTE
 from sain_core.dynamics import IdentityPrior, as_rollout
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scene
-from sain_eval.plots.pictures import save_picture
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
 from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.sain import IDENTITY, SainDynamics
@@ -165,7 +166,7 @@ def scaling(sain: SainDynamics, options: Options) -> list[Figure]:
         sain, {h: replace(usual, samples=SAMPLES, horizon=h) for h in HORIZONS}, options
     )
     if options.picture is not None:
-        save_picture(draw(by_samples, by_horizon), options.picture)
+        write_png(draw(by_samples, by_horizon), options.picture)
     each = {count: 1e6 * seconds / count for count, seconds in by_samples.items()}
     figures = [
         Figure(f"K = {count}, H = {HORIZON}: a sequence", value, "us")
@@ -205,7 +206,7 @@ def plan_times(
 
 def draw(by_samples: dict[int, float], by_horizon: dict[int, float]) -> Picture:
     """Draw plan time against K and against H, each beside a straight line."""
-    picture = Picture(figsize=(9.0, 3.6), layout="constrained")
+    picture = new_figure(6.6, 3.6)
     left, right = picture.subplots(1, 2)
     panels = (
         (left, by_samples, f"K, sequences (H = {HORIZON})"),
@@ -214,15 +215,14 @@ def draw(by_samples: dict[int, float], by_horizon: dict[int, float]) -> Picture:
     for axes, times, label in panels:
         sizes, seconds = np.array(list(times)), np.array(list(times.values()))
         line = seconds[-1] / sizes[-1] * sizes
-        axes.loglog(sizes, 1e3 * line, color="0.7", linewidth=1, label="proportional")
-        axes.loglog(sizes, 1e3 * seconds, "o-", color="#2f5d8a", label="measured")
+        axes.loglog(sizes, 1e3 * line, color=PALETTE.physics, linewidth=1, label="proportional")
+        axes.loglog(sizes, 1e3 * seconds, "o-", color=PALETTE.mid, label="measured")
+        style_axes(axes, grid="both", xlabel=label, ylabel="time of a plan [ms]")
         axes.set_xticks(sizes, [str(size) for size in sizes])
         axes.minorticks_off()
-        axes.set_xlabel(label)
-        axes.grid(alpha=0.3)
-    left.set_ylabel("time of a plan, ms")
-    left.legend(frameon=False)
-    picture.suptitle(f"One round of MPPI over SAIN, {numba.get_num_threads()} cores", fontsize=11)
+        axes.legend(frameon=False)
+    title = f"One round of MPPI over SAIN, {numba.get_num_threads()} cores"
+    picture.suptitle(title, fontsize=TEXT + 1.5)
     return picture
 
 

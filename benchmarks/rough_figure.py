@@ -11,17 +11,17 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from sain_model.evaluation.png import write_png
+from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
+from sain_core.drawing.palette import PALETTE
 
 BARS = (  # how the names of rows begin, what they are called, colour
-    ("", "physics, measured", "#8c8c8c"),  # the best of them
-    ("physics, identified", "physics, identified", "#b8a04a"),
-    ("learned only", "learned only", "#e8762c"),
-    ("SAIN, world", "SAIN", "#7fa8d9"),
-    ("SAIN inside", "SAIN inside physics", "#1f4e8c"),
-    ("floor", "floor", "#2e8b57"),
+    ("", "physics, measured", PALETTE.physics),  # the best of them
+    ("physics, identified", "physics, identified", PALETTE.identified),
+    ("learned only", "learned only", PALETTE.learned),
+    ("SAIN, world", "SAIN", PALETTE.predicted),
+    ("SAIN inside", "SAIN inside physics", PALETTE.inside),
+    ("floor", "floor", PALETTE.floor),
 )
 
 
@@ -39,17 +39,15 @@ def main() -> None:
     """Draw the mean target errors of several collections, with 95 % intervals."""
     command = tyro.cli(Command, description=main.__doc__)
     reports = [json.loads(path.read_text()) for path in command.reports]
-    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    figure = new_figure(6.6, 4.0)
     axes = figure.subplots()
+    style_axes(axes, xlabel="effect on the world", ylabel="mean target error [mm]")
     for bar in range(len(BARS)):
         draw(axes, reports, bar)
     names = [Path(report["dataset"]).name for report in reports]
-    axes.set_xticks(range(len(names)), names)
-    axes.set_ylabel("mean target error, mm")
-    axes.grid(axis="y", alpha=0.25)
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.legend(frameon=False, ncols=6, loc="outside upper center")
-    write_png(command.out, figure, dots_per_inch=110)
+    axes.set_xticks(range(len(names)), names, rotation=30)
+    figure.legend(frameon=False, ncols=3, loc="outside lower center", fontsize=TEXT)
+    write_png(figure, command.out)
 
 
 def draw(axes: Axes, reports: list[dict[str, Any]], bar: int) -> None:

@@ -6,10 +6,11 @@
 import sys
 from pathlib import Path
 
+from sain_core.drawing.figures import write_png
 from sain_core.scene import target_distance
 from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.controllers import controller_maker
-from sain_eval.plots.pictures import draw_episode, save_picture
+from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenarios import SCENARIOS
 
 picture = Path(sys.argv[1]) if len(sys.argv) > 1 else None
@@ -20,4 +21,4 @@ for seed in range(3):
     verdict = outcome.failure or "reached"
     print(f"scene {seed}: {len(outcome.record.pushes)} pushes, {left:.1f} mm left: {verdict}")
     if picture and seed == 0:
-        save_picture(draw_episode(outcome.record), picture)
+        write_png(draw_episode(outcome.record), picture)

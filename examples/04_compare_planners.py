@@ -7,12 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from sain_core.drawing.figures import new_figure, write_png
 from sain_core.scene import make_scene
 from sain_core.seeding import generator
-from sain_eval.plots.pictures import save_picture
-from sain_eval.plots.plan_picture import draw_plan
+from sain_eval.plots.plan_picture import draw_plan, draw_plan_legend
 from sain_model.dynamics.load import load_sain, shipped_checkpoint
 from sain_mppi.algorithms import ALGORITHMS
 from sain_mppi.planner import Planner
@@ -26,19 +25,23 @@ scene = make_scene(
 goal = np.array([0.50, 0.25])  # to the left: the mid disk must first go round the target
 sain = load_sain(shipped_checkpoint())
 
-figure = Figure(figsize=(3.0 * len(ALGORITHMS), 3.5))
-figure.subplots_adjust(left=0.005, right=0.995, bottom=0.01, top=0.86, wspace=0.03)
-for axes, name in zip(figure.subplots(1, len(ALGORITHMS)), ALGORITHMS, strict=True):
+COLUMNS = 3
+figure = new_figure(6.6, 2.6 * -(-len(ALGORITHMS) // COLUMNS) + 0.8)
+places = figure.subplots(-(-len(ALGORITHMS) // COLUMNS), COLUMNS).ravel()
+for axes in places[len(ALGORITHMS) :]:
+    axes.remove()
+for axes, name in zip(places, ALGORITHMS, strict=False):
     planner = Planner(sain, replace(PlannerConfig(), algorithm=name))
     planner.plan(scene, goal, generator(7, name))  # what is loaded and compiled once
     planner.reset()
     plan = planner.complete(scene, planner.plan(scene, goal, generator(7, name)))
     draw_plan(axes, scene, goal, plan)
     axes.set(xlim=(0.28, 0.83), ylim=(-0.22, 0.33))  # the same for all
-    axes.set_title(f"{name}\ncost {plan.cost:.2f}, {plan.samples} sequences", fontsize=10)
+    axes.set_title(f"{name}\ncost {plan.cost:.2f}, {plan.samples} sequences", loc="left")
     worst = max(plan.terms, key=plan.terms.__getitem__)
     print(
         f"{name:12} cost {plan.cost:5.2f} (doing nothing: {plan.rest_cost:.2f}; most of it:"
         f" {worst}), {plan.samples} sequences in {1e3 * plan.times.total:.0f} ms"
     )
-print(f"drawn into {save_picture(figure, Path('planners.png'))}")
+draw_plan_legend(figure)
+print(f"drawn into {write_png(figure, Path('planners.png'))}")

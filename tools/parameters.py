@@ -21,40 +21,58 @@ NODES = {
 }
 INTRODUCTION = """# Parameters
 
-Made by `tools/parameters.py` from the dataclasses that hold the defaults; a test sees that it is
-current.
+For users of the nodes. This page lists every ROS parameter. `tools/parameters.py` makes it from the
+dataclasses that hold the defaults, and a test checks that it is current.
 
-Set them with `--ros-args -p name:=value` or `--params-file FILE`. They are read at the start and
-read-only from then on, but for those marked *live*, which may be changed at any time. An unknown
-name or a value that is not allowed stops the node with one line that says what was probably meant.
+```
+./env ros2 run sain_mppi mppi_node --ros-args -p planner.samples:=1024
+./env ros2 run sain_mppi mppi_node --ros-args --params-file FILE
+```
+
+The title of a table is the prefix of its names: `samples` under `planner` is `planner.samples`.
+Nodes read parameters at the start. Those marked *live* can be changed at any time. An unknown name
+or a value that is not allowed stops the node with one line; it names the nearest valid name.
 """
 TABLE_HEAD = "| parameter | default | allowed | meaning |\n| --- | --- | --- | --- |\n"
+SHARED = "feasibility"
+"""Settings that nodes share: listed once, at the end of the page."""
+SHARED_HEAD = f"""
+## {SHARED.capitalize()}
+
+`sim_node` has these with the prefix `bullet.{SHARED}`, `mppi_node` with `{SHARED}`.
+"""
 
 
 def page() -> str:
     """Return the page."""
     parts = [INTRODUCTION]
     for node, settings in NODES.items():
-        parts.append(f"\n## {node}\n\n{TABLE_HEAD}")
-        parts += [f"| {' | '.join(row)} |\n" for row in rows(settings, "")]
+        parts.append(f"\n## {node}\n")
+        parts += tables(settings, "")
+    parts += [SHARED_HEAD, *tables(MppiConfig().feasibility, "")]
     return "".join(parts)
 
 
-def rows(settings: Config, prefix: str) -> list[tuple[str, str, str, str]]:
-    """Return name, default, allowed values and meaning of each parameter."""
-    found = []
+def tables(settings: Config, prefix: str) -> list[str]:
+    """Return a table of the settings that stand below a prefix, then those of each group of them."""
+    rows, groups = [], []
     for item in dataclasses.fields(settings):
-        value, about = getattr(settings, item.name), item.metadata
-        if isinstance(value, Config):
-            found += rows(value, f"{prefix}{item.name}.")
-            continue
-        unit = f" [{about['unit']}]" if about.get("unit") else ""
-        meaning = about.get("description", "").replace("|", "\\|")
-        meaning = f"*live*: {meaning}" if about.get("live") else meaning
-        found.append(
-            (f"`{prefix}{item.name}`", f"`{shown(value)}`", allowed(about), meaning + unit)
-        )
-    return found
+        value = getattr(settings, item.name)
+        if not isinstance(value, Config):
+            rows.append(f"| {' | '.join(row(item, value))} |\n")
+        elif item.name != SHARED:
+            groups += tables(value, f"{prefix}{item.name}.")
+    heading = f"\n### {prefix[:-1]}\n" if prefix and rows else ""
+    return [f"{heading}\n{TABLE_HEAD}", *rows, *groups] if rows else groups
+
+
+def row(item: dataclasses.Field[object], value: object) -> tuple[str, str, str, str]:
+    """Return name, default, allowed values and meaning of a parameter."""
+    about = item.metadata
+    unit = f" [{about['unit']}]" if about.get("unit") else ""
+    meaning = about.get("description", "").replace("|", "\\|")
+    meaning = f"*live*: {meaning}" if about.get("live") else meaning
+    return f"`{item.name}`", f"`{shown(value)}`", allowed(about), meaning + unit
 
 
 def shown(value: object) -> str:
@@ -74,8 +92,8 @@ def allowed(about: dict[str, object]) -> str:
     if low is None and high is None:
         return ""
     if high is None:
-        return f"from {shown(low)}"
-    return f"to {shown(high)}" if low is None else f"{shown(low)} to {shown(high)}"
+        return f">= {shown(low)}"
+    return f"<= {shown(high)}" if low is None else f"[{shown(low)}, {shown(high)}]"
 
 
 if __name__ == "__main__":

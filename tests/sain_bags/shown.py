@@ -44,7 +44,7 @@ class Show:
         ids = {"push_id": self.push_id, "episode_id": episode}
         push = self.make(
             "sain_interfaces/msg/Push", **ids, scene_id=self.scene_id,
-            location=0.2, angle=-0.1, length=0.08, source=self.source,
+            **action(self.push_id), source=self.source,
         )  # fmt: skip
         off = 0.001 * self.push_id
         expected = np.stack([after + _shift(after, off), after])
@@ -101,6 +101,16 @@ class Show:
         values = {name: getattr(message, name) for name in message.__dataclass_fields__}
         values.pop("__msgtype__", None)
         self.recording.add(f"/sain/{topic}", kind, **values)
+
+
+def action(push_id: int) -> dict[str, float]:
+    """Return a push that no other number has."""
+    location = (0.7 * push_id + np.pi) % (2 * np.pi) - np.pi
+    return {
+        "location": location,
+        "angle": 0.31 - 0.17 * push_id,
+        "length": 0.0513 + 0.011 * push_id,
+    }
 
 
 def _shift(scene: Scene, distance: float) -> Scene:

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from sain_bags.transitions.episodes import Episode, PlanRecord, PushRecord
 from sain_bringup.display import Display, EpisodeView
-from sain_bringup.movie import Moment, MovieConfig, choose_moments, draw_frames, encode_gif
+from sain_bringup.movie import Moment, MovieConfig, choose_moments, encode_gif, film
 from sain_bringup.options import EpisodePlan
 from sain_bringup.report import PlayedEpisode, summary_table
 from sain_bringup.results import choose_episode, draw_pictures
@@ -114,14 +114,41 @@ def test_a_long_episode_is_shown_faster() -> None:
     assert choose_moments([], MovieConfig()) == []
 
 
-def test_the_gif_moves_and_ends_with_a_pause() -> None:
-    def render(joints: np.ndarray, disks: Scene) -> np.ndarray:
+class FakeRenderer:
+    """Draws a red square as far right as the first joint says; some cameras see no target."""
+
+    def __init__(self, blind: int) -> None:
+        self.blind, self.used, self.pixels = blind, [], (1, 1)
+
+    def eyes(self, pairs: list, goal: np.ndarray, ring: float) -> np.ndarray:
+        return np.arange(12.0).reshape(4, 3)
+
+    def look_from(self, eye: np.ndarray) -> None:
+        self.used.append(eye[0])
+
+    def picture(
+        self, joints: np.ndarray, disks: Scene, goal: np.ndarray, ring: float
+    ) -> np.ndarray:
+        self.pixels = (int(joints[0] != 3 or len(self.used) > self.blind), 1)
         picture = np.full((96, 128, 3), 230, np.uint8)
         picture[40:60, int(joints[0]) * 8 :][:, :8] = (200, 60, 30)
         return picture
 
+
+def filmed(renderer: FakeRenderer) -> list[Image.Image]:
+    return film(renderer, moments(5, 0.1), GOAL, 0.08, 0.27, "paper 4", lambda _: None)
+
+
+def test_a_camera_that_hides_the_target_is_moved() -> None:
+    for blind, used in ((0, [0]), (1, [0, 3]), (2, [0, 3, 6]), (99, [0, 3, 6, 0])):
+        renderer = FakeRenderer(blind)
+        assert len(filmed(renderer)) == 5
+        assert renderer.used == used
+
+
+def test_the_gif_moves_and_ends_with_a_pause() -> None:
+    frames = filmed(FakeRenderer(0))
     config = MovieConfig(rate=10.0, hold=1.0)
-    frames = list(draw_frames(moments(5, 0.1), render, "paper 4", tolerance=0.27))
     with Image.open(BytesIO(encode_gif(frames, config))) as movie:
         assert movie.n_frames == 5
         assert movie.size == (128, 96)

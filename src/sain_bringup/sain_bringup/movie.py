@@ -4,10 +4,10 @@ The arm's joints and the disks come from the bag and nothing is simulated again:
 is what happened.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import BytesIO
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -18,8 +18,11 @@ from sain_bags.reading.reader import Bag
 from sain_bags.transitions.episodes import SCENE, Episode
 from sain_core.config import Config, option
 from sain_core.scene import target_distance
-from sain_core.types import Scene
+from sain_core.types import Points, Scene
 from sain_core.wire import decode_disks
+
+if TYPE_CHECKING:
+    from sain_sim.rendering.render import Renderer  # takes a second to load
 
 JOINTS: Final = "sensor_msgs/msg/JointState"
 INK: Final = (43, 48, 54)
@@ -29,10 +32,10 @@ RING: Final = (26, 158, 102)  # the goal's, as `sain_sim.rendering.render` draws
 RARE: Final = (GREEN, RING, INK, FAINT)
 SWATCH: Final = 40  # [px], rows that a rare colour gets in the sheet for the palette
 MARGIN: Final = 16  # [px]
+VIEWS: Final = 3  # cameras that are tried until one shows target and goal in every picture
 PALETTE_SAMPLES: Final = 8  # frames that the common palette is made from
 
 Picture = UInt8[ndarray, "height width 3"]
-Render = Callable[[Float[ndarray, "7"], Scene], Picture]
 
 
 @dataclass(frozen=True)
@@ -89,14 +92,39 @@ def choose_moments(moments: Sequence[Moment], config: MovieConfig) -> list[Momen
     return [moments[index] for index in dict.fromkeys(nearest.tolist())]
 
 
-def draw_frames(
-    moments: Sequence[Moment], render: Render, title: str, tolerance: float
-) -> Iterator[Image.Image]:
-    """Render moments one by one and write on each what is going on."""
-    for moment in moments:
-        image = Image.fromarray(render(moment.joints, moment.scene))
-        _caption(image, title, moment.distance, moment.distance <= tolerance)
-        yield image
+def film(
+    renderer: "Renderer",
+    moments: Sequence[Moment],
+    goal: Points,
+    ring: float,
+    tolerance: float,
+    title: str,
+    status: Callable[[str], object],
+) -> list[Image.Image]:
+    """Render moments from a camera that stands where no picture hides the target or the goal.
+
+    Args:
+        renderer: takes the pictures; its camera is moved.
+        moments: what to show.
+        goal: (2,) [m].
+        ring: radius of the ring about the goal [m].
+        tolerance: of the goal [m].
+        title: written on each picture.
+        status: called with a line about the progress.
+    """
+    eyes = renderer.eyes([(moment.joints, moment.scene) for moment in moments], goal, ring)
+    for last, eye in [*((False, eye) for eye in eyes[:VIEWS]), (True, eyes[0])]:
+        renderer.look_from(eye)
+        frames: list[Image.Image] = []
+        for moment in moments:
+            picture = renderer.picture(moment.joints, moment.scene, goal, ring)
+            if not (last or all(renderer.pixels)):
+                break  # to the next camera
+            frames.append(_caption(picture, title, moment.distance, tolerance))
+            status(f"rendering the moving picture, {len(frames)} of {len(moments)}")
+        else:
+            return frames
+    raise AssertionError("the last camera shows all moments")
 
 
 def encode_gif(frames: Sequence[Image.Image], config: MovieConfig) -> bytes:
@@ -130,11 +158,14 @@ def _common_palette(frames: Sequence[Image.Image], colours: int) -> Image.Image:
     return sheet.quantize(colours, method=Image.Quantize.MEDIANCUT)
 
 
-def _caption(image: Image.Image, title: str, distance: float, reached: bool) -> None:
+def _caption(picture: Picture, title: str, distance: float, tolerance: float) -> Image.Image:
+    """Return a picture with the title and the distance to the goal [m] written on it."""
+    image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
-    size = max(12, image.width // 28)
+    size = max(12, image.width // 24)
     font, small = ImageFont.load_default(size), ImageFont.load_default(0.75 * size)
-    right = image.width - MARGIN
-    text = f"{1e3 * distance:.0f} mm to the goal"
-    draw.text((right, MARGIN), text, GREEN if reached else INK, font, anchor="rt")
-    draw.text((right, MARGIN + 1.5 * size), title, FAINT, small, anchor="rt")
+    right, low = image.width - MARGIN, image.height - MARGIN
+    colour = GREEN if distance <= tolerance else INK
+    draw.text((MARGIN, low), title, FAINT, small, anchor="ls")
+    draw.text((right, low), f"{1e3 * distance:.0f} mm to the goal", colour, font, anchor="rs")
+    return image

@@ -1,32 +1,39 @@
 """One picture of a whole run: every episode from above, side by side."""
 
 from collections.abc import Sequence
+from typing import Any, Final
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sain_core.drawing.figures import TEXT, new_figure
+from sain_core.drawing.palette import PALETTE
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.plots.legend import draw_legend
-from sain_eval.plots.pictures import describe_result
-from sain_eval.plots.top_view import PALETTE, draw_top_view
+from sain_eval.plots.pictures import describe_result, result_colour
+from sain_eval.plots.top_view import draw_top_view
 
-COLUMNS = 2
-TILE = (6.2, 5.4)  # [inch]
-LEGEND = 0.45  # [inch]
+COLUMNS: Final = 2
+TILE: Final = (3.5, 3.5)  # [inch]
+LEGEND: Final = 0.8  # [inch]
 
 
 def draw_overview(records: Sequence[EpisodeRecord]) -> Figure:
     """Draw all episodes of a run into one figure."""
     columns = min(COLUMNS, len(records))
     rows = -(-len(records) // columns)
-    figure = Figure(figsize=(columns * TILE[0], rows * TILE[1]), facecolor=PALETTE.paper)
-    FigureCanvasAgg(figure)
+    figure = new_figure(columns * TILE[0], rows * TILE[1] + LEGEND)
+    names: set[str] = set()
     for place, record in enumerate(records, start=1):
         axes = figure.add_subplot(rows, columns, place)
-        draw_top_view(axes, record)
-        axes.set_title(
-            f"{record.title}: {describe_result(record)}", fontsize=10, color=PALETTE.ink, pad=8
-        )
-    draw_legend(figure, columns=3 * columns)
-    figure.tight_layout(rect=(0.0, LEGEND / figure.get_figheight(), 1.0, 1.0))
+        names.update(draw_top_view(axes, record))
+        _write(axes, record.title, 17, fontsize=TEXT + 1.5, fontweight="bold", color=PALETTE.ink)
+        _write(axes, describe_result(record), 5, fontsize=TEXT - 1, color=result_colour(record))
+    draw_legend(figure, sorted(names), columns=columns + 1)
     return figure
+
+
+def _write(axes: Axes, text: str, above: float, **style: Any) -> None:
+    """Write a line so many points above axes, from the left edge of their labels on."""
+    place = {"xycoords": "axes fraction", "textcoords": "offset points"}
+    axes.annotate(text, (0.0, 1.0), (-32, above), **place, **style)

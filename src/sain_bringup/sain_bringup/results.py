@@ -9,9 +9,9 @@ from sain_bringup.display import Display
 from sain_bringup.movie import (
     MovieConfig,
     choose_moments,
-    draw_frames,
     encode_gif,
     episode_moments,
+    film,
 )
 from sain_bringup.report import PlayedEpisode, played_episodes, summary_table, write_summary
 from sain_core.scene import RADIUS, TARGET
@@ -50,15 +50,16 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
 def draw_pictures(folder: Path, played: tuple[PlayedEpisode, ...]) -> list[Path]:
     """Draw a top view of each episode, and one picture of all."""
     from sain_bringup.overview import draw_overview  # matplotlib takes a while to load
-    from sain_eval.plots.pictures import draw_episode, save_picture
+    from sain_core.drawing.figures import write_png
+    from sain_eval.plots.pictures import draw_episode
 
     records = [episode.record() for episode in played]
     paths = [
-        save_picture(draw_episode(record), folder / f"episode_{number}.png")
+        write_png(draw_episode(record), folder / f"episode_{number}.png")
         for number, record in enumerate(records, start=1)
     ]
     if records:
-        paths.append(save_picture(draw_overview(records), folder / "overview.png"))
+        paths.append(write_png(draw_overview(records), folder / "overview.png"))
     return paths
 
 
@@ -84,15 +85,7 @@ def render_movie(
     goal, tolerance = one.episode.goal, one.episode.tolerance
     # The target has reached the goal when it lies wholly inside the ring.
     ring = float(one.episode.start[TARGET, RADIUS]) + tolerance
-    frames = []
+    title = f"{one.scenario} {one.seed}".strip()
     with Renderer(one.episode.start, one.record().shapes or None, camera) as renderer:
-        pictures = draw_frames(
-            moments,
-            lambda joints, scene: renderer.picture(joints, scene, goal, ring),
-            f"{one.scenario} {one.seed}".strip(),
-            tolerance,
-        )
-        for number, frame in enumerate(pictures, start=1):
-            frames.append(frame)
-            display.status(f"rendering the moving picture, {number} of {len(moments)}")
+        frames = film(renderer, moments, goal, ring, tolerance, title, display.status)
     return write_whole(path, encode_gif(frames, config))

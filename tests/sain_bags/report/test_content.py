@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,13 +24,11 @@ from sain_bags.report.frames import Frame, Frames, frame_times
 from sain_bags.report.gathering import Limits
 from sain_bags.report.timeline import BINS, Lane, read_lanes
 from sain_bags.report.writing import render_page
+from sain_core.drawing.palette import DARK, PALETTE
 from sain_core.errors import DatasetError, OutputError
 from sain_core.scene import STATE_NAMES
-from sain_eval.plots.palette import PALETTE
-from tests.paths import ROOT
+from tests.sain_bags.conftest import resting_scene
 from tests.sain_bags.shown import STEPS, Show, recorded, shown_scenes
-
-PAGE = ROOT / "src/sain_bags/sain_bags/report/page"
 
 
 @pytest.fixture
@@ -109,7 +108,8 @@ def test_totals_and_curves(bag):
     data = content(bag)
     totals = {"episodes": 2, "withGoal": 2, "reached": 2, "executed": 4, "refused": 1}
     assert data["totals"] == totals | {"unanswered": 0, "fallbacks": 0}
-    assert [episode["name"] for episode in data["episodes"]] == ["anywhere 4", "clutter 5"]
+    titles = [episode["title"] for episode in data["episodes"]]
+    assert titles == ["Episode 1 · anywhere 4", "Episode 2 · clutter 5"]
     assert sum(data["planning"]["counts"]) == data["planning"]["plans"] == 5
     assert data["planning"]["edges"][0] == 0.0 and data["planning"]["median"] == 0.03
     off = np.hypot(1.0, 0.5) * 1e-3 * np.array([1, 2, 3, 5])  # as `Show` predicts them
@@ -249,12 +249,14 @@ def test_a_bag_without_episodes_has_topics(record, tmp_path):
     recording.writer.close()
     data = content(tmp_path / "bag")
     assert not data["episodes"] and data["planning"] is None
+    assert data["notice"].startswith("This recording has no scenes and no pushes.")
     assert [topic["messages"] for topic in data["topics"]] == [1]
 
 
 def test_an_empty_bag_has_a_page(record, tmp_path):
     record().writer.close()
-    assert content(tmp_path / "bag")["bag"]["messages"] == 0
+    data = content(tmp_path / "bag")
+    assert data["bag"]["messages"] == 0 and data["notice"] == "This recording has no messages."
 
 
 def test_same_bag_same_page(bag):
@@ -294,13 +296,43 @@ def test_nothing_in_the_page_is_from_elsewhere(bag):
     assert "import(" not in page and "fetch(" not in page and "innerHTML" not in page
 
 
-def test_colours_are_those_of_the_pictures():
-    style = (PAGE / "page.css").read_text()
-    light = dict(re.findall(r"--([\w-]+): (#\w{6});", style[: style.index("@media")]))
-    names = ("paper", "table", "reach", "ink", "mid", "target", "other", "goal", "predicted")
-    assert {name: light[name] for name in names} == {n: getattr(PALETTE, n) for n in names}
-    assert light["table-edge"] == PALETTE.table_edge and light["reach-edge"] == PALETTE.reach_edge
-    assert light["physics"] == PALETTE.faint
+def test_the_page_has_every_colour_of_the_palette(bag):
+    style = render_page(content(bag))
+    light, dark = style[: style.index("@media")], style[style.index("@media") :]
+    for palette, part in ((PALETTE, light), (DARK, dark)):
+        for field in fields(palette):
+            name, colour = field.name.replace("_", "-"), getattr(palette, field.name)
+            assert f"--{name}: {colour};" in part
+    used = set(re.findall(r"var\(--([\w-]+)", style))
+    assert used <= set(re.findall(r"--([\w-]+):", style)) | {"done", "pixel"}
+
+
+def test_an_episode_in_which_nothing_happened_is_left_out_and_named(record, tmp_path):
+    recording = record()
+    recording.scene(1, 1, resting_scene(0.5))
+    show = Show(recording)
+    show.scene_id = 1
+    show.episode(2, 2, [0.05])
+    recording.writer.close()
+    data = content(tmp_path / "bag")
+    assert [episode["number"] for episode in data["episodes"]] == [2]
+    assert data["idle"] == "Not shown: Episode 1, which has no goal, no push and no motion."
+    assert data["totals"]["episodes"] == 1 and data["notice"] == ""
+
+
+def test_a_bag_without_pushes_says_so(record, tmp_path):
+    recording = record()
+    recording.scene(1, 1, resting_scene(0.5))
+    recording.writer.close()
+    data = content(tmp_path / "bag")
+    assert data["notice"].startswith("This recording has no pushes.")
+    assert [episode["number"] for episode in data["episodes"]] == [1]
+    only_refused = record("refused")
+    scene = resting_scene(0.5)
+    only_refused.push(1, 1, scene, scene, error_code=9)
+    only_refused.writer.close()
+    notice = content(tmp_path / "refused")["notice"]
+    assert notice == "No push was executed in this recording: 1 refused."
 
 
 def test_the_page_is_written_beside_the_bag(bag, tmp_path):

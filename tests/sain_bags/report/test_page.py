@@ -159,11 +159,11 @@ def test_a_push_is_shown_with_what_was_expected(browser, bag, page):
         ghosts = f"#view circle.ghost.{kind}"
         assert browser.numbers(ghosts, "cx") == pytest.approx(1000 * poses[:, 0], abs=0.05)
         assert browser.numbers(ghosts, "cy") == pytest.approx(-1000 * poses[:, 1], abs=0.05)
-    boxes = browser.all("#legend input")
-    boxes[0].click()
+    (box,) = [one for one in browser.all("#legend label") if one.text == "predicted by the planner"]
+    box.click()
     assert not browser.all("#view .ghost.expected") and browser.all("#view .ghost.physics")
     facts = browser.text("#push")
-    assert "Push 2 of 2" in facts and "Expected by sain" in facts and "bullet_nominal" in facts
+    assert "Push 2 of 2" in facts and "Error of sain" in facts and "bullet_nominal" in facts
 
 
 def test_the_push_stays_when_the_window_changes(browser, page):

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sain_core.drawing.figures import write_png
 from sain_core.errors import OutputError
 from sain_core.scene import POSITION, TARGET, VX
-from sain_eval.plots.pictures import describe_result, draw_episode, save_picture
+from sain_eval.plots.pictures import describe_result, draw_episode
 
 
 def test_it_knows_when_each_tolerance_was_met(episode):
@@ -55,14 +56,14 @@ def test_every_kind_of_episode_has_a_picture(episode, change, tmp_path):
     }.get(change, episode.pushes)
     shapes = ("disk", "cube") if change == "cube" else ()
     record = replace(episode, pushes=pushes, start=episode.scenes[0], shapes=shapes)
-    path = save_picture(draw_episode(record, "A title"), tmp_path / "episode.png")
+    path = write_png(draw_episode(record, "A title"), tmp_path / "episode.png")
     assert path.read_bytes().startswith(b"\x89PNG")
     assert path.stat().st_size > 20_000
     assert [file.name for file in tmp_path.iterdir()] == ["episode.png"]
 
 
 def test_the_same_episode_gives_the_same_picture(episode, tmp_path):
-    paths = [save_picture(draw_episode(episode), tmp_path / f"{i}.png") for i in range(2)]
+    paths = [write_png(draw_episode(episode), tmp_path / f"{i}.png") for i in range(2)]
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
@@ -75,4 +76,4 @@ def test_a_prediction_shows_in_the_picture(episode):
 def test_a_picture_that_cannot_be_written_is_an_error(episode, tmp_path):
     (tmp_path / "file").write_text("not a folder")
     with pytest.raises(OutputError, match="file"):
-        save_picture(draw_episode(episode), tmp_path / "file" / "episode.png")
+        write_png(draw_episode(episode), tmp_path / "file" / "episode.png")

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 from typing import Any, Final
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from sain_bags.reading.reader import Bag
 from sain_bags.report.episode_content import describe_episode, outcome
 from sain_bags.report.gathering import Gathered, Limits, Progress, gather, graphs
-from sain_bags.report.pushes import rounded, target_error
+from sain_bags.report.pushes import models, rounded, target_error
 from sain_bags.report.timeline import BINS, describe_lane, read_lanes
 from sain_core.feasibility import Feasibility
 
@@ -40,12 +41,19 @@ def read_content(bag: Bag, limits: Limits = Limits(), progress: Progress = lambd
         DatasetError: damage, or messages that make no sense.
     """
     lanes = read_lanes(bag)
-    found = [one for name in graphs(bag) for one in gather(bag, name, limits, progress)]
-    names = _names(bag, found)
+    recorded = [one for name in graphs(bag) for one in gather(bag, name, limits, progress)]
+    titles = _titles(bag, recorded)
+    idle = [one.idle for one in recorded]
+    if all(idle):  # then there is nothing else to show
+        idle = [False] * len(recorded)
+    kept = [not one for one in idle]
+    found, found_titles = list(compress(recorded, kept)), compress(titles, kept)
     shown = found[: limits.episodes]
     data = {
         "bag": _facts(bag),
         "custom": sorted(bag.custom_data.items()),
+        "notice": _notice(bag, found),
+        "idle": _idle_text(list(compress(titles, idle))),
         "bins": BINS,
         "topics": [
             {
@@ -59,7 +67,8 @@ def read_content(bag: Bag, limits: Limits = Limits(), progress: Progress = lambd
         "view": _view(shown),
         "totals": _totals(found),
         "episodes": [
-            describe_episode(one, name, bag.start) for one, name in zip(shown, names, strict=False)
+            describe_episode(one, title, bag.start)
+            for one, title in zip(shown, found_titles, strict=False)
         ],
         "planning": _planning(found),
         "errors": _errors(found),
@@ -83,14 +92,40 @@ def _facts(bag: Bag) -> dict[str, Any]:
     }
 
 
-def _names(bag: Bag, found: Sequence[Gathered]) -> list[str]:
-    """Return what the recording calls each episode, empty where it does not fit."""
+def _titles(bag: Bag, found: Sequence[Gathered]) -> list[str]:
+    """Return what the page calls each episode: graph, number, and the recording's own name."""
     with_goal = [one for one in found if one.episode.goal is not None]
     names = bag.custom_data.get(EPISODES_KEY, "").split()
-    if len(names) != len(with_goal):
-        return [""] * len(found)
-    rest = iter(names)
-    return ["" if one.episode.goal is None else next(rest).replace(":", " ") for one in found]
+    rest = iter(names if len(names) == len(with_goal) else [""] * len(with_goal))
+    several = len({one.namespace for one in found}) > 1
+    titles = []
+    for one in found:
+        name = "" if one.episode.goal is None else next(rest).replace(":", " ")
+        graph = (one.namespace or "/") if several else ""
+        titles.append(" · ".join(filter(None, (graph, f"Episode {one.episode.episode_id}", name))))
+    return titles
+
+
+def _idle_text(titles: Sequence[str]) -> str:
+    """Say which episodes are left out because nothing happened in them."""
+    if not titles:
+        return ""
+    are = "has" if len(titles) == 1 else "have"
+    return f"Not shown: {', '.join(titles)}, which {are} no goal, no push and no motion."
+
+
+def _notice(bag: Bag, found: Sequence[Gathered]) -> str:
+    """Say what is missing in a recording in which no push was executed."""
+    pushes = [push for one in found for push in one.episode.pushes]
+    if not bag.message_count:
+        return "This recording has no messages."
+    if not found:
+        return "This recording has no scenes and no pushes. The page shows its topics."
+    if any(push.executed for push in pushes) or any(one.log.sent for one in found):
+        return ""
+    if pushes:
+        return f"No push was executed in this recording: {len(pushes)} refused."
+    return "This recording has no pushes. The page shows its scenes and its topics."
 
 
 def _table() -> dict[str, Any]:
@@ -132,7 +167,7 @@ def _totals(found: Sequence[Gathered]) -> dict[str, int]:
         "reached": outcomes.count("reached"),
         "executed": executed,
         "refused": len(pushes) - executed,
-        "unanswered": sum(len(one.told.sent) for one in found),
+        "unanswered": sum(len(one.log.sent) for one in found),
         "fallbacks": sum(plan.fallback for episode in episodes for plan in episode.plans),
     }
 
@@ -166,13 +201,12 @@ def _above(value: float) -> float:
 
 
 def _errors(found: Sequence[Gathered]) -> dict[str, Any]:
-    """Return the target's errors over all executed pushes, by who predicted."""
+    """Return the errors of the predicted targets over all executed pushes, by predictor."""
     pushes = [push for one in found for push in one.episode.executed]
     return {
         "expected": _distribution([target_error(push.predicted, push.after) for push in pushes]),
         "physics": _distribution([target_error(push.physics, push.after) for push in pushes]),
-        "models": sorted({push.plan.dynamics for push in pushes if push.plan}),
-        "physicsModels": sorted({push.physics_model for push in pushes if push.physics_model}),
+        **models(pushes),
     }
 
 

@@ -7,22 +7,23 @@ import numpy as np
 
 from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import Gathered
-from sain_bags.report.pushes import answered, poses, rounded, unanswered
+from sain_bags.report.pushes import answered, models, poses, rounded, unanswered
 from sain_bags.transitions.episodes import Episode
 from sain_core.scene import MASS, POSE, RADIUS
 from sain_core.types import Scene
 
 STATUS: Final = ("unknown", "push", "reached", "no push", "exhausted")  # sain_interfaces/msg/Plan
 CUBE: Final = "cube"  # in sain_interfaces/msg/WorldParameters; all else is drawn as a disk
+KINDS: Final = ("physics", "expected")  # of predictions
 PUSHES: Final = 300  # of one episode that are shown
 
 
-def describe_episode(gathered: Gathered, name: str, start: int) -> dict[str, Any]:
+def describe_episode(gathered: Gathered, title: str, start: int) -> dict[str, Any]:
     """Return an episode for the page.
 
     Args:
         gathered: what is known of it.
-        name: what the recording calls it, may be empty.
+        title: what the page calls it.
         start: of the recording [ns since the epoch].
     """
     episode = gathered.episode
@@ -37,8 +38,7 @@ def describe_episode(gathered: Gathered, name: str, start: int) -> dict[str, Any
         frames = frames[: shown[-1]["to"] + 1]
     return {
         "number": episode.episode_id,
-        "namespace": gathered.namespace,
-        "name": name,
+        "title": title,
         "outcome": outcome(episode),
         "goal": None if episode.goal is None else [rounded(value) for value in episode.goal],
         "tolerance": rounded(episode.tolerance),
@@ -46,10 +46,11 @@ def describe_episode(gathered: Gathered, name: str, start: int) -> dict[str, Any
         "maxPushes": episode.max_pushes,
         "start": rounded(1e-9 * (episode.interval[0] - start), 3),
         "end": rounded(1e-9 * (episode.interval[1] - start), 3),
-        "disks": _disks(frames[0].scene if frames else episode.start, gathered.told.shapes),
+        "disks": _disks(frames[0].scene if frames else episode.start, gathered.log.shapes),
         "frames": _frames(frames, gathered, replaced, len(pushes) > len(shown)),
         "pushes": shown,
         "counts": _counts(pushes),
+        "series": _series(pushes, episode),
         "verdicts": _verdicts(episode),
     }
 
@@ -74,6 +75,12 @@ def _counts(pushes: Sequence[dict[str, Any]]) -> dict[str, int]:
     return {word: outcomes.count(word) for word in ("executed", "refused", "unanswered")}
 
 
+def _series(pushes: Sequence[dict[str, Any]], episode: Episode) -> dict[str, Any]:
+    """Return which predictions the chart of errors shows, and the models that made them."""
+    known = {kind: any(push[f"{kind}Error"] is not None for push in pushes) for kind in KINDS}
+    return {**known, **models(episode.pushes)}
+
+
 def _verdicts(episode: Episode) -> list[dict[str, Any]]:
     """Return the decisions of the planner that sent no push: the last words of it."""
     return [
@@ -94,9 +101,9 @@ def _frames(
         "time": [round(float(time), 4) for time in frame_times(frames)],
         "poses": [poses(frame.scene) for frame in frames],
         "settled": [int(frame.settled) for frame in frames],
-        "recorded": gathered.told.frames.recorded,
-        "thinned": gathered.told.frames.stride,
-        "unusable": gathered.told.frames.unusable,
+        "recorded": gathered.log.frames.recorded,
+        "thinned": gathered.log.frames.stride,
+        "unusable": gathered.log.frames.unusable,
         "fromPushes": replaced,
         "cut": cut,
     }
@@ -104,11 +111,11 @@ def _frames(
 
 def _from_pushes(gathered: Gathered) -> tuple[Frame, ...]:
     """Return the scenes before and after pushes, where scenes themselves were not recorded."""
-    told, episode = gathered.told, gathered.episode
+    log, episode = gathered.log, gathered.episode
     found: list[Frame] = []
     for push in episode.executed:
         scenes = (push.before, push.after)
-        ids, stamps = told.scenes[push.push_id], told.stamps[push.push_id]
+        ids, stamps = log.scenes[push.push_id], log.stamps[push.push_id]
         for scene, number, stamp in zip(scenes, ids, stamps, strict=True):
             if scene is None or (found and _same(found[-1], scene)):
                 continue

@@ -33,7 +33,7 @@ class Frames:
         self._kept: list[tuple[int | None, Frame]] = []  # None: at rest
         self._moving = 0  # of those kept
         self._rests: set[int] = set()  # scene ids
-        self._in_motion = 0
+        self.in_motion = 0  # scenes recorded
         self.recorded = 0
         self.unusable = 0  # with NaN, or disks that come or go
 
@@ -44,11 +44,11 @@ class Frames:
             if message.scene_id not in self._rests and self._keep(None, message, log_time):
                 self._rests.add(message.scene_id)
             return
-        if self._in_motion % self.stride == 0 and self._keep(self._in_motion, message, log_time):
+        if self.in_motion % self.stride == 0 and self._keep(self.in_motion, message, log_time):
             self._moving += 1
             if self._moving > self._most:
                 self._thin()
-        self._in_motion += 1
+        self.in_motion += 1
 
     @property
     def frames(self) -> tuple[Frame, ...]:

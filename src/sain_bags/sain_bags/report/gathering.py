@@ -31,14 +31,14 @@ class Limits:
 
 
 @dataclass
-class Told:
+class EpisodeLog:
     """What is known of an episode beside what `sain_bags.transitions.episodes` makes of it."""
 
     frames: Frames
     scenes: dict[int, tuple[int, int]] = field(default_factory=dict)  # before, after, by push id
     stamps: dict[int, tuple[int, int]] = field(default_factory=dict)  # [ns], the same
     sent: dict[int, Any] = field(default_factory=dict)  # sain_interfaces/msg/Push, unanswered
-    shapes: tuple[str, ...] = ()  # of the disks; none: not told
+    shapes: tuple[str, ...] = ()  # of the disks; none: unknown
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,19 @@ class Gathered:
 
     namespace: str
     episode: Episode
-    told: Told
+    log: EpisodeLog
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing happened: no goal, push or decision, and no disk moved."""
+        episode = self.episode
+        acted = episode.goal is not None or episode.pushes or episode.plans or self.log.sent
+        return not acted and not self.log.frames.in_motion
 
     @property
     def frames(self) -> tuple[Frame, ...]:
         """Its scenes to show, in the order they came."""
-        return self.told.frames.frames
+        return self.log.frames.frames
 
 
 def graphs(bag: Bag) -> tuple[str, ...]:
@@ -81,14 +88,14 @@ def gather(
         DatasetError: damage, or a message that makes no sense or is of another definition.
     """
     topics = [t.name for t in bag.topics if t.type in TYPES and parent_of(t.name) == namespace]
-    watch = _Watch(limits, progress)
+    reader = _Reader(limits, progress)
     found: list[Gathered] = []
     try:
-        messages = watch.watched(bag.messages(topics))
-        for run, group in groupby(messages, key=lambda _: watch.run):
+        messages = reader.read(bag.messages(topics))
+        for run, group in groupby(messages, key=lambda _: reader.run):
             for episode in collect_episodes(one for one in group if one.type in EPISODE_TYPES):
-                told = watch.told.get((run, episode.episode_id), Told(Frames(0)))
-                found.append(Gathered(namespace, episode, told))
+                log = reader.log.get((run, episode.episode_id), EpisodeLog(Frames(0)))
+                found.append(Gathered(namespace, episode, log))
     except InvalidInputError as error:
         raise DatasetError(f"{bag.path} holds a message that makes no sense: {error}") from error
     except AttributeError as error:
@@ -98,17 +105,17 @@ def gather(
     return tuple(found)
 
 
-class _Watch:
+class _Reader:
     """Notes what passes, and tells when a simulator was started anew."""
 
     def __init__(self, limits: Limits, progress: Progress) -> None:
         self.run = 0
-        self.told: dict[tuple[int, int], Told] = {}
+        self.log: dict[tuple[int, int], EpisodeLog] = {}
         self._limits, self._progress = limits, progress
         self._last = (0, 0)  # episode and stamp [ns] of the last scene
-        self._world: Any = None  # sain_interfaces/msg/WorldParameters, told before its scenes
+        self._world: Any = None  # sain_interfaces/msg/WorldParameters, sent before its scenes
 
-    def watched(self, messages: Iterable[Received]) -> Iterator[Received]:
+    def read(self, messages: Iterable[Received]) -> Iterator[Received]:
         for received in messages:
             if received.type == SCENE:
                 self._scene(received.message, received.log_time)
@@ -127,23 +134,23 @@ class _Watch:
         episode, last = self._last
         self.run += message.episode_id < episode and stamp < last
         self._last = (message.episode_id, stamp)
-        told = self._of(message.episode_id)
-        told.frames.add(message, log_time)
+        log = self._of(message.episode_id)
+        log.frames.add(message, log_time)
         if self._world is not None and self._world.episode_id == message.episode_id:
-            told.shapes = tuple(self._world.shapes)
+            log.shapes = tuple(self._world.shapes)
 
     def _result(self, result: Any) -> None:
-        told = self._of(result.episode_id)
-        told.sent.pop(result.push_id, None)
-        told.scenes[result.push_id] = (result.before.scene_id, result.after.scene_id)
-        told.stamps[result.push_id] = (_nanoseconds(result.before), _nanoseconds(result.after))
+        log = self._of(result.episode_id)
+        log.sent.pop(result.push_id, None)
+        log.scenes[result.push_id] = (result.before.scene_id, result.after.scene_id)
+        log.stamps[result.push_id] = (_nanoseconds(result.before), _nanoseconds(result.after))
 
-    def _of(self, episode: int) -> Told:
+    def _of(self, episode: int) -> EpisodeLog:
         key = (self.run, episode)
-        if key not in self.told:
-            room = len(self.told) < self._limits.episodes
-            self.told[key] = Told(Frames(self._limits.frames if room else 0))
-        return self.told[key]
+        if key not in self.log:
+            room = len(self.log) < self._limits.episodes
+            self.log[key] = EpisodeLog(Frames(self._limits.frames if room else 0))
+        return self.log[key]
 
 
 def _nanoseconds(message: Any) -> int:

@@ -14,13 +14,14 @@ from sain_core.push import PUSH_NAMES, PushLimits, tool_end, tool_start
 from sain_core.scene import POSE, POSITION, TARGET, target_distance
 from sain_core.types import PushArray, Scene
 
-DIGITS: Final = 5  # of metres and radians: hundredths of a millimetre
+DIGITS: Final = 8  # of metres and radians: what the page rounds again stays what it was
+PLACE_DIGITS: Final = 5  # of what is only drawn: hundredths of a millimetre
 LIMITS: Final = PushLimits()
 
 
 @dataclass(frozen=True)
 class Moments:
-    """The frames between which a push happened, None: it cannot be told."""
+    """The frames between which a push happened, None: unknown."""
 
     first: int | None
     last: int | None
@@ -37,16 +38,16 @@ def poses(scene: Scene | None) -> list[list[float]] | None:
     """Return where the disks are: x, y [m] and theta [rad] of each."""
     if scene is None or not np.isfinite(scene[:, POSE]).all():
         return None
-    return [[round(float(value), DIGITS) for value in disk] for disk in scene[:, POSE]]
+    return [[round(float(value), PLACE_DIGITS) for value in disk] for disk in scene[:, POSE]]
 
 
 def answered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, Any]]:
     """Return the pushes that a result tells of, in the order of the results."""
-    told, episode = gathered.told, gathered.episode
+    log, episode = gathered.log, gathered.episode
     found = []
     for push in episode.pushes:
-        scenes = told.scenes.get(push.push_id, (0, 0))
-        moments = _moments(frames, scenes, told.stamps.get(push.push_id, (0, 0)))
+        scenes = log.scenes.get(push.push_id, (0, 0))
+        moments = _moments(frames, scenes, log.stamps.get(push.push_id, (0, 0)))
         if not push.executed:
             moments = Moments(moments.first, moments.first)
         found.append(_describe(push, episode, moments))
@@ -59,11 +60,11 @@ def unanswered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, An
     Where two name the same scene, which of them was executed is not known, unless a result tells.
     """
     at_rest = {frame.scene_id: number for number, frame in enumerate(frames) if frame.settled}
-    named = [push.scene_id for push in gathered.told.sent.values()]
-    named += [gathered.told.scenes[push.push_id][0] for push in gathered.episode.executed]
+    named = [push.scene_id for push in gathered.log.sent.values()]
+    named += [gathered.log.scenes[push.push_id][0] for push in gathered.episode.executed]
     plans = {plan.push_id: plan for plan in gathered.episode.plans if plan.push_id}
     found = []
-    for push in gathered.told.sent.values():
+    for push in gathered.log.sent.values():
         first, last = at_rest.get(push.scene_id), at_rest.get(push.scene_id + 1)
         alone = named.count(push.scene_id) == 1
         record = PushRecord(
@@ -140,6 +141,14 @@ def target_error(one: Scene | None, other: Scene | None) -> float | None:
     return float(np.linalg.norm(one[TARGET, POSITION] - other[TARGET, POSITION]))
 
 
+def models(pushes: Sequence[PushRecord]) -> dict[str, list[str]]:
+    """Return the names of the models that predicted these pushes."""
+    return {
+        "models": sorted({push.plan.dynamics for push in pushes if push.plan}),
+        "physicsModels": sorted({push.physics_model for push in pushes if push.physics_model}),
+    }
+
+
 def _distance(scene: Scene | None, episode: Episode) -> float | None:
     if scene is None or episode.goal is None:
         return None
@@ -147,8 +156,8 @@ def _distance(scene: Scene | None, episode: Episode) -> float | None:
 
 
 def _tool(scene: Scene | None, push: PushArray) -> list[list[float]] | None:
-    """Return where the tool's axis starts and ends, [[x, y], [x, y]]; None: it makes no sense."""
+    """Return where the tool's axis starts and ends, [[x, y], [x, y]]; None: not finite."""
     if scene is None or not np.isfinite(push).all():
         return None
     ends = (tool_start(scene, push, LIMITS), tool_end(scene, push, LIMITS))
-    return [[round(float(value), DIGITS) for value in end] for end in ends]
+    return [[round(float(value), PLACE_DIGITS) for value in end] for end in ends]

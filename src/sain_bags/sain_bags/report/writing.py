@@ -13,25 +13,18 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
+from sain_bags.report.bundling import bundle
+from sain_core.drawing.palette import DARK, PALETTE
 from sain_core.storage import write_whole
 
-SCRIPTS: Final = (
-    "elements.js",
-    "figures.js",
-    "top_view.js",
-    "charts.js",
-    "topics.js",
-    "pushes.js",
-    "player.js",
-    "page.js",
-)
+SCRIPT: Final = "page.js"
 UNSAFE: Final = {ord(sign): f"\\u{ord(sign):04x}" for sign in "<>&\u2028\u2029"}
 
 
 def render_page(data: dict[str, Any]) -> str:
     """Return the whole page for what `read_content` found."""
-    style = _part("page.css")
-    script = "\n".join(['"use strict";', "(() => {", *map(_part, SCRIPTS), "})();"])
+    style = _fill(_part("page.css"), light=PALETTE.css(), dark=DARK.css())
+    script = bundle(SCRIPT, _part)
     return _fill(
         _part("page.html"),
         title=escape(data["bag"]["name"]),

@@ -8,10 +8,11 @@ from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 
+from sain_core.drawing.figures import write_png
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import ControllerMaker, controller_maker
 from sain_eval.loop.results import SceneRecord, scene_records
-from sain_eval.plots.pictures import draw_episode, save_picture
+from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.search.config import PlannerConfig
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
@@ -76,4 +77,4 @@ def _maker(controller: str, planner: PlannerConfig, history: bool) -> Controller
 
 def _draw(job: Job, outcome: EpisodeOutcome, path: Path) -> None:
     title = f"{job.scenario}, scene {job.seed}, {job.controller}"
-    save_picture(draw_episode(outcome.record, title), path)
+    write_png(draw_episode(outcome.record, title), path)

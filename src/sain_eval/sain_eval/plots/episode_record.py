@@ -23,10 +23,7 @@ class PushRecord:
 
     def error(self, disk: int) -> float | None:
         """Return how far [m] the prediction put a disk from where it came to rest."""
-        if self.predicted is None:
-            return None
-        apart = self.predicted[disk, POSITION] - self.after[disk, POSITION]
-        return float(np.linalg.norm(apart))
+        return _apart(self.predicted, self.after, disk)
 
     @property
     def target_error(self) -> float | None:
@@ -37,6 +34,17 @@ class PushRecord:
     def mid_error(self) -> float | None:
         """Prediction error [m] of the mid disk."""
         return self.error(MID)
+
+    @property
+    def physics_error(self) -> float | None:
+        """Prediction error [m] of the target, by physics alone."""
+        return _apart(self.physics, self.after, TARGET)
+
+
+def _apart(predicted: Scene | None, after: Scene, disk: int) -> float | None:
+    if predicted is None:
+        return None
+    return float(np.linalg.norm(predicted[disk, POSITION] - after[disk, POSITION]))
 
 
 @dataclass(frozen=True)

@@ -1,51 +1,51 @@
-"""What the marks in an episode's picture mean."""
+"""What the marks in pictures mean, in one order: that of the report page."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Final
 
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from sain_eval.plots.palette import PALETTE
+from sain_core.drawing.figures import TEXT
+from sain_core.drawing.palette import PALETTE
+
+HOLLOW: Final = {"markerfacecolor": "none"}
+EDGE: Final = {"markeredgecolor": PALETTE.reach_edge}
+MARKS: Final[dict[str, tuple[str, str, dict[str, Any]]]] = {  # marker, colour, style
+    "table": ("s", PALETTE.table, {"markeredgecolor": PALETTE.table_edge}),
+    "reachable area": ("s", PALETTE.reach, EDGE),
+    "mid disk": ("o", PALETTE.mid, {"alpha": 0.75}),
+    "target": ("o", PALETTE.target, {"alpha": 0.75}),
+    "other disk": ("o", PALETTE.other, {"alpha": 0.75}),
+    "start": ("o", PALETTE.soft, HOLLOW),
+    "goal and tolerance": ("+", PALETTE.goal, {"markersize": 10, "markeredgewidth": 2}),
+    "goal": ("+", PALETTE.goal, {"markersize": 10, "markeredgewidth": 2}),
+    "push": ("$\\rightarrow$", PALETTE.ink, {"markersize": 14}),
+    "predicted by physics": ("s", PALETTE.physics, {}),
+    "predicted by the planner": ("D", PALETTE.predicted, {"markersize": 6} | HOLLOW),
+    "90 % region": ("o", PALETTE.predicted, HOLLOW),
+}
 
 
-def draw_legend(figure: Figure, physics: bool = False, columns: int | None = None) -> None:
-    """Draw the marks and their meaning along the bottom of a figure.
+def draw_legend(figure: Figure, names: Sequence[str], columns: int) -> None:
+    """Draw marks and their meaning along the bottom of a figure with constrained layout.
 
     Args:
-        figure: the figure, with room left below.
-        physics: whether it shows what physics alone predicted.
-        columns: marks in a row; all in one if not given.
+        figure: the figure.
+        names: which of `MARKS` it shows.
+        columns: marks in a row.
     """
-    hollow = {"markerfacecolor": "none"}
-    marks = [
-        _mark("o", PALETTE.mid, "mid disk (pushed)", alpha=0.75),
-        _mark("o", PALETTE.target, "target", alpha=0.75),
-        _mark("o", PALETTE.faint, "start", **hollow),
-        _mark("+", PALETTE.goal, "goal and tolerance", markersize=10, markeredgewidth=2),
-        _mark("$\\rightarrow$", PALETTE.ink, "push of the tool, in order", markersize=14),
-        _mark("D", PALETTE.predicted, "predicted target", markersize=6, **hollow),
-    ]
-    if physics:
-        marks.append(_mark("s", PALETTE.faint, "physics alone", markersize=8, alpha=0.6))
+    handles = []
+    for name, (marker, colour, style) in MARKS.items():
+        if name in names:
+            look = {"linestyle": "none", "markersize": 9} | style
+            handles.append(Line2D([], [], marker=marker, color=colour, label=name, **look))
     figure.legend(
-        handles=marks,
-        loc="lower center",
-        ncols=columns or len(marks),
+        handles=handles,
+        loc="outside lower center",
+        ncols=columns,
         frameon=False,
-        fontsize=9,
-        bbox_to_anchor=(0.5, 0.005),
+        fontsize=TEXT,
         columnspacing=1.8,
         handletextpad=0.5,
-    )
-
-
-def _mark(marker: str, colour: str, label: str, **style: Any) -> Line2D:
-    return Line2D(
-        [],
-        [],
-        linestyle="none",
-        marker=marker,
-        color=colour,
-        label=label,
-        **{"markersize": 9, **style},
     )

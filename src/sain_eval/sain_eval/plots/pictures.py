@@ -1,30 +1,27 @@
-"""The picture of an episode: the table from above, and beside it how near and how well predicted.
+"""The picture of an episode: the table from above, and below it how near and how well predicted.
 
 Pure data in, a figure out. The closed loop with and without ROS and the bag tools all draw with it.
 """
 
-from io import BytesIO
-from pathlib import Path
+from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.ticker import MaxNLocator
 
+from sain_core.drawing.figures import TEXT, new_figure, style_axes
+from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION, TARGET, target_distance
-from sain_core.storage import write_whole
-from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
+from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.plots.legend import draw_legend
-from sain_eval.plots.palette import PALETTE
-from sain_eval.plots.top_view import draw_top_view
+from sain_eval.plots.top_view import draw_error, draw_goal, draw_top_view
 
-__all__ = ["EpisodeRecord", "PushRecord", "draw_episode", "save_picture"]
-
-FIGURE_SIZE = (11.0, 6.8)  # [inch]
-DOTS_PER_INCH = 160
-ZOOM = 2.2  # half the width of the view round the goal, in tolerances
+SIZE: Final = (6.6, 7.4)  # [inch]
+ASPECT: Final = 1.4  # of the top view
+ZOOM: Final = 2.2  # half the width of the view round the goal, in tolerances
+LEAST: Final = 0.1  # [mm], a distance is drawn no smaller
 
 
 def draw_episode(
@@ -34,56 +31,23 @@ def draw_episode(
 
     Args:
         record: the episode.
-        title: one line; without it the record's own, or its result in words.
+        title: one line; without it the record's own.
         feasibility: table, reach and tool to draw; the project's defaults if not given.
     """
-    figure = Figure(figsize=FIGURE_SIZE, facecolor=PALETTE.paper)
-    FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(
-        3,
-        2,
-        width_ratios=(2.0, 1.0),
-        height_ratios=(1.0, 1.3, 0.9),
-        left=0.02,
-        right=0.975,
-        top=0.90,
-        bottom=0.125,
-        wspace=0.10,
-        hspace=0.55,
+    figure = new_figure(*SIZE)
+    panels = [["view"] * 3, ["distance", "arrival", "errors"]]
+    axes = figure.subplot_mosaic(panels, height_ratios=(2.7, 1.0))
+    heading = title or record.title or "Episode"
+    figure.suptitle(heading, x=0.02, ha="left", fontsize=13, fontweight="bold", color=PALETTE.ink)
+    names = draw_top_view(axes["view"], record, feasibility, ASPECT)
+    axes["view"].set_title(
+        describe_result(record), fontsize=TEXT + 1, loc="left", color=result_colour(record)
     )
-    draw_top_view(figure.add_subplot(grid[:, 0]), record, feasibility)
-    _draw_distance(figure.add_subplot(grid[0, 1]), record)
-    _draw_arrival(figure.add_subplot(grid[1, 1]), record)
-    _draw_errors(figure.add_subplot(grid[2, 1]), record)
-    heading = title or record.title
-    figure.text(
-        0.025,
-        0.95,
-        heading or "Episode",
-        fontsize=14,
-        fontweight="bold",
-        color=PALETTE.ink,
-        va="center",
-    )
-    figure.text(
-        0.975,
-        0.95,
-        describe_result(record),
-        fontsize=11,
-        color=_result_colour(record),
-        va="center",
-        ha="right",
-    )
-    draw_legend(figure, physics=any(push.physics is not None for push in record.pushes))
+    _draw_distance(axes["distance"], record)
+    _draw_arrival(axes["arrival"], record)
+    names += _draw_errors(axes["errors"], record)
+    draw_legend(figure, names, columns=3)
     return figure
-
-
-def save_picture(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG, whole or not at all; raises `OutputError`."""
-    memory = BytesIO()
-    # Without the date the same episode gives the same bytes.
-    figure.savefig(memory, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
-    return write_whole(path, memory.getvalue())
 
 
 def describe_result(record: EpisodeRecord) -> str:
@@ -101,79 +65,54 @@ def _millimetres(distance: float) -> str:
     return f"{1e3 * distance:.1f} mm" if distance < 0.01 else f"{1e3 * distance:.0f} mm"
 
 
-def _result_colour(record: EpisodeRecord) -> str:
-    return PALETTE.goal if record.final_distance <= record.tolerance else "#c0392b"
-
-
-def _panel(axes: Axes, title: str) -> None:
-    axes.set_title(title, fontsize=9.5, loc="left", color=PALETTE.ink, pad=5)
-    axes.tick_params(labelsize=8, colors=PALETTE.faint, length=2.5)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_color("#c3c8cc")
+def result_colour(record: EpisodeRecord) -> str:
+    """Return the colour of an episode's result: whether it reached the goal."""
+    return PALETTE.success if record.final_distance <= record.tolerance else PALETTE.alarm
 
 
 def _draw_distance(axes: Axes, record: EpisodeRecord) -> None:
+    style_axes(axes, "Target to goal", grid=None, xlabel="pushes", ylabel="distance [mm]")
     distance = [1e3 * float(target_distance(scene, record.goal)) for scene in record.scenes]
-    _panel(axes, "Target to goal after each push [mm]")
-    axes.set_yscale("log")
     tolerance = 1e3 * record.tolerance
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.axhspan(1e-3, tolerance, color=PALETTE.goal, alpha=0.13, linewidth=0)
     axes.axhline(tolerance, color=PALETTE.goal, linewidth=1.2)
-    shown = np.maximum(distance, 0.1)
+    shown = np.maximum(distance, LEAST)
     axes.plot(shown, "o-", color=PALETTE.target, linewidth=1.8, markersize=4.5)
     axes.set_ylim(min(shown.min(), tolerance) / 2, max(shown.max(), tolerance) * 1.8)
-    axes.set_xticks(range(len(distance)))
     axes.set_xlim(-0.3, max(len(distance) - 1, 1) + 0.3)
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
 
 
 def _draw_arrival(axes: Axes, record: EpisodeRecord) -> None:
     """Draw where the target came to rest about the goal, in millimetres."""
-    _panel(axes, "At the goal: actual and predicted centres [mm]")
+    style_axes(axes, "Target at the goal", grid=None, xlabel="x [mm]", ylabel="y [mm]")
     tolerance = 1e3 * record.tolerance
-    half = ZOOM * tolerance
-    axes.add_patch(Circle((0, 0), tolerance, color=PALETTE.goal, alpha=0.13, linewidth=0))
-    axes.add_patch(Circle((0, 0), tolerance, fill=False, color=PALETTE.goal, linewidth=1.2))
-    axes.plot(0, 0, "+", color=PALETTE.goal, markersize=9, markeredgewidth=1.8)
+    draw_goal(axes, np.zeros(2), tolerance, size=9.0)
     trail = np.array([1e3 * (scene[TARGET, POSITION] - record.goal) for scene in record.scenes])
     axes.plot(*trail.T, "o-", color=PALETTE.target, linewidth=1.6, markersize=4.5)
     for push, end in zip(record.pushes, trail[1:], strict=True):
         if push.predicted is not None:
-            expected = 1e3 * (push.predicted[TARGET, POSITION] - record.goal)
-            axes.plot(*np.stack([expected, end]).T, color=PALETTE.predicted, linewidth=1.0)
-            axes.plot(
-                *expected,
-                "D",
-                markersize=5.5,
-                markerfacecolor="none",
-                markeredgecolor=PALETTE.predicted,
-                markeredgewidth=1.2,
-            )
-    axes.set(xlim=(-2 * half, 2 * half), ylim=(-half, half))
+            draw_error(axes, 1e3 * (push.predicted[TARGET, POSITION] - record.goal), end)
+    half = ZOOM * tolerance
+    axes.set(xlim=(-half, half), ylim=(-half, half))
     axes.set_aspect("equal", adjustable="box")
 
 
-def _draw_errors(axes: Axes, record: EpisodeRecord) -> None:
-    _panel(axes, "Prediction error of the target by push [mm]")
-    number = np.arange(1, len(record.pushes) + 1)
-    model = [push.target_error for push in record.pushes]
-    physics = [_physics_error(push) for push in record.pushes]
-    both = any(error is not None for error in physics)
-    width = 0.36 if both else 0.5
-    shift = width / 2 if both else 0.0
-    axes.bar(number - shift, _bars(model), width, color=PALETTE.predicted, alpha=0.85)
-    if both:
-        axes.bar(number + shift, _bars(physics), width, color=PALETTE.faint, alpha=0.6)
-    axes.set_xticks(number)
+def _draw_errors(axes: Axes, record: EpisodeRecord) -> list[str]:
+    """Draw how far from each prediction the target came to rest; return the series' names."""
+    style_axes(axes, "Prediction error", xlabel="push", ylabel="of the target [mm]")
+    series = {
+        "predicted by physics": (PALETTE.physics, [push.physics_error for push in record.pushes]),
+        "predicted by the planner": (PALETTE.predicted, [p.target_error for p in record.pushes]),
+    }
+    known = {name: one for name, one in series.items() if any(e is not None for e in one[1])}
+    number, width = np.arange(1, len(record.pushes) + 1), 0.76 / max(len(known), 1)
+    for place, (name, (colour, errors)) in enumerate(known.items()):
+        heights = [np.nan if error is None else 1e3 * error for error in errors]
+        left = number + (place - (len(known) - 1) / 2) * width
+        axes.bar(left, heights, width, color=colour, label=name)
     axes.set_xlim(0.4, max(len(number), 1) + 0.6)
-
-
-def _physics_error(push: PushRecord) -> float | None:
-    if push.physics is None:
-        return None
-    return float(np.linalg.norm(push.physics[TARGET, POSITION] - push.after[TARGET, POSITION]))
-
-
-def _bars(errors: list[float | None]) -> np.ndarray:
-    return np.array([np.nan if error is None else 1e3 * error for error in errors])
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    return list(known)

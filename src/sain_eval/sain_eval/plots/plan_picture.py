@@ -4,21 +4,26 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from sain_core.drawing.figures import TEXT
+from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.push import tool_end, tool_start
 from sain_core.scene import MID, POSITION, RADIUS, TARGET
 from sain_core.types import Scene
-from sain_eval.plots.palette import PALETTE
-from sain_eval.plots.tabletop import draw_table
+from sain_eval.plots.legend import draw_legend
+from sain_eval.plots.tabletop import draw_table, frame_view
+from sain_eval.plots.top_view import draw_arrow
 from sain_mppi.search.goal import Goal
 from sain_mppi.search.result import PlanResult
 
-MARGIN: Final = 0.12  # [m] of the view round what happens
-COSTS: Final = LinearSegmentedColormap.from_list("costs", ["#1f9d61", "#d8b13c", "#b5483a"])
+MARGIN: Final = 0.06  # [m] of a disk about its centre
+COSTS: Final = LinearSegmentedColormap.from_list("costs", [PALETTE.goal, "#d8b13c", PALETTE.alarm])
 
 
 def draw_plan(
@@ -35,6 +40,9 @@ def draw_plan(
     to rest; the arrow is the first push.
     """
     feasibility = feasibility or Feasibility()
+    scenes = np.concatenate([scene[None], plan.predicted])
+    places = np.concatenate([scenes[:, [MID, TARGET], POSITION].reshape(-1, 2), goal[None]])
+    frame_view(axes, np.concatenate([places - MARGIN, places + MARGIN]))
     draw_table(axes, feasibility)
     _draw_others(axes, scene, plan)
     for disk in range(len(scene)):
@@ -51,16 +59,8 @@ def draw_plan(
             axes.add_patch(region)
     start = tool_start(scene, plan.push, feasibility.limits)
     end = tool_end(scene, plan.push, feasibility.limits)
-    arrow = {
-        "arrowstyle": "-|>",
-        "color": PALETTE.ink,
-        "linewidth": 1.8,
-        "shrinkA": 0,
-        "shrinkB": 0,
-    }
-    axes.annotate("", xy=tuple(end), xytext=tuple(start), arrowprops=arrow, zorder=8)
+    draw_arrow(axes, start, end)
     axes.plot(*goal, "+", color=PALETTE.goal, markersize=13, markeredgewidth=2.4, zorder=9)
-    _frame(axes, np.concatenate([scene[None], plan.predicted]), goal)
 
 
 def _draw_others(axes: Axes, scene: Scene, plan: PlanResult) -> None:
@@ -79,15 +79,10 @@ def _draw_disk(axes: Axes, scene: Scene, disk: int, alpha: float) -> None:
     axes.add_patch(patch)
 
 
-def _frame(axes: Axes, scenes: np.ndarray, goal: Goal) -> None:
-    """Show the same square of table for all that happens."""
-    places = np.concatenate([scenes[:, [MID, TARGET], POSITION].reshape(-1, 2), goal[None]])
-    middle = (places.min(axis=0) + places.max(axis=0)) / 2
-    half = float(np.ptp(places, axis=0).max()) / 2 + MARGIN
-    axes.set(xlim=middle[0] + np.array([-half, half]), ylim=middle[1] + np.array([-half, half]))
-    axes.set_aspect("equal")
-    axes.set_axis_off()
-    # Not the titles, which stand outside.
-    for artist in (*axes.patches, *axes.lines, *axes.collections, *axes.texts):
-        artist.set_clip_on(True)
-        artist.set_clip_box(axes.bbox)
+def draw_plan_legend(figure: Figure, columns: int = 4) -> None:
+    """Explain the marks of `draw_plan` along the bottom of a figure, and its scale of costs."""
+    names = ["table", "reachable area", "mid disk", "target", "goal", "push", "90 % region"]
+    draw_legend(figure, names, columns)
+    bar = figure.colorbar(ScalarMappable(cmap=COSTS), ax=figure.axes, fraction=0.03, pad=0.01)
+    bar.set_ticks([0.0, 1.0], labels=["lowest", "highest"], fontsize=TEXT - 1, rotation=90)
+    bar.set_label("cost of the other sequences", fontsize=TEXT)

@@ -7,47 +7,73 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, FancyArrowPatch, Patch, Polygon
 from matplotlib.patheffects import withStroke
 
+from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.feasibility import Feasibility
 from sain_core.push import push_direction, tool_end, tool_start
 from sain_core.scene import POSITION, RADIUS, TARGET, THETA, unit
-from sain_core.types import Scene
+from sain_core.types import Points, Scene
 from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
-from sain_eval.plots.palette import PALETTE
-from sain_eval.plots.tabletop import draw_table, frame_view
+from sain_eval.plots.tabletop import BASE_RADIUS, draw_table, frame_view
 
 SHOWN_MOVE: Final = 0.01  # [m], a disk that moved less is not drawn again
+SHOWN_TRAIL: Final = 1e-3  # [m], a disk that moved less has no trail
 
 
 def draw_top_view(
-    axes: Axes, record: EpisodeRecord, feasibility: Feasibility | None = None
-) -> None:
-    """Draw an episode into axes, x to the right, y up, in metres."""
+    axes: Axes,
+    record: EpisodeRecord,
+    feasibility: Feasibility | None = None,
+    aspect: float = 1.0,
+) -> list[str]:
+    """Draw an episode into axes whose width is `aspect` times their height.
+
+    Returns:
+        What of `sain_eval.legend.MARKS` was drawn.
+    """
     feasibility = feasibility or Feasibility()
-    frame_view(axes, record, feasibility)
+    frame_view(axes, _extent(record, feasibility), aspect)
     draw_table(axes, feasibility)
+    draw_goal(axes, record.goal, record.tolerance)
     scenes = record.scenes
-    _draw_goal(axes, record)
     for disk in range(len(scenes[0])):
         _draw_trail(axes, record, disk)
-    _draw_disks(axes, scenes[0], record.shapes, ghost=True)
-    _draw_disks(axes, scenes[-1], record.shapes, ghost=False)
+        start = {"linestyle": (0, (3, 2.5)), "linewidth": 1.1, "edge": 0.8}
+        _draw_disk(axes, record, scenes[0], disk, 0.0, zorder=3, **start)
+        _draw_disk(axes, record, scenes[-1], disk, 0.38, zorder=4, linewidth=1.8)
     for push in record.pushes:
         _draw_prediction(axes, push)
     for number, push in enumerate(record.pushes, start=1):
         _draw_push(axes, push, number, feasibility)
+    names = ["table", "reachable area", "mid disk", "target", "start", "goal and tolerance"]
+    names += ["other disk"] if len(scenes[0]) > 2 else []
+    names += ["push"] if record.pushes else []
+    predicted = any(push.predicted is not None for push in record.pushes)
+    return names + ["predicted by the planner"] * predicted
 
 
-def _draw_goal(axes: Axes, record: EpisodeRecord) -> None:
-    x, y = record.goal
+def _extent(record: EpisodeRecord, feasibility: Feasibility) -> Points:
+    """Return points (M, 2) that all have to be in view."""
+    points = [
+        np.array([[-BASE_RADIUS, 0.0]]),
+        record.goal[None] - record.tolerance,
+        record.goal[None] + record.tolerance,
+    ]
+    for scene in record.scenes:
+        radius = scene[:, RADIUS, None]
+        points += [scene[:, POSITION] - radius, scene[:, POSITION] + radius]
+    for push in record.pushes:
+        points.append(tool_start(push.before, push.push, feasibility.limits)[None])
+    return np.concatenate(points)
+
+
+def draw_goal(axes: Axes, place: Points, tolerance: float, size: float = 11.0) -> None:
+    """Draw a goal (2,) with its tolerance, in the units of the axes."""
+    face, edge = rgba(PALETTE.goal, 0.16), PALETTE.goal
+    axes.add_patch(Circle(tuple(place), tolerance, facecolor=face, linewidth=0, zorder=5))
     axes.add_patch(
-        Circle((x, y), record.tolerance, facecolor=PALETTE.goal, alpha=0.16, linewidth=0, zorder=5)
+        Circle(tuple(place), tolerance, fill=False, edgecolor=edge, linewidth=1.6, zorder=9)
     )
-    axes.add_patch(
-        Circle(
-            (x, y), record.tolerance, fill=False, edgecolor=PALETTE.goal, linewidth=1.6, zorder=9
-        )
-    )
-    axes.plot(x, y, "+", color=PALETTE.goal, markersize=11, markeredgewidth=2.0, zorder=9)
+    axes.plot(*place, "+", color=edge, markersize=size, markeredgewidth=2.0, zorder=9)
 
 
 def _outline(scene: Scene, disk: int, shape: str, **style: Any) -> Patch:
@@ -58,85 +84,47 @@ def _outline(scene: Scene, disk: int, shape: str, **style: Any) -> Patch:
     return Polygon(centre + radius * 2**0.5 * unit(corners), closed=True, **style)
 
 
-def _draw_disks(axes: Axes, scene: Scene, shapes: tuple[str, ...], ghost: bool) -> None:
-    for disk in range(len(scene)):
-        colour = PALETTE.disk(disk)
-        shape = shapes[disk] if shapes else "disk"
-        if ghost:
-            patch = _outline(
-                scene,
-                disk,
-                shape,
-                facecolor="none",
-                edgecolor=colour,
-                linewidth=1.1,
-                linestyle=(0, (3, 2.5)),
-                alpha=0.8,
-                zorder=3,
-            )
-        else:
-            patch = _outline(
-                scene,
-                disk,
-                shape,
-                facecolor=(*_rgb(colour), 0.38),
-                edgecolor=colour,
-                linewidth=1.8,
-                zorder=4,
-            )
-        axes.add_patch(patch)
-
-
-def _rgb(colour: str) -> tuple[float, float, float]:
-    return tuple(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))  # type: ignore[return-value]
+def _draw_disk(
+    axes: Axes, record: EpisodeRecord, scene: Scene, disk: int, face: float, **style: Any
+) -> None:
+    """Draw one disk of a scene; `face` is the opacity of its inside, `edge` that of its rim."""
+    colour, shape = PALETTE.disk(disk), record.shapes[disk] if record.shapes else "disk"
+    edge = rgba(colour, style.pop("edge", 1.0))
+    axes.add_patch(
+        _outline(scene, disk, shape, facecolor=rgba(colour, face), edgecolor=edge, **style)
+    )
 
 
 def _draw_trail(axes: Axes, record: EpisodeRecord, disk: int) -> None:
     """Draw where a disk's centre came to rest, and the disk itself, faintly, in between."""
     scenes = record.scenes
     trail = np.array([scene[disk, POSITION] for scene in scenes])
-    colour = PALETTE.disk(disk)
-    if np.linalg.norm(np.diff(trail, axis=0), axis=1).sum() < 1e-3:
+    moves = np.linalg.norm(np.diff(trail, axis=0), axis=1)
+    if moves.sum() < SHOWN_TRAIL:
         return
+    colour = PALETTE.disk(disk)
     axes.plot(*trail.T, color=colour, linewidth=1.8, alpha=0.85, zorder=6, solid_capstyle="round")
     axes.plot(*trail.T, "o", color=colour, markersize=3.8, zorder=6.5)
-    shape = record.shapes[disk] if record.shapes else "disk"
-    moved = np.linalg.norm(np.diff(trail, axis=0), axis=1) > SHOWN_MOVE
-    for scene, shown in zip(scenes[1:-1], moved[:-1], strict=True):
-        if shown:
-            axes.add_patch(
-                _outline(
-                    scene,
-                    disk,
-                    shape,
-                    facecolor=(*_rgb(colour), 0.07),
-                    edgecolor=(*_rgb(colour), 0.4),
-                    linewidth=0.7,
-                    zorder=2,
-                )
-            )
+    for scene, move in zip(scenes[1:-1], moves[:-1], strict=True):
+        if move > SHOWN_MOVE:
+            _draw_disk(axes, record, scene, disk, 0.07, edge=0.4, linewidth=0.7, zorder=2)
 
 
 def _draw_prediction(axes: Axes, push: PushRecord) -> None:
     moved = push.after[TARGET, POSITION] - push.before[TARGET, POSITION]
-    if push.predicted is None or np.linalg.norm(moved) < SHOWN_MOVE:
-        return
-    ends = np.stack([push.predicted[TARGET, POSITION], push.after[TARGET, POSITION]])
-    axes.plot(*ends.T, color=PALETTE.predicted, linewidth=1.0, zorder=7)
-    axes.plot(
-        *ends[0],
-        "D",
-        markersize=5.0,
-        markerfacecolor="none",
-        markeredgecolor=PALETTE.predicted,
-        markeredgewidth=1.1,
-        zorder=7,
-    )
+    if push.predicted is not None and np.linalg.norm(moved) >= SHOWN_MOVE:
+        draw_error(axes, push.predicted[TARGET, POSITION], push.after[TARGET, POSITION])
 
 
-def _draw_push(axes: Axes, push: PushRecord, number: int, feasibility: Feasibility) -> None:
-    start = tool_start(push.before, push.push, feasibility.limits)
-    end = tool_end(push.before, push.push, feasibility.limits)
+def draw_error(axes: Axes, predicted: Points, actual: Points) -> None:
+    """Draw a predicted place (2,), with a line to where the target came to rest (2,)."""
+    axes.plot(*np.stack([predicted, actual]).T, color=PALETTE.predicted, linewidth=1.0, zorder=7)
+    mark = {"markerfacecolor": "none", "markeredgecolor": PALETTE.predicted}
+    axes.plot(*predicted, "D", markersize=5.0, markeredgewidth=1.2, zorder=7, **mark)
+
+
+def draw_arrow(axes: Axes, start: Points, end: Points) -> None:
+    """Draw the tool's way from start (2,) to end (2,)."""
     axes.add_patch(
         FancyArrowPatch(
             tuple(start),
@@ -150,16 +138,14 @@ def _draw_push(axes: Axes, push: PushRecord, number: int, feasibility: Feasibili
             path_effects=[withStroke(linewidth=3.0, foreground="white", alpha=0.8)],
         )
     )
+
+
+def _draw_push(axes: Axes, push: PushRecord, number: int, feasibility: Feasibility) -> None:
+    start = tool_start(push.before, push.push, feasibility.limits)
+    draw_arrow(axes, start, tool_end(push.before, push.push, feasibility.limits))
     badge = start - 0.004 * unit(push_direction(push.push))
-    axes.plot(
-        *badge,
-        "o",
-        markersize=12.5,
-        color=PALETTE.ink,
-        markeredgecolor="white",
-        markeredgewidth=1.2,
-        zorder=10,
-    )
+    edge = {"markeredgecolor": "white", "markeredgewidth": 1.2}
+    axes.plot(*badge, "o", markersize=12.5, color=PALETTE.ink, zorder=10, **edge)
     axes.text(
         float(badge[0]),
         float(badge[1]),

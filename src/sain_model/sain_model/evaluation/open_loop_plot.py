@@ -7,6 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
+from sain_core.drawing.palette import PALETTE
 from sain_core.scene import MID, TARGET
 from sain_model.evaluation.metrics import (
     LEARNED,
@@ -15,15 +17,14 @@ from sain_model.evaluation.metrics import (
     position_errors,
 )
 from sain_model.evaluation.open_loop import RECURRENT_SAIN, RESIDUAL_SAIN, OpenLoop
-from sain_model.evaluation.png import write_png
 
 KINDS: Final = {  # the four of the paper's Fig. 1, with their colours
-    MEASURED: ("physics only", "#6b7280"),
-    LEARNED: (LEARNED, "#d97706"),
-    RESIDUAL_SAIN: ("residual SAIN", "#2563eb"),
-    RECURRENT_SAIN: ("recurrent SAIN", "#be185d"),
+    MEASURED: ("physics only", PALETTE.physics),
+    LEARNED: (LEARNED, PALETTE.learned),
+    RESIDUAL_SAIN: ("residual SAIN", PALETTE.predicted),
+    RECURRENT_SAIN: ("recurrent SAIN", PALETTE.history),
 }
-NEAREST: Final = 0.045  # of the axis' height, between two labels
+NEAREST: Final = 0.07  # of the axis' height, between two labels
 
 
 def save_open_loop_plot(path: Path, loop: OpenLoop, seed: int) -> int:
@@ -32,25 +33,27 @@ def save_open_loop_plot(path: Path, loop: OpenLoop, seed: int) -> int:
     All steps are of the same windows: those of the full length, or of the longest there is.
     """
     lengths = loop.windows.known.sum(axis=1)
-    steps = int(lengths.max())
-    rows = lengths == steps
-    figure = Figure(figsize=(12, 5.2), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True)
-    for axes, disk, title in ((left, TARGET, "target disk"), (right, MID, "mid disk")):
-        _draw(axes, loop, rows, steps, disk, seed)
-        axes.set_title(title, loc="left", fontsize=13)
-        axes.set_xlabel("pushes predicted without looking", fontsize=12)
-    left.set_ylabel("mean position error, mm", fontsize=12)
-    episodes = len(np.unique(loop.windows.episodes[rows]))
-    figure.suptitle(
-        f"Errors of {steps}-push rollouts: {int(rows.sum())} of them, {episodes} episodes held out;"
-        " bands: 95 %",
-        x=0.01,
-        ha="left",
-        fontsize=14,
-    )
-    write_png(path, figure, dots_per_inch=140)
+    rows = lengths == lengths.max()
+    write_png(draw_open_loop(loop, rows, int(lengths.max()), seed), path)
     return int(rows.sum())
+
+
+def draw_open_loop(loop: OpenLoop, rows: np.ndarray, steps: int, seed: int) -> Figure:
+    """Draw the errors of the windows (W,) of a mask after each of so many steps."""
+    figure = new_figure(6.6, 6.6)
+    panels = figure.subplots(2, 1, sharex=True)
+    for axes, disk, title in zip(panels, (TARGET, MID), ("target", "mid disk"), strict=True):
+        style_axes(axes, title, ylabel="mean position error [mm]")
+        _draw(axes, loop, rows, steps, disk, seed)
+    panels[1].set_xlabel("pushes predicted from the first scene alone", fontsize=TEXT)
+    episodes = len(np.unique(loop.windows.episodes[rows]))
+    count = f"{int(rows.sum())} rollouts of {steps} pushes, {episodes} held-out episodes"
+    figure.suptitle(f"{count}; bands: 95 %", x=0.02, ha="left", fontsize=TEXT + 1.5)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(
+        handles, labels, frameon=False, loc="outside lower center", ncols=4, fontsize=TEXT
+    )
+    return figure
 
 
 def _draw(axes: Axes, loop: OpenLoop, rows: np.ndarray, steps: int, disk: int, seed: int) -> None:
@@ -60,33 +63,24 @@ def _draw(axes: Axes, loop: OpenLoop, rows: np.ndarray, steps: int, disk: int, s
             continue
         mean, low, high = _curve(loop, name, rows, steps, disk, seed)
         places = np.arange(1, steps + 1)
-        axes.plot(places, mean, color=colour, linewidth=2.4)
+        axes.plot(places, mean, color=colour, linewidth=2.2, label=label)
         axes.fill_between(places, low, high, color=colour, alpha=0.15, linewidth=0)
-        ends.append((mean[-1], label, colour))
-    axes.set_xlim(1, 1 + 1.5 * max(steps - 1, 1))
+        ends.append((float(mean[-1]), colour))
+    axes.set_xlim(1, 1 + 1.1 * max(steps - 1, 1))
     axes.set_ylim(bottom=0)
     axes.set_xticks([1, *range(5, steps + 1, 5)])
-    axes.grid(axis="y", alpha=0.25)
-    axes.spines[["top", "right"]].set_visible(False)
     _label(axes, ends, steps)
 
 
-def _label(axes: Axes, ends: list[tuple[float, str, str]], steps: int) -> None:
-    """Write each curve's name at its end, labels kept apart."""
+def _label(axes: Axes, ends: list[tuple[float, str]], steps: int) -> None:
+    """Write each curve's value at its end, labels kept apart."""
     apart = NEAREST * axes.get_ylim()[1]
     above = -np.inf
-    for value, label, colour in sorted(ends):
+    for value, colour in sorted(ends):
         above = max(value, above + apart)
-        text = f"{label}  {value:.0f}"
+        style = {"color": colour, "va": "center", "fontsize": TEXT}
         axes.annotate(
-            text,
-            (steps, above),
-            (6, 0),
-            textcoords="offset points",
-            color=colour,
-            va="center",
-            fontsize=12,
-            in_layout=False,
+            f"{value:.0f} mm", (steps, above), (6, 0), textcoords="offset points", **style
         )
 
 

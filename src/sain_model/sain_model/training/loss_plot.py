@@ -4,22 +4,28 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from sain_model.evaluation.png import write_png
+from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
+from sain_core.drawing.palette import PALETTE
 from sain_model.training.training_state import History
+
+
+def draw_losses(history: History) -> Figure:
+    """Draw the losses after each epoch, the weights that are kept marked."""
+    figure = new_figure(6.0, 4.0)
+    axes = figure.subplots()
+    style_axes(axes, grid="both", xlabel="epoch", ylabel="loss, mean over transitions")
+    epochs = range(1, len(history.train) + 1)
+    axes.plot(epochs, history.train, label="training", color=PALETTE.physics)
+    axes.plot(epochs, history.validation, label="validation", color=PALETTE.predicted)
+    kept = f"kept: epoch {history.best + 1}, {history.best_loss:.4g}"
+    axes.plot(history.best + 1, history.best_loss, "o", color=PALETTE.predicted, label=kept)
+    if history.start is not None:
+        before = "validation before the training"
+        axes.axhline(history.start, color=PALETTE.floor, linestyle=":", label=before)
+    figure.legend(frameon=False, loc="outside lower center", ncols=2, fontsize=TEXT)
+    return figure
 
 
 def save_loss_curve(path: Path, history: History) -> None:
     """Write a PNG with the losses after each epoch, the weights that are kept marked."""
-    figure = Figure(figsize=(7, 4), layout="constrained")
-    axes = figure.subplots()
-    epochs = range(1, len(history.train) + 1)
-    axes.plot(epochs, history.train, label="training", color="#3b6fb5")
-    axes.plot(epochs, history.validation, label="validation", color="#e8762c")
-    axes.plot(history.best + 1, history.best_loss, "o", color="#e8762c", label="kept")
-    if history.start is not None:
-        axes.axhline(history.start, color="#888888", linestyle=":", label="validation, before")
-    axes.set(xlabel="epoch", ylabel="loss")
-    axes.grid(alpha=0.25)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False)
-    write_png(path, figure)
+    write_png(draw_losses(history), path)

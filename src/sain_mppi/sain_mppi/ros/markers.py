@@ -13,6 +13,7 @@ from jaxtyping import Float
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.ros.codec import header
 from sain_core.scene import DISK_HEIGHT, MID, RADIUS, TARGET, THETA, X, Y
 from sain_core.types import Points, Scene
@@ -23,8 +24,8 @@ from sain_mppi.search.result import Shown
 LINE_WIDTH: Final = 0.006  # [m]
 GOAL_HEIGHT: Final = 0.002  # [m]
 THIN_LINE: Final = 0.0015  # [m]
-GOAL_COLOUR: Final = (0.16, 0.63, 0.35, 0.8)
-PATH_COLOURS: Final = {MID: (0.20, 0.45, 0.75, 0.9), TARGET: (0.85, 0.33, 0.24, 0.9)}
+GOAL_COLOUR: Final = rgba(PALETTE.goal, 0.8)
+PATH_COLOURS: Final = {disk: rgba(PALETTE.disk(disk), 0.9) for disk in (MID, TARGET)}
 
 GHOST_ALPHA: Final = 0.25
 REGION_COLOUR: Final = (0.96, 0.76, 0.20, 0.35)

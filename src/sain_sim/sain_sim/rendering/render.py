@@ -5,22 +5,24 @@ exist any more. It draws with Bullet's software renderer and needs no display. E
 drawn twice as large and averaged down, which smooths the edges.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from sain_core.config import Config, option
 from sain_core.push import TOOL_RADIUS
-from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, Table, X, Y
+from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, TARGET, THETA, Table, X, Y
 from sain_core.types import Points, Scene
 from sain_sim.arm.client import Client
 from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.panda import JOINT_COUNT, ArmConfig, PandaModel
 from sain_sim.rendering.scenery import OFF_STAGE, build_disk, build_ring, build_table
 from sain_sim.rendering.shading import Caster, brightness, table_points
+from sain_sim.rendering.viewpoint import Eye, candidate_eyes, circle, rank_eyes
 from sain_sim.world.parameters import THREE_FEET
 
 Image = UInt8[ndarray, "height width 3"]
@@ -29,6 +31,11 @@ SKY: Final = np.array([[0.80, 0.86, 0.92], [0.97, 0.97, 0.96]])  # upper and low
 HAND_CLEARANCE: Final = 0.11  # [m], from the stick's tip up to the fingers
 HAND_TOP: Final = 0.24  # [m], from the stick's tip up to the wrist
 HAND_RADIUS: Final = 0.05  # [m], of a cylinder about as large as the hand
+LINK_RADIUS: Final = 0.07  # [m], of the arm's links, about
+CAPSULE_RADII: Final = np.array(
+    [LINK_RADIUS] * (JOINT_COUNT + 1) + [HAND_RADIUS + 0.03, TOOL_RADIUS]
+)
+TOP_SHARE: Final = 0.8  # of the target's radius: a circle on its top that should be seen
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,13 @@ class CameraConfig(Config):
     field_of_view: float = option(36.0, "vertical", unit="deg", minimum=5.0, maximum=120.0)
     light: tuple[float, float, float] = option((0.6, -1.2, 2.4), "where light is from", unit="m")
     oversampling: int = option(2, "drawn so many times larger", minimum=1, maximum=4)
+
+
+class Pixels(NamedTuple):
+    """How much of a picture, before it is averaged down, shows what matters."""
+
+    target: int
+    goal: int
 
 
 class Renderer:
@@ -79,11 +93,51 @@ class Renderer:
         ]
         self._goals: dict[float, int] = {}
         self._kinematics = Kinematics(-table.height, arm.tool_length)
-        self._view = self._client.computeViewMatrix(camera.eye, camera.focus, [0.0, 0.0, 1.0])
         self._projection = self._client.computeProjectionMatrixFOV(
             camera.field_of_view, camera.width / camera.height, 0.1, 10.0
         )
+        self._ring = _UNMADE
+        self.pixels = Pixels(0, 0)  # of the last picture
+        self.look_from(np.array(camera.eye))
+
+    def look_from(self, eye: Eye) -> None:
+        """Move the camera to a point (3,) [m]; it looks at the same focus."""
+        camera = self.camera
+        self._view = self._client.computeViewMatrix(eye.tolist(), camera.focus, [0.0, 0.0, 1.0])
         self._points = table_points(self._view, self._projection, camera.width, camera.height)
+
+    def eyes(
+        self, moments: Sequence[tuple[Joints, Scene]], goal: Points, goal_radius: float
+    ) -> Float[ndarray, "E 3"]:
+        """Return where the camera may stand, first where the arm hides target and goal least.
+
+        Args:
+            moments: joints (7,) and disks (N, 8) of each picture.
+            goal: (2,) [m].
+            goal_radius: of the ring about it [m].
+        """
+        camera = self.camera
+        eyes = candidate_eyes(np.array(camera.eye), np.array(camera.focus))
+        targets = np.stack([scene[TARGET, POSITION] for _, scene in moments])
+        radius = TOP_SHARE * float(moments[0][1][TARGET, RADIUS])
+        goals = np.broadcast_to(goal, targets.shape)
+        groups = [circle(targets, radius, DISK_HEIGHT), circle(goals, goal_radius, 0.0)]
+        capsules = np.stack([self._capsules(joints) for joints, _ in moments])
+        return rank_eyes(eyes, capsules, CAPSULE_RADII, groups)
+
+    def _capsules(self, joints: Joints) -> Float[ndarray, "C 2 3"]:
+        """Return the ends of capsules about the links, the hand and the stick of the arm."""
+        client = self._client
+        for joint, value in enumerate(joints.tolist()[:JOINT_COUNT]):
+            client.resetJointState(self._arm, joint, value)
+        links = client.getLinkStates(self._arm, range(JOINT_COUNT), computeForwardKinematics=1)
+        places = np.array(
+            [client.getBasePositionAndOrientation(self._arm)[0], *(s[4] for s in links)]
+        )
+        tip = self._kinematics.tips(joints)
+        hand, wrist = (tip + np.array([0.0, 0.0, up]) for up in (HAND_CLEARANCE, HAND_TOP))
+        arm = np.stack([places[:-1], places[1:]], axis=1)
+        return np.concatenate([arm, [[places[-1], wrist], [wrist, hand], [hand, tip]]])
 
     def show(
         self, joints: Joints, scene: Scene, goal: Points | None = None, goal_radius: float = 0.05
@@ -104,6 +158,7 @@ class Renderer:
                 ring = self._goals[goal_radius] = build_ring(client, goal_radius)
             place = [float(goal[0]), float(goal[1]), 0.0]
             client.resetBasePositionAndOrientation(ring, place, [0, 0, 0, 1])
+            self._ring = ring
 
     def picture(
         self, joints: Joints, scene: Scene, goal: Points | None = None, goal_radius: float = 0.05
@@ -135,6 +190,9 @@ class Renderer:
         )
         colors = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3]
         body = np.reshape(np.asarray(bodies), (height, width, 1))
+        target = self._disks[TARGET] if len(self._disks) > TARGET else _UNMADE
+        ring = self._ring if goal is not None else _UNMADE - 1
+        self.pixels = Pixels(int((body == target).sum()), int((body == ring).sum()))
         image = _average(np.where(body >= 0, colors, _sky(height)), times)
         on_table = _average(body == self._table_top, times)
         shade = 1 - on_table * (

@@ -2,15 +2,15 @@
 
 from typing import Any, Final
 
+from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.scene import DISK_HEIGHT, Table
 from sain_sim.arm.client import Client
 from sain_sim.rendering.meshes import cylinder, ring
-from sain_sim.world.disks import COLORS
 from sain_sim.world.parameters import CUBE
 
 TABLE_COLOR: Final = (0.80, 0.75, 0.68, 1.0)
 TOP_COLOR: Final = (0.91, 0.89, 0.86, 1.0)
-GOAL_COLOR: Final = (0.10, 0.62, 0.40, 1.0)
+GOAL_COLOR: Final = rgba(PALETTE.goal)
 MARK_COLOR: Final = (1.0, 1.0, 1.0, 1.0)
 RING_WIDTH: Final = 0.008  # [m]
 RING_LIFT: Final = 0.001  # [m]
@@ -38,7 +38,7 @@ def build_disk(client: Client, index: int, shape: str, radius: float) -> int:
     size = {"halfExtents": [radius, radius, half]}
     visual = client.createVisualShape(
         kind,
-        rgbaColor=COLORS[index % len(COLORS)],
+        rgbaColor=rgba(PALETTE.disk(index)),
         specularColor=[0.3, 0.3, 0.3],
         **(size if shape == CUBE else cylinder(radius, -half, half)),
     )

@@ -8,6 +8,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.push import TOOL_RADIUS
 from sain_core.ros.codec import header
 from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, Table, X, Y
@@ -19,8 +20,7 @@ TOOL_LENGTH: Final = 0.22  # [m]
 LABEL_HEIGHT: Final = 0.03  # [m]
 TABLE_COLOUR: Final = (0.86, 0.84, 0.80, 1.0)
 TOOL_COLOUR: Final = (0.25, 0.27, 0.30, 1.0)
-LABEL_COLOUR: Final = (0.10, 0.10, 0.10, 1.0)
-DISK_COLOURS: Final = ((0.20, 0.45, 0.75, 1.0), (0.85, 0.33, 0.24, 1.0), (0.60, 0.60, 0.62, 1.0))
+LABEL_COLOUR: Final = rgba(PALETTE.ink)
 LABELS: Final = ("mid", "target")
 
 
@@ -54,7 +54,7 @@ def _tool(sample: Sample, stamp: Time) -> Marker:
 
 def _disk(disk: int, row: list[float], shape: str, stamp: Time) -> Marker:
     kind = Marker.CUBE if shape == CUBE else Marker.CYLINDER
-    marker = _marker("disks", disk, kind, DISK_COLOURS[min(disk, 2)], stamp)
+    marker = _marker("disks", disk, kind, rgba(PALETTE.disk(disk)), stamp)
     marker.pose = _pose(row[X], row[Y], DISK_HEIGHT / 2, row[THETA])
     width = 2 * row[RADIUS]
     marker.scale = Vector3(x=width, y=width, z=DISK_HEIGHT)

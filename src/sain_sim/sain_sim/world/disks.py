@@ -26,14 +26,6 @@ REGULAR_FEET: Final[Feet] = (
     (FOOT_PLACE, 4 * pi / 3),
 )
 
-# mid disk, target, and the others in turn
-COLORS: Final = (
-    (0.20, 0.45, 0.80, 1.0),
-    (0.93, 0.42, 0.18, 1.0),
-    (0.42, 0.62, 0.45, 1.0),
-    (0.62, 0.50, 0.74, 1.0),
-    (0.80, 0.70, 0.36, 1.0),
-)
 UNSEEN: Final = [0.001, 0.001, 0.001]  # [m], half the sides of a shape that is never drawn
 
 FALLEN_HEIGHT: Final = -0.01  # [m], a disk whose middle is lower has left the table

@@ -1,5 +1,10 @@
 // Charts: each is drawn into a box of a known width, in pixels.
 
+import { draw } from "./elements.js";
+import { counted, fineMillimetres, milliseconds, tickText, ticks } from "./figures.js";
+import { apart, size } from "./geometry.js";
+
+const NAMES = { physics: "physics", expected: "planner" };
 const LEFT = 34, BOTTOM = 22, TOP = 12;
 
 function canvas(box, width, height, label) {
@@ -27,7 +32,7 @@ function drawErrors(box, width, pushes, choose) {
   const highest = Math.max(...known.flatMap(({ push }) => kinds.map((kind) => 1000 * (push[`${kind}Error`] ?? 0))), 0.1);
   const steps = ticks(highest, 4), top = TOP + 10, y = (value) => height - BOTTOM - (value / steps.at(-1)) * (height - BOTTOM - top);
   const svg = canvas(box, width, height, `Errors of ${counted(known.length, "push", "pushes")}, up to ${highest.toFixed(1)} mm`);
-  levels(svg, steps, width, y, "mm");
+  levels(svg, steps, width, y, "error of the target’s position [mm], by push");
   const room = (width - LEFT) / Math.max(known.length, 1), thick = Math.max(1, Math.min(16, 0.36 * room));
   known.forEach(({ push, place }, slot) => {
     const middle = LEFT + (slot + 0.5) * room;
@@ -59,7 +64,7 @@ function drawDistance(box, width, episode) {
   const reached = floor - y(size(episode.tolerance));
   const cursor = draw("line", { class: "cursor", y1: 14, y2: floor });
   svg.append(
-    draw("text", { x: 0, y: 9 }, "Target to goal"),
+    draw("text", { x: 0, y: 9 }, "Distance from target to goal"),
     draw("text", { x: width, y: 9, "text-anchor": "end" }, `${values[0].toFixed(0)} → ${values.at(-1).toFixed(1)} mm`),
     draw("rect", { class: "tolerance", x: 0, width, y: floor - reached, height: reached }),
     draw("path", { class: "area distance", d: `M0 ${floor}L${points.join("L")}L${width} ${floor}Z` }),
@@ -79,9 +84,9 @@ function drawDistribution(box, width, errors) {
   const steps = ticks(highest, 5), floor = height - BOTTOM - 16;
   const x = (value) => LEFT + (value / steps.at(-1)) * (width - LEFT - 8);
   const y = (share) => floor - share * (floor - TOP - 10);
-  const svg = canvas(box, width, height, kinds.map((kind) => `${kind}: median ${fineMillimetres(errors[kind].median)}`).join(", "));
-  levels(svg, [0, 25, 50, 75, 100], width, (percent) => y(percent / 100), "% of the pushes");
-  bottomAxis(svg, steps, x, height, width, "mm, the target’s place");
+  const svg = canvas(box, width, height, kinds.map((kind) => `${NAMES[kind]}: median ${fineMillimetres(errors[kind].median)}`).join(", "));
+  levels(svg, [0, 25, 50, 75, 100], width, (percent) => y(percent / 100), "share of the pushes [%]");
+  bottomAxis(svg, steps, x, height, width, "error of the target’s position [mm]");
   for (const kind of kinds) {
     const { sorted, shares, median } = errors[kind];
     const stairs = sorted.map((value, index) => `H${x(1000 * value).toFixed(1)}V${y(shares[index]).toFixed(1)}`);
@@ -102,8 +107,8 @@ function drawPlanning(box, width, planning) {
   const x = (time) => LEFT + (time / (unit * edges.at(-1))) * (width - LEFT - 8);
   const y = (count) => floor - (count / steps.at(-1)) * (floor - TOP - 32);
   const svg = canvas(box, width, height, `Planning times of ${counted(planning.plans, "plan")}: median ${milliseconds(planning.median)}`);
-  levels(svg, steps, width, y, "plans");
-  bottomAxis(svg, across, x, height, width, seconds ? "s" : "ms");
+  levels(svg, steps, width, y, "number of plans");
+  bottomAxis(svg, across, x, height, width, `planning time [${seconds ? "s" : "ms"}]`);
   counts.forEach((count, bin) => {
     if (!count) return;
     const left = x(unit * edges[bin]), right = x(unit * edges[bin + 1]);
@@ -127,3 +132,5 @@ function bottomAxis(svg, steps, x, height, width, unit) {
   }
   svg.append(draw("text", { x: width - 8, y: height - 3, "text-anchor": "end" }, unit));
 }
+
+export { drawDistance, drawDistribution, drawErrors, drawPlanning };

@@ -33,3 +33,5 @@ function onWidth(box, redraw) {
 function icon(path) {
   return draw("svg", { viewBox: "0 0 16 16", "aria-hidden": "true" }, draw("path", { d: path }));
 }
+
+export { draw, find, icon, make, onWidth };

@@ -54,3 +54,5 @@ function tickText(value, step) {
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   return value.toFixed(digits);
 }
+
+export { UNKNOWN, bytes, counted, degrees, fineMillimetres, fixed, length, milliseconds, millimetres, tickText, ticks };

@@ -1,5 +1,7 @@
 // Moves through an episode's recorded scenes, by hand or in time.
 
+import { find, icon } from "./elements.js";
+
 const PLAY = "M4 2.5v11l9.5-5.5z", PAUSE = "M3.5 2.5h3v11h-3zM9.5 2.5h3v11h-3z";
 const LONGEST_WAIT = 0.5; // [s], a silence in the recording is shown no longer
 
@@ -61,3 +63,5 @@ class Player {
     this.button.replaceChildren(icon(this.playing ? PAUSE : PLAY));
   }
 }
+
+export { Player };

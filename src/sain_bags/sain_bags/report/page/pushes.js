@@ -1,28 +1,27 @@
 // The pushes of an episode in words and figures.
 
-function title(episode) {
-  const several = new Set(data.episodes.map((one) => one.namespace)).size > 1;
-  return [several ? episode.namespace || "/" : "", `Episode ${episode.number}`, episode.name].filter(Boolean).join(" · ");
-}
+import { make } from "./elements.js";
+import { counted, degrees, fineMillimetres, milliseconds, millimetres } from "./figures.js";
 
 function shownText(episode) {
   const { time, recorded, thinned, unusable, fromPushes, cut } = episode.frames;
   const parts = [];
-  if (fromPushes) parts.push("Scenes were not recorded: shown are those before and after each push.");
-  else if (thinned > 1) parts.push(`Of ${counted(recorded, "recorded scene")} ${time.length.toLocaleString("en")} are shown: all where the disks came to rest, and every ${thinned}th in motion.`);
-  if (unusable) parts.push(`${counted(unusable, "scene")} made no sense and are left out.`);
+  if (fromPushes) parts.push("The recording has no scenes of this episode. The page shows the scenes before and after each push.");
+  else if (thinned > 1) parts.push(`${time.length.toLocaleString("en")} of ${counted(recorded, "recorded scene")} are shown: every scene at rest, and every ${thinned}th scene in motion.`);
+  if (unusable) parts.push(`${counted(unusable, "scene")} with invalid values ${unusable === 1 ? "is" : "are"} left out.`);
   if (cut) parts.push(`Only the first ${episode.pushes.length} pushes are shown.`);
   return parts.join(" ");
 }
 
 function verdictText(episode) {
   const last = episode.verdicts.at(-1);
-  if (!last) return "";
-  return `The planner’s last word: ${last.status}${last.message ? `, ${last.message}` : ""}.`;
+  const none = episode.pushes.length ? "" : "No push was sent in this episode. ";
+  if (!last) return none;
+  return `${none}Last decision of the planner: ${last.status}${last.message ? `, ${last.message}` : ""}.`;
 }
 
 function outcomeText(push) {
-  if (push.outcome === "executed") return push.fallback ? "planned with the prior: the model had failed" : "";
+  if (push.outcome === "executed") return push.fallback ? "planned with the physics prior: the model had failed" : "";
   return [push.outcome === "refused" ? `refused, ${push.reason}` : "", push.message].filter(Boolean).join(": ");
 }
 
@@ -31,9 +30,9 @@ function pushFacts(push, number, episode) {
     ["Tool at", degrees(push.location)], ["Direction", degrees(push.angle)], ["Travel", millimetres(push.length)],
     ["Target moved", millimetres(push.moved)],
     ["Target to goal", episode.goal ? `${millimetres(push.distance[0])} → ${millimetres(push.distance[1])}` : null],
-    [`Expected by ${push.model || "the planner"}`, push.expectedError === null ? null : `off by ${fineMillimetres(push.expectedError)}`],
-    [`Expected by ${push.physicsModel || "physics"}`, push.physicsError === null ? null : `off by ${fineMillimetres(push.physicsError)}`],
-    ["Planned in", push.planning === null ? null : milliseconds(push.planning)],
+    [`Error of ${push.physicsModel || "physics"}`, push.physicsError === null ? null : fineMillimetres(push.physicsError)],
+    [`Error of ${push.model || "the planner"}`, push.expectedError === null ? null : fineMillimetres(push.expectedError)],
+    ["Planning time", push.planning === null ? null : milliseconds(push.planning)],
     ["Sent by", push.source || null],
   ].filter(([, value]) => value !== null);
   const text = outcomeText(push);
@@ -44,17 +43,27 @@ function pushFacts(push, number, episode) {
   ];
 }
 
+const COLUMNS = [
+  ["Tool at", (push) => degrees(push.location)], ["Direction", (push) => degrees(push.angle)],
+  ["Travel", (push) => millimetres(push.length)], ["Target moved", (push) => millimetres(push.moved)],
+  ["Target to goal", (push) => millimetres(push.distance[1])],
+  ["Physics error", (push) => fineMillimetres(push.physicsError)], ["Planner error", (push) => fineMillimetres(push.expectedError)],
+  ["Planning time", (push) => milliseconds(push.planning)],
+];
+
 function pushRows(episode, jump) {
+  if (!episode.pushes.length) return [];
   const remarks = episode.pushes.some((push) => outcomeText(push));
-  const heads = ["Push", "Tool at", "Direction", "Travel", "Target moved", "To goal", "Planner off by", "Physics off by", "Planned in", ...(remarks ? ["Remark"] : [])];
+  const heads = ["Push", ...COLUMNS.map(([name]) => name), ...(remarks ? ["Remark"] : [])];
   const head = make("tr", {}, ...heads.map((name) => make("th", { scope: "col", class: name === "Remark" ? "left" : null }, name)));
   const rows = episode.pushes.map((push, number) => {
     const button = make("button", { type: "button", "aria-label": `Go to push ${number + 1}` }, String(number + 1));
     button.addEventListener("click", () => jump(number));
-    const cells = [degrees(push.location), degrees(push.angle), millimetres(push.length), millimetres(push.moved), millimetres(push.distance[1]),
-      fineMillimetres(push.expectedError), fineMillimetres(push.physicsError), milliseconds(push.planning)];
     const remark = remarks ? [make("td", { class: "wide left alarm" }, outcomeText(push))] : [];
-    return make("tr", { class: push.outcome }, make("td", {}, button), ...cells.map((text) => make("td", {}, text)), ...remark);
+    const cells = COLUMNS.map(([name, text]) => make("td", { "data-head": name }, text(push)));
+    return make("tr", { class: push.outcome }, make("td", {}, button), ...cells, ...remark);
   });
   return [make("thead", {}, head), make("tbody", {}, ...rows)];
 }
+
+export { pushFacts, pushRows, shownText, verdictText };

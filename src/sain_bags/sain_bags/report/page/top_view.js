@@ -1,6 +1,8 @@
 // An episode from above, in millimetres: x to the right, y up.
 
-const NAMES = ["mid", "target"];
+import { draw, onWidth } from "./elements.js";
+import { apart, diskClass, outline, place, sector, size, turn, wayLength } from "./geometry.js";
+
 const TRAIL_SHOWN = 1; // [mm], a disk that moved less leaves no path
 
 class TopView {
@@ -72,15 +74,14 @@ class TopView {
   drawDisks() {
     const poses = this.episode.frames.poses;
     this.disks = this.episode.disks.map((disk, number) => {
-      const name = NAMES[number] ?? "other", r = size(disk.radius);
+      const name = diskClass(number), r = size(disk.radius);
       this.layers.starts.append(outline(disk, poses[0][number], { class: `start ${name}` }));
       const group = draw("g", { class: `disk ${name}`, "data-disk": number },
         outline(disk, [0, 0, 0]), draw("line", { x1: 0.62 * r, x2: 0.94 * r }));
       this.layers.disks.append(group);
       const paths = ["ahead", "behind"].map((part) => draw("polyline", { class: `path ${part} ${name}` }));
       const points = poses.map((pose) => place(pose[number]).map((value) => value.toFixed(1)).join(","));
-      const moves = way(poses, number) > TRAIL_SHOWN;
-      if (moves) this.layers.paths.append(...paths);
+      if (wayLength(poses, number) > TRAIL_SHOWN) this.layers.paths.append(...paths);
       return { group, paths, points };
     });
   }
@@ -89,7 +90,7 @@ class TopView {
     this.index = index;
     this.disks.forEach(({ group, paths, points }, number) => {
       const pose = this.episode.frames.poses[index][number], [x, y] = place(pose);
-      group.setAttribute("transform", `translate(${x} ${y}) rotate(${degrees(pose)})`);
+      group.setAttribute("transform", `translate(${x} ${y}) rotate(${turn(pose)})`);
       paths[0].setAttribute("points", points.slice(index).join(" "));
       paths[1].setAttribute("points", points.slice(0, index + 1).join(" "));
     });
@@ -137,39 +138,4 @@ class TopView {
   }
 }
 
-function place(pose) {
-  return [1000 * pose[0], -1000 * pose[1]];
-}
-
-// What was recorded may make no sense, and a circle must.
-function size(metres) {
-  return 1000 * Math.max(metres ?? 0, 0);
-}
-
-// A disk from above, or a cube, whose radius is half its width.
-function outline(disk, pose, attributes = {}) {
-  const [x, y] = place(pose), r = size(disk.radius);
-  if (!disk.cube) return draw("circle", { ...attributes, cx: x, cy: y, r });
-  const turn = `rotate(${degrees(pose)} ${x} ${y})`;
-  return draw("rect", { ...attributes, x: x - r, y: y - r, width: 2 * r, height: 2 * r, transform: turn });
-}
-
-function degrees(pose) {
-  return (-180 * pose[2]) / Math.PI;
-}
-
-function apart(one, other) {
-  return 1000 * Math.hypot(one[0] - other[0], one[1] - other[1]);
-}
-
-function way(poses, number) {
-  let sum = 0;
-  for (let index = 1; index < poses.length; index += 1) sum += apart(poses[index - 1][number], poses[index][number]);
-  return sum;
-}
-
-function sector(inner, outer, bearing) {
-  const [c, s] = [Math.cos(bearing), Math.sin(bearing)], large = bearing > Math.PI / 2 ? 1 : 0;
-  return `M${outer * c} ${-outer * s}A${outer} ${outer} 0 ${large} 1 ${outer * c} ${outer * s}` +
-    `L${inner * c} ${inner * s}A${inner} ${inner} 0 ${large} 0 ${inner * c} ${-inner * s}Z`;
-}
+export { TopView };

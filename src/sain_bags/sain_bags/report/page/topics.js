@@ -1,7 +1,10 @@
-// The recording itself: its topics, when their messages came, and which never did.
+// The topics of the recording, when their messages came, and how many are missing.
+
+import { draw, find, make } from "./elements.js";
+import { UNKNOWN, fixed, length } from "./figures.js";
 
 function showTopics(data) {
-  const heads = ["Topic", "Messages", "Rate", "Over time", "Longest silence", "Missing"];
+  const heads = ["Topic", "Messages", "Rate", "Over time", "Longest gap", "Missing"];
   const head = make("tr", {}, ...heads.map((name) => make("th", { scope: "col", class: name === "Over time" ? "left" : null }, name)));
   find("topics").replaceChildren(make("thead", {}, head), make("tbody", {}, ...data.topics.map((topic) => topicRow(topic, data))));
   const lossy = data.topics.filter((topic) => topic.places.length);
@@ -11,13 +14,13 @@ function showTopics(data) {
 
 function topicRow(topic, data) {
   const missing = topic.missing ? "alarm" : "soft";
-  const silence = topic.gap ? `from ${length(topic.gapStart)} on` : null;
+  const start = topic.gap ? `from ${length(topic.gapStart)} on` : null;
   return make("tr", {},
     make("td", { class: "topic" }, topic.name, make("small", {}, topic.type)),
     make("td", { "data-head": "Messages" }, topic.messages.toLocaleString("en")),
     make("td", { "data-head": "Rate" }, topic.rate ? fixed(topic.rate, topic.rate < 1 ? 2 : topic.rate < 10 ? 1 : 0, "Hz") : UNKNOWN),
     make("td", { class: "lane" }, lane(topic, data)),
-    make("td", { "data-head": "Silence", title: silence }, topic.gap ? length(topic.gap) : UNKNOWN),
+    make("td", { "data-head": "Gap", title: start }, topic.gap ? length(topic.gap) : UNKNOWN),
     make("td", { "data-head": "Missing", class: missing }, topic.missing === null ? UNKNOWN : topic.missing.toLocaleString("en")));
 }
 
@@ -30,8 +33,10 @@ function lane(topic, data) {
 }
 
 function gapsLine(topic) {
-  const told = topic.places.map(([time, count]) => `${count} before ${fixed(time, 2, "s")}`);
+  const parts = topic.places.map(([time, count]) => `${count} before ${fixed(time, 2, "s")}`);
   const rest = topic.missing - topic.places.reduce((sum, [, count]) => sum + count, 0);
-  if (rest > 0) told.push(`${rest.toLocaleString("en")} later`);
-  return make("li", {}, make("strong", {}, topic.name), ` ${told.join(", ")}`);
+  if (rest > 0) parts.push(`${rest.toLocaleString("en")} later`);
+  return make("li", {}, make("strong", {}, topic.name), ` ${parts.join(", ")}`);
 }
+
+export { showTopics };

@@ -1,0 +1,120 @@
+// The episodes: one is chosen, shown from above, and listed push by push.
+
+import { drawDistance, drawErrors } from "./charts.js";
+import { find, make, onWidth } from "./elements.js";
+import { counted, fineMillimetres, fixed, millimetres } from "./figures.js";
+import { apart } from "./geometry.js";
+import { seriesLegend, topViewLegend } from "./legend.js";
+import { Player } from "./player.js";
+import { pushFacts, pushRows, shownText, verdictText } from "./pushes.js";
+import { TopView } from "./top_view.js";
+
+class Episodes {
+  constructor(data) {
+    this.data = data;
+    this.view = new TopView(find("view"), data);
+    this.player = new Player((index) => this.moved(index));
+    this.moveCursor = () => {};
+    this.buttons = data.episodes.map((episode, place) => this.button(episode, place));
+    find("list").replaceChildren(...this.buttons.map((button) => make("li", {}, button)));
+    const left = data.totals.episodes - data.episodes.length;
+    const more = [left > 0 ? `${counted(left, "later episode")} not listed. The figures include them.` : "", data.idle].filter(Boolean);
+    find("more").hidden = !more.length;
+    find("more").textContent = more.join(" ");
+    const others = data.episodes.some((episode) => episode.disks.length > 2);
+    find("legend").replaceChildren(...topViewLegend(others, (name, on) => this.toggle(name, on)));
+    onWidth(find("distance"), () => this.drawCharts());
+    onWidth(find("errors"), () => this.drawCharts());
+    this.choose(Math.max(data.episodes.findIndex((episode) => episode.pushes.length), 0));
+  }
+
+  button(episode, place) {
+    const dot = { reached: "dot reached", "not reached": "dot missed" }[episode.outcome] ?? "dot";
+    const button = make("button", { type: "button", "aria-pressed": "false" },
+      make("span", { class: dot, role: "img", "aria-label": episode.outcome, title: episode.outcome }),
+      make("span", { class: "name" }, episode.title),
+      make("span", { class: "soft" }, counted(episode.counts.executed + episode.counts.unanswered, "push", "pushes")),
+      make("span", { class: "end", title: "from the target to the goal at the end" }, fineMillimetres(episode.distance)));
+    button.addEventListener("click", () => this.choose(place));
+    return button;
+  }
+
+  choose(place) {
+    this.episode = this.data.episodes[place];
+    this.push = undefined;
+    this.buttons.forEach((button, number) => button.setAttribute("aria-pressed", String(number === place)));
+    const { episode } = this, refused = episode.counts.refused ? `, ${episode.counts.refused} refused` : "";
+    const goal = episode.goal ? `, goal ${episode.outcome} (tolerance ${millimetres(episode.tolerance)})` : ", without a goal";
+    find("episode-title").textContent = `${episode.title}: ${counted(episode.counts.executed, "push", "pushes")}${refused}${goal}`;
+    find("shown").textContent = shownText(episode);
+    find("verdict").textContent = verdictText(episode);
+    this.showMarks();
+    find("errors-legend").replaceChildren(...seriesLegend(episode.series));
+    find("pushes").replaceChildren(...pushRows(episode, (number) => this.jump(number)));
+    this.view.show(episode, 0);
+    this.drawCharts();
+    this.player.load(episode.frames.time, 0);
+  }
+
+  drawCharts() {
+    const { episode } = this, distance = find("distance"), errors = find("errors");
+    if (!episode) return;
+    distance.hidden = !episode.goal;
+    if (episode.goal && distance.clientWidth) this.moveCursor = drawDistance(distance, distance.clientWidth, episode);
+    else this.moveCursor = () => {};
+    if (this.player.times) this.moveCursor(this.player.index);
+    find("errors-card").hidden = !episode.pushes.some((push) => (push.expectedError ?? push.physicsError) !== null);
+    if (errors.clientWidth) drawErrors(errors, errors.clientWidth, episode.pushes, (number) => this.jump(number));
+  }
+
+  showMarks() {
+    const last = Math.max(this.episode.frames.time.length - 1, 1);
+    this.marks = this.episode.pushes.map((push, number) => {
+      const mark = make("button", { type: "button", class: push.outcome, "aria-label": `Go to push ${number + 1}` }, String(number + 1));
+      const before = this.episode.pushes.slice(0, number).filter((other) => other.from === push.from).length;
+      mark.style.left = `calc(${(100 * (push.from ?? 0)) / last}% + ${13 * before}px)`;
+      mark.addEventListener("click", () => this.jump(number));
+      return mark;
+    });
+    find("marks").replaceChildren(...this.marks);
+  }
+
+  // To where a push ended: there its prediction can be compared.
+  jump(number) {
+    this.player.stop();
+    const push = this.episode.pushes[number];
+    this.chosen = number;
+    this.player.moveTo(push.to ?? push.from ?? 0);
+    this.chosen = undefined;
+  }
+
+  moved(index) {
+    const { episode } = this, started = episode.pushes.findLastIndex((push) => (push.from ?? 0) < index);
+    const number = this.chosen ?? Math.max(started, episode.pushes.length ? 0 : -1);
+    this.view.moveTo(index);
+    this.moveCursor(index);
+    const time = fixed(episode.frames.time[index], 2, "s");
+    const distance = episode.goal ? ` · target ${fineMillimetres(apart(episode.frames.poses[index][1], episode.goal) / 1000)} from the goal` : "";
+    find("moment").textContent = `${time}${distance}`;
+    find("slider").setAttribute("aria-valuetext", `${time}${number < 0 ? "" : `, push ${number + 1} of ${episode.pushes.length}`}${distance}`);
+    if (number !== this.push) this.showPush(number);
+  }
+
+  showPush(number) {
+    this.push = number;
+    const push = this.episode.pushes[number];
+    this.view.showPush(push, number + 1);
+    this.marks.forEach((mark, place) => mark.setAttribute("aria-current", String(place === number)));
+    [...find("pushes").querySelectorAll("tbody tr")].forEach((row, place) => row.setAttribute("aria-current", String(place === number)));
+    find("push").hidden = !push;
+    if (push) find("push").replaceChildren(...pushFacts(push, number, this.episode));
+  }
+
+  toggle(name, on) {
+    this.view.shown[name] = on;
+    this.view.moveTo(this.player.index);
+    this.view.showPush(this.episode.pushes[this.push], this.push + 1);
+  }
+}
+
+export { Episodes };

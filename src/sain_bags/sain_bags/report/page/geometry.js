@@ -1,0 +1,48 @@
+// Places of the world in the top view: millimetres, x to the right, y down.
+
+import { draw } from "./elements.js";
+
+// The style of a disk by its place in the scene.
+function diskClass(number) {
+  return ["mid", "target"][number] ?? "other";
+}
+
+function place(pose) {
+  return [1000 * pose[0], -1000 * pose[1]];
+}
+
+// A recorded radius may be negative or absent; that of a circle may not.
+function size(metres) {
+  return 1000 * Math.max(metres ?? 0, 0);
+}
+
+// A disk from above, or a cube, whose radius is half its width.
+function outline(disk, pose, attributes = {}) {
+  const [x, y] = place(pose), r = size(disk.radius);
+  if (!disk.cube) return draw("circle", { ...attributes, cx: x, cy: y, r });
+  const transform = `rotate(${turn(pose)} ${x} ${y})`;
+  return draw("rect", { ...attributes, x: x - r, y: y - r, width: 2 * r, height: 2 * r, transform });
+}
+
+// The heading of a pose, clockwise in degrees as SVG has it.
+function turn(pose) {
+  return (-180 * pose[2]) / Math.PI;
+}
+
+function apart(one, other) {
+  return 1000 * Math.hypot(one[0] - other[0], one[1] - other[1]);
+}
+
+function wayLength(poses, number) {
+  let sum = 0;
+  for (let index = 1; index < poses.length; index += 1) sum += apart(poses[index - 1][number], poses[index][number]);
+  return sum;
+}
+
+function sector(inner, outer, bearing) {
+  const [c, s] = [Math.cos(bearing), Math.sin(bearing)], large = bearing > Math.PI / 2 ? 1 : 0;
+  return `M${outer * c} ${-outer * s}A${outer} ${outer} 0 ${large} 1 ${outer * c} ${outer * s}` +
+    `L${inner * c} ${inner * s}A${inner} ${inner} 0 ${large} 0 ${inner * c} ${-inner * s}Z`;
+}
+
+export { apart, diskClass, outline, place, sector, size, turn, wayLength };

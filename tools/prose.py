@@ -1,0 +1,163 @@
+"""Checks the prose of the Markdown pages: short sentences, few words, plain terms.
+
+./env python tools/prose.py [PAGE...]
+
+* A word of the total is two or more letters of a-z outside of fenced code. The total is over
+  README.md and docs/, without docs/decisions/.
+* A sentence is a part of a paragraph or list item that ends with ``.``, ``!``, ``?`` or ``:`` before
+  a space, with a blank line, or with the next list item. Fenced and indented code, tables, headings,
+  images and HTML are no sentences.
+* A word of a sentence is a run of letters, digits, hyphens and apostrophes in the Markdown source,
+  so that code and the targets of links count too.
+
+Exits with 1 when a sentence is too long, the total is too large, or a banned phrase occurs.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+MOST_WORDS = 16_000
+LONGEST_SENTENCE = 25
+
+BANNED = re.compile(
+    # Idioms that a reader of a second language stumbles over, and what a machine does not do.
+    r"\b(?:it\s+pays|network\s+pays|forgets?|knows?|wants?|speaks?\s+for|over\s+ours|in\s+one\s+go|by\s+a\s+hair)\b"
+    r"|\b(?:is|are|was|were|be|been)\s+told\b|\btold\s+(?:the|nothing|of)\b"
+    r"|\bno\s+surprise\b|\ba\s+Tuesday\b|\bthe\s+word\s+that\b|\bwhat\s+became\s+of\b"
+    r"|\bread\s+it\s+as\s+it\s+stands\b",
+    re.IGNORECASE,
+)
+ADDRESS = re.compile(r"(?<=\])\([^)]*\)")
+CODE = re.compile(r"`[^`]*`")
+FENCE = re.compile(r"\s*(```|~~~)")
+NO_SENTENCE = ("|", "#", "![", "<")
+SENTENCE_END = re.compile(r"(?<=[.!?:])\s+")
+WORD = re.compile(r"[A-Za-z]{2,}")
+WORD_OF_A_SENTENCE = re.compile(r"[A-Za-z0-9'-]+")
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a page outside of fenced code, with its number from 1."""
+
+    number: int
+    text: str
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is wrong, and where."""
+
+    page: Path
+    line: int
+    text: str
+
+    def __str__(self) -> str:
+        page = self.page.relative_to(ROOT) if self.page.is_relative_to(ROOT) else self.page
+        return f"{page}:{self.line}: {self.text}"
+
+
+def lines_outside_fences(text: str) -> Iterator[Line]:
+    """Yield the lines of a page; each fenced block becomes one empty line."""
+    fence = None
+    for number, line in enumerate(text.splitlines(), start=1):
+        mark = FENCE.match(line)
+        if fence is None and mark:
+            fence = mark[1]
+            yield Line(number, "")
+        elif fence is None:
+            yield Line(number, line)
+        elif mark and mark[1] == fence:
+            fence = None
+
+
+def blocks(text: str) -> Iterator[list[Line]]:
+    """Yield the paragraphs and list items of a page."""
+    block: list[Line] = []
+    for line in lines_outside_fences(text):
+        if line.text.startswith(NO_SENTENCE) or (not block and line.text.startswith("    ")):
+            continue
+        if not line.text.strip() or line.text.startswith(("* ", "- ")):
+            yield block
+            block = []
+        if line.text.strip():
+            block.append(line)
+    yield block
+
+
+def sentences(text: str) -> Iterator[Line]:
+    """Yield the sentences of a page, each with the line on which it begins."""
+    for block in blocks(text):
+        joined = "\n".join(line.text for line in block)
+        start = 0
+        for end in [*(match.end() for match in SENTENCE_END.finditer(joined)), len(joined)]:
+            if joined[start:end].strip():
+                number = block[joined.count("\n", 0, start)].number
+                yield Line(number, " ".join(joined[start:end].split()))
+            start = end
+
+
+def banned_phrases(text: str) -> Iterator[Line]:
+    """Yield the banned phrases of a page outside of code and addresses, each with its line."""
+    lines = list(lines_outside_fences(text))
+    prose = "\n".join(line.text for line in lines)
+    for hidden in (CODE, ADDRESS):
+        prose = hidden.sub(lambda match: "\n" * match[0].count("\n"), prose)
+    for phrase in BANNED.finditer(prose):
+        number = lines[prose.count("\n", 0, phrase.start())].number
+        yield Line(number, " ".join(phrase[0].split()))
+
+
+def words(text: str) -> int:
+    """Return the number of words of a page outside of fenced code."""
+    return sum(len(WORD.findall(line.text)) for line in lines_outside_fences(text))
+
+
+def problems(page: Path) -> Iterator[Problem]:
+    """Yield the sentences of a page that are too long, and its banned phrases."""
+    text = page.read_text(encoding="utf-8")
+    for sentence in sentences(text):
+        count = len(WORD_OF_A_SENTENCE.findall(sentence.text))
+        if count > LONGEST_SENTENCE:
+            long = f"{count} words, {LONGEST_SENTENCE} at most: {sentence.text}"
+            yield Problem(page, sentence.number, long)
+    for phrase in banned_phrases(text):
+        said = f'"{phrase.text}": say it plainly, see CONTRIBUTING.md'
+        yield Problem(page, phrase.number, said)
+
+
+def counted_pages(root: Path) -> list[Path]:
+    """Return the pages whose words are counted."""
+    docs = sorted(path for path in (root / "docs").rglob("*.md") if "decisions" not in path.parts)
+    return [root / "README.md", *docs]
+
+
+def checked_pages(root: Path) -> list[Path]:
+    """Return the pages whose sentences are checked."""
+    others = [root / name for name in ("CONTRIBUTING.md", "bags/README.md", "docker/README.md")]
+    return [*counted_pages(root), *others, *sorted((root / "docs" / "decisions").glob("*.md"))]
+
+
+def main(arguments: list[str]) -> int:
+    """Check the pages named, or all of them and their words; return the exit status."""
+    named = [Path(argument).resolve() for argument in arguments]
+    found = [problem for page in named or checked_pages(ROOT) for problem in problems(page)]
+    for problem in found:
+        print(problem)
+    total = sum(words(page.read_text(encoding="utf-8")) for page in named or counted_pages(ROOT))
+    too_many = not named and total > MOST_WORDS
+    if too_many:
+        print(f"README.md and docs/ have {total:,} words, {MOST_WORDS:,} at most")
+    if not found and not too_many:
+        print(f"prose: {total:,} words, every sentence at most {LONGEST_SENTENCE}")
+    return 1 if found or too_many else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
