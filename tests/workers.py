@@ -16,7 +16,7 @@ from xdist.scheduler import LoadScopeScheduling
 MOST: Final = 4
 TOGETHER: Final = {  # files that must not run beside one another, by a part of their path
     "graph": ("tests/system/", "/ros/", "test_ray_workers"),
-    "browser": ("sain_bags/report/", "test_pages"),
+    "browser": ("sain_bags/report/",),
     "processes": ("sain_bringup/", "test_workers", "tests/workspace/"),
 }
 # The longest come first, so that no worker is left with one when all others are done.
