@@ -15,9 +15,9 @@ from xdist.scheduler import LoadScopeScheduling
 
 MOST: Final = 4
 TOGETHER: Final = {  # files that must not run beside one another, by a part of their path
-    "graph": ("tests/system/", "/ros/", "test_ray_workers"),
+    "graph": ("tests/system/", "/ros/"),
     "browser": ("sain_bags/report/",),
-    "processes": ("sain_bringup/", "test_workers", "tests/workspace/"),
+    "processes": ("sain_bringup/", "collecting/", "tests/workspace/"),
 }
 # The longest come first, so that no worker is left with one when all others are done.
 FIRST: Final = ("tests/system/", "/ros/", "tests/examples/", "/dataset/formats/", "/training/")
