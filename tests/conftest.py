@@ -17,7 +17,6 @@ from jaxtyping import install_import_hook
 
 from tests.workers import (  # noqa: F401 - these are hooks
     pytest_collection_modifyitems,
-    pytest_sessionstart,
     pytest_xdist_auto_num_workers,
     pytest_xdist_make_scheduler,
 )

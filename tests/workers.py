@@ -7,7 +7,7 @@ process, where a worker's start would cost more than it saves; ``-n 2`` says oth
 import os
 import subprocess
 import sys
-from typing import Final
+from typing import Any, Final
 
 import pytest
 from _pytest.config import Config
@@ -26,6 +26,17 @@ FIRST: Final = ("tests/system/", "/ros/", "tests/examples/", "/dataset/formats/"
 class ByFile(LoadScopeScheduling):
     """Gives each worker one unit after another, in the order of the collection."""
 
+    def __init__(self, config: Config, log: Any) -> None:
+        super().__init__(config, log)
+        # All kernels are compiled here, while the workers collect; each of them would compile them.
+        command = [sys.executable, "-m", "sain_model.cli.compile_kernels"]
+        self.kernels = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+
+    def schedule(self) -> None:
+        if self.kernels.wait() != 0:
+            raise pytest.UsageError("the kernels cannot be compiled; the reason stands above")
+        super().schedule()
+
     def _split_scope(self, nodeid: str) -> str:
         path = nodeid.partition("::")[0]
         for unit, parts in TOGETHER.items():
@@ -42,7 +53,7 @@ def pytest_xdist_auto_num_workers(config: Config) -> int:
     return min(len(os.sched_getaffinity(0)), MOST)
 
 
-def pytest_xdist_make_scheduler(config: Config, log: object) -> ByFile:
+def pytest_xdist_make_scheduler(config: Config, log: Any) -> ByFile:
     return ByFile(config, log)
 
 
@@ -52,11 +63,3 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def _place(nodeid: str) -> int:
     return next((place for place, part in enumerate(FIRST) if part in nodeid), len(FIRST))
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile all kernels before the workers start, which would each compile them."""
-    if session.config.option.numprocesses:
-        command = [sys.executable, "-m", "sain_model.cli.compile_kernels"]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
