@@ -26,8 +26,8 @@ from sain_core.scene import TARGET
 from sain_core.storage import write_json
 from sain_model.data.batches import BOOTSTRAP, ORDER
 from sain_model.data.dataset import (
+    Dataset,
     Split,
-    Transitions,
     limit_training,
     load_transitions,
     split_by_episode,
@@ -80,7 +80,7 @@ def main() -> None:
         for members, diversity in ((1, ORDER), (command.size, ORDER), (command.size, BOOTSTRAP)):
             row, errors = measure(command, with_members(config, members, diversity), split, outside)
             alone = errors if alone is None else alone
-            row["to one network"] = ratio_over_episodes(errors, alone, split.test.episodes, seed=0)
+            row["to one network"] = ratio_over_episodes(errors, alone, split.test.episode, seed=0)
             rows.append(row)
             show(row)
             report = {"dataset": str(command.dataset), "sha256": data.sha256, "speed": speed}
@@ -119,7 +119,7 @@ def with_members(config: TrainingConfig, members: int, diversity: str) -> Traini
 
 
 def measure(
-    command: Command, config: TrainingConfig, split: Split, outside: Transitions | None
+    command: Command, config: TrainingConfig, split: Split, outside: Dataset | None
 ) -> tuple[dict[str, Any], np.ndarray]:
     """Train one model; return what was found of it and its target errors (M,) [mm] on test."""
     members, diversity = config.network.members, config.diversity
@@ -158,13 +158,13 @@ def trained(
     return sain, trainer.history.validation, seconds
 
 
-def judged(sain: SainDynamics, data: Transitions) -> tuple[np.ndarray, float]:
+def judged(sain: SainDynamics, data: Dataset) -> tuple[np.ndarray, float]:
     """Return how far off the target is predicted with the episode's earlier pushes, (M,) [mm].
 
     And by how much the members disagree about it, on average [mm].
     """
     prediction = predict_with_history(sain, data)
-    errors = position_errors(prediction.mean, data.next_scenes, TARGET)
+    errors = position_errors(prediction.mean, data.next_state, TARGET)
     return errors, 1e3 * float(prediction.members[:, TARGET].mean())
 
 

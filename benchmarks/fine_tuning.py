@@ -23,7 +23,7 @@ from sain_core.scene import TARGET
 from sain_core.storage import write_json
 from sain_core.types import Scalars
 from sain_model.cli.evaluate import unseen
-from sain_model.data.dataset import Split, Transitions, load_transitions
+from sain_model.data.dataset import Dataset, Split, load_transitions
 from sain_model.data.mixed import load_datasets, split_datasets
 from sain_model.dynamics.load import SHIPPED
 from sain_model.dynamics.sain import SainDynamics
@@ -85,15 +85,13 @@ def main() -> None:
         write_json(command.out, report)
 
 
-def compare(
-    command: Command, world: str, parent: Parent, old: Transitions | None
-) -> dict[str, Any]:
+def compare(command: Command, world: str, parent: Parent, old: Dataset | None) -> dict[str, Any]:
     """Return the rows of a world's table."""
     data = command.recordings / "data"
     test = load_transitions(data / f"{world}_test")
     shipped = target_errors(parent.sain, test)
     rows = [
-        row(BULLET, position_errors(test.physics_next, test.next_scenes, TARGET), shipped, test),
+        row(BULLET, position_errors(test.physics_next, test.next_state, TARGET), shipped, test),
         row(PRIOR, target_errors(parent.sain, test, corrected=False), shipped, test),
         model_row(AS_SHIPPED, parent.sain, shipped, test, old),
     ]
@@ -113,9 +111,9 @@ def compare(
             about: dict[str, Any] = {"bags": bags, "transitions": len(seen)}
             if name != SCRATCH:
                 errors = target_errors(model, test)
-                about["to new"] = ratio_over_episodes(errors, scratch, test.episodes, seed=0)
+                about["to new"] = ratio_over_episodes(errors, scratch, test.episode, seed=0)
             rows.append(about | model_row(name, model, shipped, test, old))
-    episodes = len(np.unique(test.episodes))
+    episodes = len(np.unique(test.episode))
     return {"held out": len(test), "episodes": episodes, "rows": rows}
 
 
@@ -138,19 +136,19 @@ def train(
     return replace(model, intervals=fit_intervals(model, split.validation))
 
 
-def target_errors(sain: SainDynamics, data: Transitions, corrected: bool = True) -> Scalars:
+def target_errors(sain: SainDynamics, data: Dataset, corrected: bool = True) -> Scalars:
     """Return how far off the target is (M,) [mm]: of the model, or of its prior alone."""
     if corrected:
         predicted = predict_with_history(sain, data).mean
     else:
         assert sain.filter is not None and isinstance(sain.prior, PlanarPrior)
         known = earlier_friction(sain.filter, data)
-        predicted = sain.prior.step(data.scenes, data.pushes, known.mean)
-    return position_errors(predicted, data.next_scenes, TARGET)
+        predicted = sain.prior.step(data.state, data.action, known.mean)
+    return position_errors(predicted, data.next_state, TARGET)
 
 
 def model_row(
-    name: str, sain: SainDynamics, shipped: Scalars, test: Transitions, old: Transitions | None
+    name: str, sain: SainDynamics, shipped: Scalars, test: Dataset, old: Dataset | None
 ) -> dict[str, Any]:
     """Return the row of a model, with its regions and what it errs by in the old world."""
     told = row(name, target_errors(sain, test), shipped, test)
@@ -160,13 +158,13 @@ def model_row(
     return told
 
 
-def row(name: str, errors: Scalars, shipped: Scalars, test: Transitions) -> dict[str, Any]:
+def row(name: str, errors: Scalars, shipped: Scalars, test: Dataset) -> dict[str, Any]:
     """Return mean, median and ratio to the shipped model, with 95 % intervals over episodes."""
     ones = np.ones(len(errors))
     return {
         "name": name,
-        "mean": ratio_over_episodes(errors, ones, test.episodes, seed=0),
-        "to shipped": ratio_over_episodes(errors, shipped, test.episodes, seed=0),
+        "mean": ratio_over_episodes(errors, ones, test.episode, seed=0),
+        "to shipped": ratio_over_episodes(errors, shipped, test.episode, seed=0),
         "median": float(np.median(errors)),
     }
 

@@ -16,9 +16,9 @@ from numpy import ndarray
 from benchmarks.made_bags import MadeBag
 from benchmarks.report import Figure, report
 from sain_bags.dataset.conversion import convert
+from sain_core.dataset import SHARD_PATTERN
 from sain_core.errors import DatasetError
 from sain_core.seeding import generator
-from sain_core.shards import SHARD_PATTERN
 from sain_core.storage import read_arrays
 
 OF_THE_FILE = "bag_sha256"  # a flipped bit changes it, as it should

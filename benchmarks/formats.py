@@ -18,8 +18,7 @@ import tyro
 from sain_bags.dataset.card import Card
 from sain_bags.dataset.formats import MADE, StoredRows, find_format
 from sain_bags.dataset.formats.shards import Columns
-from sain_core.shards import SHARD_SIZE, shard_path
-from sain_core.split import TEST, TRAIN, VALIDATION
+from sain_core.dataset import SHARD_SIZE, TEST, TRAIN, VALIDATION, shard_path
 from sain_core.storage import write_arrays
 
 PUSHES = 5

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from sain_model.data.dataset import Transitions
+from sain_model.data.dataset import Dataset
 from sain_model.dynamics.physics_gradient import moves, variations
 from sain_model.network.features import TURN_SCALE
 from sain_model.network.interaction_network import POSITION_UNIT
@@ -17,19 +17,19 @@ SOFT: Final = 0.1  # of the scale: errors beyond it count less and less
 STIFFNESS: Final = 1.0  # how firmly a step stays small
 
 
-def identify(prior: PlanarPrior, data: Transitions) -> Corrections:
+def identify(prior: PlanarPrior, data: Dataset) -> Corrections:
     """Return one set of corrections (N, 10), fitted to all of the data by Gauss and Newton.
 
     One slope, one centre of mass of each disk, one friction of each and so on: what a patient
     engineer would find out of a laboratory whose kinds of roughness are known.
     """
-    told = np.zeros((data.scenes.shape[1], CORRECTIONS))
-    truth = moves(data.scenes, data.pushes, data.next_scenes)
+    told = np.zeros((data.state.shape[1], CORRECTIONS))
+    truth = moves(data.state, data.action, data.next_state)
     for _ in range(STEPS):
         everywhere = np.tile(told, (len(data), 1, 1))
-        after = prior.step_told(data.scenes, data.pushes, everywhere)
-        ends = moves(data.scenes, data.pushes, after)
-        slopes = variations(everywhere, prior, data.scenes, data.pushes, None, ends) / SCALE
+        after = prior.step_told(data.state, data.action, everywhere)
+        ends = moves(data.state, data.action, after)
+        slopes = variations(everywhere, prior, data.state, data.action, None, ends) / SCALE
         missing = ((truth - ends) / SCALE).ravel()
         slopes = slopes.reshape(len(data), told.size, -1).transpose(0, 2, 1).reshape(-1, told.size)
         weighted = slopes / np.sqrt(SOFT**2 + missing**2)[:, None]

@@ -18,7 +18,7 @@ of the rows need the simulator:
 import json
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -36,7 +36,7 @@ from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.storage import write_json
 from sain_core.types import PushArray, Scene
-from sain_model.data.dataset import Transitions, load_transitions
+from sain_model.data.dataset import Dataset, load_transitions
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.load import load_sain
 from sain_model.evaluation.baselines import followed
@@ -54,10 +54,11 @@ from sain_model.evaluation.open_loop import (
     roll_out,
 )
 from sain_model.network.features import apply_residual, true_residual
+from sain_sim.collecting.episode import EpisodeConfig, draw_parameters
+from sain_sim.episodes.truth import TruthConfig
 from sain_sim.world.bullet import Bullet
-from sain_sim.world.parameters import CUBE, PAPER, RANGES, WorldParameters
+from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.shadow import MEASURED, TRUE, BulletPrior
-from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import WorldConfig
 
 Predict = Callable[[Scene, PushArray], Scene]
@@ -103,15 +104,15 @@ def main() -> None:
         write_json(command.out, report)
 
 
-def first_windows(data: Transitions, command: Command) -> Windows:
+def first_windows(data: Dataset, command: Command) -> Windows:
     """Return the first window of every episode that has one."""
     windows = make_windows(data, command.steps, whole=True)
     _, first = np.unique(windows.episodes, return_index=True)
-    starts = data.steps[windows.rows[first, 0]] == 0
+    starts = data.step[windows.rows[first, 0]] == 0
     return windows.select(first[starts][: command.most])
 
 
-def model_predictions(data: Transitions, windows: Windows, command: Command) -> dict[str, ndarray]:
+def model_predictions(data: Dataset, windows: Windows, command: Command) -> dict[str, ndarray]:
     """Return what planar physics and the models say over these windows."""
     paths = {
         LEARNED: command.learned,
@@ -119,7 +120,7 @@ def model_predictions(data: Transitions, windows: Windows, command: Command) -> 
         RECURRENT_SAIN: command.recurrent,
     }
     models: dict[str, Dynamics] = {name: load_sain(path) for name, path in paths.items() if path}
-    loop = predict_open_loop(data.select(np.isin(data.episodes, windows.episodes)), models)
+    loop = predict_open_loop(data.select(np.isin(data.episode, windows.episodes)), models)
     at_start = np.flatnonzero(
         (loop.earlier == 0) & np.isin(loop.windows.episodes, windows.episodes)
     )
@@ -138,12 +139,12 @@ def bullet_predictions(windows: Windows) -> ndarray:
         return roll_out(shown["bullet"], windows.scenes, windows.pushes)
 
 
-def truths_with_errors(data: Transitions, windows: Windows, command: Command) -> dict[str, ndarray]:
+def truths_with_errors(data: Dataset, windows: Windows, command: Command) -> dict[str, ndarray]:
     """Return rollouts of the truth's own world with a model's errors added after every push."""
     sain = load_sain(command.residual)
-    predicted = sain.step(data.scenes, data.pushes)
-    errors = true_residual(data.next_scenes, data.pushes, predicted)
-    moved = target_moved(data.scenes, predicted)
+    predicted = sain.step(data.state, data.action)
+    errors = true_residual(data.next_state, data.action, predicted)
+    moved = target_moved(data.state, predicted)
     groups = {flag: errors[moved == flag] for flag in (False, True)}
     found = {}
     for scale in command.scales:
@@ -169,12 +170,9 @@ def truths_with_errors(data: Transitions, windows: Windows, command: Command) ->
 def parameters(dataset: Path, episode: int) -> WorldParameters:
     """Return what an episode of a collection was made of."""
     settings = json.loads((dataset / "collection.json").read_text())
-    truth, ranges = TruthConfig(**settings.get("truth", {})), settings.get("parameters", PAPER)
-    random = generator(settings["seed"], "episode", episode)
-    drawn = truth.draw(random, settings["disks"], settings["shape"], RANGES[ranges])
-    if settings.get("target") != CUBE:
-        return drawn
-    return replace(drawn, shapes=(drawn.shapes[0], CUBE, *drawn.shapes[2:]))
+    seed, truth = settings.pop("seed"), TruthConfig(**settings.pop("truth", {}))
+    config = EpisodeConfig(**settings, truth=truth)
+    return draw_parameters(generator(seed, "episode", episode), config)
 
 
 def roll(windows: Windows, worlds: Callable[[int], AbstractContextManager[Predict]]) -> ndarray:

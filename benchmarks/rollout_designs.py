@@ -20,7 +20,7 @@ from rich.console import Console
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Transitions, load_transitions, split_by_episode
+from sain_model.data.dataset import Dataset, load_transitions, split_by_episode
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.checkpoint import load_checkpoint
 from sain_model.dynamics.load import load_sain
@@ -52,11 +52,11 @@ class Particles:
     """A model with errors of its own kind added after every push."""
 
     def __init__(
-        self, sain: SainDynamics, validation: Transitions, random: np.random.Generator
+        self, sain: SainDynamics, validation: Dataset, random: np.random.Generator
     ) -> None:
-        predicted = sain.step(validation.scenes, validation.pushes)
-        errors = true_residual(validation.next_scenes, validation.pushes, predicted)
-        moved = target_moved(validation.scenes, predicted)
+        predicted = sain.step(validation.state, validation.action)
+        errors = true_residual(validation.next_state, validation.action, predicted)
+        moved = target_moved(validation.state, predicted)
         self._groups = [errors[moved == flag] for flag in (False, True)]
         self._sain, self._random = sain, random
 

@@ -25,8 +25,8 @@ from sain_core.dynamics import Dynamics
 from sain_core.scene import TARGET
 from sain_core.storage import write_json
 from sain_model.data.dataset import (
+    Dataset,
     Split,
-    Transitions,
     check_held_out,
     limit_training,
     load_transitions,
@@ -112,7 +112,7 @@ def main() -> None:
         errors[f"{IDENTIFIED}, {size}"] = identified_errors(part, command)
         errors[f"{INSIDE}, {WORLD_FRAME}, {size}"] = inside_errors(part, command)
     report = {"dataset": str(command.dataset), "train": len(split.train), "best physics": best}
-    report |= summary(errors, split.test.episodes, best, sizes)
+    report |= summary(errors, split.test.episode, best, sizes)
     show(report)
     if command.out:
         write_json(command.out, report)
@@ -122,9 +122,9 @@ def physics_errors(split: Split) -> dict[str, np.ndarray]:
     """Return the target's errors (M,) [mm] of what knows no data but one fitted friction."""
     train, test = split.train, split.test
     with BulletPrior(MEASURED) as bullet:
-        measured = bullet.step(test.scenes, test.pushes)
+        measured = bullet.step(test.state, test.action)
     errors = {
-        NO_MOTION: target_distances(test.scenes, test),
+        NO_MOTION: target_distances(test.state, test),
         "bullet, nominal: f_p": target_distances(test.physics_next, test),
         "bullet, measured": target_distances(measured, test),
     }
@@ -156,7 +156,7 @@ def network_errors(split: Split, prior_name: str, frame: str, command: Command) 
             trainer = Trainer(split, prior, config, Path(folder))
             trainer.run()
         sain = SainDynamics(trainer.network, prior, prior_name)
-        predicted.append(sain.step(split.test.scenes, split.test.pushes))
+        predicted.append(sain.step(split.test.state, split.test.action))
     return target_distances(np.mean(predicted, axis=0), split.test)  # of headings no mean is asked
 
 
@@ -176,17 +176,17 @@ def identified_errors(split: Split, command: Command) -> np.ndarray:
     """Return the errors (M,) [mm] of the prior that is told the same of every push."""
     prior, test = load_told_prior(command.prior, {"friction": command.prior_friction}), split.test
     told = np.tile(identify(prior, split.train), (len(test), 1, 1))
-    return target_distances(prior.step_told(test.scenes, test.pushes, told), test)
+    return target_distances(prior.step_told(test.state, test.action, told), test)
 
 
-def target_errors(data: Transitions, dynamics: Dynamics) -> np.ndarray:
+def target_errors(data: Dataset, dynamics: Dynamics) -> np.ndarray:
     """Return how far off the target's predicted positions are, (M,) [mm]."""
-    return target_distances(dynamics.step(data.scenes, data.pushes), data)
+    return target_distances(dynamics.step(data.state, data.action), data)
 
 
-def target_distances(predicted: np.ndarray, data: Transitions) -> np.ndarray:
+def target_distances(predicted: np.ndarray, data: Dataset) -> np.ndarray:
     """Return the distances (M,) [mm] of targets predicted and targets seen."""
-    return position_errors(predicted, data.next_scenes, TARGET)
+    return position_errors(predicted, data.next_state, TARGET)
 
 
 def summary(

@@ -19,7 +19,7 @@ from rich.progress import track
 
 from benchmarks.report import Figure, report
 from sain_core.scene import POSITION, TARGET
-from sain_model.data.dataset import Transitions, load_transitions, split_by_episode
+from sain_model.data.dataset import Dataset, load_transitions, split_by_episode
 from sain_sim.world.parameters import FRICTION_RANGE, WorldParameters
 from sain_sim.world.shadow import TRUE, BulletPrior
 
@@ -58,13 +58,13 @@ def main() -> None:
     report("The target's mean error without a memory", figures)
 
 
-def best_answers(data: Transitions, count: int) -> np.ndarray:
+def best_answers(data: Dataset, count: int) -> np.ndarray:
     """Return where the target is best said to end, (M, 2) [m]."""
     low, high = FRICTION_RANGE
     frictions = low + (high - low) * (np.arange(count) + 0.5) / count
-    with BulletPrior(TRUE, parameters=WorldParameters.of_scene(data.scenes[0])) as bullet:
+    with BulletPrior(TRUE, parameters=WorldParameters.of_scene(data.state[0])) as bullet:
         answers = []
-        for scene, push in track(list(zip(data.scenes, data.pushes, strict=True)), transient=True):
+        for scene, push in track(list(zip(data.state, data.action, strict=True)), transient=True):
             ends = []
             for friction in frictions:
                 bullet.truth = WorldParameters.of_scene(scene, friction=float(friction))
@@ -82,9 +82,9 @@ def geometric_median(points: np.ndarray) -> np.ndarray:
     return np.asarray(middle)
 
 
-def distances(ends: np.ndarray, data: Transitions) -> np.ndarray:
+def distances(ends: np.ndarray, data: Dataset) -> np.ndarray:
     """Return how far targets that are said to end there are off, (M,) [mm]."""
-    return np.asarray(1e3 * np.linalg.norm(ends - data.next_scenes[:, TARGET, POSITION], axis=-1))
+    return np.asarray(1e3 * np.linalg.norm(ends - data.next_state[:, TARGET, POSITION], axis=-1))
 
 
 if __name__ == "__main__":

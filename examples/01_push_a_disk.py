@@ -1,4 +1,4 @@
-"""Push a disk with the simulated arm, and compare with what the planar prior expects.
+"""Push a disk with the simulated arm and compare the result with the planar prior's prediction.
 
 ./env python examples/01_push_a_disk.py
 """
@@ -28,4 +28,4 @@ predicted = PlanarPrior().step(scene[None], push[None])[0]
 for name, disk in (("mid", MID), ("target", TARGET)):
     moved = 1e3 * (outcome.after - outcome.before)[disk, POSITION]
     error = 1e3 * np.linalg.norm(predicted[disk, POSITION] - outcome.after[disk, POSITION])
-    print(f"{name:6s} moved ({moved[0]:.1f}, {moved[1]:.1f}) mm; prior off {error:.1f} mm")
+    print(f"{name:6s} moved ({moved[0]:.1f}, {moved[1]:.1f}) mm; error of the prior {error:.1f} mm")

@@ -1,4 +1,4 @@
-"""Plan pushes that bring the target to a goal behind the mid disk's back, without a robot.
+"""Plan pushes that move the target to a goal beside it, without a robot.
 
 ./env python examples/02_plan_a_push.py
 """
@@ -31,6 +31,6 @@ for number in range(1, 16):
         f"push {number}: location {location:+.2f} rad, angle {angle:+.2f} rad,"
         f" {100 * length:4.1f} cm; target {1e3 * distance:5.1f} mm from the goal"
     )
-    scene = prior.step(scene[None], plan.push[None])[0]  # the graph would ask the world
+    scene = prior.step(scene[None], plan.push[None])[0]  # in place of a real push
 else:
     raise SystemExit(f"15 pushes left the target {1e3 * target_distance(scene, goal):.0f} mm off")

@@ -1,4 +1,4 @@
-"""Plan the same scene with every algorithm, and draw what each found: planners.png.
+"""Plan the same scene with every algorithm and draw the plans into planners.png.
 
 ./env python examples/04_compare_planners.py
 """
@@ -32,16 +32,16 @@ for axes in places[len(ALGORITHMS) :]:
     axes.remove()
 for axes, name in zip(places, ALGORITHMS, strict=False):
     planner = Planner(sain, replace(PlannerConfig(), algorithm=name))
-    planner.plan(scene, goal, generator(7, name))  # what is loaded and compiled once
+    planner.plan(scene, goal, generator(7, name))  # the first plan loads and compiles
     planner.reset()
     plan = planner.complete(scene, planner.plan(scene, goal, generator(7, name)))
     draw_plan(axes, scene, goal, plan)
-    axes.set(xlim=(0.28, 0.83), ylim=(-0.22, 0.33))  # the same for all
+    axes.set(xlim=(0.28, 0.83), ylim=(-0.22, 0.33))  # the same view for every algorithm
     axes.set_title(f"{name}\ncost {plan.cost:.2f}, {plan.samples} sequences", loc="left")
     worst = max(plan.terms, key=plan.terms.__getitem__)
     print(
-        f"{name:12} cost {plan.cost:5.2f} (doing nothing: {plan.rest_cost:.2f}; most of it:"
-        f" {worst}), {plan.samples} sequences in {1e3 * plan.times.total:.0f} ms"
+        f"{name:12} cost {plan.cost:5.2f} (doing nothing: {plan.rest_cost:.2f}; largest"
+        f" term: {worst}), {plan.samples} sequences in {1e3 * plan.times.total:.0f} ms"
     )
 draw_plan_legend(figure)
 print(f"drawn into {write_png(figure, Path('planners.png'))}")

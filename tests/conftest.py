@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 PACKAGES = (
     "sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval", "sain_bringup",
 )  # fmt: skip
+pytest_plugins = ["tests.hexagon"]
 COMPILED = "_kernels"  # modules that Numba compiles: it does not take decorated functions
 
 

@@ -54,7 +54,7 @@ def page() -> str:
 
 
 def tables(settings: Config, prefix: str) -> list[str]:
-    """Return a table of the settings that stand below a prefix, then those of each group of them."""
+    """Return a table of the settings with a prefix, then the tables of the groups among them."""
     rows, groups = [], []
     for item in dataclasses.fields(settings):
         value = getattr(settings, item.name)

@@ -4,9 +4,9 @@
 
 * A word of the total is two or more letters of a-z outside of fenced code. The total is over
   README.md and docs/, without docs/decisions/.
-* A sentence is a part of a paragraph or list item that ends with ``.``, ``!``, ``?`` or ``:`` before
-  a space, with a blank line, or with the next list item. Fenced and indented code, tables, headings,
-  images and HTML are no sentences.
+* A sentence is a part of a paragraph or list item. It ends with ``.``, ``!``, ``?`` or ``:`` before
+  a space, with a blank line, or with the next list item. Fenced and indented code, tables,
+  headings, images and HTML are no sentences.
 * A word of a sentence is a run of letters, digits, hyphens and apostrophes in the Markdown source,
   so that code and the targets of links count too.
 

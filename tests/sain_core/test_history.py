@@ -33,26 +33,26 @@ def test_a_history_grows_push_by_push_and_leaves_the_old_one_as_it_was() -> None
     after[1, 0] = 0.3
     grown = begun.then(SCENE, PUSH, after).then(after, 2 * PUSH, SCENE)
     assert (len(begun), len(grown), grown.disks) == (0, 2, 2)
-    np.testing.assert_array_equal(grown.pushes, [PUSH, 2 * PUSH])
-    np.testing.assert_array_equal(grown.scenes, [SCENE, after])
-    np.testing.assert_array_equal(grown.next_scenes, [after, SCENE])
+    np.testing.assert_array_equal(grown.action, [PUSH, 2 * PUSH])
+    np.testing.assert_array_equal(grown.state, [SCENE, after])
+    np.testing.assert_array_equal(grown.next_state, [after, SCENE])
 
 
 @pytest.mark.parametrize(
     ("field", "change", "text"),
     [
-        ("scenes", lambda a: a[:, :1], r"past scenes have shape \(P, N, 8\) with N >= 2, not"),
-        ("pushes", lambda a: a[:-1], r"past pushes have shape \(3, 3\), not \(2, 3\)"),
-        ("next_scenes", lambda a: a[:, [0, 1, 1]], r"past next_scenes have shape \(3, 2, 8\), no"),
-        ("pushes", lambda a: a * np.nan, r"past pushes\[0, 0\] is NaN or Inf"),
-        ("next_scenes", lambda a: a + np.inf, r"past next_scenes\[0, 0, 0\] is NaN or Inf"),
-        ("scenes", lambda a: a * 0.0, "mass or radius that is not positive"),
-        ("next_scenes", lambda a: a + 0.01, "a past push changed a mass or radius"),
+        ("state", lambda a: a[:, :1], r"past state has shape \(P, N, 8\) with N >= 2, not"),
+        ("action", lambda a: a[:-1], r"past action has shape \(3, 3\), not \(2, 3\)"),
+        ("next_state", lambda a: a[:, [0, 1, 1]], r"past next_state has shape \(3, 2, 8\), no"),
+        ("action", lambda a: a * np.nan, r"past action\[0, 0\] is NaN or Inf"),
+        ("next_state", lambda a: a + np.inf, r"past next_state\[0, 0, 0\] is NaN or Inf"),
+        ("state", lambda a: a * 0.0, "mass or radius that is not positive"),
+        ("next_state", lambda a: a + 0.01, "a past push changed a mass or radius"),
     ],
 )
 def test_what_cannot_be_an_episode_is_refused(field: str, change: object, text: str) -> None:
     good = history(3)
-    arrays = {name: getattr(good, name) for name in ("scenes", "pushes", "next_scenes")}
+    arrays = {name: getattr(good, name) for name in ("state", "action", "next_state")}
     with pytest.raises(InvalidInputError, match=text):
         PushHistory(**{**arrays, field: change(arrays[field])})  # type: ignore[operator]
 

@@ -67,7 +67,7 @@ def test_parameters_are_fitted_and_judged_on_other_episodes(dataset: Path, tmp_p
 def test_pushes_over_the_edge_do_not_count(dataset: Path) -> None:
     data = load_transitions(dataset)
     assert on_table(data, Table()).all()
-    data.next_scenes[3, 1, X] = 1.12  # its rim beyond the far edge at 1.16 m
+    data.next_state[3, 1, X] = 1.12  # its rim beyond the far edge at 1.16 m
     kept = on_table(data, Table())
     assert not kept[3]
     assert kept.sum() == PUSHES - 1

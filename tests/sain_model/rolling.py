@@ -7,7 +7,7 @@ import numpy as np
 from sain_core.push import PushLimits
 from sain_core.scene import POSITION, make_scene, unit
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Transitions, load_transitions
+from sain_model.data.dataset import Dataset, load_transitions
 from sain_model.physics.planar import PlanarPrior
 
 EPISODES, PUSHES = 16, 6
@@ -52,6 +52,6 @@ def make_episodes(folder: Path, kept: np.ndarray = EVERY) -> Path:
     return folder
 
 
-def load_episodes(folder: Path, kept: np.ndarray = EVERY) -> Transitions:
+def load_episodes(folder: Path, kept: np.ndarray = EVERY) -> Dataset:
     """Return what `make_episodes` writes."""
     return load_transitions(make_episodes(folder, kept))

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import domain_coordinator
+import numpy as np
 import pytest
 from mcap.reader import make_reader
-from PIL import Image
+from PIL import Image, ImageSequence
 from rosbags.highlevel import AnyReader
 
 from sain_bags.reading.reader import Bag
@@ -182,6 +183,16 @@ def test_the_pictures_are_pictures(played: Run) -> None:
         movie.seek(movie.n_frames - 1)
         assert movie.convert("RGB").tobytes() != first
     assert (played.out / "closed_loop.gif").stat().st_size < 3_000_000
+
+
+def test_every_frame_of_the_film_shows_target_and_goal(played: Run) -> None:
+    with Image.open(played.out / "closed_loop.gif") as movie:
+        for frame in ImageSequence.Iterator(movie):
+            red, green, blue = np.moveaxis(np.array(frame.convert("RGB")).astype(int), -1, 0)
+            target = (red > green + 60) & (green > blue + 20)
+            goal = (green > red + 60) & (green > blue + 20)
+            assert target.sum() > 50, f"the target is hidden in frame {movie.tell()}"
+            assert goal.sum() > 10, f"the goal is hidden in frame {movie.tell()}"
 
 
 def test_interrupt_leaves_no_process_and_a_whole_bag(

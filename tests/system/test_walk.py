@@ -40,7 +40,7 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 def test_the_recording_became_rows_and_the_rows_a_model(walked: tuple[Path, str]) -> None:
     folder, _ = walked
     data = load_transitions(folder / "data")
-    assert len(np.unique(data.episodes)) == EPISODES
+    assert len(np.unique(data.episode)) == EPISODES
     card = read_card(folder / "model" / "sain.safetensors")
     assert card.data["sha256"] == data.sha256
     assert card.training["epochs_done"] == EPOCHS
@@ -63,7 +63,7 @@ def test_what_it_says_is_what_was_measured(walked: tuple[Path, str]) -> None:
     folder, told = walked
     for report in ("shipped", "tuned"):
         errors = json.loads((folder / f"{report}.json").read_text())
-        assert f"{errors['all']['SAIN, history']['target_mean']:6.2f} mm off" in told
+        assert f"{errors['all']['SAIN, history']['target_mean']:6.2f} mm mean error" in told
         rows = load_transitions(folder / "unseen")
         assert errors["transitions"] == len(rows)
     lines = [line for line in told.splitlines() if line.startswith("--- ")]

@@ -82,7 +82,7 @@ def render_movie(
     config = config or MovieConfig()
     moments = choose_moments(episode_moments(bag, one.episode), config)
     camera = CameraConfig(width=config.width, height=config.height)
-    goal, tolerance = one.episode.goal, one.episode.tolerance
+    goal, tolerance = one.record().goal, one.episode.tolerance
     # The target has reached the goal when it lies wholly inside the ring.
     ring = float(one.episode.start[TARGET, RADIUS]) + tolerance
     title = f"{one.scenario} {one.seed}".strip()

@@ -7,7 +7,9 @@ where its surface stands `PushLimits.clearance` off the contact point. L = 0 mov
 """
 
 from dataclasses import dataclass, fields
+from itertools import count
 from math import pi
+from secrets import randbits
 from typing import Final
 
 import numpy as np
@@ -22,6 +24,14 @@ PUSH_SIZE: Final = 3
 PUSH_NAMES: Final = ("location", "angle", "length")
 
 TOOL_RADIUS: Final = 0.012  # [m], the cylindrical stick
+
+RANDOM_BITS: Final = 32  # of a push id's start
+COUNTER_BITS: Final = 20  # together below 2^53: exact also where numbers are doubles
+
+
+def push_ids() -> "count[int]":
+    """Return ids from a random start, a million apart from those of other senders."""
+    return count((randbits(RANDOM_BITS) << COUNTER_BITS) + 1)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ STATE_NAMES: Final = ("x", "y", "theta", "vx", "vy", "omega", "mass", "radius")
 MID: Final = 0
 TARGET: Final = 1
 
-DISK_HEIGHT: Final = 0.04  # [m], every disk and the cube
+DISK_HEIGHT: Final = 0.04  # [m], of every body
 SETTLED_SPEED: Final = 1e-3  # [m/s]
 SETTLED_SPIN: Final = 1e-2  # [rad/s]
 SWEEPS: Final = 100  # over all pairs of disks that are to be parted

@@ -16,7 +16,7 @@ from sain_core.errors import DatasetError
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, X, Y
 from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars, Scenes
-from sain_model.data.dataset import Transitions
+from sain_model.data.dataset import Dataset
 from sain_model.evaluation.metrics import position_errors, target_moved
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 
@@ -117,7 +117,7 @@ class Calibration:
 
 
 def calibrate(
-    data: Transitions,
+    data: Dataset,
     config: CalibrationConfig = CalibrationConfig(),
     progress: Progress = lambda evaluations, cost: None,
 ) -> Calibration:
@@ -129,9 +129,9 @@ def calibrate(
     if not np.isfinite(data.friction).all():
         raise DatasetError("the data has no true friction; collect it with `sain_sim collect`")
     data = data.select(on_table(data, Table()))
-    numbers = generator(config.seed, "calibrate").permutation(np.unique(data.episodes))
-    fitting = np.isin(data.episodes, numbers[: round(config.fit_share * len(numbers))])
-    moved = target_moved(data.scenes, data.next_scenes)
+    numbers = generator(config.seed, "calibrate").permutation(np.unique(data.episode))
+    fitting = np.isin(data.episode, numbers[: round(config.fit_share * len(numbers))])
+    moved = target_moved(data.state, data.next_state)
     part, rest = data.select(fitting & moved), data.select(~fitting)
     if not len(part) or not len(rest):
         raise DatasetError(f"{len(data)} pushes of {len(numbers)} episodes are too few to fit")
@@ -140,20 +140,20 @@ def calibrate(
     return Calibration(best, fitted, len(part), _judge(rest, config.start, best))
 
 
-def on_table(data: Transitions, table: Table) -> Mask:
+def on_table(data: Dataset, table: Table) -> Mask:
     """Tell in which pushes (M,) every disk stood on the table with its whole rim, before and after.
 
     A disk that tips over the edge is no longer in the plane.
     """
     inside = np.ones(len(data), dtype=bool)
-    for scenes in (data.scenes, data.next_scenes):
+    for scenes in (data.state, data.next_state):
         x, y, radius = scenes[..., X], scenes[..., Y], scenes[..., RADIUS]
         inside &= ((x - radius >= table.x_min) & (x + radius <= table.x_max)).all(axis=-1)
         inside &= ((y - radius >= table.y_min) & (y + radius <= table.y_max)).all(axis=-1)
     return inside
 
 
-def _fit(data: Transitions, config: CalibrationConfig, progress: Progress) -> PlanarConfig:
+def _fit(data: Dataset, config: CalibrationConfig, progress: Progress) -> PlanarConfig:
     """Return the configuration with the lowest cost that Powell's method finds."""
     steps, lows, highs = (np.array(column) for column in zip(*config.free.values(), strict=True))
     start = np.array([getattr(config.start, name) for name in config.free])
@@ -180,28 +180,28 @@ def _fit(data: Transitions, config: CalibrationConfig, progress: Progress) -> Pl
     return fitted(found.x)
 
 
-def _cost(data: Transitions, config: PlanarConfig) -> float:
+def _cost(data: Dataset, config: PlanarConfig) -> float:
     """Return how far off the prior is: about linear in the errors of target and mid disk."""
-    predicted = PlanarPrior(config).step(data.scenes, data.pushes, data.friction)
-    off = 1e3 * np.linalg.norm((predicted - data.next_scenes)[..., POSITION], axis=-1)
+    predicted = PlanarPrior(config).step(data.state, data.action, data.friction)
+    off = 1e3 * np.linalg.norm((predicted - data.next_state)[..., POSITION], axis=-1)
     off = np.minimum(off[:, [MID, TARGET]], LARGE)
     return float((np.sqrt(SMALL**2 + off**2) + 0.02 * off**2).mean())
 
 
 def _judge(
-    data: Transitions, start: PlanarConfig, fitted: PlanarConfig
+    data: Dataset, start: PlanarConfig, fitted: PlanarConfig
 ) -> dict[str, dict[str, Accuracy]]:
     predictions = {
-        "before": PlanarPrior(start).step(data.scenes, data.pushes, data.friction),
-        "fitted": PlanarPrior(fitted).step(data.scenes, data.pushes, data.friction),
-        "in use": PlanarPrior().step(data.scenes, data.pushes, data.friction),
+        "before": PlanarPrior(start).step(data.state, data.action, data.friction),
+        "fitted": PlanarPrior(fitted).step(data.state, data.action, data.friction),
+        "in use": PlanarPrior().step(data.state, data.action, data.friction),
         "floor": data.floor_next,
     }
-    moved = target_moved(data.scenes, data.next_scenes)
+    moved = target_moved(data.state, data.next_state)
     parts = {"all": np.ones(len(data), dtype=bool), "target_moved": moved}
     return {
         part: {
-            name: accuracy(predicted[rows & known], data.next_scenes[rows & known])
+            name: accuracy(predicted[rows & known], data.next_state[rows & known])
             for name, predicted in predictions.items()
             if (rows & (known := np.isfinite(predicted).all(axis=(1, 2)))).any()
         }

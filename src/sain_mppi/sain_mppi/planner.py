@@ -119,7 +119,7 @@ class Planner:
 def as_disks(scene: Scene) -> Scene:
     """Return an observed scene (N, 8) with disks that seem to overlap a little just touching.
 
-    Seen from above, cubes and tilted disks reach under each other, and cameras are not exact.
+    Seen from above, corners and tilted disks reach under each other, and cameras are not exact.
     Deeper than `SEEN_OVERLAP` the scene stays as it is, and is refused as one that cannot be.
     """
     if scene.ndim != 2 or not np.isfinite(scene).all():

@@ -14,7 +14,7 @@ from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.plugins import load_dynamics
 from sain_model.data.dataset import load_transitions
-from sain_model.data.mixed import MixedTransitions, load_datasets
+from sain_model.data.mixed import MixedDataset, load_datasets
 from tests.sain_bags.driven import BLOCKED, DUPLICATE, Drive, Parts
 from tests.sain_bags.independent import compare, independent_rows, shards
 
@@ -78,10 +78,10 @@ def test_pushes_told_of_in_one_go_are_what_another_reader_reads(
 def test_the_models_loader_reads_the_result(record: Start, tmp_path: Path) -> None:
     convert([drive(record)], tmp_path / "out")
     data = load_transitions(tmp_path / "out")
-    assert data.scenes.shape == (6, 2, 8)
-    assert data.episodes.tolist() == [0, 0, 0, 0, 1, 1]
-    assert data.steps.tolist() == [0, 1, 2, 3, 0, 1]
-    np.testing.assert_allclose(data.physics_next, data.next_scenes + 0.002)
+    assert data.state.shape == (6, 2, 8)
+    assert data.episode.tolist() == [0, 0, 0, 0, 1, 1]
+    assert data.step.tolist() == [0, 1, 2, 3, 0, 1]
+    np.testing.assert_allclose(data.physics_next, data.next_state + 0.002)
     assert np.isnan(data.friction).all()
 
 
@@ -226,7 +226,7 @@ def test_numbers_of_disks_go_to_shards_of_their_own(record: Start, tmp_path: Pat
     with pytest.raises(DatasetError, match="mixes numbers of disks"):
         load_transitions(tmp_path / "out")
     mixed = load_datasets([tmp_path / "out"])
-    assert isinstance(mixed, MixedTransitions)
+    assert isinstance(mixed, MixedDataset)
     assert [(part.disks, len(part)) for part in mixed.parts] == [(2, 6), (3, 6)]
     card = json.loads((tmp_path / "out" / "card.json").read_text())
     assert card["disks"] == {"2": 6, "3": 6}
@@ -252,6 +252,7 @@ def test_the_picture_draws_what_the_card_says(record: Start) -> None:
     _, _, card = to_rows(drive(record))
     figure = histograms(card["ranges"])
     for axes, (name, spread) in zip(figure.axes, card["ranges"].items(), strict=True):
-        assert axes.get_title() == name.replace("_", " ")
+        assert axes.get_title("left") == name.replace("_", " ")
+        assert axes.get_xlabel().startswith(f"[{spread['unit']}]")
         (stairs,) = axes.patches
         assert stairs.get_data().values.tolist() == spread["histogram"]["counts"]

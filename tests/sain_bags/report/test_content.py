@@ -66,6 +66,18 @@ def test_frames_are_the_recorded_scenes(bag):
         assert np.allclose(radii, [disk.radius for disk in scenes[0].disks], atol=1e-5)
 
 
+def test_the_page_gets_the_outline_of_every_shape_that_is_not_round(record, tmp_path, hexagon):
+    recording = record()
+    shapes = ["flat", "hexagon", "a shape of another machine"]
+    recording.add("/sain/world_parameters", "WorldParameters", episode_id=1, shapes=shapes)
+    Show(recording).episode(1, 3, [0.05])
+    recording.writer.close()
+    (episode,) = content(tmp_path / "bag")["episodes"]
+    flat, six, other = episode["disks"]
+    assert flat["outline"] is other["outline"] is None
+    assert np.allclose(six["outline"], hexagon.outline(six["radius"]), atol=1e-4)
+
+
 def test_a_push_lies_between_its_scenes(bag):
     second = content(bag)["episodes"][1]
     poses = second["frames"]["poses"]

@@ -125,14 +125,19 @@ def test_a_cube_is_drawn_as_one_wherever_it_stands(browser, record, tmp_path):
     recording.writer.close()
     browser.open(page_of(tmp_path / "bag"))
     expected = recorded(tmp_path / "bag")["physics_prediction"][0].disks[1]
-    width = browser.numbers("#view .disk rect", "width")
-    assert width == pytest.approx([2000 * expected.radius], abs=0.1)
-    (ghost,) = browser.all("#view rect.ghost.physics")
-    turn = float(ghost.get_attribute("transform").removeprefix("rotate(").split()[0])
-    assert turn == pytest.approx(-math.degrees(expected.theta), abs=0.1)
+    (corners,) = browser.all("#view .disk polygon")
+    reach = 1000 * expected.radius
+    points = [tuple(map(float, p.split(","))) for p in corners.get_attribute("points").split()]
+    square = [(x, y) for x in (-reach, reach) for y in (-reach, reach)]
+    assert np.allclose(sorted(points), square, atol=0.1)
+    (ghost,) = browser.all("#view polygon.ghost.physics")
+    move, turn = ghost.get_attribute("transform").split(" rotate(")
+    x, y = move.removeprefix("translate(").removesuffix(")").split()
+    assert [float(x), float(y)] == pytest.approx([1000 * expected.x, -1000 * expected.y], abs=0.1)
+    assert float(turn.removesuffix(")")) == pytest.approx(-math.degrees(expected.theta), abs=0.1)
     assert len(browser.all("#view .disk circle")) == 1 and browser.complaints() == []
     browser.all("#list button")[1].send_keys(Keys.ENTER)
-    assert not browser.all("#view .disk rect")
+    assert not browser.all("#view .disk polygon")
 
 
 def test_an_episode_is_chosen(browser, bag, page):

@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sain_bags.transitions.pairing import Paired, Pairing
-from sain_bags.transitions.push_run import GoalRun, PushRun
+from sain_bags.transitions.episodes import GOAL
+from sain_bags.transitions.messages import Messages
+from sain_bags.transitions.paired_pushes import PairedPushes
+from sain_bags.transitions.pairing import Pairing, PendingPush
 from sain_bags.transitions.tables import Table
 
 NUMBERS = count()
@@ -34,17 +36,17 @@ def scene(number: int) -> Said:
     return "settled_scene", ((1, number), somewhere())
 
 
-def tell(pairing: Pairing, said: Said) -> list[Paired]:
+def tell(pairing: Pairing, said: Said) -> list[PendingPush]:
     getattr(pairing, said[0])(*said[1])
     return released(pairing.ready())
 
 
-def pair(pairing: Pairing, *messages: Said) -> list[Paired]:
+def pair(pairing: Pairing, *messages: Said) -> list[PendingPush]:
     found = [paired for message in messages for paired in tell(pairing, message)]
     return [*found, *released(pairing.rest())]
 
 
-def released(segments: list[Any]) -> list[Paired]:
+def released(segments: list[Any]) -> list[PendingPush]:
     return [paired for segment in segments for paired in segment]
 
 
@@ -108,46 +110,43 @@ def test_two_pushes_from_one_scene_are_rivals_unless_one_is_refused() -> None:
     ]  # fmt: skip
 
 
-def a_run(numbers: range, goals: tuple[tuple[int, int], ...] = ()) -> tuple[PushRun, GoalRun]:
+def contiguous_pushes(
+    numbers: range, goals: tuple[tuple[int, int], ...] = ()
+) -> tuple[PairedPushes, np.ndarray, Messages]:
     """Executed pushes, of episode 1 and 2 by turns, at spots 10, 20, ..; goals (episode, spot)."""
     ids = np.array(numbers, dtype=np.uint64)
-    columns = {
-        "push_id": ids,
-        "push.episode_id": 1 + ids % 2,
-        "push.scene_id": ids,
-        "episode_id": 1 + ids % 2,
-    }
-    rows = np.arange(len(ids))
+    rows, episodes = np.arange(len(ids)), 1 + ids % 2
+    codes = np.ones(len(ids), dtype=np.int64)
+    results = (Table({"push_id": ids}, {}), rows)
+    pushes = PairedPushes(rows, ids, episodes, ids, episodes, codes, rows, None, results)
     given = Table({"episode_id": np.array([episode for episode, _ in goals], dtype=np.uint64)}, {})
     spots = np.array([spot for _, spot in goals], dtype=np.int64)
-    run = PushRun(Table(columns, {}), rows, None, rows, rows, 10 * (rows + 1))
-    return run, GoalRun(given, np.arange(len(goals)), spots)
+    return pushes, 10 * (rows + 1), Messages(GOAL, given, spots, spots)
 
 
-@pytest.mark.parametrize("pushes", [3, 40])  # told of one by one, or together
+@pytest.mark.parametrize("pushes", [3, 40])  # paired one by one, or as columns
 @pytest.mark.parametrize("waits", [False, True])
-def test_a_run_of_whole_pushes_is_told_of_as_if_one_by_one(pushes: int, waits: bool) -> None:
+def test_contiguous_pushes_are_paired_as_if_one_by_one(pushes: int, waits: bool) -> None:
     pairing = Pairing(True, False)
     general, early = somewhere(), somewhere()
     pairing.goal(0, general)
     pairing.goal(1, early)
     if waits:
         pairing.push(500, (1, 500), 0, somewhere())
-    run, goals = a_run(range(1, 1 + pushes), ((2, 15), (1, 25), (0, 26)))
-    pairing.run(run, goals)
+    pairing.contiguous(*contiguous_pushes(range(1, 1 + pushes), ((2, 15), (1, 25), (0, 26))))
     if waits:
         pairing.result(500, 1, 1, 500, (1, 500), 0, somewhere())
     found = [*pairing.ready(), *pairing.rest()]
     given: list[Any] = []
     for segment in found:
-        if isinstance(segment, PushRun):
+        if isinstance(segment, PairedPushes):
             given += [segment.goals[goal] for goal in segment.goal_of]
         else:
             given += [paired.goal for paired in segment]
     if waits:
         given.pop(0)
     told = [goal if goal in (general, early) else goal[1] for goal in given]
-    # Push 1 is of episode 2: none was given for it before spot 10. Those that wait are told last.
+    # Push 1 is of episode 2: no goal was given for it before spot 10. Pushes that wait come last.
     expected = [0, 1, 0] if waits else [general, early, 0]
     assert told == [*expected, *([1, 0] * pushes)][:pushes]
     assert pairing.knows(np.array([1, pushes, pushes + 1], dtype=np.uint64)).tolist() == [
@@ -155,11 +154,12 @@ def test_a_run_of_whole_pushes_is_told_of_as_if_one_by_one(pushes: int, waits: b
     ]  # fmt: skip
 
 
-def test_a_push_beside_one_of_a_run_is_not_guessed_at() -> None:
+def test_a_push_from_the_scene_of_a_contiguous_push_is_ambiguous() -> None:
     pairing = Pairing(True, False)
-    run, _ = a_run(range(1, 41))
-    pairing.run(run, None)
+    run, spots, _ = contiguous_pushes(range(1, 41))
+    pairing.contiguous(run, spots, None)
     pairing.push(77, (1, 2), 5, somewhere())  # planned from the scene that push 2 was executed in
     pairing.push(78, (1, 99), 5, somewhere())
-    (last,) = [found for found in [*pairing.ready(), *pairing.rest()] if found is not run]
+    first, last = [*pairing.ready(), *pairing.rest()]
+    assert isinstance(first, PairedPushes) and len(first) == 40
     assert [paired.ambiguous for paired in last] == [True, False]

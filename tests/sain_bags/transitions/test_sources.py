@@ -30,8 +30,8 @@ def test_episodes_of_several_recordings_do_not_collide(record: Start, tmp_path: 
     bags = [drive(record, "first"), drive(record, "second", seed=1)]
     done = convert(bags, tmp_path / "out")
     data = load_transitions(tmp_path / "out")
-    assert data.episodes.tolist() == [0, 0, 1, 2, 2, 3]
-    assert data.steps.tolist() == [0, 1, 0, 0, 1, 0]
+    assert data.episode.tolist() == [0, 0, 1, 2, 2, 3]
+    assert data.step.tolist() == [0, 1, 0, 0, 1, 0]
     assert (done.transitions, done.episodes) == (6, 4)
 
 
@@ -44,7 +44,7 @@ def test_a_simulator_that_was_started_anew_begins_other_episodes(
     recording.writer.close()
     convert([recording.writer.folder], tmp_path / "out")
     data = load_transitions(tmp_path / "out")
-    assert data.episodes.tolist() == [0, 0, 1, 1]
+    assert data.episode.tolist() == [0, 0, 1, 1]
 
 
 def test_a_folder_of_bags_is_searched(record: Start, tmp_path: Path) -> None:

@@ -1,14 +1,10 @@
-"""What an episode says about itself, and its picture."""
+"""What an episode says about itself."""
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from sain_core.drawing.figures import write_png
-from sain_core.errors import OutputError
 from sain_core.scene import POSITION, TARGET, VX
-from sain_eval.plots.pictures import describe_result, draw_episode
 
 
 def test_it_knows_when_each_tolerance_was_met(episode):
@@ -39,41 +35,3 @@ def test_an_episode_without_pushes_needs_its_start(episode):
     assert len(empty.scenes) == 1
     with pytest.raises(ValueError, match="needs its start"):
         _ = replace(empty, start=None).scenes
-
-
-def test_the_result_in_words(episode):
-    assert describe_result(episode) == "reached within 2 cm in 2 pushes, 8.0 mm from the goal"
-    short = replace(episode, pushes=episode.pushes[:1])
-    assert describe_result(short) == "not within 2 cm after 1 push: 40 mm from the goal"
-
-
-@pytest.mark.parametrize("change", ["as is", "cube", "no pushes", "no prediction", "physics"])
-def test_every_kind_of_episode_has_a_picture(episode, change, tmp_path):
-    pushes = {
-        "no pushes": (),
-        "no prediction": tuple(replace(push, predicted=None) for push in episode.pushes),
-        "physics": tuple(replace(push, physics=push.before) for push in episode.pushes),
-    }.get(change, episode.pushes)
-    shapes = ("disk", "cube") if change == "cube" else ()
-    record = replace(episode, pushes=pushes, start=episode.scenes[0], shapes=shapes)
-    path = write_png(draw_episode(record, "A title"), tmp_path / "episode.png")
-    assert path.read_bytes().startswith(b"\x89PNG")
-    assert path.stat().st_size > 20_000
-    assert [file.name for file in tmp_path.iterdir()] == ["episode.png"]
-
-
-def test_the_same_episode_gives_the_same_picture(episode, tmp_path):
-    paths = [write_png(draw_episode(episode), tmp_path / f"{i}.png") for i in range(2)]
-    assert paths[0].read_bytes() == paths[1].read_bytes()
-
-
-def test_a_prediction_shows_in_the_picture(episode):
-    axes = draw_episode(episode).axes[0]
-    marks = [line for line in axes.lines if line.get_marker() == "D"]
-    np.testing.assert_allclose(marks[0].get_xydata()[0], [0.663, 0.004])
-
-
-def test_a_picture_that_cannot_be_written_is_an_error(episode, tmp_path):
-    (tmp_path / "file").write_text("not a folder")
-    with pytest.raises(OutputError, match="file"):
-        write_png(draw_episode(episode), tmp_path / "file" / "episode.png")

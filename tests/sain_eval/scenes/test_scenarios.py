@@ -5,9 +5,9 @@ import pytest
 
 from sain_core.feasibility import Feasibility, reachable
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, check_scene, surface_gaps
+from sain_core.shapes.disk import FLAT, THREE_FEET
 from sain_eval.scenes.scenarios import CONTACT_GAP, SCENARIOS
-from sain_sim.world.parameters import CUBE, FLAT, THREE_FEET
-from sain_sim.world.truth import TruthConfig
+from sain_sim.episodes.truth import TruthConfig
 
 FEASIBILITY = Feasibility()
 SEEDS = range(60)
@@ -106,8 +106,8 @@ def test_the_paper_scene_is_the_papers():
 
 def test_the_world_is_built_as_asked():
     case = SCENARIOS["paper_cube"].scene(0)
-    assert case.parameters().shapes == (THREE_FEET, CUBE)
-    assert case.parameters(FLAT).shapes == (FLAT, CUBE)
+    assert case.parameters().shapes == (THREE_FEET, "cube")
+    assert case.parameters(FLAT).shapes == (FLAT, "cube")
     assert case.parameters().friction == case.friction
 
 

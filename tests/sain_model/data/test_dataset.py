@@ -11,38 +11,38 @@ from sain_model.data.dataset import load_transitions, split_by_episode
 def test_all_shards_are_read_in_order(dataset: Path) -> None:
     data = load_transitions(dataset)
     assert len(data) == 120
-    assert data.scenes.shape == (120, 2, 8)
-    assert (np.diff(data.episodes) >= 0).all()
+    assert data.state.shape == (120, 2, 8)
+    assert (np.diff(data.episode) >= 0).all()
     one = load_transitions(dataset / "shard-0.npz")
-    np.testing.assert_array_equal(one.pushes, data.pushes[:60])
+    np.testing.assert_array_equal(one.action, data.action[:60])
     assert one.sha256 != data.sha256 == load_transitions(dataset).sha256
 
 
 def test_no_episode_is_in_two_parts(dataset: Path) -> None:
     data = load_transitions(dataset)
     split = split_by_episode(data, seed=5, validation=0.2, test=0.3)
-    parts = [set(part.episodes.tolist()) for part in (split.train, split.validation, split.test)]
+    parts = [set(part.episode.tolist()) for part in (split.train, split.validation, split.test)]
     assert [len(part) for part in parts] == [10, 4, 6]
     assert set.union(*parts) == set(range(20))
     assert sum(len(part) for part in (split.train, split.validation, split.test)) == len(data)
     again = split_by_episode(data, seed=5, validation=0.2, test=0.3)
-    np.testing.assert_array_equal(again.test.episodes, split.test.episodes)
+    np.testing.assert_array_equal(again.test.episode, split.test.episode)
     other = split_by_episode(data, seed=6, validation=0.2, test=0.3)
-    assert set(other.test.episodes.tolist()) != parts[2]
+    assert set(other.test.episode.tolist()) != parts[2]
 
 
 def test_too_few_episodes_cannot_be_split(dataset: Path) -> None:
     data = load_transitions(dataset)
     with pytest.raises(DatasetError, match="2 episodes are too few"):
-        split_by_episode(data.select(data.episodes < 2), 0, 0.1, 0.1)
+        split_by_episode(data.select(data.episode < 2), 0, 0.1, 0.1)
 
 
 def test_the_mirror_of_a_mirror_is_the_data(dataset: Path) -> None:
     data = load_transitions(dataset)
     twice = data.mirrored().mirrored()
-    np.testing.assert_allclose(twice.scenes, data.scenes, atol=1e-12)
-    np.testing.assert_allclose(twice.pushes, data.pushes, atol=1e-12)
-    np.testing.assert_array_equal(data.mirrored().next_scenes[..., Y], -data.next_scenes[..., Y])
+    np.testing.assert_allclose(twice.state, data.state, atol=1e-12)
+    np.testing.assert_allclose(twice.action, data.action, atol=1e-12)
+    np.testing.assert_array_equal(data.mirrored().next_state[..., Y], -data.next_state[..., Y])
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,11 @@ def test_the_mirror_of_a_mirror_is_the_data(dataset: Path) -> None:
         ),
         ("state", lambda a: -a, "mass or radius that is not positive"),
         ("episode", lambda a: a.astype(float), "episode is float64"),
-        ("physics_next", lambda a: a[:, :8], r"physics_next has 1 disks; it needs 2"),
+        (
+            "physics_next",
+            lambda a: a[:, :8],
+            r"physics_next has shape \(60, 8\); it should be \(60, 16\)",
+        ),
         ("friction", lambda a: a[:5], r"friction has shape \(5,\)"),
     ],
 )
@@ -104,10 +108,10 @@ def test_the_order_of_an_episode_is_that_of_its_steps(dataset: Path, tmp_path: P
     arrays = dict(np.load(dataset / "shard-0.npz"))
     count = len(arrays["episode"])
     np.savez(tmp_path / "a.npz", **arrays)
-    np.testing.assert_array_equal(load_transitions(tmp_path / "a.npz").steps, np.arange(count))
+    np.testing.assert_array_equal(load_transitions(tmp_path / "a.npz").step, np.arange(count))
     steps = np.arange(count)[::-1] % 6
     np.savez(tmp_path / "b.npz", **arrays, step=steps)
-    np.testing.assert_array_equal(load_transitions(tmp_path / "b.npz").steps, steps)
+    np.testing.assert_array_equal(load_transitions(tmp_path / "b.npz").step, steps)
     np.savez(tmp_path / "c.npz", **arrays, step=steps // 2)
     with pytest.raises(DatasetError, match="episode 0 has two pushes with step"):
         load_transitions(tmp_path / "c.npz")

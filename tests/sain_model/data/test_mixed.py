@@ -11,14 +11,14 @@ from sain_core.scene import STATE_SIZE, X, Y
 from sain_model.cli.evaluate import main as evaluate
 from sain_model.cli.train import main as train
 from sain_model.data.dataset import (
+    Dataset,
     Split,
-    Transitions,
     limit_training,
     load_transitions,
     split_by_episode,
 )
 from sain_model.data.examples import make_examples, training_examples
-from sain_model.data.mixed import MixedSplit, MixedTransitions, load_datasets, split_datasets
+from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
 from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
@@ -55,26 +55,26 @@ def folders(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
 
 def test_one_folder_is_what_it_is_by_itself(dataset: Path) -> None:
     one, same = load_transitions(dataset), load_datasets([dataset])
-    assert isinstance(same, Transitions) and same.sha256 == one.sha256
-    np.testing.assert_array_equal(same.episodes, one.episodes)
+    assert isinstance(same, Dataset) and same.sha256 == one.sha256
+    np.testing.assert_array_equal(same.episode, one.episode)
     split, again = split_by_episode(one, 3, 0.1, 0.2), split_datasets(same, 3, 0.1, 0.2)
     assert isinstance(again, Split)
-    np.testing.assert_array_equal(split.test.episodes, again.test.episodes)
+    np.testing.assert_array_equal(split.test.episode, again.test.episode)
 
 
 def test_numbers_of_disks_stay_apart_and_so_do_episodes_of_one_name(folders) -> None:
     data = load_datasets(folders)
-    assert isinstance(data, MixedTransitions)
+    assert isinstance(data, MixedDataset)
     assert [(part.disks, len(part)) for part in data.parts] == [(2, 180), (4, 60)]
-    assert len(np.unique(data.episodes)) == 20 + 10 + 10
+    assert len(np.unique(data.episode)) == 20 + 10 + 10
     assert len(data.sources) == 3 and data.sha256 not in data.sources
     two, again = load_transitions(folders[0]), load_transitions(folders[2])
-    np.testing.assert_array_equal(data.parts[0].scenes, np.concatenate([two.scenes, again.scenes]))
+    np.testing.assert_array_equal(data.parts[0].state, np.concatenate([two.state, again.state]))
 
 
 def test_several_folders_with_as_many_disks_are_one_data_set(folders) -> None:
     data = load_datasets([folders[0], folders[2]])
-    assert isinstance(data, Transitions) and len(data) == 180
+    assert isinstance(data, Dataset) and len(data) == 180
     assert data.sources == tuple(load_transitions(path).sha256 for path in folders[::2])
 
 
@@ -84,7 +84,7 @@ def test_a_folder_may_mix_numbers_of_disks(folders, tmp_path) -> None:
         (tmp_path / f"{name}.npz").write_bytes(shard.read_bytes())
     data = load_datasets([tmp_path])
     assert [part.disks for part in data.parts] == [2, 4]
-    assert not set(data.parts[0].episodes) & set(data.parts[1].episodes)
+    assert not set(data.parts[0].episode) & set(data.parts[1].episode)
 
 
 def test_the_same_push_in_two_data_sets_is_refused(folders, tmp_path) -> None:
@@ -96,7 +96,7 @@ def test_the_same_push_in_two_data_sets_is_refused(folders, tmp_path) -> None:
         load_datasets([folders[0], folders[0]])
 
 
-def single_rows(data: MixedTransitions) -> list[Transitions]:
+def single_rows(data: MixedDataset) -> list[Dataset]:
     """Each push by itself."""
     return [
         part.select(np.arange(len(part)) == row) for part in data.parts for row in range(len(part))
@@ -111,11 +111,11 @@ def test_no_transition_of_a_training_episode_is_held_out(folders, shares) -> Non
     assert isinstance(split, MixedSplit)
     parts = [split.train, split.validation, split.test]
     rows = [
-        {(*row.scenes.ravel().tolist(), *row.pushes.ravel().tolist()) for row in single_rows(part)}
+        {(*row.state.ravel().tolist(), *row.action.ravel().tolist()) for row in single_rows(part)}
         for part in parts
     ]
     assert sum(map(len, rows)) == len(data) == len(set.union(*rows))
-    labels = [set(part.episodes.tolist()) if len(part) else set() for part in parts]
+    labels = [set(part.episode.tolist()) if len(part) else set() for part in parts]
     assert [len(found) for found in labels[1:]] == [round(40 * share) for share in shares]
     assert sum(map(len, labels)) == 40 == len(set.union(*labels))
 
@@ -124,9 +124,9 @@ def test_the_papers_splits_hold_nothing_out_for_a_test(dataset: Path) -> None:
     data = load_transitions(dataset)
     for share, count in ((0.1, 2), (0.2, 4)):
         split = split_by_episode(data, 0, share, 0.0)
-        sizes = [len(np.unique(part.episodes)) for part in (split.train, split.validation)]
+        sizes = [len(np.unique(part.episode)) for part in (split.train, split.validation)]
         assert sizes == [20 - count, count] and len(split.test) == 0
-    one = data.select(data.episodes == 0)
+    one = data.select(data.episode == 0)
     with pytest.raises(DatasetError, match="1 episodes are too few to train and validate"):
         split_by_episode(one, 0, 0.1, 0.0)
 
@@ -178,7 +178,7 @@ def test_a_select_keeps_the_order_of_the_parts(folders) -> None:
     data = load_datasets(folders)
     rows = np.arange(len(data)) % 3 == 0
     picked = data.select(rows)
-    np.testing.assert_array_equal(picked.episodes, data.episodes[rows])
+    np.testing.assert_array_equal(picked.episode, data.episode[rows])
     assert replace(picked, parts=picked.parts[:1]).select(np.zeros(60, bool)).parts == ()
 
 

@@ -18,20 +18,20 @@ def test_windows_never_cross_episodes_and_lose_no_push(tmp_path: Path) -> None:
     assert sorted(windows.rows[:, 0]) == list(range(len(EVERY)))
     for rows, episode, known in zip(windows.rows, windows.episodes, windows.known, strict=True):
         used = rows[known]
-        assert (shuffled.episodes[used] == episode).all()
-        first = shuffled.steps[rows[0]]
+        assert (shuffled.episode[used] == episode).all()
+        first = shuffled.step[rows[0]]
         length = min(4, PUSHES - first)
-        np.testing.assert_array_equal(shuffled.steps[used], np.arange(first, first + length))
+        np.testing.assert_array_equal(shuffled.step[used], np.arange(first, first + length))
 
 
 def test_a_window_is_what_happened(tmp_path: Path) -> None:
     data = load_episodes(tmp_path)
     windows = make_windows(data, 3, whole=True)
     assert len(windows) == EPISODES * (PUSHES - 2) and windows.known.all()
-    np.testing.assert_array_equal(windows.scenes, data.scenes[windows.rows[:, 0]])
-    np.testing.assert_array_equal(windows.next_scenes, data.next_scenes[windows.rows])
-    np.testing.assert_array_equal(windows.pushes, data.pushes[windows.rows])
-    later = data.scenes[windows.rows[:, 1:]]
+    np.testing.assert_array_equal(windows.scenes, data.state[windows.rows[:, 0]])
+    np.testing.assert_array_equal(windows.next_scenes, data.next_state[windows.rows])
+    np.testing.assert_array_equal(windows.pushes, data.action[windows.rows])
+    later = data.state[windows.rows[:, 1:]]
     np.testing.assert_array_equal(windows.next_scenes[:, :-1], later)
 
 
@@ -50,9 +50,9 @@ def test_no_window_spans_a_gap(tmp_path: Path) -> None:
     assert windows.known[0].sum() == 2  # pushes 0 and 1 of episode 0; 3 to 5 stand by themselves
     assert windows.known[2].sum() == 3
     whole = load_episodes(tmp_path / "whole")
-    scenes = whole.scenes.copy()
+    scenes = whole.state.copy()
     scenes[3, 0, X] += 1e-6
-    touched = make_windows(replace(whole, scenes=scenes), PUSHES)
+    touched = make_windows(replace(whole, state=scenes), PUSHES)
     assert touched.known[0].sum() == 3
 
 

@@ -174,7 +174,7 @@ def test_members_disagree_where_they_have_not_been(split: Split, tmp_path: Path)
     trainer = Trainer(split, PlanarPrior(), config, tmp_path)
     trainer.run()
     sain = SainDynamics(trainer.network, PlanarPrior(), "planar")
-    scenes, pushes = split.test.scenes, split.test.pushes
+    scenes, pushes = split.test.state, split.test.action
     heavy = scenes.copy()
     heavy[..., MASS] += 5.0  # 12 to 14 kg; trained on 7 to 9
     usual = sain.predict(scenes, pushes).members[:, 1].mean()

@@ -103,6 +103,6 @@ def test_coverage_is_counted(dataset: Path, tmp_path: Path) -> None:
     sain = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", intervals=intervals)
     found = measure_intervals(sain, data, seed=0)
     assert found["mid"]["parts"]["all"]["coverage"] == 1.0
-    exact = np.all(sain.step(data.scenes, data.pushes)[:, 1, :2] == data.next_scenes[:, 1, :2], -1)
+    exact = np.all(sain.step(data.state, data.action)[:, 1, :2] == data.next_state[:, 1, :2], -1)
     assert found["target"]["parts"]["all"]["coverage"] == pytest.approx(exact.mean(), abs=0.05)
     assert found["target"]["rank_correlation"]["members"] is None  # a lone network agrees

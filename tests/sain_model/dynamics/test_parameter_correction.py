@@ -41,8 +41,8 @@ def laboratory(dataset: Path) -> Split:
     corrections = np.zeros((len(data), 2, told.CORRECTIONS))
     corrections[..., told.PULL_X], corrections[..., told.DRAG] = 1.5, -1.0
     corrections[..., told.MASS_LEFT] = 1.2
-    after = PlanarPrior().step_told(data.scenes, data.pushes, corrections)
-    return split_by_episode(replace(data, next_scenes=after), 0, 0.2, 0.2)
+    after = PlanarPrior().step_told(data.state, data.action, corrections)
+    return split_by_episode(replace(data, next_state=after), 0, 0.2, 0.2)
 
 
 def error(sain: InsideSain | PlanarPrior, data) -> float:
@@ -133,10 +133,10 @@ def test_the_command_writes_a_checkpoint_that_is_a_dynamics(dataset, tmp_path, c
     sain = load_dynamics(str(path))
     assert isinstance(sain, InsideSain) and len(sain.networks) == 2
     data = load_transitions(dataset)
-    assert np.isfinite(sain.step(data.scenes, data.pushes)).all()
+    assert np.isfinite(sain.step(data.state, data.action)).all()
     server = ModelServer(sain, ServingConfig(model=str(path)))
-    residual, after = server.predict(data.scenes, data.pushes)
-    physics = sain.prior.step(data.scenes, data.pushes)
+    residual, after = server.predict(data.state, data.action)
+    physics = sain.prior.step(data.state, data.action)
     np.testing.assert_allclose(residual[..., POSITION], (after - physics)[..., POSITION])
     assert server.description.kind == "inside" and server.description.model_hash
     path.write_bytes(path.read_bytes()[:-8])

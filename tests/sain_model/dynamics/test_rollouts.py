@@ -10,7 +10,7 @@ from sain_core.dynamics import IdentityPrior, RolloutModel, as_rollout
 from sain_core.errors import CheckpointError, ConfigError
 from sain_core.push import LENGTH
 from sain_core.scene import POSE, POSITION, TARGET, wrap_angle
-from sain_model.data.dataset import Split, Transitions, split_by_episode
+from sain_model.data.dataset import Dataset, Split, split_by_episode
 from sain_model.data.windows import make_windows
 from sain_model.dynamics.loss import LossConfig
 from sain_model.dynamics.recurrent import PhysicsChain
@@ -36,12 +36,12 @@ SMALL = NetworkConfig(hidden=16, message=8)
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> Transitions:
+def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return load_episodes(tmp_path_factory.mktemp("episodes"))
 
 
 @pytest.fixture(scope="module")
-def split(data: Transitions) -> Split:
+def split(data: Dataset) -> Split:
     return split_by_episode(data, 0, 0.2, 0.2)
 
 
@@ -55,23 +55,23 @@ def some_network(seed: int = 1, features: str = "push") -> InteractionNetwork:
     return network.eval()
 
 
-def test_a_rollout_of_one_push_is_a_step(data: Transitions) -> None:
+def test_a_rollout_of_one_push_is_a_step(data: Dataset) -> None:
     windows = make_windows(data, 1)
     for chain, kind in ((CORRECTED, SainDynamics), (PHYSICS, PhysicsChain)):
         sain = kind(some_network(), PlanarPrior(), "planar", recurrent=True)
-        stepped = sain.step(data.scenes, data.pushes)
+        stepped = sain.step(data.state, data.action)
         config = RolloutConfig(chain=chain)
         with torch.inference_mode():
             learned = roll(sain.network, windows, sain.prior, config)[:, 0].numpy()
         learned[..., 2] = wrap_angle(learned[..., 2])
         # one is PyTorch's forward pass, the other the kernels', both in single precision
         np.testing.assert_allclose(learned, stepped[..., POSE], atol=1e-6)
-        rolled = as_rollout(sain).rollout(data.scenes[0], data.pushes[:1, None])
+        rolled = as_rollout(sain).rollout(data.state[0], data.action[:1, None])
         np.testing.assert_allclose(rolled[0, 0], stepped[0], atol=1e-6)
 
 
 @pytest.mark.parametrize("chain", CHAINS)
-def test_training_rolls_out_what_is_deployed(data: Transitions, chain: str) -> None:
+def test_training_rolls_out_what_is_deployed(data: Dataset, chain: str) -> None:
     windows = make_windows(data, 4, whole=True)
     kind = PhysicsChain if chain == PHYSICS else SainDynamics
     sain = kind(some_network(), PlanarPrior(), "planar", recurrent=True)
@@ -87,7 +87,7 @@ def test_training_rolls_out_what_is_deployed(data: Transitions, chain: str) -> N
     assert np.abs(deployed - plain).max() > 1e-3
 
 
-def test_the_chains_part_after_the_first_push(data: Transitions) -> None:
+def test_the_chains_part_after_the_first_push(data: Dataset) -> None:
     """Equation 3: the prior goes on from its own scene, whatever the network corrects."""
     windows = make_windows(data, 3, whole=True)
     chained = PhysicsChain(some_network(), PlanarPrior(), "planar", recurrent=True)
@@ -102,18 +102,18 @@ def test_the_chains_part_after_the_first_push(data: Transitions) -> None:
     np.testing.assert_allclose(own[:, 1], expected, atol=1e-12)
 
 
-def test_an_idle_push_keeps_the_corrected_scene(data: Transitions) -> None:
-    pushes = data.pushes[None, :3].copy()
+def test_an_idle_push_keeps_the_corrected_scene(data: Dataset) -> None:
+    pushes = data.action[None, :3].copy()
     pushes[0, 1, LENGTH] = 0.0
     chained = PhysicsChain(some_network(), PlanarPrior(), "planar", recurrent=True)
     assert isinstance(chained, RolloutModel) and chained.kind == "recurrent"
-    predicted = chained.rollout(data.scenes[0], pushes)[0]
+    predicted = chained.rollout(data.state[0], pushes)[0]
     np.testing.assert_array_equal(predicted[1], predicted[0])
     assert (predicted[2] != predicted[1]).any()
 
 
 def gradient_of(
-    network: InteractionNetwork, data: Transitions, gradient: str, chain: str = CORRECTED
+    network: InteractionNetwork, data: Dataset, gradient: str, chain: str = CORRECTED
 ) -> torch.Tensor:
     """Return how the target's place after two pushes depends on the first layer's bias."""
     windows = make_windows(data, 2, whole=True).select(np.arange(8))
@@ -126,7 +126,7 @@ def gradient_of(
 
 
 @pytest.mark.parametrize("chain", CHAINS)
-def test_differences_give_the_gradient_of_the_whole_rollout(data: Transitions, chain: str) -> None:
+def test_differences_give_the_gradient_of_the_whole_rollout(data: Dataset, chain: str) -> None:
     """Compared with nudging the weights themselves, which knows nothing of how it is done."""
     network = some_network()
     found = gradient_of(network, data, DIFFERENCES, chain)
@@ -149,7 +149,7 @@ def test_differences_give_the_gradient_of_the_whole_rollout(data: Transitions, c
         assert off > 2 * np.abs(found.numpy() - expected).max()
 
 
-def test_without_gradient_the_first_step_does_not_know_of_the_second(data: Transitions) -> None:
+def test_without_gradient_the_first_step_does_not_know_of_the_second(data: Dataset) -> None:
     network = some_network()
     windows = make_windows(data, 2, whole=True)
     pose = {}
@@ -161,7 +161,7 @@ def test_without_gradient_the_first_step_does_not_know_of_the_second(data: Trans
         assert torch.equal(pose[gradient], pose[GRADIENTS[0]])
 
 
-def test_the_loss_is_over_what_was_pushed(data: Transitions) -> None:
+def test_the_loss_is_over_what_was_pushed(data: Dataset) -> None:
     windows = make_windows(data, 3)
     config = LossConfig(robust=False, position_scale=1.0, heading_scale=1.0)
     off = torch.from_numpy(windows.next_scenes[..., POSE]).clone()

@@ -12,7 +12,7 @@ from sain_core.history import PushHistory
 from sain_core.scene import POSITION, TARGET
 from sain_model.cli import evaluate as evaluate_cli
 from sain_model.cli import train as train_cli
-from sain_model.data.dataset import Transitions, split_by_episode
+from sain_model.data.dataset import Dataset, split_by_episode
 from sain_model.dynamics.checkpoint import Card
 from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.recurrent import PhysicsChain
@@ -33,21 +33,21 @@ class Oracle:
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> Transitions:
+def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return load_episodes(tmp_path_factory.mktemp("episodes"))
 
 
-def test_errors_after_some_pushes_are_what_they_say(data: Transitions) -> None:
+def test_errors_after_some_pushes_are_what_they_say(data: Dataset) -> None:
     loop = predict_open_loop(data, {"oracle": Oracle()}, PUSHES)
     found = errors_after(loop.windows, loop.predictions, loop.earlier, 3, seed=0)
     row = found["all"][MEASURED]
     assert row["windows"] == EPISODES * (PUSHES - 2) and row["episodes"] == EPISODES
     off = []
-    for first in np.flatnonzero(data.steps < PUSHES - 2):
-        scene = data.scenes[first : first + 1]
-        for push in data.pushes[first : first + 3]:
+    for first in np.flatnonzero(data.step < PUSHES - 2):
+        scene = data.state[first : first + 1]
+        for push in data.action[first : first + 3]:
             scene = PlanarPrior().step(scene, push[None])
-        off.append(scene[0, TARGET, POSITION] - data.next_scenes[first + 2, TARGET, POSITION])
+        off.append(scene[0, TARGET, POSITION] - data.next_state[first + 2, TARGET, POSITION])
     errors = 1e3 * np.linalg.norm(off, axis=-1)
     assert row["target"]["mean"] == pytest.approx(errors.mean())
     assert row["target"]["median"] == pytest.approx(np.median(errors))
@@ -57,11 +57,11 @@ def test_errors_after_some_pushes_are_what_they_say(data: Transitions) -> None:
     assert oracle["mid"]["p95"] == 0.0 and oracle["contacts_agreed"] == 1.0
 
 
-def test_windows_are_split_by_contact_and_by_what_came_before(data: Transitions) -> None:
+def test_windows_are_split_by_contact_and_by_what_came_before(data: Dataset) -> None:
     loop = predict_open_loop(data, {}, 2)
     found = errors_after(loop.windows, loop.predictions, loop.earlier, 1, seed=0)
     counts = {part: rows[MEASURED]["windows"] for part, rows in found.items()}
-    way = (data.next_scenes - data.scenes)[:, TARGET, POSITION]
+    way = (data.next_state - data.state)[:, TARGET, POSITION]
     moved = int((np.linalg.norm(way, axis=-1) > 0.002).sum())
     assert 0 < moved < len(data)
     assert counts["contact made"] == moved and counts["contact missed"] == len(data) - moved
@@ -70,19 +70,19 @@ def test_windows_are_split_by_contact_and_by_what_came_before(data: Transitions)
     assert found["all"]["no motion"]["contacts_agreed"] == pytest.approx(1 - moved / len(data))
 
 
-def test_history_is_of_earlier_pushes_alone(data: Transitions) -> None:
+def test_history_is_of_earlier_pushes_alone(data: Dataset) -> None:
     planar = PlanarPrior()
     loop = predict_open_loop(data, {}, 2)
     told = loop.predictions[f"{MEASURED}, history"]
     np.testing.assert_array_equal(told[loop.earlier == 0], loop.predictions[MEASURED][::PUSHES])
     row = 4  # of episode 0: four pushes came before
-    past = PushHistory(data.scenes[:row], data.pushes[:row], data.next_scenes[:row])
+    past = PushHistory(data.state[:row], data.action[:row], data.next_state[:row])
     knowing = planar.with_history(past)
-    expected = roll_out(knowing, data.scenes[row : row + 1], data.pushes[None, row : row + 2])
+    expected = roll_out(knowing, data.state[row : row + 1], data.action[None, row : row + 2])
     np.testing.assert_allclose(told[row], expected[0], atol=1e-9)
 
 
-def test_what_is_recorded_for_single_pushes_is_known_for_them_alone(data: Transitions) -> None:
+def test_what_is_recorded_for_single_pushes_is_known_for_them_alone(data: Dataset) -> None:
     loop = predict_open_loop(data, {}, 2)
     bullet = loop.predictions["bullet, nominal"]
     np.testing.assert_array_equal(bullet[:, 0], data.physics_next)
@@ -91,7 +91,7 @@ def test_what_is_recorded_for_single_pushes_is_known_for_them_alone(data: Transi
     assert "bullet, nominal" not in found["all"] and "floor" not in found["all"]
 
 
-def test_ratios_are_of_means_with_an_interval(data: Transitions) -> None:
+def test_ratios_are_of_means_with_an_interval(data: Dataset) -> None:
     still = {"still": IdentityPrior(), "also still": IdentityPrior(), "oracle": Oracle()}
     loop = predict_open_loop(data, still, 3)
     found = ratios(loop.windows, loop.predictions, 3, "still", seed=0)
@@ -101,7 +101,7 @@ def test_ratios_are_of_means_with_an_interval(data: Transitions) -> None:
     assert low < ratio < high < 1.0
 
 
-def test_steps_that_no_window_reaches_are_left_out(data: Transitions, tmp_path: Path) -> None:
+def test_steps_that_no_window_reaches_are_left_out(data: Dataset, tmp_path: Path) -> None:
     report = report_open_loop(tmp_path / "errors.json", data, {}, 0, (1, PUSHES, 15))
     assert set(report) == {"1", str(PUSHES)}
     assert report["1"]["best_physics"].startswith("planar")
@@ -162,14 +162,14 @@ def test_a_model_on_the_priors_own_chain_is_loaded_as_such(tmp_path: Path) -> No
         load_dynamics(str(path))
 
 
-def test_what_any_model_has_seen_is_not_evaluated_on(data: Transitions) -> None:
+def test_what_any_model_has_seen_is_not_evaluated_on(data: Dataset) -> None:
     def card(seed: int, test: float = 0.3) -> Card:
         training = {"seed": seed, "validation": 0.1, "test": test}
         return Card("planar", {}, {}, data={"sha256": data.sha256}, training=training)
 
     held = evaluate_cli.unseen(data, card(0), card(1))
-    both = [split_by_episode(data, seed, 0.1, 0.3).test.episodes for seed in (0, 1)]
-    assert set(held.episodes) == set(both[0]) & set(both[1])
+    both = [split_by_episode(data, seed, 0.1, 0.3).test.episode for seed in (0, 1)]
+    assert set(held.episode) == set(both[0]) & set(both[1])
     other = Card("planar", {}, {}, data={"sha256": "other"})
     assert len(evaluate_cli.unseen(data, other)) == len(data)
     mute = Card("planar", {}, {}, data={"sha256": data.sha256}, training={"seed": 0})

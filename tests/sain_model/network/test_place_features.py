@@ -26,10 +26,10 @@ from sain_model.training.trainer import Trainer, TrainingConfig
 def downhill(dataset: Path):
     """The dataset with targets that end 5 mm further along the world's x, wherever pushed."""
     data = load_transitions(dataset)
-    after = data.scenes.copy()
-    after[:] = PlanarPrior().step(data.scenes, data.pushes)
+    after = data.state.copy()
+    after[:] = PlanarPrior().step(data.state, data.action)
     after[:, TARGET, 0] += 0.005
-    return split_by_episode(replace(data, next_scenes=after), 0, 0.2, 0.2)
+    return split_by_episode(replace(data, next_state=after), 0, 0.2, 0.2)
 
 
 def test_only_the_frame_of_the_world_shows_how_a_scene_is_turned(random_pushes) -> None:
@@ -81,7 +81,7 @@ def test_learning_from_fewer_keeps_what_is_held_out(dataset) -> None:
     split = split_by_episode(load_transitions(dataset), 0, 0.2, 0.2)
     part = limit_training(split, 24)
     assert len(part.train) == 24
-    np.testing.assert_array_equal(part.train.pushes, split.train.pushes[:24])
+    np.testing.assert_array_equal(part.train.action, split.train.action[:24])
     share = 24 / len(split.train)
     assert len(part.validation) == round(share * len(split.validation))
     assert part.test is split.test

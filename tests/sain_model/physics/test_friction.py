@@ -11,7 +11,7 @@ from sain_core.history import PushHistory
 from sain_core.push import LENGTH, mirror_pushes
 from sain_core.scene import POSITION, mirror_scenes
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Transitions
+from sain_model.data.dataset import Dataset
 from sain_model.data.friction_noise import fit_noise
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.history_errors import earlier_friction
@@ -68,9 +68,9 @@ def test_pushes_that_moved_nothing_tell_nothing(
     friction: FrictionFilter, random_pushes: Draw
 ) -> None:
     idle = history(random_pushes, 0.2)
-    pushes = idle.pushes.copy()
+    pushes = idle.action.copy()
     pushes[:, LENGTH] = 0.0
-    belief = friction.infer(PushHistory(idle.scenes, pushes, idle.scenes))
+    belief = friction.infer(PushHistory(idle.state, pushes, idle.state))
     assert belief.mean == pytest.approx(NOMINAL)
     assert belief.spread == pytest.approx(friction.start().spread)
 
@@ -82,19 +82,19 @@ def test_pushes_told_one_by_one_are_pushes_told_at_once(
     belief = friction.start()
     for row in range(len(past)):
         rows = slice(row, row + 1)
-        told = friction.log_likelihood(past.scenes[rows], past.pushes[rows], past.next_scenes[rows])
+        told = friction.log_likelihood(past.state[rows], past.action[rows], past.next_state[rows])
         belief = belief.after(told[0])
     at_once = friction.infer(past)
     np.testing.assert_array_equal(belief.weights, at_once.weights)
     order = np.arange(len(past))[::-1]
-    turned = PushHistory(past.scenes[order], past.pushes[order], past.next_scenes[order])
+    turned = PushHistory(past.state[order], past.action[order], past.next_state[order])
     np.testing.assert_allclose(friction.infer(turned).weights, at_once.weights, atol=1e-12)
 
 
 def test_a_mirror_shows_the_same_friction(friction: FrictionFilter, random_pushes: Draw) -> None:
     past = history(random_pushes, 0.17, noise=5e-4)
     seen = PushHistory(
-        mirror_scenes(past.scenes), mirror_pushes(past.pushes), mirror_scenes(past.next_scenes)
+        mirror_scenes(past.state), mirror_pushes(past.action), mirror_scenes(past.next_state)
     )
     assert friction.infer(seen).mean == pytest.approx(friction.infer(past).mean, rel=1e-3)
 
@@ -103,9 +103,9 @@ def test_one_push_that_no_friction_explains_does_not_decide(
     friction: FrictionFilter, random_pushes: Draw
 ) -> None:
     past = history(random_pushes, 0.17, pushes=8)
-    wrong = past.next_scenes.copy()
+    wrong = past.next_state.copy()
     wrong[3, :, POSITION] += 0.05
-    belief = friction.infer(PushHistory(past.scenes, past.pushes, wrong))
+    belief = friction.infer(PushHistory(past.state, past.action, wrong))
     assert belief.mean == pytest.approx(0.17, rel=0.05)
 
 
@@ -180,10 +180,10 @@ def test_hindsight_leaves_the_push_itself_out(
     assert told.mean[3] == usual.mean[3]
 
 
-def transitions(draw: Draw, noise: float) -> Transitions:
+def transitions(draw: Draw, noise: float) -> Dataset:
     scenes, pushes, after = world(draw)
     after[..., POSITION] += np.random.default_rng(2).normal(0, noise, after[..., POSITION].shape)
-    return Transitions(scenes, pushes, after, after, EPISODE, STEP, FRICTIONS, after, "")
+    return Dataset(scenes, pushes, after, after, EPISODE, STEP, FRICTIONS, after, "")
 
 
 def test_one_evaluation_infers_once_with_each_physics(

@@ -13,7 +13,7 @@ from sain_core.errors import CheckpointError, DatasetError
 from sain_core.scene import unit
 from sain_model.cli import train as train_cli
 from sain_model.cli.evaluate import unseen
-from sain_model.data.dataset import Transitions, load_transitions
+from sain_model.data.dataset import Dataset, load_transitions
 from sain_model.dynamics.checkpoint import load_checkpoint, read_card
 from sain_model.dynamics.load import load_sain
 from sain_model.dynamics.sain import SainDynamics
@@ -103,7 +103,7 @@ def test_nothing_that_an_ancestor_learned_from_counts_as_held_out(
     old, new = load_transitions(dataset), load_transitions(world)
     by_parent, by_child = unseen(old, read_card(parent)), unseen(old, read_card(child))
     assert 0 < len(by_child) < len(old)
-    assert np.array_equal(by_child.pushes, by_parent.pushes)
+    assert np.array_equal(by_child.action, by_parent.action)
     assert 0 < len(unseen(new, read_card(child))) < len(new)
 
 
@@ -235,11 +235,11 @@ def test_one_episode_less_than_the_parts_is_too_few(
 ) -> None:
     few = first_episodes(load_transitions(world), 2)
     arrays = {
-        "state": few.scenes.reshape(len(few), -1),
-        "action": few.pushes,
+        "state": few.state.reshape(len(few), -1),
+        "action": few.action,
         "physics_next": few.physics_next.reshape(len(few), -1),
-        "next_state": few.next_scenes.reshape(len(few), -1),
-        "episode": few.episodes,
+        "next_state": few.next_state.reshape(len(few), -1),
+        "episode": few.episode,
     }
     np.savez_compressed(tmp_path / "shard-0.npz", **arrays)
     command = (tmp_path / "shard-0.npz", "--from", parent, "--out", tmp_path / "o", "--epochs", 2)
@@ -248,8 +248,8 @@ def test_one_episode_less_than_the_parts_is_too_few(
     assert run(*command, "--test", 0) == 0
 
 
-def first_episodes(data: Transitions, count: int) -> Transitions:
-    return data.select(np.isin(data.episodes, np.unique(data.episodes)[:count]))
+def first_episodes(data: Dataset, count: int) -> Dataset:
+    return data.select(np.isin(data.episode, np.unique(data.episode)[:count]))
 
 
 def test_the_summary_fits_a_line_of_text(child: Path) -> None:

@@ -37,8 +37,8 @@ def test_training_learns_a_residual(split: Split, tmp_path: Path) -> None:
     trainer.run()
     sain = SainDynamics(trainer.network, prior, "planar")
     test = split.test
-    before = measure(prior.step(test.scenes, test.pushes), test, 0)
-    after = measure(sain.step(test.scenes, test.pushes), test, 0)
+    before = measure(prior.step(test.state, test.action), test, 0)
+    after = measure(sain.step(test.state, test.action), test, 0)
     assert after.target_mean < 0.6 * before.target_mean
     history = trainer.history
     assert history.validation[history.best] == min(history.validation)
@@ -155,8 +155,8 @@ def test_a_command_line_says_what_is_wrong(
 def test_errors_are_what_they_say(dataset: Path) -> None:
     data = load_transitions(dataset)
     result = evaluate(data)
-    truth = PlanarPrior().step(data.scenes, data.pushes)
-    off = 1e3 * np.linalg.norm((truth - data.next_scenes)[:, 1, :2], axis=-1)
+    truth = PlanarPrior().step(data.state, data.action)
+    off = 1e3 * np.linalg.norm((truth - data.next_state)[:, 1, :2], axis=-1)
     assert result["all"]["planar, measured"]["target_mean"] == pytest.approx(off.mean())
     assert result["all"]["planar, measured"]["target_p95"] == pytest.approx(np.quantile(off, 0.95))
     assert result["moved"] == result["target_moved"]["no motion"]["pushes"]
@@ -180,14 +180,14 @@ def test_a_residual_can_be_on_the_state_too(split: Split, tmp_path: Path) -> Non
     trainer = Trainer(split, PlanarPrior(), config, tmp_path)
     start = SainDynamics(trainer.network, PlanarPrior(), "planar")
     test = split.test
-    np.testing.assert_allclose(start.step(test.scenes, test.pushes), test.scenes, atol=1e-12)
-    still = measure(test.scenes, test, 0).target_mean
+    np.testing.assert_allclose(start.step(test.state, test.action), test.state, atol=1e-12)
+    still = measure(test.state, test, 0).target_mean
     trainer.run()
     sain = SainDynamics(trainer.network, PlanarPrior(), "planar")
-    learned = sain.step(test.scenes, test.pushes)
+    learned = sain.step(test.state, test.action)
     assert measure(learned, test, 0).target_mean < 0.5 * still
     # a rollout of one push is a step here as well
-    rolled = sain.rollout(test.scenes[0], test.pushes[:1, None])
+    rolled = sain.rollout(test.state[0], test.action[:1, None])
     np.testing.assert_allclose(rolled[0, 0], learned[0], atol=1e-9)
 
 

@@ -21,7 +21,7 @@ def test_pushes_of_one_episode_are_remembered_in_order() -> None:
     for length in (0.05, 0.06):
         memory.add(7, SCENE, np.array([0.0, 0.0, length]), SCENE)
     past = memory.of(7, 2)
-    assert past.pushes[:, 2].tolist() == [0.05, 0.06]
+    assert past.action[:, 2].tolist() == [0.05, 0.06]
     assert len(memory.of(8, 2)) == len(memory.of(7, 3)) == 0
     assert memory.of(7, 3).disks == 3
 
@@ -39,7 +39,7 @@ def test_the_oldest_pushes_are_forgotten() -> None:
         memory.add(1, SCENE, np.array([0.0, 0.0, 0.01 * number]), SCENE)
     past = memory.of(1, 2)
     assert len(past) == MOST_PUSHES
-    assert past.pushes[0, 2] == pytest.approx(0.03)
+    assert past.action[0, 2] == pytest.approx(0.03)
 
 
 def test_what_cannot_be_is_not_remembered() -> None:

@@ -6,16 +6,19 @@ import pytest
 
 import sain_sim.collecting.collect as collection
 import sain_sim.collecting.shards
+from sain_core.dataset import shard_path
 from sain_core.errors import ConfigError, DatasetError, OutputError
 from sain_core.push import PaperGrid
 from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
 from sain_core.seeding import generator
+from sain_core.shapes.disk import THREE_FEET
 from sain_sim.cli.collect import main
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
-from sain_sim.collecting.shards import load_shards, shard_path
-from sain_sim.world.parameters import CUBE, RANGES, THREE_FEET, WIDE, sample_parameters
-from sain_sim.world.sampling import GridSampler, StartConfig, draw_start
+from sain_sim.collecting.shards import load_shards
+from sain_sim.episodes.samplers import GridSampler
+from sain_sim.episodes.start import StartConfig, draw_start
+from sain_sim.world.parameters import RANGES, WIDE, sample_parameters
 from sain_sim.world.workcell import WorldConfig
 
 SHORT = EpisodeConfig(pushes=4, floor_episodes=1)
@@ -156,7 +159,7 @@ def test_a_cube_starts_with_a_side_to_the_mid_disk_and_room_for_its_corners():
     for seed in range(30):
         random = generator(seed, "start")
         drawn = sample_parameters(random, 3)
-        cube = dataclasses.replace(drawn, shapes=(THREE_FEET, CUBE, THREE_FEET))
+        cube = dataclasses.replace(drawn, shapes=(THREE_FEET, "cube", THREE_FEET))
         scene = draw_start(random, cube, StartConfig(), table)
         corners = cube.radii[TARGET] * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
         turn = scene[TARGET, THETA]

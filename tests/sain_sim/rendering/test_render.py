@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError
+from sain_core.shapes.disk import THREE_FEET
 from sain_sim.rendering.meshes import cylinder, ring
 from sain_sim.rendering.render import CameraConfig, Renderer
 from sain_sim.rendering.shading import Caster, brightness, table_points
 from sain_sim.rendering.window import Window
-from sain_sim.world.parameters import CUBE, THREE_FEET, nominal_parameters
+from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 
@@ -17,7 +18,7 @@ JOINTS = WorldConfig().kinematics.joints(np.array([0.35, 0.0, 0.09]))
 @pytest.fixture(scope="module")
 def renderer():
     scene = nominal_parameters().scene(np.array([[0.45, 0.0], [0.6, 0.0]]))
-    with Renderer(scene, (THREE_FEET, CUBE), CAMERA) as renderer:
+    with Renderer(scene, (THREE_FEET, "cube"), CAMERA) as renderer:
         yield renderer
 
 

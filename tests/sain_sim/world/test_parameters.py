@@ -3,16 +3,14 @@ import pytest
 
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
+from sain_core.shapes.registry import get_shape, shape_names
 from sain_sim.arm.client import Client
-from sain_sim.world.disks import Build, Disk, inertia, resting
+from sain_sim.world.bodies import Body, resting
+from sain_sim.world.collision import Build
 from sain_sim.world.parameters import (
-    CUBE,
-    FLAT,
     FRICTION_RANGE,
     MASS_RANGE,
     RADIUS_RANGES,
-    SHAPES,
-    THREE_FEET,
     WorldParameters,
     nominal_parameters,
     sample_parameters,
@@ -56,18 +54,13 @@ def test_parameters_that_make_no_world_are_refused(fields, message):
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_bullet_knows_the_mass_and_inertia_of_a_uniform_body(shape):
-    client = Client()
+@pytest.mark.parametrize("name", shape_names())
+def test_bullet_knows_the_mass_and_inertia_of_a_uniform_body(name):
+    client, shape = Client(), get_shape(name)
     scene = nominal_parameters().scene(np.array([[0.4, 0.0], [0.6, 0.0]]))
-    disk = Disk(client, Build(shape, 7.5, 0.08), resting(client, scene[0]), 0.3)
-    told = client.getDynamicsInfo(disk.body, -1)
+    build = Build(shape, 7.5, 0.08, shape.feet)
+    body = Body(client, build, resting(client, scene[0]), 0.3)
+    told = client.getDynamicsInfo(body.id, -1)
     assert told[0] == 7.5
-    assert np.allclose(told[2], inertia(shape, 7.5, 0.08))
+    assert np.allclose(told[2], shape.inertia(7.5, 0.08))
     client.close()
-
-
-def test_inertia_of_a_disk_and_of_a_block():
-    assert np.isclose(inertia(THREE_FEET, 8.0, 0.08)[2], 0.0256)  # m r^2 / 2
-    assert inertia(FLAT, 8.0, 0.08) == inertia(THREE_FEET, 8.0, 0.08)
-    assert np.isclose(inertia(CUBE, 6.0, 0.05)[2], 0.01)  # m (2 a)^2 / 6

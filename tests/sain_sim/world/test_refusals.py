@@ -83,7 +83,7 @@ def test_a_tool_that_meets_another_disk_goes_back_and_leaves_no_trace(config, be
 
 def test_a_scene_in_motion_takes_no_push(world, bench):
     world.reset(bench.touching())
-    world._client.resetBaseVelocity(world._cell.stage.disks[MID].body, [0.1, 0.0, 0.0])
+    world._client.resetBaseVelocity(world._cell.stage.disks[MID].id, [0.1, 0.0, 0.0])
     with pytest.raises(StaleSceneError, match="the disks still move"):
         world.push(bench.straight)
 

@@ -17,7 +17,8 @@ from sain_core.scene import (
     surface_gaps,
     unit,
 )
-from sain_sim.world.parameters import CUBE, FLAT, THREE_FEET, nominal_parameters
+from sain_core.shapes.disk import FLAT, THREE_FEET
+from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 
@@ -41,7 +42,7 @@ def test_a_push_moves_the_target_and_ends_at_rest(world, bench):
     assert 0.5 < outcome.duration == pytest.approx(world.time)
 
 
-@pytest.mark.parametrize("shape", [THREE_FEET, FLAT, CUBE])
+@pytest.mark.parametrize("shape", [THREE_FEET, FLAT, "cube"])
 def test_sliding_disks_obey_coulomb(shape, bench):
     parameters = nominal_parameters(shape=THREE_FEET)
     parameters = dataclasses.replace(parameters, shapes=(THREE_FEET, shape), friction=0.2)
@@ -192,7 +193,7 @@ def test_a_disk_that_falls_off_the_table_is_an_outcome(bench):
 
 def test_settling_waits_until_the_disks_are_still(world, bench):
     world.reset(bench.touching())
-    body = world._cell.stage.disks[MID].body
+    body = world._cell.stage.disks[MID].id
     world._client.resetBaseVelocity(body, [-0.3, 0.0, 0.0])
     assert world.settle()
     assert is_settled(world.observe())

@@ -9,10 +9,10 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.row_draft import Dropped
+from sain_bags.transitions.rows import Dropped
+from sain_core.dataset import SHARD_SIZE, Column, Columns, centres, describe_fields
 from sain_core.push import ANGLE, LENGTH, LOCATION
-from sain_core.scene import MID, POSITION, STATE_SIZE, TARGET
-from sain_core.shards import SHARD_SIZE
+from sain_core.scene import MID, TARGET
 
 BINS: Final = 20
 QUANTITIES: Final = {  # what is counted, its unit, and the range that its bins divide
@@ -25,6 +25,8 @@ QUANTITIES: Final = {  # what is counted, its unit, and the range that its bins 
     "target_travel": ("m", 0.0, 0.2),
     "physics_error": ("m", 0.0, 0.05),
 }
+COUNTED: Final = (Column.SOURCE, Column.PHYSICS_SOURCE, Column.BAG_SHA256)
+DISKS: Final = "disks"
 EXAMPLES: Final = 3  # of what was dropped, for each reason
 
 
@@ -74,9 +76,7 @@ class Card:
         self.late_predictions = 0
         self.dropped: Counter[str] = Counter()
         self._details: dict[str, list[str]] = {}
-        self._counts: dict[str, Counter[str]] = {
-            key: Counter() for key in ("source", "physics_source", "bag_sha256", "disks")
-        }
+        self._counts: dict[str, Counter[str]] = {key: Counter() for key in (*COUNTED, DISKS)}
         self._moved = 0
         self._shards: list[int] = []
         self._fields: dict[str, list[int]] = {}
@@ -89,16 +89,16 @@ class Card:
         if len(details) < EXAMPLES:
             details.append(f"{bag}: {push.detail}")
 
-    def add(self, shard: dict[str, ndarray]) -> None:
+    def add(self, shard: Columns) -> None:
         """Count the rows of a shard."""
-        rows = len(shard["action"])
+        rows = len(shard[Column.ACTION])
         self.transitions += rows
         self._shards.append(rows)
-        self._moved += int(shard["moved"].sum())
-        self._fields = {key: list(values.shape[1:]) for key, values in shard.items()}
-        for key in ("source", "physics_source", "bag_sha256"):
+        self._moved += int(shard[Column.MOVED].sum())
+        self._fields = describe_fields(shard)
+        for key in COUNTED:
             self._counts[key].update(_occurrences(shard[key]))
-        self._counts["disks"][str(shard["masses"].shape[1])] += rows
+        self._counts[DISKS][str(shard[Column.MASSES].shape[1])] += rows
         for name, values in _quantities(shard).items():
             self._spreads[name].add(values)
 
@@ -109,16 +109,16 @@ class Card:
 
     def content(self, identity: dict[str, Any], sources: list[dict[str, Any]]) -> dict[str, Any]:
         """Return what ``card.json`` holds."""
-        by_bag = self._counts["bag_sha256"]
+        by_bag = self._counts[Column.BAG_SHA256]
         return {
             **identity,
             "transitions": self.transitions,
             "moved": self._moved,
             "shard_size": SHARD_SIZE,
             "shards": self._shards,
-            "disks": dict(self._counts["disks"]),
-            "scenes_from": dict(self._counts["source"]),
-            "physics_from": dict(self._counts["physics_source"]),
+            DISKS: dict(self._counts[DISKS]),
+            "scenes_from": dict(self._counts[Column.SOURCE]),
+            "physics_from": dict(self._counts[Column.PHYSICS_SOURCE]),
             "dropped": {
                 reason: {"pushes": count, "for_example": self._details[reason]}
                 for reason, count in self.dropped.most_common()
@@ -137,17 +137,15 @@ def _occurrences(texts: ndarray) -> dict[str, int]:
     return Counter(texts.tolist())
 
 
-def _quantities(shard: dict[str, ndarray]) -> dict[str, ndarray]:
+def _quantities(shard: Columns) -> dict[str, ndarray]:
     """Return what the ranges are of, an array (M,) each."""
-    before, after, physics = (
-        shard[key].reshape(len(shard[key]), -1, STATE_SIZE)[..., POSITION]
-        for key in ("state", "next_state", "physics_next")
-    )  # each (M, N, 2)
+    states = (Column.STATE, Column.NEXT_STATE, Column.PHYSICS_NEXT)
+    before, after, physics = (centres(shard[column]) for column in states)  # each (M, N, 2)
     travel = np.linalg.norm(after - before, axis=-1)
     return {
-        "location": shard["action"][:, LOCATION],
-        "angle": shard["action"][:, ANGLE],
-        "length": shard["action"][:, LENGTH],
+        "location": shard[Column.ACTION][:, LOCATION],
+        "angle": shard[Column.ACTION][:, ANGLE],
+        "length": shard[Column.ACTION][:, LENGTH],
         "target_x": before[:, TARGET, 0],
         "target_y": before[:, TARGET, 1],
         "mid_travel": travel[:, MID],

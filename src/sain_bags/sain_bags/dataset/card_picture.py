@@ -39,5 +39,5 @@ def histograms(ranges: Mapping[str, Mapping[str, Any]]) -> Figure:
     for one in axes[:, 0]:
         one.set_ylabel("transitions", fontsize=TEXT)
     for one in axes.ravel()[len(ranges) :]:
-        one.set_axis_off()
+        one.remove()
     return figure

@@ -16,18 +16,17 @@ from typing import Final, NamedTuple
 from sain_bags.dataset.card import Card
 from sain_bags.dataset.dataset_folder import DatasetFolder
 from sain_bags.dataset.formats import FormatName
-from sain_bags.dataset.formats.shards import Columns, Sharding
+from sain_bags.dataset.formats.shards import Sharding
 from sain_bags.dataset.known_parameters import KnownParameters
-from sain_bags.transitions.hearing import Hearing
+from sain_bags.transitions.messages import MessageReader
 from sain_bags.transitions.numbering import Numbering
 from sain_bags.transitions.pairing import Paired, Pairing
-from sain_bags.transitions.push_run import PushRun
 from sain_bags.transitions.rows import RowMaker
 from sain_bags.transitions.sources import Source, find_sources
+from sain_core.dataset import SHARD_SIZE, Column, Columns
 from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError
 from sain_core.plugins import load_dynamics
-from sain_core.shards import SHARD_SIZE
 
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
 
@@ -139,13 +138,13 @@ def _shards(
     yield from counter.pass_on(sharding.rest())
 
 
-def _pushes(source: Source, card: Card, counter: "_Counter") -> Iterator[list[Paired] | PushRun]:
+def _pushes(source: Source, card: Card, counter: "_Counter") -> Iterator[Paired]:
     """Stream the pushes of one recording, some at a time."""
     pairing = Pairing(source.has_results, source.has_predictions)
-    hearing = Hearing(source.bag.channels, pairing)
+    reader = MessageReader(source.bag.channels)
     for batch in source.bag.batches(source.topics):
         with naming(source.bag.path):
-            hearing.hear(batch)
+            pairing.read(reader.read(batch), len(batch))
         yield from pairing.ready()
         counter.read(len(batch))
     yield from pairing.rest()
@@ -182,5 +181,5 @@ class _Counter:
         """Yield shards, and tell of each when the next is asked for."""
         for shard in shards:
             yield shard
-            self._rows += len(shard["push_id"])
+            self._rows += len(shard[Column.PUSH_ID])
             self._progress(self._read, self._messages, self._rows)

@@ -16,9 +16,9 @@ import numpy as np
 from sain_bags.dataset.dataset_export import clear, export, put_in_place, remove
 from sain_bags.dataset.dataset_split import describe_split, split_episodes
 from sain_bags.dataset.formats import SHARDS, find_format
-from sain_bags.dataset.formats.shards import Columns, write_shard
+from sain_bags.dataset.formats.shards import write_shard
+from sain_core.dataset import Column, Columns, shard_path
 from sain_core.errors import OutputError
-from sain_core.shards import shard_path
 from sain_core.storage import PARTIAL, write_json
 
 IDENTITY_FILE: Final = "conversion.json"
@@ -68,10 +68,11 @@ class DatasetFolder:
         """
         if not self._claimed:
             self._claim()
-        disks, index = columns["masses"].shape[1], sum(map(len, self._shards.values()))
+        disks, index = columns[Column.MASSES].shape[1], sum(map(len, self._shards.values()))
         stored = write_shard(self._gathered, index, columns)
         self._shards.setdefault(disks, []).append(shard_path(self._gathered, index))
-        for episode, count in zip(*np.unique(columns["episode"], return_counts=True), strict=True):
+        episodes, counts = np.unique(columns[Column.EPISODE], return_counts=True)
+        for episode, count in zip(episodes, counts, strict=True):
             self._counts[disks, int(episode)] += int(count)
         return stored
 

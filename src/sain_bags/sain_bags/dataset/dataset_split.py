@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from sain_core.dataset import PARTS, SEED, SHARES, TRAIN, draw_parts
 from sain_core.errors import DatasetError
-from sain_core.split import PARTS, SEED, SHARES, TRAIN, draw_parts
 
 Episodes = dict[str, frozenset[int]]  # by part
 Counts = Mapping[tuple[int, int], int]  # of rows, by number of disks and episode

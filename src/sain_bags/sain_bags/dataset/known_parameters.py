@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.dataset.formats.shards import Columns
 from sain_bags.transitions.episodes import parent_of
 from sain_bags.transitions.sources import Source
 from sain_bags.transitions.tables import TableReader
-from sain_bags.transitions.wanted_fields import FRICTIONS, WORLD
+from sain_bags.transitions.wanted_fields import WORLD
+from sain_core.dataset import FRICTIONS, Column, Columns
 
 UNKNOWN: Final = np.full(len(FRICTIONS), np.nan)
 
@@ -38,9 +38,10 @@ class KnownParameters:
         """Return columns with those of each row; as they are where no recording tells any."""
         if not self._known:
             return columns
-        places = zip(columns["bag_sha256"].tolist(), columns["bag_episode"].tolist(), strict=True)
+        bags, episodes = columns[Column.BAG_SHA256], columns[Column.BAG_EPISODE]
+        places = zip(bags.tolist(), episodes.tolist(), strict=True)
         values = np.stack([self._known.get(place, UNKNOWN) for place in places])
-        return columns | {name: values[:, index] for index, name in enumerate(FRICTIONS)}
+        return columns | {str(name): values[:, index] for index, name in enumerate(FRICTIONS)}
 
 
 def _worlds(source: Source) -> Iterator[tuple[int, ndarray]]:

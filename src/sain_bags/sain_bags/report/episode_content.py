@@ -9,11 +9,13 @@ from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import Gathered
 from sain_bags.report.pushes import answered, models, poses, rounded, unanswered
 from sain_bags.transitions.episodes import Episode
+from sain_core.errors import ConfigError
 from sain_core.scene import MASS, POSE, RADIUS
+from sain_core.shapes.disk import DISK
+from sain_core.shapes.registry import get_shape
 from sain_core.types import Scene
 
 STATUS: Final = ("unknown", "push", "reached", "no push", "exhausted")  # sain_interfaces/msg/Plan
-CUBE: Final = "cube"  # in sain_interfaces/msg/WorldParameters; all else is drawn as a disk
 KINDS: Final = ("physics", "expected")  # of predictions
 PUSHES: Final = 300  # of one episode that are shown
 
@@ -63,11 +65,26 @@ def outcome(episode: Episode) -> str:
 
 
 def _disks(scene: Scene, shapes: Sequence[str]) -> list[dict[str, Any]]:
-    named = (*shapes, *("" for _ in scene))
+    """Return what each disk is like; it has an outline [m] in its own frame unless it is round."""
+    named = (*shapes, *(DISK for _ in scene))
     return [
-        {"radius": rounded(disk[RADIUS]), "mass": rounded(disk[MASS], 3), "cube": shape == CUBE}
-        for disk, shape in zip(scene, named, strict=False)
+        {
+            "radius": rounded(disk[RADIUS]),
+            "mass": rounded(disk[MASS], 3),
+            "outline": _outline(name, float(disk[RADIUS])),
+        }
+        for disk, name in zip(scene, named, strict=False)
     ]
+
+
+def _outline(name: str, radius: float) -> list[list[float | None]] | None:
+    try:
+        shape = get_shape(name)
+    except ConfigError:  # recorded where more shapes were installed
+        return None
+    if shape.is_round:
+        return None
+    return [[rounded(value) for value in corner] for corner in shape.outline(radius)]
 
 
 def _counts(pushes: Sequence[dict[str, Any]]) -> dict[str, int]:

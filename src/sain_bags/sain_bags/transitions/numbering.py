@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sain_bags.transitions.rows import Block
+from sain_core.dataset import Column
 
 
 class Numbering:
@@ -30,14 +31,14 @@ class Numbering:
         back[order] = np.arange(len(order))
         told, scenes = (
             np.concatenate([block.columns[name] for block in blocks])[order].astype(np.int64)
-            for name in ("bag_episode", "bag_scene")
+            for name in (Column.BAG_EPISODE, Column.BAG_SCENE)
         )
         episodes, steps = self._count(told, scenes, bag)
         ends = np.cumsum([len(block.places) for block in blocks])
         for block, places in zip(blocks, np.split(back, ends[:-1]), strict=True):
-            block.columns["episode"] = episodes[places]
-            block.columns["step"] = steps[places]
-            block.columns["bag_sha256"] = np.full(len(places), bag)
+            block.columns[Column.EPISODE] = episodes[places]
+            block.columns[Column.STEP] = steps[places]
+            block.columns[Column.BAG_SHA256] = np.full(len(places), bag)
         return blocks
 
     def _count(

@@ -1,92 +1,146 @@
-"""Pushes of one graph as they stream past, each with all that was said of it, paired by ids.
+"""The pairing of one graph's messages: each push with all messages about it, by their ids.
 
 A push, its result and its prediction share a `push_id`; the scenes around it are named by
-`episode_id` and `scene_id`. Time stamps pair nothing. What streams past is not kept: at most
-`WINDOW` pushes wait for what is still to come, so that memory does not grow with the recording,
-but for the ranges of the ids of pushes that are done with.
+`episode_id` and `scene_id`. Time stamps pair nothing. At most `WINDOW` pushes wait for messages to
+come, so that memory does not grow with the recording, except for ranges of the ids of old pushes.
 
-Of each message no more is looked at here than its ids; where the rest of it stands goes along.
+Contiguous pushes are paired as columns (`sain_bags.transitions.contiguous`), all others message by
+message. Of a message no more than its ids is read here; its table and row are passed on.
 """
 
 from collections import OrderedDict, deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy import ndarray
 
+from sain_bags.transitions.contiguous import (
+    ANY_EPISODE,
+    find_contiguous,
+    goals_by_episode,
+    with_goals,
+)
+from sain_bags.transitions.episodes import GOAL, PREDICTION, SCENE
 from sain_bags.transitions.id_ranges import IdRanges
-from sain_bags.transitions.push_run import ANY_EPISODE, GoalRun, PushRun, Where
-from sain_core.errors import ErrorCode
+from sain_bags.transitions.messages import Messages
+from sain_bags.transitions.paired_pushes import NONE, OK, PairedPushes
+from sain_bags.transitions.tables import Message, gather
+from sain_bags.transitions.wanted_fields import PUSH
 
 WINDOW: Final = 1000  # pushes that wait, scenes and predictions that are kept for pushes to come
-SHORT: Final = 16  # pushes that are told of sooner one by one
-OK: Final = int(ErrorCode.OK)
+SHORT: Final = 16  # contiguous pushes that are faster paired one by one
 
-Place = tuple[int, int]  # episode_id and scene_id
+SceneId = tuple[int, int]  # episode_id and scene_id
 
 
 @dataclass(slots=True)
-class Paired:
-    """One push with the messages about it; what is None was not found."""
+class PendingPush:
+    """One push while its messages come in; what is None was not found."""
 
     push_id: int
-    place: Place  # the scene that it was planned from
+    planned_from: SceneId
     log_time: int  # [ns since the epoch], of the first message about it
-    push: Where | None = None  # needed where there is no result
-    result: Where | None = None
+    push: Message | None = None  # needed where there is no result
+    result: Message | None = None
     code: int = 0  # of the result, 0: there is none
     episode_id: int = 0  # as the result has it, or the push
-    prediction: Where | None = None
-    before: Where | None = None  # scene, settled; looked for where results are missing
-    after: Where | None = None
-    goal: Where | None = None
+    prediction: Message | None = None
+    before: Message | None = None  # scene, settled; looked for where results are missing
+    after: Message | None = None
+    goal: Message | None = None
     repeated: bool = False  # its id had been used before
-    ambiguous: bool = False  # another one may be what moved the scene, and no result tells
-    released: bool = False  # what is heard of it from now on is too late
+    ambiguous: bool = False  # another one may be what moved the scene, and there is no result
+    released: bool = False  # messages from now on are too late
 
     @property
     def refused(self) -> bool:
-        """Whether a result says that it moved nothing."""
+        """Whether a result states that it moved nothing."""
         return self.result is not None and self.code != OK
 
 
+Paired = list[PendingPush] | PairedPushes  # in the order of the pushes
+
+
 class Pairing:
-    """Puts the messages of one graph together, push by push, in the order of the pushes."""
+    """Pairs the messages of one graph, push by push, in the order of the pushes."""
 
     def __init__(self, results: bool, predictions: bool, window: int = WINDOW) -> None:
-        """Tell which of the two are to be waited for, because the recording has some."""
-        self._results, self._window = results, window
-        self._waiting: OrderedDict[int, Paired] = OrderedDict()
-        self._ready: list[list[Paired] | PushRun] = []
-        self._runs: deque[PushRun] = deque()  # the latest, for rivals of pushes to come
-        self._early: OrderedDict[int, Where] = OrderedDict()  # predictions of pushes to come
-        self._scenes: OrderedDict[Place, Where] = OrderedDict()
-        self._places: OrderedDict[Place, list[Paired]] = OrderedDict()
-        self._goals: dict[int, Where] = {}
+        """Wait for results and predictions only where the recording has some."""
+        self._results, self._predictions, self._window = results, predictions, window
+        self._waiting: OrderedDict[int, PendingPush] = OrderedDict()
+        self._ready: list[Paired] = []
+        self._executed: deque[ndarray] = deque()  # scenes that contiguous pushes were planned from
+        self._early: OrderedDict[int, Message] = OrderedDict()  # predictions of pushes to come
+        self._scenes: OrderedDict[SceneId, Message] = OrderedDict()
+        self._rivals: OrderedDict[SceneId, list[PendingPush]] = OrderedDict()
+        self._goals: dict[int, Message] = {}
         self._refused, self._done = IdRanges(), IdRanges()  # push ids; one may be in both
-        self.awaits_predictions = predictions
-        self.late_predictions = 0  # that came when their push was no longer waited with
+        self.late_predictions = 0  # that came when their push was no longer waiting
 
-    def ready(self) -> list[list[Paired] | PushRun]:
-        """Return the pushes that have become complete since it was asked last, in their order."""
+    def read(self, messages: Sequence[Messages], count: int) -> None:
+        """Pair the messages of a batch, by channel; `count` is how many the batch has."""
+        found = find_contiguous(messages, count, self.knows, self._predictions)
+        turns = np.full(count, NONE)  # which of `calls` a message belongs to
+        calls: list[tuple[Callable[..., None], Iterator[tuple[Any, ...]]]] = []
+        for one in messages:
+            rows = np.flatnonzero(~found.covered[one.spots]) if found else np.arange(len(one.spots))
+            turns[one.spots[rows]] = len(calls)
+            calls.append(self._calls(one, rows))
+        others = np.flatnonzero(turns != NONE)
+        stretches = iter(found.stretches(others) if found else ())
+        for turn in turns[others].tolist():
+            self._read_stretch(next(stretches, None))
+            method, arguments = calls[turn]
+            method(*next(arguments))
+        self._read_stretch(next(stretches, None))
+
+    def ready(self) -> list[Paired]:
+        """Return the pushes that have become complete since the last call, in their order."""
         ready, self._ready = self._ready, []
         return ready
 
-    def rest(self) -> list[list[Paired] | PushRun]:
-        """Return what still waits when the recording has ended."""
+    def rest(self) -> list[Paired]:
+        """Return the pushes that still wait when the recording has ended."""
         while self._waiting:
             _, first = self._waiting.popitem(last=False)
             self._release(first)
         return self.ready()
 
-    def push(self, number: int, place: Place, log_time: int, where: Where) -> None:
-        """Hear that a push was sent."""
+    def knows(self, numbers: ndarray) -> ndarray:
+        """Return which push ids (M,) have occurred."""
+        kept = np.array([*self._waiting, *self._early], dtype=np.uint64)
+        return self._refused.holds(numbers) | self._done.holds(numbers) | np.isin(numbers, kept)
+
+    def _calls(
+        self, messages: Messages, rows: ndarray
+    ) -> tuple[Callable[..., None], Iterator[tuple[Any, ...]]]:
+        """Return the method that reads messages of a kind, and its arguments for some of them."""
+        places, lists = messages.places(rows), messages.lists
+        if messages.kind == GOAL:
+            return self.goal, zip(*lists(rows, "episode_id"), places, strict=True)
+        if messages.kind == SCENE:
+            return self.settled_scene, zip(
+                zip(*lists(rows, "episode_id", "scene_id"), strict=True), places, strict=True
+            )
+        if messages.kind == PREDICTION:
+            return self.prediction, zip(*lists(rows, "push_id"), places, strict=True)
+        times = messages.times[rows].tolist()
+        if messages.kind == PUSH:
+            planned = zip(*lists(rows, "episode_id", "scene_id"), strict=True)
+            return self.push, zip(*lists(rows, "push_id"), planned, times, places, strict=True)
+        planned = zip(*lists(rows, "push.episode_id", "push.scene_id"), strict=True)
+        ids = lists(rows, "push_id", "episode_id", "error_code", "push.push_id")
+        return self.result, zip(*ids, planned, times, places, strict=True)
+
+    def push(self, number: int, planned_from: SceneId, log_time: int, message: Message) -> None:
+        """Read that a push was sent."""
         if not (number in self._waiting or number in self._refused or number in self._done):
-            self._wait(Paired(number, place, log_time, where))
+            self._wait(PendingPush(number, planned_from, log_time, message))
             self._release_complete()
         elif not self._results:  # else its own result tells what became of the second one
-            self._pass_on(Paired(number, place, log_time, where, repeated=True))
+            self._pass_on(PendingPush(number, planned_from, log_time, message, repeated=True))
 
     def result(
         self,
@@ -94,126 +148,121 @@ class Pairing:
         episode: int,
         code: int,
         push_id: int,
-        place: Place,
+        planned_from: SceneId,
         log_time: int,
-        where: Where,
+        message: Message,
     ) -> None:
-        """Hear that a push was executed or refused; from `push_id` on: as the result repeats it."""
+        """Read that a push was executed or refused; from `push_id` on: as the result repeats it."""
         waiting = self._waiting.get(number)
         executed = waiting.result is not None if waiting is not None else number in self._done
         if code != OK:
-            # Another push with this id may have been executed: that one keeps its place.
+            # Another push with this id may have been executed: that one keeps its turn.
             if waiting is None or executed:
-                told = Paired(push_id, place, log_time)
+                push = PendingPush(push_id, planned_from, log_time)
             else:
-                told = self._waiting.pop(number)
+                push = self._waiting.pop(number)
             self._refused.add(number)
-            self._pass_on(told)
+            self._pass_on(push)
         elif executed:
-            told = Paired(push_id, place, log_time, repeated=True)
-            self._pass_on(told)
+            push = PendingPush(push_id, planned_from, log_time, repeated=True)
+            self._pass_on(push)
         else:
-            told = waiting or self._wait(Paired(number, place, log_time))
-        told.result, told.code, told.episode_id = where, code, episode
+            push = waiting or self._wait(PendingPush(number, planned_from, log_time))
+        push.result, push.code, push.episode_id = message, code, episode
         self._release_complete()
 
-    def run(self, run: PushRun, goals: GoalRun | None) -> None:
-        """Hear at once all that is said of executed pushes, and goals in between.
-
-        Only of ids that are not among `knows`, where nothing is said of other pushes in between.
-        """
-        if self._waiting or len(run) < SHORT:  # where something waits, they wait behind it
-            self._run_one_by_one(run, goals)
-            return
-        run.find_goals(goals, self._goals)
-        self._goals.update(goals.items() if goals else ())
-        self._done.add_all(run.column("push_id"))
-        self._runs.append(run)
-        while sum(map(len, self._runs)) - len(self._runs[0]) > self._window:
-            self._runs.popleft()
-        self._ready.append(run)
-
-    def _run_one_by_one(self, run: PushRun, goals: GoalRun | None) -> None:
-        given = list(zip(goals.items(), goals.spots.tolist(), strict=True)) if goals else []
-        names = ("push_id", "push.episode_id", "push.scene_id", "episode_id")
-        columns = (run.column(name).tolist() for name in names)
-        rows = (run.rows, run.prediction_rows, run.times, run.spots)
-        for number, episode, scene, told, row, prediction, time, spot in zip(
-            *columns, *(column.tolist() for column in rows), strict=True
-        ):
-            while given and given[0][1] < spot:
-                (for_episode, where), _ = given.pop(0)
-                self.goal(for_episode, where)
-            paired = self._wait(Paired(number, (episode, scene), time))
-            paired.result, paired.code, paired.episode_id = (run.results, row), OK, told
-            if run.predictions is not None:
-                paired.prediction = (run.predictions, prediction)
-            self._release_complete()
-        for (for_episode, where), _ in given:
-            self.goal(for_episode, where)
-
-    def knows(self, numbers: ndarray) -> ndarray:
-        """Tell which push ids (M,) were heard before."""
-        kept = np.array([*self._waiting, *self._early], dtype=np.uint64)
-        return self._refused.holds(numbers) | self._done.holds(numbers) | np.isin(numbers, kept)
-
-    def prediction(self, number: int, where: Where) -> None:
-        """Hear that a push was predicted."""
+    def prediction(self, number: int, message: Message) -> None:
+        """Read that a push was predicted."""
         waiting = self._waiting.get(number)
         if waiting is not None:
-            waiting.prediction = waiting.prediction or where
+            waiting.prediction = waiting.prediction or message
             self._release_complete()
         elif number in self._done:
             self.late_predictions += 1
         else:
-            _keep(self._early, number, where, self._window)
+            _keep(self._early, number, message, self._window)
 
-    def settled_scene(self, place: Place, where: Where) -> None:
-        """Hear that a scene was seen, settled."""
-        if place in self._scenes:
+    def settled_scene(self, scene_id: SceneId, message: Message) -> None:
+        """Read that a scene was observed, settled."""
+        if scene_id in self._scenes:
             return
-        _keep(self._scenes, place, where, self._window)
-        for paired in self._places.get(place, []):
-            if not paired.released:
-                paired.before = paired.before or where
-        for paired in self._places.get((place[0], place[1] - 1), []):
-            if not paired.released:
-                paired.after = paired.after or where
+        _keep(self._scenes, scene_id, message, self._window)
+        for push in self._rivals.get(scene_id, []):
+            if not push.released:
+                push.before = push.before or message
+        for push in self._rivals.get((scene_id[0], scene_id[1] - 1), []):
+            if not push.released:
+                push.after = push.after or message
         self._release_complete()
 
-    def goal(self, episode: int, where: Where) -> None:
-        """Hear that a goal was given."""
-        self._goals[episode] = where
+    def goal(self, episode: int, message: Message) -> None:
+        """Read that a goal was given."""
+        self._goals[episode] = message
 
-    def _wait(self, paired: Paired) -> Paired:
+    def contiguous(self, pushes: PairedPushes, spots: ndarray, goals: Messages | None) -> None:
+        """Pair executed pushes at once, with goals in between; none of their ids has occurred."""
+        if self._waiting or len(pushes) < SHORT:  # where a push waits, they wait behind it
+            self._one_by_one(pushes, spots, goals)
+            return
+        self._ready.append(with_goals(pushes, spots, goals, self._goals))
+        self._goals.update(goals_by_episode(goals))
+        self._done.add_all(pushes.push_ids)
+        self._executed.append(np.stack([pushes.planned_in, pushes.planned_from]))
+        while sum(scenes.shape[1] for scenes in self._executed) - self._executed[0].shape[1] > (
+            self._window
+        ):
+            self._executed.popleft()
+
+    def _read_stretch(self, stretch: tuple[PairedPushes, ndarray, Messages | None] | None) -> None:
+        if stretch is not None:
+            self.contiguous(*stretch)
+
+    def _one_by_one(self, pushes: PairedPushes, spots: ndarray, goals: Messages | None) -> None:
+        assert pushes.results is not None
+        goal_spots = goals.spots.tolist() if goals else ()
+        given = deque(zip(goals_by_episode(goals), goal_spots, strict=True))
+        table, rows = pushes.results
+        for push, (row, spot) in enumerate(zip(rows.tolist(), spots.tolist(), strict=True)):
+            while given and given[0][1] < spot:
+                self.goal(*given.popleft()[0])
+            planned = int(pushes.planned_in[push]), int(pushes.planned_from[push])
+            pending = self._wait(
+                PendingPush(int(pushes.push_ids[push]), planned, int(pushes.times[push]))
+            )
+            pending.result, pending.code = (table, row), OK
+            pending.episode_id = int(pushes.episodes[push])
+            if pushes.predictions is not None:
+                pending.prediction = (pushes.predictions[0], int(pushes.predictions[1][push]))
+            self._release_complete()
+        for goal, _ in given:
+            self.goal(*goal)
+
+    def _wait(self, push: PendingPush) -> PendingPush:
         """Let a new push wait, with what came before it and beside its rivals; return it."""
-        episode, number = place = paired.place
+        episode, scene = push.planned_from
         if self._early:
-            paired.prediction = self._early.pop(paired.push_id, None)
+            push.prediction = self._early.pop(push.push_id, None)
         if self._scenes:
-            paired.before = self._scenes.get(place)
-            paired.after = self._scenes.get((episode, number + 1))
-        self._beside_rivals(paired)
-        self._waiting[paired.push_id] = paired
-        return paired
-
-    def _beside_rivals(self, paired: Paired) -> None:
-        rivals = self._places.get(paired.place)
-        if rivals is None:
-            _keep(self._places, paired.place, [paired], self._window + 1)  # as long as one waits
+            push.before = self._scenes.get(push.planned_from)
+            push.after = self._scenes.get((episode, scene + 1))
+        rivals = self._rivals.get(push.planned_from)
+        if rivals is None:  # kept as long as a push may wait
+            _keep(self._rivals, push.planned_from, [push], self._window + 1)
         else:
-            rivals.append(paired)
+            rivals.append(push)
+        self._waiting[push.push_id] = push
+        return push
 
-    def _pass_on(self, paired: Paired) -> None:
-        if not self._ready or isinstance(self._ready[-1], PushRun):
+    def _pass_on(self, push: PendingPush) -> None:
+        if not self._ready or isinstance(self._ready[-1], PairedPushes):
             self._ready.append([])
-        self._ready[-1].append(paired)  # type: ignore[union-attr]
+        self._ready[-1].append(push)  # type: ignore[union-attr]
 
-    def _complete(self, paired: Paired) -> bool:
-        known = paired.result is not None
+    def _complete(self, push: PendingPush) -> bool:
+        known = push.result is not None
         if not known and not self._results:
-            known = paired.before is not None and paired.after is not None
-        return known and (paired.prediction is not None or not self.awaits_predictions)
+            known = push.before is not None and push.after is not None
+        return known and (push.prediction is not None or not self._predictions)
 
     def _release_complete(self) -> None:
         while self._waiting:
@@ -223,16 +272,60 @@ class Pairing:
             del self._waiting[first.push_id]
             self._release(first)
 
-    def _release(self, paired: Paired) -> None:
-        self._done.add(paired.push_id)
-        paired.released = True
-        if paired.result is None:
-            paired.episode_id = paired.place[0]
-            rivals = (rival for rival in self._places.get(paired.place, ()) if rival is not paired)
-            executed = any(run.has_place(*paired.place) for run in self._runs)
-            paired.ambiguous = executed or not all(rival.refused for rival in rivals)
-        paired.goal = self._goals.get(paired.episode_id) or self._goals.get(ANY_EPISODE)
-        self._pass_on(paired)
+    def _release(self, push: PendingPush) -> None:
+        self._done.add(push.push_id)
+        push.released = True
+        if push.result is None:
+            push.episode_id = push.planned_from[0]
+            rivals = (one for one in self._rivals.get(push.planned_from, ()) if one is not push)
+            executed = any(
+                bool((np.array(push.planned_from) == scenes.T).all(axis=1).any())
+                for scenes in self._executed
+            )
+            push.ambiguous = executed or not all(rival.refused for rival in rivals)
+        push.goal = self._goals.get(push.episode_id) or self._goals.get(ANY_EPISODE)
+        self._pass_on(push)
+
+
+def as_columns(pushes: Sequence[PendingPush], places: Sequence[int]) -> PairedPushes:
+    """Return some pushes as columns; either all of them have a result, or none has."""
+    chosen = [pushes[place] for place in places]
+    given = np.array([push.goal is not None for push in chosen])
+    predicted = np.array([push.prediction is not None for push in chosen])
+    predictions = None
+    if predicted.any():
+        table, found = gather(_there([push.prediction for push in chosen]))
+        rows = np.full(len(chosen), NONE)
+        rows[predicted] = found
+        predictions = (table, rows)
+    columns = (
+        np.array([push.push_id for push in chosen], dtype=np.uint64),
+        np.array([push.planned_from[0] for push in chosen], dtype=np.uint64),
+        np.array([push.planned_from[1] for push in chosen], dtype=np.uint64),
+        np.array([push.episode_id for push in chosen], dtype=np.uint64),
+        np.array([push.code for push in chosen], dtype=np.int64),
+        np.array([push.log_time for push in chosen], dtype=np.int64),
+    )
+    goals = _there([push.goal for push in chosen])
+    goal_of = np.where(given, np.cumsum(given) - 1, NONE)
+    if chosen[0].result is not None:
+        results = gather(_there([push.result for push in chosen]))
+        return PairedPushes(
+            np.array(places), *columns, predictions, results, goals=goals, goal_of=goal_of
+        )
+    before, after, sent = (
+        gather(_there([getattr(push, name) for push in chosen]))
+        for name in ("before", "after", "push")
+    )
+    return PairedPushes(
+        np.array(places), *columns, predictions, pushes=sent, scenes=(before, after),
+        goals=goals, goal_of=goal_of,
+    )  # fmt: skip
+
+
+def _there(messages: Sequence[Message | None]) -> list[Message]:
+    """Return the messages that are not None."""
+    return [message for message in messages if message is not None]
 
 
 def _keep(kept: "OrderedDict[Any, Any]", key: Any, value: Any, most: int) -> None:

@@ -6,21 +6,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.pairing import OK, Paired
-from sain_bags.transitions.push_groups import (
-    FROM_RESULT,
-    FROM_SCENES,
-    PushGroup,
-    about,
-    told_of_each,
-    told_of_run,
-)
-from sain_bags.transitions.push_run import PushRun
-from sain_bags.transitions.row_draft import Draft, Dropped, drop
+from sain_bags.transitions.paired_pushes import OK, PairedPushes, about
+from sain_bags.transitions.pairing import Paired, PendingPush, as_columns
+from sain_core.dataset import MOVED, Column
 from sain_core.dynamics import Dynamics
 from sain_core.errors import ErrorCode, SainError
 from sain_core.push import check_predictable
-from sain_core.scene import check_scenes
+from sain_core.scene import MASS, POSITION, RADIUS, TARGET, check_scenes
 from sain_core.types import Pushes, Scenes
 from sain_core.wire import MIN_DISKS
 
@@ -35,6 +27,13 @@ UNSETTLED: Final = "scene before or after not settled"
 SENSELESS: Final = "makes no sense"
 UNPREDICTED: Final = "not predicted, and the prior cannot"
 NOT_MOVED: Final = "target moved by less than 2 mm"
+
+
+class Dropped(NamedTuple):
+    """A push that is no row, and why."""
+
+    reason: str
+    detail: str
 
 
 class Block(NamedTuple):
@@ -59,74 +58,80 @@ class RowMaker:
         self._prior: Dynamics | None = None
         self._moved_only, self._keep_unsettled = moved_only, keep_unsettled
 
-    def rows(self, pushes: Sequence[Paired] | PushRun) -> tuple[list[Block], list[Dropped]]:
+    def rows(self, pushes: Paired) -> tuple[list[Block], list[Dropped]]:
         """Return the rows of pushes, by numbers of disks, and those that are none, in order."""
         dropped: dict[int, Dropped] = {}
-        if isinstance(pushes, PushRun):
-            group = PushGroup(FROM_RESULT, np.arange(len(pushes)), told_of_run(pushes))
-            blocks = self._blocks(group, dropped)
+        if isinstance(pushes, PairedPushes):
+            blocks = self._blocks(pushes, dropped)
         else:
             blocks = []
-            for source, places in _chosen(pushes, dropped).items():
-                told = told_of_each([pushes[place] for place in places], source)
-                blocks += self._blocks(PushGroup(source, np.array(places), told), dropped)
+            for places in _by_source(pushes, dropped):
+                blocks += self._blocks(as_columns(pushes, places), dropped)
         return _merged(blocks), [dropped[place] for place in sorted(dropped)]
 
-    def _blocks(self, group: PushGroup, dropped: dict[int, Dropped]) -> list[Block]:
-        before, after = group.before, group.after
-        left = np.ones(len(group.places), dtype=bool)
+    def _blocks(self, pushes: PairedPushes, dropped: dict[int, Dropped]) -> list[Block]:
+        before, after = pushes.before, pushes.after
+        left = np.ones(len(pushes), dtype=bool)
         if not self._keep_unsettled:
             left &= before.settled & after.settled
-            drop(group, np.flatnonzero(~left), UNSETTLED, _no_detail, dropped)
+            _drop(pushes, np.flatnonzero(~left), UNSETTLED, _no_detail, dropped)
         alike = (before.counts == after.counts) & (before.counts >= MIN_DISKS)
-        drop(group, np.flatnonzero(left & ~alike), SENSELESS, group.why_senseless, dropped)
+        _drop(pushes, np.flatnonzero(left & ~alike), SENSELESS, pushes.why_senseless, dropped)
         left &= alike
         return [
-            self._block(group, np.flatnonzero(left & (before.counts == count)), dropped)
+            self._block(pushes, np.flatnonzero(left & (before.counts == count)), dropped)
             for count in np.unique(before.counts[left])
         ]
 
-    def _block(self, group: PushGroup, chosen: ndarray, dropped: dict[int, Dropped]) -> Block:
-        """Return the rows of pushes whose scenes have one number of disks."""
-        count = int(group.before.counts[chosen[0]])
-        scenes = (group.before.take(chosen, count), group.after.take(chosen, count))
-        draft = Draft(group, dropped, chosen, *scenes, group.predictions(chosen, count))
-        draft.keep(draft.sensible(), SENSELESS, group.why_senseless)
-        self._predict_rest(draft)
-        finite = np.isfinite(group.goals).all(axis=-1) | ~group.given
-        draft.keep(finite[draft.chosen], SENSELESS, group.why_no_goal)
+    def _block(self, pushes: PairedPushes, chosen: ndarray, dropped: dict[int, Dropped]) -> Block:
+        """Return the rows of pushes (M,) whose scenes have one number of disks N."""
+        count = int(pushes.before.counts[chosen[0]])
+        before, after = pushes.before.take(chosen, count), pushes.after.take(chosen, count)
+        physics, predicted = pushes.physics(chosen, count), pushes.predicted[chosen]
+        kept = np.ones(len(chosen), dtype=bool)
+
+        def keep(right: ndarray, reason: str, why: Callable[[int], str]) -> None:
+            _drop(pushes, chosen[kept & ~right], reason, why, dropped)
+            np.logical_and(kept, right, out=kept)
+
+        sensible = _possible(before) & _possible(after)
+        sensible &= np.isfinite(pushes.actions[chosen]).all(axis=-1)
+        sensible &= np.isfinite(physics).all(axis=(1, 2)) | ~predicted
+        keep(sensible, SENSELESS, pushes.why_senseless)
+        lacking = np.flatnonzero(kept & ~predicted)
+        if len(lacking):
+            computed, reasons = self._predict(before[lacking], pushes.actions[chosen[lacking]])
+            physics[lacking] = computed
+            why = {int(chosen[lacking[place]]): reason for place, reason in reasons.items()}
+            keep(~np.isin(chosen, list(why)), UNPREDICTED, why.__getitem__)
+        finite = np.isfinite(pushes.goal_values).all(axis=-1) | ~pushes.given
+        keep(finite[chosen], SENSELESS, pushes.why_no_goal)
         if self._moved_only:
-            draft.keep(draft.moved(), NOT_MOVED, _no_detail)
-        return Block(group.places[draft.chosen], draft.columns() | self._told(group, draft.chosen))
+            keep(_moved(before, after), NOT_MOVED, _no_detail)
+        if not kept.all():
+            chosen, before, after, physics = (
+                array[kept] for array in (chosen, before, after, physics)
+            )
+        columns = _scene_columns(before, after, physics) | self._push_columns(pushes, chosen)
+        return Block(pushes.places[chosen], columns)
 
-    def _predict_rest(self, draft: Draft) -> None:
-        """Let the prior predict what was not predicted."""
-        lacking = np.flatnonzero(~draft.group.predicted[draft.chosen])
-        if not len(lacking):
-            return
-        pushes = draft.chosen[lacking]
-        computed, reasons = self._predict(draft.state[lacking], draft.group.actions[pushes])
-        draft.physics[lacking] = computed
-        why = {int(pushes[place]): reason for place, reason in reasons.items()}
-        draft.keep(~np.isin(draft.chosen, list(why)), UNPREDICTED, why.__getitem__)
-
-    def _told(self, group: PushGroup, chosen: ndarray) -> dict[str, ndarray]:
-        told = group.told
-        models = np.where(group.predicted, group.models, COMPUTED + self._prior_name)[chosen]
+    def _push_columns(self, pushes: PairedPushes, chosen: ndarray) -> dict[str, ndarray]:
+        computed = COMPUTED + self._prior_name
+        models = np.where(pushes.predicted, pushes.models, computed)[chosen]
         return {
-            "action": group.actions[chosen],
-            "duration": group.durations[chosen],
-            "goal": group.goals[chosen, :2],
-            "tolerance": group.goals[chosen, 2],
-            "push_id": told.push_ids[chosen],
-            "bag_episode": told.episodes[chosen],
-            "bag_scene": group.before.numbers[chosen].astype(np.uint64),
-            "outcome": told.codes[chosen],
-            "stamp": group.before.stamps[chosen],
-            "next_stamp": group.after.stamps[chosen],
-            "log_time": told.times[chosen],
-            "source": np.full(len(chosen), group.source),
-            "physics_source": models.astype(np.str_),
+            Column.ACTION: pushes.actions[chosen],
+            Column.DURATION: pushes.durations[chosen],
+            Column.GOAL: pushes.goal_values[chosen, :2],
+            Column.TOLERANCE: pushes.goal_values[chosen, 2],
+            Column.PUSH_ID: pushes.push_ids[chosen],
+            Column.BAG_EPISODE: pushes.episodes[chosen],
+            Column.BAG_SCENE: pushes.before.numbers[chosen].astype(np.uint64),
+            Column.OUTCOME: pushes.codes[chosen],
+            Column.STAMP: pushes.before.stamps[chosen],
+            Column.NEXT_STAMP: pushes.after.stamps[chosen],
+            Column.LOG_TIME: pushes.times[chosen],
+            Column.SOURCE: np.full(len(chosen), pushes.source),
+            Column.PHYSICS_SOURCE: models.astype(np.str_),
         }
 
     def _predict(self, scenes: Scenes, pushes: Pushes) -> tuple[Scenes, dict[int, str]]:
@@ -150,32 +155,69 @@ class RowMaker:
         return predicted, reasons
 
 
-def _chosen(pushes: Sequence[Paired], dropped: dict[int, Dropped]) -> dict[str, list[int]]:
-    """Return the places of pushes that may be rows, by the source of their scenes."""
-    chosen: dict[str, list[int]] = {}
-    for place, paired in enumerate(pushes):
-        if (found := _dismissed(paired)) is not None:
+def _by_source(pushes: Sequence[PendingPush], dropped: dict[int, Dropped]) -> list[list[int]]:
+    """Return the places of pushes that may be rows: with scenes from messages, and from results."""
+    chosen: dict[bool, list[int]] = {}
+    for place, push in enumerate(pushes):
+        if (found := _dismissed(push)) is not None:
             dropped[place] = found
         else:
-            source = FROM_SCENES if paired.result is None else FROM_RESULT
-            chosen.setdefault(source, []).append(place)
-    return chosen
+            chosen.setdefault(push.result is None, []).append(place)
+    return list(chosen.values())
 
 
-def _dismissed(paired: Paired) -> Dropped | None:
+def _dismissed(push: PendingPush) -> Dropped | None:
     """Return why a push is no row; None: it may be one."""
-    named = about(paired.push_id, paired.place[0])
-    if paired.result is not None and paired.code != OK:
-        table, row = paired.result
+    named = about(push.push_id, push.planned_from[0])
+    if push.result is not None and push.code != OK:
+        table, row = push.result
         message = table.columns["error_message"][row]
-        return Dropped(REFUSED, f"{named}: {_code_name(paired.code)}: {message}")
-    if paired.repeated:
+        return Dropped(REFUSED, f"{named}: {_code_name(push.code)}: {message}")
+    if push.repeated:
         return Dropped(REPEATED, named)
-    if paired.ambiguous:
+    if push.ambiguous:
         return Dropped(AMBIGUOUS, named)
-    if paired.result is None and (paired.before is None or paired.after is None):
+    if push.result is None and (push.before is None or push.after is None):
         return Dropped(UNANSWERED, named)
     return None
+
+
+def _drop(
+    pushes: PairedPushes,
+    chosen: ndarray,
+    reason: str,
+    why: Callable[[int], str],
+    dropped: dict[int, Dropped],
+) -> None:
+    """Note of some pushes that they are no rows, and why."""
+    for push in chosen.tolist():
+        detail = why(push)
+        named = f"{pushes.about(push)}: {detail}" if detail else pushes.about(push)
+        dropped[int(pushes.places[push])] = Dropped(reason, named)
+
+
+def _possible(scenes: Scenes) -> ndarray:
+    """Return which scenes (M, N, 8) are of finite numbers, with masses and radii."""
+    finite = np.isfinite(scenes).all(axis=(1, 2))
+    return finite & (scenes[..., [MASS, RADIUS]] > 0.0).all(axis=(1, 2))
+
+
+def _moved(before: Scenes, after: Scenes) -> ndarray:
+    """Return which pushes moved the target by 2 mm or more (M,)."""
+    travel = after[:, TARGET, POSITION] - before[:, TARGET, POSITION]
+    return np.asarray(np.hypot(travel[:, 0], travel[:, 1]) >= MOVED)
+
+
+def _scene_columns(before: Scenes, after: Scenes, physics: Scenes) -> dict[str, ndarray]:
+    count = len(before)
+    return {
+        Column.STATE: before.reshape(count, -1),
+        Column.PHYSICS_NEXT: physics.reshape(count, -1),
+        Column.NEXT_STATE: after.reshape(count, -1),
+        Column.MASSES: before[..., MASS],
+        Column.RADII: before[..., RADIUS],
+        Column.MOVED: _moved(before, after),
+    }
 
 
 def _no_detail(_: int) -> str:
@@ -186,7 +228,7 @@ def _merged(blocks: list[Block]) -> list[Block]:
     """Return blocks of rows in their order, one for each number of disks."""
     merged: dict[int, Block] = {}
     for block in blocks:
-        disks = block.columns["masses"].shape[1]
+        disks = block.columns[Column.MASSES].shape[1]
         if disks in merged:
             places = np.concatenate([merged[disks].places, block.places])
             order = np.argsort(places)

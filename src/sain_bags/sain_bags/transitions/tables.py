@@ -65,6 +65,9 @@ class Table:
         return Table(columns, {name: disks.take(rows) for name, disks in self.disks.items()})
 
 
+Message = tuple[Table, int]  # a message: the table that it is in, and its row
+
+
 def join_tables(tables: Sequence[Table]) -> Table:
     """Return the messages of several tables of one type, one after the other."""
     if len(tables) == 1:
@@ -86,14 +89,14 @@ def join_tables(tables: Sequence[Table]) -> Table:
     return Table(columns, disks)
 
 
-def gather(wheres: "Sequence[tuple[Table, int]]") -> tuple[Table, ndarray]:
+def gather(messages: Sequence[Message]) -> tuple[Table, ndarray]:
     """Return one table that holds messages of several, and their rows in it."""
-    tables = {id(table): table for table, _ in wheres}
-    rows = np.array([row for _, row in wheres], dtype=np.int64)
+    tables = {id(table): table for table, _ in messages}
+    rows = np.array([row for _, row in messages], dtype=np.int64)
     if len(tables) > 1:
         ends = np.cumsum([len(table) for table in tables.values()]).tolist()
         bases = dict(zip(tables, [0, *ends[:-1]], strict=True))
-        rows += [bases[id(table)] for table, _ in wheres]
+        rows += [bases[id(table)] for table, _ in messages]
     return join_tables(list(tables.values())), rows
 
 

@@ -6,13 +6,13 @@ from typing import Final
 from sain_bags.bag.message_types import MessageTypes, read_types
 from sain_bags.reading.bag_files import BagChannel
 from sain_bags.transitions.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
+from sain_core.dataset import FRICTIONS
 from sain_core.errors import DatasetError
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
 
 PUSH: Final = "sain_interfaces/msg/Push"
 WORLD: Final = "sain_interfaces/msg/WorldParameters"
-FRICTIONS: Final = ("friction", "rim_friction", "tool_friction")  # table, rims, tool
 DISKS: Final = "disks"
 
 _IDS: Final = ("push_id", "episode_id")

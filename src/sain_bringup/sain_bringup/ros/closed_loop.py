@@ -22,11 +22,11 @@ from sain_bringup.options import (
     make_output_folder,
 )
 from sain_bringup.processes import StopConfig, Supervisor
-from sain_bringup.provenance import provenance
 from sain_bringup.report import EPISODES_KEY
 from sain_bringup.results import write_results
 from sain_bringup.ros.director import Director
 from sain_core.errors import SainError
+from sain_core.provenance import provenance
 from sain_eval.scenes.scenarios import SCENARIOS
 
 UNHURRIED: Final = StopConfig(interrupt=15.0)  # when all went well and nobody is waiting
@@ -68,7 +68,7 @@ def play(
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
         director = Director(check, options.timeout)
         episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
-        about = {EPISODES_KEY: episodes, "model": options.model, **provenance()}
+        about = {EPISODES_KEY: episodes, "model": options.model, **provenance("sain_bringup")}
         config = GraphConfig(
             namespace=director.get_namespace(),
             model=options.model,

@@ -16,7 +16,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from sain_core.errors import ErrorCode, SainError
-from sain_core.ids import push_ids
+from sain_core.push import push_ids
 from sain_core.ros.codec import decode_disks, encode_push
 from sain_core.ros.node_main import INTERRUPTS, NAMESPACE, refuse_start
 from sain_core.ros.qos import RELIABLE

@@ -15,9 +15,9 @@ DOTS_PER_INCH: Final = 160
 TEXT: Final = 9.5  # [pt]: 8 px on a phone of 390 px for a figure that is 6.5 inches wide
 
 
-def new_figure(width: float, height: float, layout: str | None = "constrained") -> Figure:
+def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of this size [inch]."""
-    figure = Figure(figsize=(width, height), facecolor=PALETTE.paper, layout=layout)
+    figure = Figure(figsize=(width, height), facecolor=PALETTE.paper, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 

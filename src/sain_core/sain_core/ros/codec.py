@@ -131,9 +131,9 @@ def encode_goal(
 def fill_past(request: Rollout.Request | PredictResidual.Request, history: PushHistory) -> None:
     """Put an episode's earlier pushes into a request about scenes with as many disks."""
     request.past = len(history)
-    request.past_scenes = encode_floats(history.scenes)
-    request.past_pushes = encode_floats(history.pushes)
-    request.past_next = encode_floats(history.next_scenes)
+    request.past_scenes = encode_floats(history.state)
+    request.past_pushes = encode_floats(history.action)
+    request.past_next = encode_floats(history.next_state)
 
 
 def fill_plan(message: Plan, pushes: Pushes, predicted: Scenes) -> None:

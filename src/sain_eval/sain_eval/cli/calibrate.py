@@ -1,6 +1,5 @@
 """``ros2 run sain_eval calibrate``: fit the planar prior to Bullet with the arm, and report."""
 
-import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +11,11 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from sain_core.errors import SainError
+from sain_core.provenance import ros2_command
 from sain_core.storage import write_json, write_whole
 from sain_eval.calibrate import Calibration, CalibrationConfig, calibrate
 from sain_eval.loop.files import output_folder
-from sain_model.data.dataset import Transitions, load_transitions
+from sain_model.data.dataset import Dataset, load_transitions
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 
@@ -82,7 +82,7 @@ def run(command: Calibrate, console: Console) -> Calibration:
     return calibration
 
 
-def markdown(calibration: Calibration, data: Transitions, command: str) -> str:
+def markdown(calibration: Calibration, data: Dataset, command: str) -> str:
     """Return the report as Markdown."""
     lines = [
         "# The planar prior against Bullet with the arm, true parameters in both",
@@ -105,7 +105,7 @@ def markdown(calibration: Calibration, data: Transitions, command: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _data(command: Calibrate, console: Console) -> Transitions:
+def _data(command: Calibrate, console: Console) -> Dataset:
     if command.dataset is not None:
         return load_transitions(command.dataset)
     folder = command.out / "data"
@@ -131,7 +131,7 @@ def _bar(console: Console) -> Progress:
 
 
 def _command_line() -> str:
-    return shlex.join(["ros2", "run", "sain_eval", "calibrate", *sys.argv[1:]])
+    return ros2_command("sain_eval", "calibrate")
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ from sain_eval.loop.report import HEADER, markdown_table, table_cells
 from sain_eval.loop.results import SceneRecord, summarise, write_results
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.search.config import PlannerConfig
-from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
+from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 
 TABLE_FILE: Final = "table.md"
 PAPER_SCENARIOS: Final = "paper,paper_shift,paper_cube"

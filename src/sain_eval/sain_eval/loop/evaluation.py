@@ -15,7 +15,7 @@ from sain_eval.loop.results import SceneRecord, scene_records
 from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.search.config import PlannerConfig
-from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
+from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 

@@ -2,17 +2,15 @@
 
 import dataclasses
 import json
-import platform
-import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from sain_core.provenance import git_commit, processor, system, versions
 from sain_core.scene import target_distance
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
@@ -124,37 +122,10 @@ def write_results(
         "command": command,
         "config": config,
         "git_commit": git_commit(),
-        "versions": versions(),
-        "machine": {"cpu": platform.processor() or platform.machine(), "system": platform.system()},
+        "versions": versions(*PACKAGES),
+        "machine": {"cpu": processor(), "system": system()},
         "summary": summarise(records),
         "scenes": [dataclasses.asdict(record) for record in records],
     }
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
     return write_whole(folder / RESULTS_FILE, text.encode())
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of Python and of what computes the results."""
-    found = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
-
-
-def git_commit() -> str:
-    """Return the commit of this source tree, marked when it has local changes; or "unknown"."""
-    command = ["git", "-C", str(Path(__file__).resolve().parent)]
-    try:
-        commit = _output([*command, "rev-parse", "HEAD"])
-        changed = _output([*command, "status", "--porcelain", "--untracked-files=no"])
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return commit + ("+changes" if changed else "")
-
-
-def _output(command: list[str]) -> str:
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    return done.stdout.strip()

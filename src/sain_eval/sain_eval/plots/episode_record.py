@@ -55,7 +55,7 @@ class EpisodeRecord:
     tolerance: float  # [m]
     pushes: tuple[PushRecord, ...]
     start: Scene | None = None  # (N, 8); without it the first push's `before`
-    shapes: tuple[str, ...] = ()  # "disk" or "cube" for each; empty: all disks
+    shapes: tuple[str, ...] = ()  # the name of each disk's shape; empty: all disks
     title: str = ""
 
     @property

@@ -38,7 +38,7 @@ def draw_legend(figure: Figure, names: Sequence[str], columns: int) -> None:
     handles = []
     for name, (marker, colour, style) in MARKS.items():
         if name in names:
-            look = {"linestyle": "none", "markersize": 9} | style
+            look: dict[str, Any] = {"linestyle": "none", "markersize": 9} | style
             handles.append(Line2D([], [], marker=marker, color=colour, label=name, **look))
     figure.legend(
         handles=handles,

@@ -35,17 +35,17 @@ def draw_episode(
         feasibility: table, reach and tool to draw; the project's defaults if not given.
     """
     figure = new_figure(*SIZE)
-    panels = [["view"] * 3, ["distance", "arrival", "errors"]]
+    panels = "vvv;dae"  # top view; distance, arrival, errors
     axes = figure.subplot_mosaic(panels, height_ratios=(2.7, 1.0))
-    heading = title or record.title or "Episode"
+    heading = describe_task(record, title)
     figure.suptitle(heading, x=0.02, ha="left", fontsize=13, fontweight="bold", color=PALETTE.ink)
-    names = draw_top_view(axes["view"], record, feasibility, ASPECT)
-    axes["view"].set_title(
+    names = draw_top_view(axes["v"], record, feasibility, ASPECT)
+    axes["v"].set_title(
         describe_result(record), fontsize=TEXT + 1, loc="left", color=result_colour(record)
     )
-    _draw_distance(axes["distance"], record)
-    _draw_arrival(axes["arrival"], record)
-    names += _draw_errors(axes["errors"], record)
+    _draw_distance(axes["d"], record)
+    _draw_arrival(axes["a"], record)
+    names += _draw_errors(axes["e"], record)
     draw_legend(figure, names, columns=3)
     return figure
 
@@ -55,10 +55,14 @@ def describe_result(record: EpisodeRecord) -> str:
     count = len(record.pushes)
     pushes = f"{count} push" if count == 1 else f"{count} pushes"
     left = _millimetres(record.final_distance)
-    within = f"within {100 * record.tolerance:g} cm"
-    if record.final_distance <= record.tolerance:
-        return f"reached {within} in {pushes}, {left} from the goal"
-    return f"not {within} after {pushes}: {left} from the goal"
+    word = "reached" if record.final_distance <= record.tolerance else "not reached"
+    return f"{word} in {pushes}, {left} from the goal"
+
+
+def describe_task(record: EpisodeRecord, title: str = "") -> str:
+    """Return what an episode is called, and its tolerance."""
+    name = title or record.title or "Episode"
+    return f"{name}, tolerance {1e3 * record.tolerance:g} mm"
 
 
 def _millimetres(distance: float) -> str:

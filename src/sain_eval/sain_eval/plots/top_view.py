@@ -3,14 +3,19 @@
 from typing import Any, Final
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, FancyArrowPatch, Patch, Polygon
 from matplotlib.patheffects import withStroke
+from numpy import ndarray
 
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.feasibility import Feasibility
 from sain_core.push import push_direction, tool_end, tool_start
-from sain_core.scene import POSITION, RADIUS, TARGET, THETA, unit
+from sain_core.scene import POSITION, RADIUS, TARGET, unit
+from sain_core.shapes.disk import DISK
+from sain_core.shapes.registry import get_shape
+from sain_core.shapes.shape import Shape
 from sain_core.types import Points, Scene
 from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
 from sain_eval.plots.tabletop import BASE_RADIUS, draw_table, frame_view
@@ -76,22 +81,21 @@ def draw_goal(axes: Axes, place: Points, tolerance: float, size: float = 11.0) -
     axes.plot(*place, "+", color=edge, markersize=size, markeredgewidth=2.0, zorder=9)
 
 
-def _outline(scene: Scene, disk: int, shape: str, **style: Any) -> Patch:
-    centre, radius = scene[disk, POSITION], float(scene[disk, RADIUS])
-    if shape != "cube":
-        return Circle(tuple(centre), radius, **style)
-    corners = scene[disk, THETA] + np.pi / 4 + np.arange(4) * np.pi / 2
-    return Polygon(centre + radius * 2**0.5 * unit(corners), closed=True, **style)
+def _outline(state: Float[ndarray, "8"], shape: Shape, **style: Any) -> Patch:
+    if shape.is_round:
+        return Circle(tuple(state[POSITION]), float(state[RADIUS]), **style)
+    return Polygon(shape.placed(state), closed=True, **style)
 
 
 def _draw_disk(
     axes: Axes, record: EpisodeRecord, scene: Scene, disk: int, face: float, **style: Any
 ) -> None:
     """Draw one disk of a scene; `face` is the opacity of its inside, `edge` that of its rim."""
-    colour, shape = PALETTE.disk(disk), record.shapes[disk] if record.shapes else "disk"
+    shape = get_shape(record.shapes[disk] if record.shapes else DISK)
+    colour = PALETTE.disk(disk)
     edge = rgba(colour, style.pop("edge", 1.0))
     axes.add_patch(
-        _outline(scene, disk, shape, facecolor=rgba(colour, face), edgecolor=edge, **style)
+        _outline(scene[disk], shape, facecolor=rgba(colour, face), edgecolor=edge, **style)
     )
 
 
@@ -119,7 +123,7 @@ def _draw_prediction(axes: Axes, push: PushRecord) -> None:
 def draw_error(axes: Axes, predicted: Points, actual: Points) -> None:
     """Draw a predicted place (2,), with a line to where the target came to rest (2,)."""
     axes.plot(*np.stack([predicted, actual]).T, color=PALETTE.predicted, linewidth=1.0, zorder=7)
-    mark = {"markerfacecolor": "none", "markeredgecolor": PALETTE.predicted}
+    mark: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": PALETTE.predicted}
     axes.plot(*predicted, "D", markersize=5.0, markeredgewidth=1.2, zorder=7, **mark)
 
 
@@ -144,7 +148,7 @@ def _draw_push(axes: Axes, push: PushRecord, number: int, feasibility: Feasibili
     start = tool_start(push.before, push.push, feasibility.limits)
     draw_arrow(axes, start, tool_end(push.before, push.push, feasibility.limits))
     badge = start - 0.004 * unit(push_direction(push.push))
-    edge = {"markeredgecolor": "white", "markeredgewidth": 1.2}
+    edge: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 1.2}
     axes.plot(*badge, "o", markersize=12.5, color=PALETTE.ink, zorder=10, **edge)
     axes.text(
         float(badge[0]),

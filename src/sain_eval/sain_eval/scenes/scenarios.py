@@ -13,24 +13,23 @@ import numpy as np
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION, TARGET, THETA, check_scene, unit
 from sain_core.seeding import generator
+from sain_core.shapes.disk import DISK, THREE_FEET
+from sain_core.shapes.registry import built_shapes, get_shape
 from sain_core.types import Scene
 from sain_eval.scenes.placement import draw_extra_disks, draw_goal, touching_distance
 from sain_mppi.search.goal import Goal
+from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.parameters import (
-    CUBE,
     FRICTION_RANGE,
     PAPER,
     RANGES,
-    THREE_FEET,
     WorldParameters,
     sample_parameters,
 )
-from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 
 MAX_PUSHES: Final = 15  # paper section II-D
 PAPER_TOLERANCE: Final = 0.05  # [m], paper section III-A
 CONTACT_GAP: Final = 0.001  # [m], "touching": as near as disks can be set without overlap
-DISK: Final = "disk"
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class ScenarioScene:
     seed: int
     disks: Scene  # (N, 8), at rest
     friction: float  # between disks and table; no controller is told
-    shapes: tuple[str, ...]  # "disk" or "cube", one for each
+    shapes: tuple[str, ...]  # a footprint for each, as `sain_core.shapes` names them
     goal: Goal  # (2,) [m]
     max_pushes: int = MAX_PUSHES
     tolerance: float = PAPER_TOLERANCE  # [m]
@@ -54,7 +53,7 @@ class ScenarioScene:
 
     def parameters(self, disk_shape: str = THREE_FEET) -> WorldParameters:
         """Return the simulated world that this scene plays in; `disk_shape` builds its disks."""
-        shapes = tuple(disk_shape if shape == DISK else CUBE for shape in self.shapes)
+        shapes = built_shapes(self.shapes, disk_shape)
         return self.truth.roughen(WorldParameters.of_scene(self.disks, self.friction, shapes))
 
 
@@ -110,7 +109,7 @@ class AnywhereScenario:
     scatter: float = 0.03  # [m], of the mid disk in x and y
     goal_distance: tuple[float, float] = (0.15, 0.30)  # [m], from the target
     extra_disks: tuple[int, int] = (0, 0)  # fewest and most further disks
-    target_shape: str = DISK  # a cube turns a side to the mid disk
+    target_shape: str = DISK  # one with corners turns a side to the mid disk
     friction: tuple[float, float] = FRICTION_RANGE  # with the table
 
     def scene(self, seed: int) -> ScenarioScene:
@@ -142,7 +141,7 @@ class AnywhereScenario:
         pair = WorldParameters(drawn.masses[:2], drawn.radii[:2], drawn.shapes[:2], drawn.friction)
         scene = pair.scene(np.stack([mid, mid]))
         scene[TARGET, POSITION] = mid + (touching_distance(scene) + CONTACT_GAP) * unit(bearing)
-        scene[TARGET, THETA] = bearing if self.target_shape == CUBE else 0.0
+        scene[TARGET, THETA] = 0.0 if get_shape(self.target_shape).is_round else bearing
         return scene
 
 
@@ -151,12 +150,14 @@ SCENARIOS: Final[dict[str, Scenario]] = {
     for scenario in (
         PaperScenario(),
         PaperScenario("paper_shift", "the paper's Fig. 5: goal off by 2 cm in x and y", shift=0.02),
-        PaperScenario("paper_cube", "the paper's Fig. 6: the target is a cube", target_shape=CUBE),
+        PaperScenario(
+            "paper_cube", "the paper's Fig. 6: the target is a cube", target_shape="cube"
+        ),
         AnywhereScenario(),
         AnywhereScenario(
             "clutter", "as anywhere, with 1 to 3 more disks about", extra_disks=(1, 3)
         ),
-        AnywhereScenario("anywhere_cube", "as anywhere, the target a cube", target_shape=CUBE),
+        AnywhereScenario("anywhere_cube", "as anywhere, the target a cube", target_shape="cube"),
         AnywhereScenario(
             "anywhere_rubber", "as anywhere, on a table that grips", friction=(0.25, 0.45)
         ),

@@ -1,6 +1,5 @@
 """``ros2 run sain_model evaluate``: prediction errors of all kinds of dynamics."""
 
-import shlex
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,14 +11,15 @@ import torch
 import tyro
 from rich.console import Console
 
+from sain_core.dataset import draw_parts
 from sain_core.dynamics import Dynamics
 from sain_core.errors import CheckpointError, DatasetError
+from sain_core.provenance import ros2_command
 from sain_core.push import LENGTH
-from sain_core.split import draw_parts
 from sain_core.storage import write_json
 from sain_core.types import Mask
 from sain_model.cli.command import carry_out
-from sain_model.data.dataset import Transitions, load_transitions
+from sain_model.data.dataset import Dataset, load_transitions
 from sain_model.data.windows import make_windows
 from sain_model.dynamics.checkpoint import SUFFIX, Card, parse_card
 from sain_model.dynamics.load import (
@@ -90,7 +90,7 @@ def run(command: EvaluateCommand, console: Console) -> None:
         "learned": str(command.learned) if command.learned else None,
         "recurrent": str(command.recurrent) if command.recurrent else None,
         "seed": command.seed,
-        "command": shlex.join(["ros2", "run", "sain_model", "evaluate", *sys.argv[1:]]),
+        "command": ros2_command("sain_model", "evaluate"),
         **errors,
     }
     write_json(command.out, report)
@@ -123,7 +123,7 @@ def _cards(models: Mapping[str, Dynamics]) -> list[Card]:
 
 def _open_loop(
     command: EvaluateCommand,
-    held_out: Transitions,
+    held_out: Dataset,
     models: Mapping[str, Dynamics],
     others: Mapping[str, Dynamics],
     console: Console,
@@ -152,7 +152,7 @@ def _show(errors: dict[str, Any], console: Console) -> None:
     console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")
 
 
-def unseen(data: Transitions, *cards: Card) -> Transitions:
+def unseen(data: Dataset, *cards: Card) -> Dataset:
     """Return what no checkpoint was trained on: their test episodes, or all of other data.
 
     Raises:
@@ -169,7 +169,7 @@ def unseen(data: Transitions, *cards: Card) -> Transitions:
     return data if held_out.all() else data.select(held_out)
 
 
-def _held_out(data: Transitions, card: Card) -> Mask:
+def _held_out(data: Dataset, card: Card) -> Mask:
     """Tell which pushes (M,) a checkpoint was not trained on."""
     if data.sha256 in card.data.get("sources", ()):
         raise DatasetError(
@@ -185,7 +185,7 @@ def _held_out(data: Transitions, card: Card) -> Mask:
         raise DatasetError(
             "the checkpoint learned from all of this data (test 0); evaluate it on other episodes"
         )
-    return draw_parts(data.episodes, *used)[-1]
+    return draw_parts(data.episode, *used)[-1]
 
 
 if __name__ == "__main__":

@@ -1,6 +1,5 @@
 """``ros2 run sain_model learning_curve``: how many transitions a network needs."""
 
-import shlex
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -12,6 +11,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from sain_core.provenance import ros2_command
 from sain_core.storage import write_json, write_whole
 from sain_model.cli.command import carry_out
 from sain_model.data.dataset import load_transitions, split_by_episode
@@ -69,7 +69,7 @@ def run(command: LearningCurveCommand, console: Console) -> None:
         "held_out": len(split.test),
         "training": asdict(config),
         "steps": command.steps,
-        "command": shlex.join(["ros2", "run", "sain_model", "learning_curve", *sys.argv[1:]]),
+        "command": ros2_command("sain_model", "learning_curve"),
         "points": [asdict(point) for point in points],
     }
     write_json(command.out / "curves.json", report)

@@ -11,8 +11,8 @@ from rich.console import Console
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.storage import write_whole
 from sain_model.cli.command import carry_out
-from sain_model.data.dataset import Split, Transitions, limit_training
-from sain_model.data.mixed import MixedSplit, MixedTransitions, load_datasets, split_datasets
+from sain_model.data.dataset import Dataset, Split, limit_training
+from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
 from sain_model.dynamics.checkpoint import save_checkpoint
 from sain_model.dynamics.load import sain_class
 from sain_model.evaluation.error_table import error_table, gain_line, history_table, interval_table
@@ -75,7 +75,7 @@ def train(command: TrainCommand, console: Console) -> Path:
 
 def learn(
     command: TrainCommand,
-    data: Transitions | MixedTransitions,
+    data: Dataset | MixedDataset,
     split: Split | MixedSplit,
     console: Console,
     parent: Parent | None = None,

@@ -1,7 +1,6 @@
 """``ros2 run sain_model train_inside``: learn what to tell the planar prior of one laboratory."""
 
 import json
-import shlex
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress
 
+from sain_core.provenance import ros2_command
 from sain_core.storage import write_whole
 from sain_model.cli.command import carry_out
 from sain_model.data.dataset import (
@@ -31,7 +31,7 @@ from sain_model.training.correction_training import (
     make_trainers,
     train_members,
 )
-from sain_model.training.environment import environment
+from sain_model.training.training_card import environment
 from sain_model.training.training_state import History
 
 
@@ -96,7 +96,7 @@ def train_inside(command: TrainInsideCommand, console: Console) -> Path:
         networks, histories = train_members(trainers, advance)
     sain = InsideSain(networks, prior)
     errors = {
-        name: asdict(measure(dynamics.step(split.test.scenes, split.test.pushes), split.test, 0))
+        name: asdict(measure(dynamics.step(split.test.state, split.test.action), split.test, 0))
         for name, dynamics in ((command.prior, prior), ("sain", sain))
     }
     path = command.out / f"{command.name}{SUFFIX}"
@@ -125,7 +125,7 @@ def make_card(
             "path": str(command.dataset),
             "sha256": sha256,
             "transitions": {name: len(part) for name, part in parts.items()},
-            "episodes": {name: len(np.unique(part.episodes)) for name, part in parts.items()},
+            "episodes": {name: len(np.unique(part.episode)) for name, part in parts.items()},
         },
         training={
             **asdict(command.training),
@@ -136,7 +136,7 @@ def make_card(
         },
         errors=errors,
         versions=environment(),
-        command=shlex.join(["ros2", "run", "sain_model", "train_inside", *sys.argv[1:]]),
+        command=ros2_command("sain_model", "train_inside"),
         architecture=INSIDE_ARCHITECTURE,
     )
 

@@ -1,1 +1,1 @@
-"""Transitions as they are loaded, cut into windows and batched. May import `network`."""
+"""Dataset as they are loaded, cut into windows and batched. May import `network`."""

@@ -1,66 +1,45 @@
 """Transitions (s, a, f_p(s, a), s') from disk, and their split by episode."""
 
 import hashlib
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
+from sain_core.dataset import NEEDED, Column, Columns, Transitions, draw_parts
 from sain_core.errors import DatasetError
 from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
-from sain_core.split import draw_parts
-from sain_core.types import Mask, Pushes, Scalars, Scenes
-from sain_model.data.shard import FLOOR, FRICTION, NEEDED, NO_STEP, STEP, read_shard
+from sain_core.types import Scalars, Scenes
+from sain_model.data.shard import NO_STEP, read_shard
 from sain_model.physics.friction import EpisodeFriction, FrictionFilter
 
 
-@dataclass(frozen=True)
-class Transitions:
-    """M pushes with what physics predicted and what happened.
+@dataclass(frozen=True, eq=False)
+class Dataset(Transitions):
+    """M pushes with what physics predicted and what happened, to train or evaluate on.
 
     Attributes:
-        scenes: before the push.
-        pushes: the pushes.
-        physics_next: the nominal world's prediction, the paper's f_p.
-        next_scenes: after the push.
-        episodes: which episode each belongs to.
-        steps: its place in the episode: the order of the data where no ``step`` is given.
+        physics_next: (M, N, 8), the nominal world's prediction, the paper's f_p.
+        episode: which episode each belongs to.
+        step: its place in the episode: the order of the data where no ``step`` is given.
         friction: the true friction with the table; NaN where it is not known.
         floor_next: the same push repeated in a world set to the observed state; NaN likewise.
-        sha256: of all arrays that are needed.
+        sha256: of all columns that are needed.
         sources: SHA-256 of each folder that it was put together from; empty: it is one folder.
     """
 
-    scenes: Scenes
-    pushes: Pushes
     physics_next: Scenes
-    next_scenes: Scenes
-    episodes: Int[ndarray, "M"]
-    steps: Int[ndarray, "M"]
+    episode: Int[ndarray, "M"]
+    step: Int[ndarray, "M"]
     friction: Scalars
     floor_next: Scenes
     sha256: str
     sources: tuple[str, ...] = ()
-
-    def __len__(self) -> int:
-        """Return the number of pushes M."""
-        return len(self.pushes)
-
-    @property
-    def disks(self) -> int:
-        """The number of disks N in every scene."""
-        return int(self.scenes.shape[1])
-
-    @property
-    def arrays(self) -> dict[str, ndarray]:
-        """All arrays by name; each has one row a push."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: value for name, value in values.items() if isinstance(value, ndarray)}
 
     @cached_property
     def inferred(self) -> dict[FrictionFilter, EpisodeFriction]:
@@ -72,32 +51,23 @@ class Transitions:
         """These transitions, as the only part of a data set with one number of disks."""
         return (self,)
 
-    def select(self, rows: Mask) -> Self:
-        """Return the pushes that a mask (M,) picks."""
-        return replace(self, **{name: array[rows] for name, array in self.arrays.items()})
-
     def mirrored(self) -> Self:
         """Return what would have happened in a mirror: the same physics."""
-        return replace(
-            self,
-            scenes=mirror_scenes(self.scenes),
-            pushes=mirror_pushes(self.pushes),
-            physics_next=mirror_scenes(self.physics_next),
-            next_scenes=mirror_scenes(self.next_scenes),
-            floor_next=mirror_scenes(self.floor_next),
-        )
+        scenes = (Column.STATE, Column.PHYSICS_NEXT, Column.NEXT_STATE, Column.FLOOR_NEXT)
+        mirrored: dict[str, Any] = {n: mirror_scenes(getattr(self, n)) for n in scenes}
+        return replace(self, action=mirror_pushes(self.action), **mirrored)
 
 
 @dataclass(frozen=True)
 class Split:
     """Three sets of transitions without a common episode."""
 
-    train: Transitions
-    validation: Transitions
-    test: Transitions
+    train: Dataset
+    validation: Dataset
+    test: Dataset
 
 
-def load_transitions(path: Path) -> Transitions:
+def load_transitions(path: Path) -> Dataset:
     """Read a shard, or all shards ``*.npz`` of a folder in the order of their names.
 
     Raises:
@@ -105,13 +75,13 @@ def load_transitions(path: Path) -> Transitions:
             together, NaN or Inf, or shards with different numbers of disks.
     """
     shards = read_shards(path)
-    counts = {name: shard["state"].shape[1] for name, shard in shards.items()}
+    counts = {name: shard[Column.STATE].shape[1] for name, shard in shards.items()}
     if len(set(counts.values())) > 1:
         raise DatasetError(f"{path} mixes numbers of disks: {counts}; use one folder for each")
     return from_shards(path, list(shards.values()))
 
 
-def read_shards(path: Path) -> dict[str, dict[str, ndarray]]:
+def read_shards(path: Path) -> dict[str, Columns]:
     """Return the arrays of each shard by its name, in the order of names; see `read_shard`."""
     shards = sorted(path.glob("*.npz")) if path.is_dir() else [path]
     if not shards:
@@ -119,26 +89,19 @@ def read_shards(path: Path) -> dict[str, dict[str, ndarray]]:
     return {shard.name: read_shard(shard) for shard in shards}
 
 
-def from_shards(path: Path, shards: list[dict[str, ndarray]]) -> Transitions:
+def from_shards(path: Path, shards: list[Columns]) -> Dataset:
     """Return the transitions of shards with one number of disks; the path is for messages."""
-    arrays = {key: np.concatenate([shard[key] for shard in shards]) for key in shards[0]}
+    columns: dict[str, Any] = {
+        name: np.concatenate([shard[name] for shard in shards]) for name in shards[0]
+    }
     digest = hashlib.sha256()
-    for key in NEEDED:
-        digest.update(np.ascontiguousarray(arrays[key]).tobytes())
-    return Transitions(
-        arrays["state"],
-        arrays["action"],
-        arrays["physics_next"],
-        arrays["next_state"],
-        arrays["episode"],
-        _steps(path, arrays["episode"], arrays[STEP]),
-        arrays[FRICTION],
-        arrays[FLOOR],
-        digest.hexdigest(),
-    )
+    for column in NEEDED:
+        digest.update(np.ascontiguousarray(columns[column]).tobytes())
+    columns[Column.STEP] = _steps(path, columns[Column.EPISODE], columns[Column.STEP])
+    return Dataset(**columns, sha256=digest.hexdigest())
 
 
-def split_by_episode(data: Transitions, seed: int, validation: float, test: float) -> Split:
+def split_by_episode(data: Dataset, seed: int, validation: float, test: float) -> Split:
     """Split transitions so that no episode is in two parts.
 
     Args:
@@ -151,7 +114,7 @@ def split_by_episode(data: Transitions, seed: int, validation: float, test: floa
     Raises:
         DatasetError: too few episodes for the parts.
     """
-    parts = draw_parts(data.episodes, seed, validation, test)
+    parts = draw_parts(data.episode, seed, validation, test)
     return Split(*(data.select(rows) for rows in parts))
 
 

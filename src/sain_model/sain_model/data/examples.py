@@ -14,8 +14,8 @@ from torch.nn import functional
 from sain_core.dynamics import Dynamics
 from sain_core.scene import VELOCITY
 from sain_core.types import Scalars
-from sain_model.data.dataset import Transitions
-from sain_model.data.mixed import MixedTransitions
+from sain_model.data.dataset import Dataset
+from sain_model.data.mixed import MixedDataset
 from sain_model.network.features import (
     GAP_AFTER,
     GAP_BEFORE,
@@ -72,7 +72,7 @@ class Examples:
 
 
 def make_examples(
-    data: Transitions,
+    data: Dataset,
     prior: Dynamics,
     friction: Scalars | None = None,
     network: NetworkConfig = NetworkConfig(),
@@ -85,21 +85,21 @@ def make_examples(
         friction: what the planar prior is told (M,); None: the nominal one.
         network: what its inputs know of the world, and what its residual is added to.
     """
-    physics_next = step_knowing(prior, data.scenes, data.pushes, friction)
-    features = make_features(data.scenes, data.pushes, physics_next, network.features)
-    base = physics_next if network.residual == ON_PHYSICS else data.scenes
-    velocity = data.next_scenes[..., VELOCITY] - physics_next[..., VELOCITY]
+    physics_next = step_knowing(prior, data.state, data.action, friction)
+    features = make_features(data.state, data.action, physics_next, network.features)
+    base = physics_next if network.residual == ON_PHYSICS else data.state
+    velocity = data.next_state[..., VELOCITY] - physics_next[..., VELOCITY]
     arrays = (
         features.disks,
         features.relations,
-        true_residual(data.next_scenes, data.pushes, base),
+        true_residual(data.next_state, data.action, base),
         velocity,
     )
     return Examples(*(torch.from_numpy(array.astype(np.float32)) for array in arrays))
 
 
 def training_examples(
-    data: Transitions | MixedTransitions,
+    data: Dataset | MixedDataset,
     prior: Dynamics,
     friction: FrictionFilter | None,
     mirror: bool,
@@ -130,18 +130,18 @@ def training_examples(
 
 
 def _teller(
-    data: Transitions, friction: FrictionFilter | None, random: np.random.Generator | None
+    data: Dataset, friction: FrictionFilter | None, random: np.random.Generator | None
 ) -> Callable[[], Scalars | None]:
     """Return what says, each time anew, which friction (M,) the prior is told."""
     if friction is None:
         return lambda: None
-    likelihood = friction.log_likelihood(data.scenes, data.pushes, data.next_scenes)
+    likelihood = friction.log_likelihood(data.state, data.action, data.next_state)
 
     def told() -> Scalars:
         if random is None:
-            return friction.others(likelihood, data.episodes).mean
-        known = friction.earlier(likelihood, data.episodes, data.steps)
+            return friction.others(likelihood, data.episode).mean
+        known = friction.earlier(likelihood, data.episode, data.step)
         fewer = random.integers(known.pushes + 1)
-        return friction.earlier(likelihood, data.episodes, data.steps, fewer).mean
+        return friction.earlier(likelihood, data.episode, data.step, fewer).mean
 
     return told

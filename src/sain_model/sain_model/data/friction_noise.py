@@ -10,8 +10,8 @@ from numpy import ndarray
 
 from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError
-from sain_model.data.dataset import Transitions
-from sain_model.data.mixed import MixedTransitions
+from sain_model.data.dataset import Dataset
+from sain_model.data.mixed import MixedDataset
 from sain_model.physics.friction import EpisodeFriction, FrictionConfig, FrictionFilter, ways
 from sain_model.physics.planar import PlanarPrior
 
@@ -19,7 +19,7 @@ NOISES: Final = (0.0001, 0.0002, 0.0003, 0.0005, 0.001, 0.002)  # [m]
 SHARES: Final = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1)
 
 
-def make_filter(prior: Dynamics, train: Transitions | MixedTransitions) -> FrictionFilter | None:
+def make_filter(prior: Dynamics, train: Dataset | MixedDataset) -> FrictionFilter | None:
     """Return what infers friction for a prior, its noise fitted where the truth is known.
 
     None for a prior that knows no friction. Noise is fitted to the part with the most pushes.
@@ -33,7 +33,7 @@ def make_filter(prior: Dynamics, train: Transitions | MixedTransitions) -> Frict
 
 
 def fit_noise(
-    prior: PlanarPrior, data: Transitions, config: FrictionConfig = FrictionConfig()
+    prior: PlanarPrior, data: Dataset, config: FrictionConfig = FrictionConfig()
 ) -> FrictionConfig:
     """Return the settings under which an episode's earlier pushes best tell its friction.
 
@@ -46,15 +46,15 @@ def fit_noise(
     """
     if not np.isfinite(data.friction).all():
         raise DatasetError("the data has no true friction to fit the noise of the inference to")
-    if len(np.unique(data.episodes)) == len(data):
+    if len(np.unique(data.episode)) == len(data):
         raise DatasetError(f"none of {len(data)} episodes has two pushes: nothing to infer from")
-    errors = prior.filter(config).errors(data.scenes, data.pushes, data.next_scenes)
-    moved = ways(data.scenes, data.next_scenes)
+    errors = prior.filter(config).errors(data.state, data.action, data.next_state)
+    moved = ways(data.state, data.next_state)
     best, highest = config, -np.inf
     for noise, share in product(NOISES, SHARES):
         candidate = replace(config, noise=noise, noise_share=share)
         friction = prior.filter(candidate)
-        known = friction.earlier(friction.weigh(errors, moved), data.episodes, data.steps)
+        known = friction.earlier(friction.weigh(errors, moved), data.episode, data.step)
         score = _score(known, data.friction)
         if score > highest:
             best, highest = candidate, score

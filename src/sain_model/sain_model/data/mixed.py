@@ -1,6 +1,6 @@
 """Several data sets as one, also with different numbers of disks.
 
-Scenes of N = 2 and N = 5 fit into no common array: a mixed data set holds one `Transitions` for
+Scenes of N = 2 and N = 5 fit into no common array: a mixed data set holds one `Dataset` for
 each number of disks. Episodes of different folders never have the same label, and a push that is
 in two of the folders is refused: it could end up on both sides of a split.
 """
@@ -16,12 +16,12 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
+from sain_core.dataset import draw_parts
 from sain_core.errors import DatasetError
-from sain_core.split import draw_parts
 from sain_core.types import Mask
 from sain_model.data.dataset import (
+    Dataset,
     Split,
-    Transitions,
     from_shards,
     read_shards,
     split_by_episode,
@@ -29,7 +29,7 @@ from sain_model.data.dataset import (
 
 
 @dataclass(frozen=True)
-class MixedTransitions:
+class MixedDataset:
     """Pushes of scenes with different numbers of disks.
 
     Attributes:
@@ -38,7 +38,7 @@ class MixedTransitions:
         sources: SHA-256 of each folder and number of disks that it was put together from.
     """
 
-    parts: tuple[Transitions, ...]
+    parts: tuple[Dataset, ...]
     sha256: str
     sources: tuple[str, ...]
 
@@ -47,9 +47,9 @@ class MixedTransitions:
         return sum(len(part) for part in self.parts)
 
     @property
-    def episodes(self) -> Int[ndarray, "M"]:
+    def episode(self) -> Int[ndarray, "M"]:
         """Which episode each push belongs to, part by part; no two parts share one."""
-        return np.concatenate([part.episodes for part in self.parts])
+        return np.concatenate([part.episode for part in self.parts])
 
     def select(self, rows: Mask) -> Self:
         """Return the pushes that a mask (M,) over all parts picks."""
@@ -63,12 +63,12 @@ class MixedTransitions:
 class MixedSplit:
     """Three mixed sets without a common episode; what `Split` is for one number of disks."""
 
-    train: MixedTransitions
-    validation: MixedTransitions
-    test: MixedTransitions
+    train: MixedDataset
+    validation: MixedDataset
+    test: MixedDataset
 
 
-def load_datasets(paths: Sequence[Path]) -> Transitions | MixedTransitions:
+def load_datasets(paths: Sequence[Path]) -> Dataset | MixedDataset:
     """Read one or more shards or folders of them as one data set.
 
     Raises:
@@ -80,31 +80,31 @@ def load_datasets(paths: Sequence[Path]) -> Transitions | MixedTransitions:
     _check_apart(sources)
     labelled, first = [], 0
     for _, part in sources:
-        names, labels = np.unique(part.episodes, return_inverse=True)
-        labelled.append(replace(part, episodes=first + labels))
+        names, labels = np.unique(part.episode, return_inverse=True)
+        labelled.append(replace(part, episode=first + labels))
         first += len(names)
     hashes = tuple(part.sha256 for part in labelled)
     sha256 = hashlib.sha256(" ".join(hashes).encode()).hexdigest()
     grouped = groupby(sorted(labelled, key=_disks), key=_disks)
     parts = tuple(_joined(list(group), sha256, hashes) for _, group in grouped)
-    return parts[0] if len(parts) == 1 else MixedTransitions(parts, sha256, hashes)
+    return parts[0] if len(parts) == 1 else MixedDataset(parts, sha256, hashes)
 
 
 def split_datasets(
-    data: Transitions | MixedTransitions, seed: int, validation: float, test: float
+    data: Dataset | MixedDataset, seed: int, validation: float, test: float
 ) -> Split | MixedSplit:
     """Split a data set so that no episode is in two parts; see `split_by_episode`."""
-    if isinstance(data, Transitions):
+    if isinstance(data, Dataset):
         return split_by_episode(data, seed, validation, test)
-    parts = draw_parts(data.episodes, seed, validation, test)
+    parts = draw_parts(data.episode, seed, validation, test)
     return MixedSplit(*(data.select(rows) for rows in parts))
 
 
-def _disks(part: Transitions) -> int:
+def _disks(part: Dataset) -> int:
     return part.disks
 
 
-def _by_count(path: Path) -> list[Transitions]:
+def _by_count(path: Path) -> list[Dataset]:
     """Return what a folder holds, by the number of disks."""
     shards = list(read_shards(path).values())
     counts = sorted({shard["state"].shape[1] for shard in shards})
@@ -114,18 +114,18 @@ def _by_count(path: Path) -> list[Transitions]:
     ]
 
 
-def _joined(parts: list[Transitions], sha256: str, sources: tuple[str, ...]) -> Transitions:
+def _joined(parts: list[Dataset], sha256: str, sources: tuple[str, ...]) -> Dataset:
     """Return parts with one number of disks and labels of their own as one."""
     columns = [part.arrays for part in parts]
     arrays = {name: np.concatenate([column[name] for column in columns]) for name in columns[0]}
-    return Transitions(**arrays, sha256=sha256, sources=sources)
+    return Dataset(**arrays, sha256=sha256, sources=sources)
 
 
-def _check_apart(sources: list[tuple[Path, Transitions]]) -> None:
+def _check_apart(sources: list[tuple[Path, Dataset]]) -> None:
     """Raise `DatasetError` when the same push from the same scene is in two places."""
     seen: dict[bytes, Path] = {}
     for path, part in sources:
-        flat = np.concatenate([part.scenes.reshape(len(part), -1), part.pushes], axis=-1)
+        flat = np.concatenate([part.state.reshape(len(part), -1), part.action], axis=-1)
         keys = {row.tobytes() for row in flat}
         for key in keys & seen.keys():
             raise DatasetError(

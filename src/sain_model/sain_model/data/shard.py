@@ -1,4 +1,4 @@
-"""One shard of transitions: read, checked, and everything about it named that is wrong."""
+"""One shard of transitions: read, and checked against the schema of `sain_core.dataset`."""
 
 from pathlib import Path
 from typing import Final
@@ -7,86 +7,76 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
+from sain_core.dataset import FLAT, NEEDED, Column, Columns, as_scenes
 from sain_core.errors import DatasetError
-from sain_core.push import PUSH_SIZE
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
 from sain_core.storage import read_arrays
-from sain_core.types import Scenes
 
-STATES: Final = ("state", "physics_next", "next_state")
-NEEDED: Final = (*STATES, "action", "episode")
-FLOOR: Final = "floor_next"  # the same push once more in a world set to the observed state
-FRICTION: Final = "friction"
-STEP: Final = "step"  # a push's place in its episode
 NO_STEP: Final = -1  # where a shard does not tell
+UNKNOWN: Final = {Column.FRICTION: np.nan, Column.FLOOR_NEXT: np.nan, Column.STEP: NO_STEP}
+LOADED: Final = (*NEEDED, *UNKNOWN)
 
 
-def read_shard(path: Path) -> dict[str, ndarray]:
+def read_shard(path: Path) -> Columns:
     """Read and check one shard; states come back as (M, N, 8).
 
     Raises:
-        DatasetError: a damaged shard, a missing key, no rows, arrays that do not fit together,
+        DatasetError: a damaged shard, a missing column, no rows, arrays that do not fit together,
             NaN or Inf, or a number that cannot be.
     """
     arrays = read_arrays(path)
-    missing = [key for key in NEEDED if key not in arrays]
+    missing = [column for column in NEEDED if column not in arrays]
     if missing:
         raise DatasetError(f"{path} lacks {', '.join(missing)}; it holds {sorted(arrays)}")
-    if arrays["action"].ndim == 0 or not len(arrays["action"]):
+    if arrays[Column.ACTION].ndim == 0 or not len(arrays[Column.ACTION]):
         raise DatasetError(f"{path} holds no transitions")
-    count = len(arrays["action"])
-    unknown = np.full(count, np.nan)
-    shard_arrays = {key: _states(path, key, arrays[key], count) for key in STATES}
-    shard_arrays["action"] = _numbers(path, "action", arrays["action"], (count, PUSH_SIZE))
-    shard_arrays["episode"] = _integers(path, "episode", arrays["episode"], count)
-    shard_arrays[FRICTION] = _friction(path, arrays.get(FRICTION, unknown), count)
-    steps = arrays.get(STEP, np.full(count, NO_STEP))
-    shard_arrays[STEP] = _integers(path, STEP, steps, count)
-    shape = shard_arrays["state"].shape
-    repeats = arrays.get(FLOOR, np.full(shape, np.nan))
-    if repeats.size != shard_arrays["state"].size:
-        raise DatasetError(f"{path}: {FLOOR} has shape {repeats.shape}; it should be as state")
-    shard_arrays[FLOOR] = np.asarray(repeats, dtype=np.float64).reshape(shape)
-    if (shard_arrays["state"][..., [MASS, RADIUS]] <= 0.0).any():
+    count = len(arrays[Column.ACTION])
+    disks = _disks(path, arrays[Column.STATE], count)
+    columns: Columns = {}
+    for column in LOADED:
+        shape = (count, *column.row_shape(disks))
+        values = arrays.get(column, np.full(shape, UNKNOWN.get(column)))
+        columns[column] = _checked(path, column, values, shape)
+    if (columns[Column.STATE][..., [MASS, RADIUS]] <= 0.0).any():
         raise DatasetError(f"{path}: state has a mass or radius that is not positive")
-    return shard_arrays
+    return columns
 
 
-def _states(path: Path, key: str, values: ndarray, count: int) -> Scenes:
-    if values.ndim not in (2, 3) or values.size % (STATE_SIZE * max(count, 1)):
-        raise DatasetError(f"{path}: {key} has shape {values.shape}; it should be ({count}, N * 8)")
-    disks = values.size // (STATE_SIZE * max(count, 1))
+def _disks(path: Path, states: ndarray, count: int) -> int:
+    """Return the number of disks N of states (M, 8 N) or (M, N, 8)."""
+    disks, rest = divmod(states.size, STATE_SIZE * count)
+    if states.ndim not in (2, 3) or rest:
+        raise DatasetError(f"{path}: state has shape {states.shape}; it should be ({count}, N * 8)")
     if disks < 2:
-        raise DatasetError(f"{path}: {key} has {disks} disks; it needs 2 or more")
-    flat = _numbers(path, key, values.reshape(len(values), -1), (count, disks * STATE_SIZE))
-    return flat.reshape(count, disks, STATE_SIZE)
+        raise DatasetError(f"{path}: state has {disks} disks; it needs 2 or more")
+    return disks
 
 
-def _numbers(path: Path, key: str, values: ndarray, shape: tuple[int, ...]) -> ndarray:
+def _checked(path: Path, column: Column, values: ndarray, shape: tuple[int, ...]) -> ndarray:
+    """Return a column when its shape, type and numbers are as the schema has them."""
+    if FLAT in column.shape and values.ndim == 3:
+        values = values.reshape(len(values), -1)
     if values.shape != shape:
-        raise DatasetError(f"{path}: {key} has shape {values.shape}; it should be {shape}")
+        raise DatasetError(f"{path}: {column} has shape {values.shape}; it should be {shape}")
+    if column.dtype == "int64":
+        return _integers(path, column, values)
     numbers = np.asarray(values, dtype=np.float64)
-    if not np.isfinite(numbers).all():
-        row = int(np.argwhere(~np.isfinite(numbers))[0][0])
-        raise DatasetError(f"{path}: row {row} of {key} holds NaN or Inf")
-    return numbers
-
-
-def _integers(path: Path, key: str, values: ndarray, count: int) -> Int[ndarray, "M"]:
-    if values.shape != (count,) or values.dtype.kind not in "iu":
-        raise DatasetError(f"{path}: {key} is {values.dtype} {values.shape}; integers ({count},)")
-    return values.astype(np.int64)
-
-
-def _friction(path: Path, values: ndarray, count: int) -> ndarray:
-    """Return the true friction (M,), NaN where it is not known."""
-    if values.shape != (count,):
-        raise DatasetError(f"{path}: friction has shape {values.shape}; it should be ({count},)")
-    numbers = np.asarray(values, dtype=np.float64)
-    wrong = ~np.isnan(numbers) & ~((numbers > 0.0) & np.isfinite(numbers))
-    if wrong.any():
-        row = int(np.argmax(wrong))
+    allowed = np.isfinite(numbers)
+    if column in UNKNOWN:
+        allowed |= np.isnan(numbers)
+    if not allowed.all():
+        row = int(np.argwhere(~allowed)[0][0])
+        found = "Inf" if column in UNKNOWN else "NaN or Inf"
+        raise DatasetError(f"{path}: row {row} of {column} holds {found}")
+    if column is Column.FRICTION and (numbers <= 0.0).any():
+        row = int(np.argmax(numbers <= 0.0))
         raise DatasetError(
-            f"{path}: row {row} of friction is {numbers[row]}; positive, or NaN where not known"
+            f"{path}: row {row} of {column} is {numbers[row]}; positive, or NaN where not known"
         )
-    return numbers
+    return as_scenes(numbers) if FLAT in column.shape else numbers
+
+
+def _integers(path: Path, column: Column, values: ndarray) -> Int[ndarray, "M"]:
+    if values.dtype.kind not in "iu":
+        raise DatasetError(f"{path}: {column} is {values.dtype}; it should be integers")
+    return values.astype(np.int64)

@@ -15,7 +15,7 @@ from numpy import ndarray
 from sain_core.errors import DatasetError
 from sain_core.scene import POSE
 from sain_core.types import Scenes
-from sain_model.data.dataset import Transitions
+from sain_model.data.dataset import Dataset
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class Windows:
         return type(self)(**{name: array[which] for name, array in vars(self).items()})
 
 
-def make_windows(data: Transitions, steps: int, whole: bool = False) -> Windows:
+def make_windows(data: Dataset, steps: int, whole: bool = False) -> Windows:
     """Return one window of at most so many pushes from every push of the data on.
 
     Args:
@@ -86,18 +86,18 @@ def make_windows(data: Transitions, steps: int, whole: bool = False) -> Windows:
         raise DatasetError(f"no episode has {steps} successive pushes; fewer, or longer episodes")
     last = np.maximum.accumulate(np.where(rows >= 0, np.arange(steps), 0), axis=1)
     filled = np.take_along_axis(rows, last, axis=1)
-    pushes = np.where((rows >= 0)[..., None], data.pushes[filled], 0.0)
+    pushes = np.where((rows >= 0)[..., None], data.action[filled], 0.0)
     first = rows[:, 0]
-    return Windows(rows, data.scenes[first], pushes, data.next_scenes[filled], data.episodes[first])
+    return Windows(rows, data.state[first], pushes, data.next_state[filled], data.episode[first])
 
 
-def following(data: Transitions) -> Int[ndarray, "M"]:
+def following(data: Dataset) -> Int[ndarray, "M"]:
     """Return which push came right after each push (M,) in its episode; -1 where none did."""
-    order = np.lexsort((data.steps, data.episodes))
+    order = np.lexsort((data.step, data.episode))
     this, following_one = order[:-1], order[1:]
-    follows = data.episodes[this] == data.episodes[following_one]
-    follows &= data.steps[following_one] == data.steps[this] + 1
-    follows &= _same_pose(data.next_scenes[this], data.scenes[following_one])
+    follows = data.episode[this] == data.episode[following_one]
+    follows &= data.step[following_one] == data.step[this] + 1
+    follows &= _same_pose(data.next_state[this], data.state[following_one])
     after = np.full(len(data), -1)
     after[this[follows]] = following_one[follows]
     return after

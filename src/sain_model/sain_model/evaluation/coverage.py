@@ -9,7 +9,7 @@ from scipy.stats import spearmanr
 
 from sain_core.scene import MID, TARGET
 from sain_core.types import Mask, Scalars
-from sain_model.data.dataset import Transitions
+from sain_model.data.dataset import Dataset
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.history_errors import ENOUGH, earlier_pushes, predict_with_history
@@ -18,7 +18,7 @@ from sain_model.evaluation.metrics import bootstrap_over_episodes, position_erro
 THIRDS: Final = ("lowest third", "middle third", "highest third")
 
 
-def measure_intervals(sain: SainDynamics, data: Transitions, seed: int) -> dict[str, Any]:
+def measure_intervals(sain: SainDynamics, data: Dataset, seed: int) -> dict[str, Any]:
     """Return how often the regions hold mid disk and target, over all pushes and parts of them.
 
     Parts are thirds by the spread and by the radius, pushes that moved the target, and those
@@ -40,15 +40,15 @@ def measure_intervals(sain: SainDynamics, data: Transitions, seed: int) -> dict[
     return report
 
 
-def _disk(prediction: Prediction, data: Transitions, disk: int, seed: int) -> dict[str, Any]:
+def _disk(prediction: Prediction, data: Dataset, disk: int, seed: int) -> dict[str, Any]:
     assert prediction.radius is not None
-    off = position_errors(prediction.mean, data.next_scenes, disk)
+    off = position_errors(prediction.mean, data.next_state, disk)
     radius = 1e3 * prediction.radius[:, disk]
     spread = 1e3 * prediction.spread[:, disk]
     count = earlier_pushes(data)
     parts: dict[str, Mask] = {
         "all": np.ones(len(data), dtype=bool),
-        "target moved": target_moved(data.scenes, data.next_scenes),
+        "target moved": target_moved(data.state, data.next_state),
         "no earlier push": count == 0,
         f"{ENOUGH} earlier pushes and more": count >= ENOUGH,
     }
@@ -56,7 +56,7 @@ def _disk(prediction: Prediction, data: Transitions, disk: int, seed: int) -> di
     parts |= {f"{name} by radius": rows for name, rows in _thirds(radius).items()}
     return {
         "parts": {
-            name: _part(off[rows], spread[rows], radius[rows], data.episodes[rows], seed)
+            name: _part(off[rows], spread[rows], radius[rows], data.episode[rows], seed)
             for name, rows in parts.items()
             if rows.any()
         },

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from sain_model.data.dataset import Split, Transitions
-from sain_model.data.mixed import MixedSplit, MixedTransitions
+from sain_model.data.dataset import Dataset, Split
+from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.dynamics.sain import LEARNED, SainDynamics
 from sain_model.evaluation.open_loop import card_errors
 from sain_model.evaluation.prediction_errors import evaluate
@@ -22,11 +22,11 @@ def held_out_errors(split: Split | MixedSplit, sain: SainDynamics) -> dict[str, 
     return result
 
 
-def held_out_part(split: Split | MixedSplit) -> Transitions | MixedTransitions:
+def held_out_part(split: Split | MixedSplit) -> Dataset | MixedDataset:
     """Return what errors are measured on: the test part, or without one the validation part."""
     return split.test if len(split.test) else split.validation
 
 
-def _errors(test: Transitions, sain: SainDynamics) -> dict[str, Any]:
+def _errors(test: Dataset, sain: SainDynamics) -> dict[str, Any]:
     errors = evaluate(test, learned=sain) if sain.kind == LEARNED else evaluate(test, sain=sain)
     return {**errors, "open_loop": card_errors(test, sain)}

@@ -9,7 +9,7 @@ from numpy import ndarray
 from sain_core.dynamics import Dynamics
 from sain_core.scene import TARGET
 from sain_core.types import Mask, Scenes
-from sain_model.data.dataset import Transitions
+from sain_model.data.dataset import Dataset
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.metrics import position_errors, shares_removed
@@ -23,41 +23,41 @@ PLANAR_HISTORY: Final = "planar, history"
 ENOUGH: Final = 3  # earlier pushes from which on they are taken together
 
 
-def earlier_friction(friction: FrictionFilter, data: Transitions) -> EpisodeFriction:
+def earlier_friction(friction: FrictionFilter, data: Dataset) -> EpisodeFriction:
     """Return for each push what the pushes before it in its own episode tell; inferred once."""
     if friction not in data.inferred:
-        likelihood = friction.log_likelihood(data.scenes, data.pushes, data.next_scenes)
-        data.inferred[friction] = friction.earlier(likelihood, data.episodes, data.steps)
+        likelihood = friction.log_likelihood(data.state, data.action, data.next_state)
+        data.inferred[friction] = friction.earlier(likelihood, data.episode, data.step)
     return data.inferred[friction]
 
 
-def predict_with_history(sain: SainDynamics, data: Transitions) -> Prediction:
+def predict_with_history(sain: SainDynamics, data: Dataset) -> Prediction:
     """Return predictions as in deployment: with what the episode's earlier pushes tell."""
     if sain.filter is None:
-        return sain.predict(data.scenes, data.pushes)
+        return sain.predict(data.state, data.action)
     known = earlier_friction(sain.filter, data)
-    return sain.predict(data.scenes, data.pushes, known.mean, known.spread)
+    return sain.predict(data.state, data.action, known.mean, known.spread)
 
 
-def history_predictions(data: Transitions, sain: Dynamics | None) -> dict[str, Scenes]:
+def history_predictions(data: Dataset, sain: Dynamics | None) -> dict[str, Scenes]:
     """Return what predictors that know the earlier pushes say (M, N, 8), by their names."""
     planar = PlanarPrior()
     known = earlier_friction(planar.filter(), data)
-    predictions = {PLANAR_HISTORY: planar.step(data.scenes, data.pushes, known.mean)}
+    predictions = {PLANAR_HISTORY: planar.step(data.state, data.action, known.mean)}
     if not isinstance(sain, SainDynamics) or sain.filter is None:
         return predictions
     known = earlier_friction(sain.filter, data)
     assert isinstance(sain.prior, PlanarPrior)
-    predictions[PRIOR_HISTORY] = sain.prior.step(data.scenes, data.pushes, known.mean)
-    predictions[SAIN_HISTORY] = sain.step(data.scenes, data.pushes, known.mean)
+    predictions[PRIOR_HISTORY] = sain.prior.step(data.state, data.action, known.mean)
+    predictions[SAIN_HISTORY] = sain.step(data.state, data.action, known.mean)
     truth = np.isfinite(data.friction)
-    told = np.full_like(data.scenes, np.nan)
-    told[truth] = sain.step(data.scenes[truth], data.pushes[truth], data.friction[truth])
+    told = np.full_like(data.state, np.nan)
+    told[truth] = sain.step(data.state[truth], data.action[truth], data.friction[truth])
     predictions[SAIN_TRUE] = told
     return predictions
 
 
-def errors_by_history(data: Transitions, predictions: dict[str, Scenes]) -> list[dict[str, Any]]:
+def errors_by_history(data: Dataset, predictions: dict[str, Scenes]) -> list[dict[str, Any]]:
     """Return mean target errors [mm] and shares removed, by the number of earlier pushes.
 
     A share is that of the reducible error, the nominal world's minus the floor's, that a
@@ -72,18 +72,18 @@ def errors_by_history(data: Transitions, predictions: dict[str, Scenes]) -> list
     ]
 
 
-def earlier_pushes(data: Transitions) -> ndarray:
+def earlier_pushes(data: Dataset) -> ndarray:
     """Return how many earlier pushes each push (M,) has in its own episode."""
-    order = np.lexsort((data.steps, data.episodes))
-    _, first, place = np.unique(data.episodes[order], return_index=True, return_inverse=True)
+    order = np.lexsort((data.step, data.episode))
+    _, first, place = np.unique(data.episode[order], return_index=True, return_inverse=True)
     count = np.empty(len(data), dtype=np.int64)
     count[order] = np.arange(len(data)) - first[place]
     return count
 
 
-def _group(data: Transitions, predictions: dict[str, Scenes], rows: Mask) -> dict[str, Any]:
+def _group(data: Dataset, predictions: dict[str, Scenes], rows: Mask) -> dict[str, Any]:
     means = {
-        name: _mean(position_errors(predicted[rows], data.next_scenes[rows], TARGET))
+        name: _mean(position_errors(predicted[rows], data.next_state[rows], TARGET))
         for name, predicted in predictions.items()
     }
     means = {name: mean for name, mean in means.items() if np.isfinite(mean)}

@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
+from sain_core.dataset import MOVED
 from sain_core.scene import MID, POSITION, TARGET, THETA, wrap_angle
 from sain_core.seeding import generator
-from sain_core.shards import MOVED
 from sain_core.types import Mask, Scalars, Scenes
-from sain_model.data.dataset import Transitions
+from sain_model.data.dataset import Dataset
 
 RESAMPLES: Final = 2000
 
@@ -63,12 +63,12 @@ def target_moved(before: Scenes, after: Scenes) -> Mask:
     return np.asarray(np.linalg.norm(way, axis=-1) > MOVED)
 
 
-def measure(predicted: Scenes, data: Transitions, seed: int) -> Errors:
+def measure(predicted: Scenes, data: Dataset, seed: int) -> Errors:
     """Return the errors of predictions (M, N, 8)."""
-    target = position_errors(predicted, data.next_scenes, TARGET)
-    mid = position_errors(predicted, data.next_scenes, MID)
-    turned = 1e3 * np.abs(wrap_angle(predicted[..., THETA] - data.next_scenes[..., THETA]))
-    low, high = bootstrap_over_episodes(target, data.episodes, seed)
+    target = position_errors(predicted, data.next_state, TARGET)
+    mid = position_errors(predicted, data.next_state, MID)
+    turned = 1e3 * np.abs(wrap_angle(predicted[..., THETA] - data.next_state[..., THETA]))
+    low, high = bootstrap_over_episodes(target, data.episode, seed)
     return Errors(
         pushes=len(data),
         target_mean=float(target.mean()),

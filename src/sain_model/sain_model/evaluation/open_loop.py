@@ -15,7 +15,7 @@ from numpy import ndarray
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.push import LENGTH
 from sain_core.types import Pushes, Scalars, Scenes
-from sain_model.data.dataset import Transitions
+from sain_model.data.dataset import Dataset
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
 from sain_model.evaluation.history_errors import earlier_friction, earlier_pushes
@@ -94,7 +94,7 @@ def roll_out(
 
 
 def predict_open_loop(
-    data: Transitions,
+    data: Dataset,
     models: Mapping[str, Dynamics],
     steps: int = max(STEPS),
     others: Mapping[str, Dynamics] | None = None,
@@ -155,7 +155,7 @@ def _single(windows: Windows, recorded: dict[str, Scenes]) -> dict[str, Rollouts
     return found
 
 
-def card_errors(data: Transitions, sain: SainDynamics) -> dict[str, Any]:
+def card_errors(data: Dataset, sain: SainDynamics) -> dict[str, Any]:
     """Return mean target errors [mm] of a model and of physics, cheaply, for a model's card."""
     windows = make_windows(data, max(STEPS))
     name = NAMES.get(sain.kind, LEARNED)

@@ -1,7 +1,7 @@
 """The picture of open loops: how errors grow with the number of pushes, for each kind."""
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -78,7 +78,7 @@ def _label(axes: Axes, ends: list[tuple[float, str]], steps: int) -> None:
     above = -np.inf
     for value, colour in sorted(ends):
         above = max(value, above + apart)
-        style = {"color": colour, "va": "center", "fontsize": TEXT}
+        style: dict[str, Any] = {"color": colour, "va": "center", "fontsize": TEXT}
         axes.annotate(
             f"{value:.0f} mm", (steps, above), (6, 0), textcoords="offset points", **style
         )

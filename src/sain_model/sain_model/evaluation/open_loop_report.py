@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from sain_core.dynamics import Dynamics
 from sain_core.storage import write_whole
-from sain_model.data.dataset import Transitions
+from sain_model.data.dataset import Dataset
 from sain_model.evaluation.baselines import refusals
 from sain_model.evaluation.markdown import markdown_table
 from sain_model.evaluation.metrics import FLOOR, LEARNED, NO_MOTION
@@ -37,7 +37,7 @@ COLUMNS: Final = (
 
 def report_open_loop(
     out: Path,
-    data: Transitions,
+    data: Dataset,
     models: Mapping[str, Dynamics],
     seed: int,
     steps: tuple[int, ...] = STEPS,

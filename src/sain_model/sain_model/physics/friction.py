@@ -143,7 +143,7 @@ class FrictionFilter:
     def infer(self, history: PushHistory) -> FrictionBelief:
         """Return what is believed after these pushes."""
         belief = self.start()
-        for push in self.log_likelihood(history.scenes, history.pushes, history.next_scenes):
+        for push in self.log_likelihood(history.state, history.action, history.next_state):
             belief = belief.after(push)
         return belief
 

@@ -14,7 +14,7 @@ from torch import Tensor
 from sain_core.config import Config, option
 from sain_core.seeding import generator
 from sain_model.compute.threads import settle_threads
-from sain_model.data.dataset import Split, Transitions
+from sain_model.data.dataset import Dataset, Split
 from sain_model.data.examples import Examples, make_examples
 from sain_model.dynamics.correction_network import (
     InsideNetwork,
@@ -48,14 +48,14 @@ class InsideTrainingConfig(Config):
 class _Lesson:
     """Pushes, what the network sees of them, and how they go when the prior is told nothing."""
 
-    data: Transitions
+    data: Dataset
     examples: Examples
     plain: Tensor  # (M, N, 3)
 
     @classmethod
-    def make(cls, data: Transitions, prior: PlanarPrior) -> "_Lesson":
-        after = prior.step(data.scenes, data.pushes)
-        plain = moves(data.scenes, data.pushes, after).astype(np.float32)
+    def make(cls, data: Dataset, prior: PlanarPrior) -> "_Lesson":
+        after = prior.step(data.state, data.action)
+        plain = moves(data.state, data.action, after).astype(np.float32)
         examples = make_examples(data, prior, None, NetworkConfig(features=WORLD_FRAME))
         return cls(data, examples, torch.from_numpy(plain))
 
@@ -132,7 +132,7 @@ class InsideTrainer:
         examples, picked = lesson.examples, rows.numpy()
         corrections, residual = self.network(examples.disks[rows], examples.relations[rows])
         data = lesson.data
-        told = told_moves(corrections, self._prior, data.scenes[picked], data.pushes[picked])
+        told = told_moves(corrections, self._prior, data.state[picked], data.action[picked])
         predicted = told - lesson.plain[rows] + residual
         return mixed_loss(predicted, examples, rows, self.config.loss)
 

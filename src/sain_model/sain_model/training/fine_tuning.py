@@ -14,8 +14,8 @@ import numpy as np
 
 from sain_core.errors import CheckpointError, ConfigError, DatasetError
 from sain_core.scene import TARGET
-from sain_model.data.dataset import Split, Transitions
-from sain_model.data.mixed import MixedSplit, MixedTransitions
+from sain_model.data.dataset import Dataset, Split
+from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.dynamics.checkpoint import SUFFIX, Card, parse_card
 from sain_model.dynamics.load import SHIPPED, card_part, load_sain, shipped_checkpoint
 from sain_model.dynamics.loss import LossConfig
@@ -108,7 +108,7 @@ class Parent:
                     f" fit nothing else: leave {option} or --from out"
                 )
 
-    def check_data(self, data: Transitions | MixedTransitions) -> None:
+    def check_data(self, data: Dataset | MixedDataset) -> None:
         """Check that a data set is new to it: what is held out must not have been learned from.
 
         Raises:
@@ -137,13 +137,13 @@ class Parent:
         before, after = (
             np.concatenate(
                 [
-                    position_errors(predict_with_history(m, p).mean, p.next_scenes, TARGET)
+                    position_errors(predict_with_history(m, p).mean, p.next_state, TARGET)
                     for p in parts
                 ]
             )
             for m in (self.sain, sain)
         )
-        episodes = np.concatenate([part.episodes for part in parts])
+        episodes = np.concatenate([part.episode for part in parts])
         return {
             "before": float(before.mean()),
             "after": float(after.mean()),

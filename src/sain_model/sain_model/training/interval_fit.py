@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.types import Scalars
-from sain_model.data.dataset import Transitions
+from sain_model.data.dataset import Dataset
 from sain_model.dynamics.intervals import LEVEL, IntervalConfig, Intervals
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.history_errors import predict_with_history
@@ -22,7 +22,7 @@ FEW: Final = 60  # pushes below which there is one window
 STARTS: Final = (0.0, -2.0, -4.0)  # of the search, logarithms of the weights
 
 
-def fit_intervals(sain: SainDynamics, data: Transitions, level: float = LEVEL) -> Intervals:
+def fit_intervals(sain: SainDynamics, data: Dataset, level: float = LEVEL) -> Intervals:
     """Return regions that hold mid disk and target in this share of the pushes.
 
     Args:
@@ -31,8 +31,8 @@ def fit_intervals(sain: SainDynamics, data: Transitions, level: float = LEVEL) -
         level: the share.
     """
     prediction = predict_with_history(sain, data)
-    way = np.linalg.norm((prediction.mean - data.scenes)[..., POSITION], axis=-1)
-    off = np.linalg.norm((prediction.mean - data.next_scenes)[..., POSITION], axis=-1)
+    way = np.linalg.norm((prediction.mean - data.state)[..., POSITION], axis=-1)
+    off = np.linalg.norm((prediction.mean - data.next_state)[..., POSITION], axis=-1)
     configs = []
     for disk in (MID, TARGET):
         parts = (prediction.members[:, disk], prediction.friction[:, disk], way[:, disk])

@@ -1,8 +1,6 @@
 """What ``ros2 run sain_model train`` can be asked for."""
 
 import argparse
-import shlex
-import sys
 from dataclasses import dataclass, field, make_dataclass
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -10,6 +8,7 @@ from typing import Annotated, Final, Literal
 import tyro
 
 from sain_core.errors import ConfigError
+from sain_core.provenance import ros2_command
 from sain_model.dynamics.rollouts import RolloutConfig
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.presets import PRESETS
@@ -81,4 +80,4 @@ def _check(command: TrainCommand, parent: Parent) -> None:
 
 def command_line() -> str:
     """Return the command line of this process."""
-    return shlex.join(["ros2", "run", "sain_model", "train", *sys.argv[1:]])
+    return ros2_command("sain_model", "train")

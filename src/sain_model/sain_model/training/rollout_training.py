@@ -13,7 +13,7 @@ from torch import Tensor
 from sain_core.dynamics import Dynamics
 from sain_core.seeding import generator
 from sain_model.compute.threads import one_numba_thread, settle_threads
-from sain_model.data.dataset import Split, Transitions
+from sain_model.data.dataset import Dataset, Split
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.rollouts import RolloutConfig, Told, roll, rollout_loss
 from sain_model.network.interaction_network import InteractionNetwork
@@ -40,7 +40,7 @@ class Lessons:
 
 
 def make_lessons(
-    data: Transitions, steps: int, friction: FrictionFilter | None, mirror: bool
+    data: Dataset, steps: int, friction: FrictionFilter | None, mirror: bool
 ) -> Lessons:
     """Return windows of at most so many pushes from every push on.
 
@@ -52,8 +52,8 @@ def make_lessons(
     """
     told = None
     if friction is not None:
-        likelihood = friction.log_likelihood(data.scenes, data.pushes, data.next_scenes)
-        told = friction.others(likelihood, data.episodes).mean
+        likelihood = friction.log_likelihood(data.state, data.action, data.next_state)
+        told = friction.others(likelihood, data.episode).mean
     windows = make_windows(data, steps)
     if mirror:
         windows = windows.and_then(make_windows(data.mirrored(), steps))

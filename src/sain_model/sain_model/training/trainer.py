@@ -10,15 +10,15 @@ import numpy as np
 import torch
 
 from sain_core.config import Config, option
+from sain_core.dataset import SHARES, TEST, VALIDATION
 from sain_core.dynamics import Dynamics
 from sain_core.seeding import generator
-from sain_core.split import SHARES, TEST, VALIDATION
 from sain_model.compute.threads import settle_threads
 from sain_model.data.batches import BOOTSTRAP, ORDER, Batches
-from sain_model.data.dataset import Split, Transitions
+from sain_model.data.dataset import Dataset, Split
 from sain_model.data.examples import training_examples
 from sain_model.data.friction_noise import make_filter
-from sain_model.data.mixed import MixedSplit, MixedTransitions
+from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.dynamics.load import PLANAR, PRIORS, load_prior
 from sain_model.dynamics.loss import LossConfig, mixed_loss
 from sain_model.dynamics.sain import IDENTITY, SainDynamics
@@ -90,7 +90,7 @@ class TrainingConfig(Config):
 
 
 def prior_and_filter(
-    config: TrainingConfig, train: Transitions | MixedTransitions
+    config: TrainingConfig, train: Dataset | MixedDataset
 ) -> tuple[Dynamics, FrictionFilter | None]:
     """Return what is corrected, and what infers the friction that it is told; None: nothing does.
 
@@ -152,7 +152,7 @@ class Trainer:
         self._batches = Batches(
             config.seed,
             config.batch,
-            np.tile(split.train.episodes, len(self._train) // len(split.train)),  # and mirrored
+            np.tile(split.train.episode, len(self._train) // len(split.train)),  # and mirrored
             config.network.members,
             config.diversity,
             config.epoch_steps,

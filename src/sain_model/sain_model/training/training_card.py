@@ -2,19 +2,21 @@
 
 import json
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from sain_model.data.dataset import Split, Transitions
-from sain_model.data.mixed import MixedSplit, MixedTransitions
+from sain_core.provenance import processor, system, versions
+from sain_model.data.dataset import Dataset, Split
+from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.dynamics.checkpoint import Card
 from sain_model.dynamics.load import prior_settings
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.training.environment import environment
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.options import TrainCommand, command_line
 from sain_model.training.training_state import History
+
+PACKAGES: Final = ("sain_model", "torch", "numpy", "numba", "scipy", "safetensors")
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class Learned:
 
 def make_card(
     command: TrainCommand,
-    data: Transitions | MixedTransitions,
+    data: Dataset | MixedDataset,
     split: Split | MixedSplit,
     learned: Learned,
     errors: dict[str, Any],
@@ -60,7 +62,7 @@ def make_card(
             "sha256": data.sha256,
             "sources": list(data.sources),
             "transitions": {name: len(part) for name, part in parts.items()},
-            "episodes": {name: len(np.unique(part.episodes)) for name, part in parts.items()},
+            "episodes": {name: len(np.unique(part.episode)) for name, part in parts.items()},
         },
         training=training,
         errors=errors,
@@ -81,7 +83,12 @@ def _losses(history: History) -> dict[str, float | None]:
     return losses if history.start is None else {**losses, "loss_before": history.start}
 
 
-def settings_text(command: TrainCommand, data: Transitions | MixedTransitions) -> str:
+def environment() -> dict[str, str]:
+    """Return versions and machine, as far as they can change a bit of a checkpoint."""
+    return {**versions(*PACKAGES), "system": system(), "processor": processor()}
+
+
+def settings_text(command: TrainCommand, data: Dataset | MixedDataset) -> str:
     """Return what is to be done with what, as it stands beside the checkpoint from the start."""
     settings = {
         **asdict(command),

@@ -13,8 +13,8 @@ from visualization_msgs.msg import MarkerArray
 
 from sain_core.dynamics import as_rollout
 from sain_core.errors import CancelledError, ErrorCode, NoPushError, SainError
-from sain_core.ids import push_ids
 from sain_core.plugins import load_dynamics
+from sain_core.push import push_ids
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
 from sain_core.ros.node_main import NAMESPACE, node_main

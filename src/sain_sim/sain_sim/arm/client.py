@@ -1,18 +1,33 @@
 """One PyBullet client, and the only way to it.
 
-PyBullet calls without ``physicsClientId`` all talk to client 0, so two worlds in one process
-silently become one. A `Client` adds its own id to every call; nothing else imports PyBullet.
+PyBullet calls without ``physicsClientId`` all go to client 0, so two worlds in one process would
+be one without an error. A `Client` adds its own id to every call; nothing else imports PyBullet.
 """
 
 import functools
 import os
 import sys
-from typing import Any
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Self
 
 from sain_core.errors import ConfigError, SainError
-from sain_sim.arm.silence_stderr import muted
 
-with muted():
+
+@contextmanager
+def silence_stderr() -> Iterator[None]:
+    """Discard what C code writes to standard error: PyBullet prints its build time on import."""
+    saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(nowhere)
+
+
+with silence_stderr():
     import pybullet
 
 
@@ -45,3 +60,19 @@ class Client:
         if self.id >= 0:
             pybullet.disconnect(physicsClientId=self.id)
             self.id = -1
+
+
+class Closeable:
+    """Base of what holds a client: ``with`` closes it."""
+
+    def close(self) -> None:
+        """Close what it holds."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        """Return the object itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()

@@ -37,9 +37,9 @@ class ArmConfig(Config):
     torque_scale: float = option(
         20.0, "joint torque limits, as a multiple of Franka's", minimum=0.1, maximum=100.0
     )
-    # Rotors turn a hundred times faster than the joints behind their gears: an arm resists a
-    # knock with far more than its links. Bullet has no rotors, and light links that push heavy
-    # disks keep its solver from converging: the tool gave way, by how much told the direction.
+    # Rotors turn a hundred times faster than the joints behind their gears, so an arm resists a
+    # knock with far more than its links. Bullet has no rotors, and its solver does not converge
+    # for light links that push heavy disks: the tool deviated, depending on the arm's pose.
     inertia_scale: float = option(
         20.0, "inertia of the links, as a multiple of Franka's", minimum=0.1, maximum=1000.0
     )
@@ -169,5 +169,5 @@ class Arm:
         return self.tip() if self.spring is None else self.spring.tip(self.tip())
 
     def commanded_tip(self) -> Tips:
-        """Return where the tool's tip was last told to be, (3,) [m]."""
+        """Return where the tool's tip was last commanded to be, (3,) [m]."""
         return self.kinematics.tips(self.target)

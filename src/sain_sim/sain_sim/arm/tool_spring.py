@@ -1,7 +1,7 @@
-"""A stick that gives way: a spring and a damper, in two directions across it, hold it to the hand.
+"""A compliant stick: a spring and a damper, in two directions across it, hold it to the hand.
 
-So does an arm under impedance control, or a stick in a rubber sleeve. Bullet's motors cannot be
-soft, whatever their gain; a mass on a spring can, and Bullet solves what it does in contact.
+An arm under impedance control behaves like this. Bullet's motors cannot be soft at any gain, but
+a mass on a spring can, and Bullet solves its contacts.
 """
 
 from math import hypot, sqrt

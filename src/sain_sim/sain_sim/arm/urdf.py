@@ -25,12 +25,12 @@ HAND_COLOR: Final = "0.93 0.93 0.93 1"
 # link 7 (0.2 kg), hand (0.81 kg), two fingers (0.1 kg each) and stick (0.1 kg), stock URDF
 END_MASS: Final = 1.31  # [kg]
 END_CENTRE: Final = 0.15  # [m], their centre of mass along the flange's axis
-END_INERTIA: Final = 0.1  # [kg m^2], what the stock URDF says of each link
+END_INERTIA: Final = 0.1  # [kg m^2], of each link in the stock URDF
 
 SPRUNG_MASS: Final = 2.0  # [kg], moves with a stick that a spring holds: some of a soft arm
 SLIDE_MASS: Final = 0.01  # [kg], between the two directions of the spring
 SLIDE_RANGE: Final = 0.16  # [m], either way: more than a push is long
-# Told of nothing to be seen, Bullet makes a mesh of what collides, which takes its time.
+# Without a visual, Bullet makes a mesh of what collides, which takes time.
 UNSEEN: Final = '<visual><geometry><box size="0.002 0.002 0.002"/></geometry></visual>'
 FINGER_DROP: Final = 0.0584  # [m], from hand to finger, stock URDF
 
@@ -75,7 +75,7 @@ def _remove(parent: ElementTree.Element, tag: str) -> None:
 
 
 def _hide(robot: ElementTree.Element) -> None:
-    """Leave out what nobody sees and what Bullet does not use; it takes time to read."""
+    """Leave out visuals, and what Bullet does not use: reading them takes time."""
     for joint in robot.findall("joint"):
         _remove(joint, "safety_controller")
     for link in robot.findall("link"):

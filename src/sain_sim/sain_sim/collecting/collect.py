@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from sain_core.config import Config, option
+from sain_core.dataset import SHARD_SIZE, Column, Row, describe_fields
 from sain_core.errors import DatasetError
-from sain_core.shards import SHARD_SIZE
 from sain_core.storage import write_json
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.push_counts import Journal, Tally
 from sain_sim.collecting.ray_workers import RayCrew, ray_cluster
 from sain_sim.collecting.shards import (
-    Transition,
     full_shards,
     last_transition,
     load_shards,
@@ -79,12 +78,12 @@ def collect(
     remove_leftovers(folder)
     shards = full_shards(folder)
     last = last_transition(folder, shards - 1) if shards else (0, -1)
-    waiting: list[Transition] = []
+    waiting: list[Row] = []
     progress(last[0], shards * SHARD_SIZE)
     with closing(Journal(folder, last[0])) as journal, closing(_run(config, last[0])) as results:
         for episode, result in enumerate(results, start=last[0]):
             journal.add(episode, result.tally)
-            waiting += [item for item in result.transitions if (item.episode, item.step) > last]
+            waiting += [row for row in result.transitions if _place(row) > last]
             while len(waiting) >= SHARD_SIZE:
                 write_shard(folder, shards, waiting[:SHARD_SIZE])
                 shards, waiting = shards + 1, waiting[SHARD_SIZE:]
@@ -115,6 +114,11 @@ def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, No
     else:
         with closing(EpisodeRunner(*settings)) as runner:
             yield from map(runner.run, episodes)
+
+
+def _place(row: Row) -> tuple[int, int]:
+    """Return the episode of a row and its step."""
+    return int(row[Column.EPISODE]), int(row[Column.STEP])
 
 
 def _identity(config: CollectConfig) -> dict[str, Any]:
@@ -157,9 +161,9 @@ def _summary(config: CollectConfig, done: Collected) -> dict[str, Any]:
     data = load_shards(config.out)
     return {
         "episodes": config.episodes,
-        "transitions": len(data["episode"]),
-        "moved": int(data["moved"].sum()),
+        "transitions": len(data[Column.EPISODE]),
+        "moved": int(data[Column.MOVED].sum()),
         "tally": {"drawn": done.tally.drawn, "valid": done.tally.valid, **asdict(done.tally)},
         "shard_size": SHARD_SIZE,
-        "fields": {name: list(values.shape[1:]) for name, values in data.items()},
+        "fields": describe_fields(data),
     }

@@ -6,37 +6,31 @@ Paper, section III-B. An episode depends on the collection's seed and its own nu
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from sain_core.config import Config, option
+from sain_core.dataset import MOVED, ROUGH, Column, Row, shape_marks
 from sain_core.errors import SainError
 from sain_core.push import PaperGrid
-from sain_core.scene import POSITION, TARGET
+from sain_core.scene import MID, POSITION, TARGET
 from sain_core.seeding import generator
-from sain_core.shards import MOVED
+from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
+from sain_core.shapes.registry import built_shapes, footprint_names
 from sain_core.types import PushArray
 from sain_sim.collecting.push_counts import Tally
-from sain_sim.collecting.shards import Transition
+from sain_sim.episodes.samplers import CircleSampler, GridSampler, PushSampler
+from sain_sim.episodes.start import StartConfig, draw_start, wholly_on
+from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.outcome import PushOutcome
-from sain_sim.world.parameters import CUBE, FLAT, PAPER, RANGES, THREE_FEET, WIDE, WorldParameters
-from sain_sim.world.sampling import (
-    CircleSampler,
-    GridSampler,
-    PushSampler,
-    StartConfig,
-    draw_start,
-    wholly_on,
-)
+from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
-from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.world import World, WorldConfig
 
 MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
 CIRCLE: Final = "circle"
 GRID: Final = "grid"
-DISK: Final = "disk"
 
 
 @dataclass(frozen=True)
@@ -44,8 +38,8 @@ class EpisodeConfig(Config):
     """What episodes are like."""
 
     disks: int = option(2, "number of disks N", minimum=2, maximum=5)
-    shape: str = option(THREE_FEET, "how disks are built", choices=(THREE_FEET, FLAT))
-    target: str = option(DISK, "what the target is", choices=(DISK, CUBE))
+    shape: str = option(THREE_FEET, "how disks are built", choices=DISK_SHAPES)
+    target: str = option(DISK, f"what the target is: {', '.join(footprint_names())}")
     parameters: str = option(
         PAPER,
         "masses, radii and friction: the paper's ranges, or wide ones (5 to 12 kg, radii +-20 %,"
@@ -67,11 +61,16 @@ class EpisodeConfig(Config):
     )
     truth: TruthConfig = RANDOMISED_TRUTH
 
+    def __post_init__(self) -> None:
+        """Check the fields, and that the target's shape exists."""
+        super().__post_init__()
+        built_shapes([self.target], self.shape)
+
 
 class EpisodeResult(NamedTuple):
     """What an episode gave."""
 
-    transitions: list[Transition]  # in order; with the 2 mm filter only those that pass it
+    transitions: list[Row]  # in order; with the 2 mm filter only those that pass it
     tally: Tally  # of all pushes that were drawn
 
 
@@ -91,13 +90,13 @@ class EpisodeRunner:
         self._sampler: PushSampler = CircleSampler()
         if config.sampler == GRID:
             self._sampler = GridSampler(PaperGrid())
-        self._world = World(_draw_parameters(generator(seed, "build"), config), self._world_config)
+        self._world = World(draw_parameters(generator(seed, "build"), config), self._world_config)
         self._shadow = BulletPrior(NOMINAL, self._world_config, self._world.parameters)
 
     def run(self, episode: int) -> EpisodeResult:
         """Return the transitions of one episode, in order, and what became of its pushes."""
         random = generator(self._seed, "episode", episode)
-        parameters = _draw_parameters(random, self._config)
+        parameters = draw_parameters(random, self._config)
         table = self._world_config.feasibility.table
         self._world.reset(draw_start(random, parameters, StartConfig(), table), parameters)
         tally, kept = Tally(episodes=1), []
@@ -108,7 +107,7 @@ class EpisodeRunner:
             for step, (push, outcome) in enumerate(self._pushes(random, tally)):
                 moved = _count(outcome, tally)
                 if moved or not self._config.moved_only:
-                    kept.append(self._transition(episode, step, push, outcome, moved, floor))
+                    kept.append(self._row(episode, step, push, outcome, moved, floor))
         return EpisodeResult(kept, tally)
 
     def _pushes(
@@ -139,7 +138,7 @@ class EpisodeRunner:
                 tally.refuse(error)
         return None
 
-    def _transition(
+    def _row(
         self,
         episode: int,
         step: int,
@@ -147,28 +146,32 @@ class EpisodeRunner:
         outcome: PushOutcome,
         moved: bool,
         floor: BulletPrior | None,
-    ) -> Transition:
+    ) -> Row:
         before, after = outcome.before, outcome.after
         again = np.full_like(before, np.nan) if floor is None else floor.predict(before, push)
         parameters = self._world.parameters
-        return Transition(
-            state=before.ravel(),
-            action=push,
-            physics_next=self._shadow.predict(before, push).ravel(),
-            next_state=after.ravel(),
-            floor_next=again.ravel(),
-            episode=episode,
-            step=step,
-            seed=self._seed,
-            masses=np.array(parameters.masses),
-            radii=np.array(parameters.radii),
-            friction=parameters.friction,
-            rim_friction=parameters.rim_friction,
-            tool_friction=parameters.tool_friction,
-            moved=moved,
-            duration=outcome.duration,
-            roughness=parameters.roughness.arrays(),
-            cubes=np.array(parameters.cubes) if any(parameters.cubes) else None,
+        row: dict[str, Any] = {
+            Column.STATE: before.ravel(),
+            Column.ACTION: push,
+            Column.PHYSICS_NEXT: self._shadow.predict(before, push).ravel(),
+            Column.NEXT_STATE: after.ravel(),
+            Column.FLOOR_NEXT: again.ravel(),
+            Column.EPISODE: episode,
+            Column.STEP: step,
+            Column.SEED: self._seed,
+            Column.MASSES: parameters.masses,
+            Column.RADII: parameters.radii,
+            Column.FRICTION: parameters.friction,
+            Column.RIM_FRICTION: parameters.rim_friction,
+            Column.TOOL_FRICTION: parameters.tool_friction,
+            Column.MOVED: moved,
+            Column.DURATION: outcome.duration,
+        }
+        rough = parameters.roughness.arrays()
+        return (
+            row
+            | shape_marks(parameters.shapes)
+            | {f"{ROUGH}{name}": value for name, value in rough.items()}
         )
 
     def close(self) -> None:
@@ -187,9 +190,9 @@ def _count(outcome: PushOutcome, tally: Tally) -> bool:
     return travel >= MOVED
 
 
-def _draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> WorldParameters:
+def draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> WorldParameters:
+    """Draw what the world of an episode is made of."""
     ranges = RANGES[config.parameters]
     drawn = config.truth.draw(random, config.disks, config.shape, ranges)
-    if config.target == DISK:
-        return drawn
-    return replace(drawn, shapes=(drawn.shapes[0], CUBE, *drawn.shapes[2:]))
+    (target,) = built_shapes([config.target], config.shape)
+    return replace(drawn, shapes=(drawn.shapes[MID], target, *drawn.shapes[TARGET + 1 :]))

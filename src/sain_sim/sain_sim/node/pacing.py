@@ -1,13 +1,13 @@
-"""How simulated time runs beside the clock on the wall, for those who watch."""
+"""The relation of simulated time to wall time."""
 
 import time
 from collections.abc import Callable
 
 
 class Pacer:
-    """Simulated time that never goes back: it runs with the world and, when idle, with the wall.
+    """Simulated time that never goes back: it follows the world and, when idle, wall time.
 
-    With a factor of 0 the world runs as fast as it can and idle time stands still.
+    With a factor of 0 the world runs as fast as possible, and idle time stands still.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class Pacer:
         return round(self._now * 1e9)
 
     def idle(self) -> None:
-        """Let the time since the last call pass while the world rests."""
+        """Add the wall time since the last call, while the world rests."""
         wall = self._wall()
         passed = (wall - self._anchor) * self._factor
         self._idle_s += passed
@@ -43,10 +43,10 @@ class Pacer:
         self._anchor = wall
 
     def follow(self, world_time: float) -> None:
-        """Go on to a time of the world [s], not before it is due."""
+        """Wait until a time of the world [s] is due, and go on to it."""
         now = world_time + self._idle_s
         if self._factor > 0.0:
             due = self._anchor + (now - self._now) / self._factor
             self._sleep(max(0.0, due - self._wall()))
-            self._anchor = max(due, self._wall() - 0.1)  # what was missed by more is let go
+            self._anchor = max(due, self._wall() - 0.1)  # a longer delay is not caught up
         self._now = now

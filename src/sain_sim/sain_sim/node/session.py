@@ -1,4 +1,4 @@
-"""Which pushes a simulator carries out: ids, episodes, and one at a time. No physics here."""
+"""Which pushes a simulator executes: ids, episodes, and one at a time. No physics here."""
 
 from collections import OrderedDict
 from typing import Final
@@ -11,14 +11,14 @@ from sain_core.errors import (
     UnknownEpisodeError,
 )
 
-REMEMBERED_PUSHES: Final = 100_000  # an id forgotten after so many names a stale scene anyway
+REMEMBERED_PUSHES: Final = 100_000  # an older push names a stale scene in any case
 
 
 class Session:
-    """The life of a simulator as its peers see it.
+    """The ids of episodes and scenes, and the push under way. Not for use by two threads.
 
-    `episode_id` counts resets from 1. `scene_id` counts resets and executed pushes and never
-    starts again, so that an episode and a scene name one moment. Not for use by two threads.
+    `episode_id` counts resets from 1. `scene_id` counts resets and executed pushes, and never
+    starts again: an episode and a scene name one moment.
     """
 
     def __init__(self) -> None:
@@ -45,14 +45,14 @@ class Session:
         self.scene_id += 1
 
     def admit(self, push_id: int, episode_id: int, scene_id: int) -> None:
-        """Take a push as the one under way, until `finish`. Its id is used up either way.
+        """Take a push as the one under way, until `finish`; a refusal uses up its id too.
 
         Raises:
             InvalidInputError: the id 0, which means "none".
             DuplicatePushError: an id that was seen before.
             BusyError: another push is under way.
             UnknownEpisodeError: not of the episode that is running.
-            StaleSceneError: planned from another scene than the current one.
+            StaleSceneError: not planned from the current scene.
         """
         if push_id == 0:
             raise InvalidInputError("push_id is 0; ids start at 1")

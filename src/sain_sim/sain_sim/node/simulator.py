@@ -1,18 +1,19 @@
-"""Truth world and nominal shadow world side by side: all that a simulator node calls."""
+"""The truth world and the nominal shadow world: all that a simulator node calls."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 
 from sain_core.config import Config, option
+from sain_core.shapes.disk import DISK_SHAPES, THREE_FEET
 from sain_core.types import PushArray, Scene
+from sain_sim.episodes.start import WORLDS, draw_episode
+from sain_sim.episodes.truth import ALL, KNOWN_EFFECTS, TruthConfig
 from sain_sim.node.pacing import Pacer
 from sain_sim.rendering.window import Window
 from sain_sim.world.outcome import PushOutcome, Sample
-from sain_sim.world.parameters import FLAT, THREE_FEET, WorldParameters, nominal_parameters
+from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.shadow import BulletPrior
-from sain_sim.world.start import WORLDS, draw_episode
-from sain_sim.world.truth import ALL, KNOWN_EFFECTS, TruthConfig
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 
@@ -21,17 +22,17 @@ SHADOW_MODEL = "bullet_nominal"
 
 @dataclass(frozen=True)
 class SimulatorConfig(Config):
-    """What is simulated, and how it is shown."""
+    """What is simulated, and how it is displayed."""
 
     world: str = option(
-        "randomised", "where parameters that are not given are from", choices=WORLDS
+        "randomised", "which world draws the parameters that a reset does not give", choices=WORLDS
     )
-    lab: int = option(0, "which rough world; same number, same lab", minimum=0)
+    lab: int = option(0, "number of the rough world", minimum=0)
     effects: str = option(
         ALL, f"of a rough world: all, none, or some with commas of {', '.join(KNOWN_EFFECTS)}"
     )
     seed: int = option(0, "of the episode that the simulator starts with", minimum=0)
-    disk_shape: str = option(THREE_FEET, "how disks are built", choices=(THREE_FEET, FLAT))
+    disk_shape: str = option(THREE_FEET, "how disks are built", choices=DISK_SHAPES)
     real_time_factor: float = option(
         0.0, "simulated by real time; 0: as fast as possible", minimum=0.0, maximum=100.0
     )
@@ -41,14 +42,14 @@ class SimulatorConfig(Config):
     idle_rate: float = option(
         2.0, "settled scenes a second, for late joiners", unit="Hz", minimum=0.1, maximum=100.0
     )
-    gui: bool = option(False, "show the world in a window; needs a display")
-    shadow: bool = option(True, "let the nominal world predict each push")
+    gui: bool = option(False, "show the world in a window (needs a display)")
+    shadow: bool = option(True, "predict each push with the nominal world")
     peer_wait: float = option(
-        1.0, "look at the start for another simulator", unit="s", minimum=0.0, maximum=60.0
+        1.0, "time to look for another simulator at the start", unit="s", minimum=0.0, maximum=60.0
     )
     service_introspection: str = option(
         "disabled",
-        "publish what is asked of services and answered: not, when and by whom, or all of it",
+        "publish service calls: not at all, time and client, or with contents",
         choices=("disabled", "metadata", "contents"),
     )
     bullet: WorldConfig = WorldConfig()
@@ -61,7 +62,7 @@ class SimulatorConfig(Config):
 
 @dataclass(frozen=True)
 class Pushed:
-    """A push that was carried out: what came of it, the world now, and the time it took [s]."""
+    """An executed push: its outcome, the world after it, and its wall time [s]."""
 
     outcome: PushOutcome
     sample: Sample
@@ -69,7 +70,7 @@ class Pushed:
 
 
 class Simulator:
-    """The worlds and their time. PyBullet wants all calls from the thread that made it."""
+    """The worlds and their time. All calls must come from the thread that made it: PyBullet."""
 
     def __init__(self, config: SimulatorConfig, pacer: Pacer) -> None:
         """Make the worlds; `reset` starts an episode."""
@@ -106,7 +107,7 @@ class Simulator:
         return self._look()
 
     def push(self, push: PushArray, on_sample: Callable[[Sample], None]) -> Pushed:
-        """Carry out a push (3,), showing it at the state rate; see `World.push` for errors."""
+        """Execute a push (3,) with samples at the state rate; see `World.push` for errors."""
 
         def show(sample: Sample) -> None:
             self.pacer.follow(sample.time)
@@ -117,12 +118,12 @@ class Simulator:
         return Pushed(outcome, self._look(), perf_counter() - begun)
 
     def predict(self, scene: Scene, push: PushArray) -> Scene:
-        """Return what the nominal world makes of a push (3,) from a scene (N, 8)."""
+        """Return the nominal world's prediction for a push (3,) from a scene (N, 8)."""
         assert self.shadow is not None
         return self.shadow.step(scene[None], push[None])[0]
 
     def close(self) -> None:
-        """Let go of the worlds."""
+        """Close the worlds."""
         self.world.close()
         if self.shadow is not None:
             self.shadow.close()

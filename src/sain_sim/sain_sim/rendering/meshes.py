@@ -1,9 +1,11 @@
-"""Smooth round shapes for pictures; Bullet's own cylinders are drawn with twelve corners."""
+"""Meshes for pictures; Bullet's own cylinders are drawn with twelve corners."""
 
 from math import pi
 from typing import Any, Final
 
 import numpy as np
+
+from sain_core.shapes.shape import Triangles
 
 CORNERS: Final = 72
 
@@ -26,6 +28,18 @@ def cylinder(radius: float, bottom: float, top: float) -> Mesh:
     up = np.array([0.0, 0.0, 1.0])
     slope = (turns + up) / 2**0.5
     return _mesh([_band(low, shoulder, turns), _band(shoulder, lid, slope), _band(lid, middle, up)])
+
+
+def flat_faces(triangles: Triangles) -> Mesh:
+    """Return a body with sharp edges from its triangles (T, 3, 3) [m]."""
+    first, second, third = np.moveaxis(triangles, 1, 0)
+    normals = np.cross(second - first, third - first)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return {
+        "vertices": triangles.reshape(-1, 3).tolist(),
+        "normals": np.repeat(normals, 3, axis=0).tolist(),
+        "indices": list(range(3 * len(triangles))),
+    }
 
 
 def _circle(radius: float, height: float) -> np.ndarray:

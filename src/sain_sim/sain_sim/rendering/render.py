@@ -7,7 +7,7 @@ drawn twice as large and averaged down, which smooths the edges.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -16,14 +16,14 @@ from numpy import ndarray
 from sain_core.config import Config, option
 from sain_core.push import TOOL_RADIUS
 from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, TARGET, THETA, Table, X, Y
+from sain_core.shapes.disk import DISK
 from sain_core.types import Points, Scene
-from sain_sim.arm.client import Client
+from sain_sim.arm.client import Client, Closeable
 from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.panda import JOINT_COUNT, ArmConfig, PandaModel
 from sain_sim.rendering.scenery import OFF_STAGE, build_disk, build_ring, build_table
 from sain_sim.rendering.shading import Caster, brightness, table_points
 from sain_sim.rendering.viewpoint import Eye, candidate_eyes, circle, rank_eyes
-from sain_sim.world.parameters import THREE_FEET
 
 Image = UInt8[ndarray, "height width 3"]
 
@@ -58,7 +58,7 @@ class Pixels(NamedTuple):
     goal: int
 
 
-class Renderer:
+class Renderer(Closeable):
     """Takes pictures of a Panda, a table and N disks."""
 
     def __init__(
@@ -74,7 +74,7 @@ class Renderer:
 
         Args:
             scene: (N, 8), for the number of disks and their radii.
-            shapes: one of `sain_sim.world.parameters.SHAPES` for each disk; all round if None.
+            shapes: the name of each disk's shape; all are disks if None.
             camera: where pictures are taken from.
             table: the table.
             arm: the arm.
@@ -86,7 +86,7 @@ class Renderer:
         self._table_top = build_table(self._client, table)
         model = PandaModel(TOOL_RADIUS, arm, visuals=True)
         self._arm = model.load(self._client, -table.height)
-        shapes = shapes or (THREE_FEET,) * len(scene)
+        shapes = shapes or (DISK,) * len(scene)
         self._disks = [
             build_disk(self._client, index, shape, float(state[RADIUS]))
             for index, (shape, state) in enumerate(zip(shapes, scene, strict=True))
@@ -209,16 +209,8 @@ class Renderer:
         return [*disks, stick, hand]
 
     def close(self) -> None:
-        """Let go of the renderer's client."""
+        """Close the renderer's client."""
         self._client.close()
-
-    def __enter__(self) -> Self:
-        """Return the renderer itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close the renderer."""
-        self.close()
 
 
 _UNMADE: Final = -1

@@ -4,9 +4,10 @@ from typing import Any, Final
 
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.scene import DISK_HEIGHT, Table
+from sain_core.shapes.registry import get_shape
+from sain_core.shapes.shape import Shape, Solid
 from sain_sim.arm.client import Client
-from sain_sim.rendering.meshes import cylinder, ring
-from sain_sim.world.parameters import CUBE
+from sain_sim.rendering.meshes import Mesh, cylinder, flat_faces, ring
 
 TABLE_COLOR: Final = (0.80, 0.75, 0.68, 1.0)
 TOP_COLOR: Final = (0.91, 0.89, 0.86, 1.0)
@@ -33,14 +34,12 @@ def build_table(client: Client, table: Table) -> int:
 
 def build_disk(client: Client, index: int, shape: str, radius: float) -> int:
     """Build a disk with a mark on its top that shows how it is turned."""
-    kind = client.GEOM_BOX if shape == CUBE else client.GEOM_MESH
-    half = DISK_HEIGHT / 2
-    size = {"halfExtents": [radius, radius, half]}
+    kind, geometry = _solid(client, get_shape(shape), radius)
     visual = client.createVisualShape(
         kind,
         rgbaColor=rgba(PALETTE.disk(index)),
         specularColor=[0.3, 0.3, 0.3],
-        **(size if shape == CUBE else cylinder(radius, -half, half)),
+        **geometry,
     )
     mark = client.createVisualShape(
         client.GEOM_BOX,
@@ -64,6 +63,16 @@ def build_disk(client: Client, index: int, shape: str, radius: float) -> int:
         linkJointAxis=[[0, 0, 1]],
     )
     return body
+
+
+def _solid(client: Client, shape: Shape, radius: float) -> tuple[int, Mesh]:
+    """Return Bullet's kind of visual shape for a body, and what describes it."""
+    half = DISK_HEIGHT / 2
+    if shape.solid is Solid.BOX:
+        return client.GEOM_BOX, {"halfExtents": [radius, radius, half]}
+    if shape.solid is Solid.CYLINDER:
+        return client.GEOM_MESH, cylinder(radius, -half, half)
+    return client.GEOM_MESH, flat_faces(shape.triangles(radius))
 
 
 def build_ring(client: Client, radius: float) -> int:

@@ -1,4 +1,4 @@
-"""A window on a world, for those who watch a simulator."""
+"""A window that shows a world."""
 
 from typing import Final
 
@@ -11,16 +11,16 @@ EVERY: Final = 4  # control steps: 60 pictures a simulated second
 
 
 class Window:
-    """Shows a `World` on the screen; the world needs none of it."""
+    """Shows a `World` on the screen."""
 
     every = EVERY
 
     def __init__(self) -> None:
-        """Open nothing yet: the world does that when it is loaded."""
+        """Start closed: the world calls `open` when it is loaded."""
         self._renderer: Renderer | None = None
 
     def open(self, world: World) -> None:
-        """Show a world that was loaded anew, in place of the one before.
+        """Show a newly loaded world in place of the previous one.
 
         Raises:
             ConfigError: there is no display.
@@ -42,7 +42,7 @@ class Window:
         self._renderer.show(joints, scene)
 
     def close(self) -> None:
-        """Close the window; doing it twice is fine."""
+        """Close the window; a second call does nothing."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None

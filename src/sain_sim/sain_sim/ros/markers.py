@@ -12,8 +12,9 @@ from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.push import TOOL_RADIUS
 from sain_core.ros.codec import header
 from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, Table, X, Y
+from sain_core.shapes.registry import get_shape
+from sain_core.shapes.shape import Shape, Solid
 from sain_sim.world.outcome import Sample
-from sain_sim.world.parameters import CUBE
 
 TABLE_THICKNESS: Final = 0.02  # [m]
 TOOL_LENGTH: Final = 0.22  # [m]
@@ -21,6 +22,11 @@ LABEL_HEIGHT: Final = 0.03  # [m]
 TABLE_COLOUR: Final = (0.86, 0.84, 0.80, 1.0)
 TOOL_COLOUR: Final = (0.25, 0.27, 0.30, 1.0)
 LABEL_COLOUR: Final = rgba(PALETTE.ink)
+SOLIDS: Final = {
+    Solid.CYLINDER: Marker.CYLINDER,
+    Solid.BOX: Marker.CUBE,
+    Solid.PRISM: Marker.TRIANGLE_LIST,
+}
 LABELS: Final = ("mid", "target")
 
 
@@ -30,7 +36,7 @@ def scene_markers(
     """Return markers of the world as it is, each with an id that stays its own."""
     array = MarkerArray(markers=[_table(table, stamp), _tool(sample, stamp)])
     for disk, (row, shape) in enumerate(zip(sample.scene.tolist(), shapes, strict=True)):
-        array.markers += [_disk(disk, row, shape, stamp), _label(disk, row, stamp)]
+        array.markers += [_disk(disk, row, get_shape(shape), stamp), _label(disk, row, stamp)]
     return array
 
 
@@ -52,12 +58,15 @@ def _tool(sample: Sample, stamp: Time) -> Marker:
     return marker
 
 
-def _disk(disk: int, row: list[float], shape: str, stamp: Time) -> Marker:
-    kind = Marker.CUBE if shape == CUBE else Marker.CYLINDER
-    marker = _marker("disks", disk, kind, rgba(PALETTE.disk(disk)), stamp)
+def _disk(disk: int, row: list[float], shape: Shape, stamp: Time) -> Marker:
+    marker = _marker("disks", disk, SOLIDS[shape.solid], rgba(PALETTE.disk(disk)), stamp)
     marker.pose = _pose(row[X], row[Y], DISK_HEIGHT / 2, row[THETA])
     width = 2 * row[RADIUS]
     marker.scale = Vector3(x=width, y=width, z=DISK_HEIGHT)
+    if shape.solid is Solid.PRISM:
+        marker.scale = Vector3(x=1.0, y=1.0, z=1.0)
+        corners = shape.triangles(row[RADIUS]).reshape(-1, 3).tolist()
+        marker.points = [Point(x=x, y=y, z=z) for x, y, z in corners]
     return marker
 
 

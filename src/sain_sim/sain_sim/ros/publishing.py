@@ -1,4 +1,4 @@
-"""What the simulator says: one place that encodes and publishes it."""
+"""The simulator's topics: encodes and publishes its messages."""
 
 from concurrent.futures import Future
 
@@ -26,7 +26,7 @@ class Publishing:
     """The simulator's topics."""
 
     def __init__(self, node: Node, simulator: Simulator, session: Session) -> None:
-        """Offer the topics."""
+        """Create the publishers."""
         self._simulator = simulator
         self._session = session
         self._clock = node.create_publisher(Clock, "/clock", RELIABLE)
@@ -65,7 +65,7 @@ class Publishing:
         self._scene.publish(scene)
 
     def world(self, seed: int, world: str) -> None:
-        """Publish what an episode's world is made of."""
+        """Publish the parameters of an episode's world."""
         parameters = self._simulator.parameters
         self._world.publish(
             WorldParameters(
@@ -81,7 +81,7 @@ class Publishing:
         )
 
     def result(self, push: Push, before: SceneMessage, after: SceneMessage, pushed: Pushed) -> None:
-        """Publish what a push led to."""
+        """Publish the result of an executed push."""
         message = self._reply(push, ErrorCode.OK, "")
         message.before, message.after = before, after
         message.duration = pushed.outcome.duration
@@ -89,7 +89,7 @@ class Publishing:
         self._result.publish(message)
 
     def refusal(self, push: Push, scene: SceneMessage, error: SainError) -> None:
-        """Publish why a push was not carried out; the scene is still what it was."""
+        """Publish why a push was refused; the scene is unchanged."""
         message = self._reply(push, *error_reply(error))
         message.before = message.after = scene
         self._result.publish(message)
@@ -105,7 +105,7 @@ class Publishing:
         )
 
     def prediction(self, push: Push, done: "Future[Scene]") -> None:
-        """Publish where physics alone expects a push to lead, or why it cannot say."""
+        """Publish the nominal world's prediction of a push, or its error."""
         message = PushPrediction(
             header=self._header(),
             push_id=push.push_id,

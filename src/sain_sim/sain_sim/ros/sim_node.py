@@ -1,4 +1,4 @@
-"""The simulator: carries out pushes, one at a time, and says what became of each."""
+"""The simulator node: executes pushes, one at a time, and publishes each result."""
 
 from concurrent.futures import Future
 from typing import Any
@@ -25,7 +25,7 @@ from sain_sim.world.outcome import Sample
 
 
 class SimNode(Node):
-    """Owns the truth world. Physics runs on a worker thread, all else on the executor's."""
+    """Runs the truth world: physics on a worker thread, all else on the executor's."""
 
     def __init__(self, **options: Any) -> None:
         """Build the worlds and start the first episode."""
@@ -77,7 +77,7 @@ class SimNode(Node):
         self._settle(sample)
 
     def _settle(self, sample: Sample) -> None:
-        """Show where everything came to rest; pushes name this scene from now on."""
+        """Publish a settled scene, which the next push must name."""
         self.sample = sample
         self.settled = self.publishing.scene_message(sample, moving=False)
         self.publishing.state(sample, self.settled)
@@ -96,7 +96,7 @@ class SimNode(Node):
         )
 
     def _on_sample(self, sample: Sample) -> None:
-        """Show a moving world. The worker's thread: nothing else publishes states meanwhile."""
+        """Publish a moving world, on the worker's thread: the executor publishes no states then."""
         if self._closing:
             raise CancelledError("the simulator is being stopped")
         self.publishing.state(sample, self.publishing.scene_message(sample, moving=True))
@@ -118,7 +118,7 @@ class SimNode(Node):
             self._predict(message, push, pushed.outcome.before)
 
     def _predict(self, message: Push, push: PushArray, before: Scene) -> None:
-        """Let the shadow world push too, while the planner already thinks about what is next."""
+        """Predict the push with the shadow world, while the planner plans the next one."""
         self.worker.submit(
             lambda: self.simulator.predict(before, push),
             lambda done: self.publishing.prediction(message, done),
@@ -149,7 +149,7 @@ class SimNode(Node):
             self.diagnostics.set(OK, "simulating", **figures, **self.counts)
 
     def destroy_node(self) -> None:
-        """Stop a push that is under way, and let go of the worlds."""
+        """Stop a push that is under way, and close the worlds."""
         self._closing = True
         self.worker.close(last=self.simulator.close)
         super().destroy_node()

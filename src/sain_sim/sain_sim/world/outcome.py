@@ -1,4 +1,4 @@
-"""What a push is to the world, what it shows while it runs and what it ends in."""
+"""A push in the world: the tool's way, the samples during it, and the outcome."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class Stroke:
 
     @classmethod
     def of_push(cls, scene: Scene, push: PushArray, limits: PushLimits) -> "Stroke":
-        """Return the way that a push (3,) means in a scene (N, 8)."""
+        """Return the tool's way for a push (3,) in a scene (N, 8)."""
         heading = float(push_direction(push))
         return cls(tool_start(scene, push, limits), tool_end(scene, push, limits), heading)
 
@@ -33,14 +33,14 @@ class Stroke:
 
 @dataclass(frozen=True)
 class Sample:
-    """The world at one control step, for those who watch.
+    """The world at one control step.
 
     Attributes:
-        time: simulated time [s]; never goes back, also over a reset.
+        time: simulated time [s]; it never goes back, not even at a reset.
         joint_positions: (7,) [rad].
         joint_velocities: (7,) [rad/s].
-        tool: where the tip is, (3,) [m].
-        commanded_tool: where the tip was told to be, (3,) [m].
+        tool: the place of the tip, (3,) [m].
+        commanded_tool: the commanded place of the tip, (3,) [m].
         scene: the disks, (N, 8).
         phase: "approach", "push", "settle", "lift" or "rest".
     """
@@ -59,13 +59,13 @@ Observer = Callable[[Sample], None]
 
 @dataclass(frozen=True)
 class PushOutcome:
-    """A push that was carried out.
+    """An executed push.
 
     Attributes:
-        before: the scene (N, 8) that it started from.
-        after: the scene (N, 8) that it ended in, with the velocities as observed.
-        duration: simulated time it took [s].
-        settled: False when the disks still moved after the longest allowed wait.
+        before: the scene (N, 8) at its start.
+        after: the scene (N, 8) at its end, with the velocities as observed.
+        duration: simulated time [s].
+        settled: False when the disks still moved after the longest wait.
         fallen: (N,) which disks are no longer on the table.
     """
 
@@ -82,5 +82,5 @@ class PushOutcome:
 
 
 def is_idle(push: PushArray) -> bool:
-    """Tell whether a push has no length: it moves nothing."""
+    """Tell whether a push has no length, and so moves nothing."""
     return bool(push[LENGTH] == 0.0)

@@ -13,8 +13,11 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.scene import MASS, RADIUS, make_scene
+from sain_core.shapes.disk import THREE_FEET
+from sain_core.shapes.registry import check_shape, get_shape
+from sain_core.shapes.shape import Pair, Shape
 from sain_core.types import Angles, Points, Scene
-from sain_sim.world.roughness import SMOOTH, Pair, Roughness
+from sain_sim.world.roughness import SMOOTH, Roughness
 
 NOMINAL_MASS: Final = 8.0  # [kg]
 NOMINAL_RADII: Final = (0.08, 0.06)  # [m], mid disk and target
@@ -40,11 +43,6 @@ RANGES: Final = {
     WIDE: Ranges((5.0, 12.0), ((0.064, 0.096), (0.048, 0.072)), (0.05, 0.35)),
 }
 
-THREE_FEET: Final = "three_feet"  # a disk on three small spheres: sound contact with the table
-FLAT: Final = "flat"  # a plain cylinder, as in the paper
-CUBE: Final = "cube"  # as wide as the disk it replaces
-SHAPES: Final = (THREE_FEET, FLAT, CUBE)
-
 
 @dataclass(frozen=True)
 class WorldParameters(Config):
@@ -54,9 +52,13 @@ class WorldParameters(Config):
         (NOMINAL_MASS, NOMINAL_MASS), "masses", unit="kg", minimum=0.1, maximum=100.0
     )
     radii: tuple[float, ...] = option(
-        NOMINAL_RADII, "radii (half the width of a cube)", unit="m", minimum=0.02, maximum=0.2
+        NOMINAL_RADII,
+        "radii, the units of outlines",
+        unit="m",
+        minimum=0.02,
+        maximum=0.2,
     )
-    shapes: tuple[str, ...] = option((THREE_FEET, THREE_FEET), f"each one of {SHAPES}")
+    shapes: tuple[str, ...] = option((THREE_FEET, THREE_FEET), "shape of each disk")
     friction: float = option(
         NOMINAL_FRICTION, "friction with the table", minimum=0.005, maximum=1.5
     )
@@ -77,12 +79,12 @@ class WorldParameters(Config):
                 f"WorldParameters has {len(self.masses)} masses, {len(self.radii)} radii and"
                 f" {len(self.shapes)} shapes; it needs one of each for every disk, 2 or more"
             )
-        for shape in self.shapes:
-            if shape not in SHAPES:
-                raise ConfigError(f"shape is {shape!r}; allowed: {', '.join(SHAPES)}")
+        for name in self.shapes:
+            check_shape(name)
         self.roughness.check_count(self.count)
-        if self.roughness.feet and FLAT in self.shapes:
-            raise ConfigError('a disk of shape "flat" has no feet to be moved; use three_feet')
+        for shape in self.body_shapes if self.roughness.feet else ():
+            if not shape.feet:
+                raise ConfigError(f"shape {shape.name!r} has no feet to be moved; use {THREE_FEET}")
 
     @property
     def count(self) -> int:
@@ -90,9 +92,9 @@ class WorldParameters(Config):
         return len(self.masses)
 
     @property
-    def cubes(self) -> tuple[bool, ...]:
-        """Which of the disks (N,) are cubes."""
-        return tuple(shape == CUBE for shape in self.shapes)
+    def body_shapes(self) -> tuple[Shape, ...]:
+        """What each disk is like."""
+        return tuple(map(get_shape, self.shapes))
 
     @property
     def mass_offsets(self) -> tuple[Pair, ...]:

@@ -1,4 +1,4 @@
-"""Why a world refuses: each check raises with what was wrong and what would be right."""
+"""Reasons to refuse a push or a scene: each check raises an error with value and allowed range."""
 
 from typing import Final
 
@@ -14,7 +14,7 @@ MATCH_TOLERANCE: Final = 1e-6  # [kg] or [m]
 
 
 def check_same_disks(scene: Scene, parameters: WorldParameters) -> None:
-    """Raise `InvalidInputError` unless a scene (N, 8) is about a world's own disks."""
+    """Raise `InvalidInputError` unless a scene (N, 8) has the masses and radii of a world."""
     if len(scene) != parameters.count:
         raise InvalidInputError(
             f"the scene has {len(scene)} disks; this world has {parameters.count}"
@@ -33,7 +33,7 @@ def check_same_disks(scene: Scene, parameters: WorldParameters) -> None:
 
 
 def check_reach(scene: Scene, push: PushArray, feasibility: Feasibility) -> None:
-    """Raise `UnreachableError` when the tool's way leaves the described reach."""
+    """Raise `UnreachableError` when the tool's way leaves the reach."""
     reach = feasibility.reach
     if not reachable(scene, push, feasibility.limits, reach):
         location, angle, length = push
@@ -45,7 +45,7 @@ def check_reach(scene: Scene, push: PushArray, feasibility: Feasibility) -> None
 
 
 def check_gap(scene: Scene, push: PushArray, feasibility: Feasibility) -> None:
-    """Raise `BlockedError` when another disk stands in the tool's way."""
+    """Raise `BlockedError` when another disk is in the tool's way."""
     gap = float(tool_gap(scene, push, feasibility.limits))
     if gap < feasibility.tool_margin:
         raise BlockedError(

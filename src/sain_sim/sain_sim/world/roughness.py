@@ -1,7 +1,7 @@
-"""What a real table, its disks and its arm have and a textbook world has not.
+"""The effects of a rough world, which the nominal model lacks. All are off by default.
 
-Everything here is off unless it is set. A `Lab` draws it once, as a table, a pair of disks and a
-tool are the same ones day after day; docs/worlds.md says how large each effect is, and why.
+`draw_roughness` draws them for a lab, whose table, disks and tool stay the same in all episodes.
+docs/worlds.md states the size of each effect, and its reason.
 """
 
 from collections.abc import Callable
@@ -14,15 +14,14 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
+from sain_core.shapes.shape import FOOT_BEARINGS, Pair
 from sain_sim.arm.panda import ArmConfig
 
-Pair = tuple[float, float]
 Feet = tuple[Pair, Pair, Pair]
 Wave = tuple[float, float, float]
 
 MASS_OFFSET: Final = (0.08, 0.15)  # [radii], from the centre to the centre of mass
 FOOT_DISTANCE: Final = (0.6, 0.8)  # [radii]; a regular foot stands at 0.7
-FOOT_BEARINGS: Final = (0.0, 2 * pi / 3, 4 * pi / 3)  # [rad], of regular feet
 FOOT_TURN: Final = radians(15)  # either way from its regular bearing
 WAVES: Final = 3  # of which the patches are made
 WAVE_LENGTH: Final = (0.2, 0.4)  # [m], patches are half as wide
@@ -36,7 +35,7 @@ RIM_FRICTION: Final = (0.2, 0.4)  # the prior assumes 0.12
 
 @dataclass(frozen=True)
 class Roughness(Config):
-    """The values of all effects in one world; as it stands: none."""
+    """The values of all effects in one world; the defaults are a smooth world."""
 
     mass_offsets: tuple[Pair, ...] = option(
         (), "centre of mass in each disk's frame, in radii; none: in the middle"
@@ -60,7 +59,7 @@ class Roughness(Config):
     stock_joints: bool = option(False, "joints give the tool no more than Franka's torques")
 
     def __post_init__(self) -> None:
-        """Check the fields, and that every disk stands."""
+        """Check the fields, and that no disk tips over."""
         super().__post_init__()
         for disk, feet in enumerate(self.feet):
             offset = self.mass_offsets[disk] if disk < len(self.mass_offsets) else (0.0, 0.0)
@@ -71,7 +70,7 @@ class Roughness(Config):
                 )
 
     def check_count(self, count: int) -> None:
-        """Check that what is given disk by disk is given for each of N = count disks."""
+        """Check that values for single disks are given for each of N = count disks."""
         for name in ("mass_offsets", "feet"):
             given = len(getattr(self, name))
             if given not in (0, count):
@@ -95,12 +94,12 @@ class Roughness(Config):
         return float(np.exp(PATCH_DEPTH * height / max(len(self.patches), 1)))
 
     def gravity(self, strength: float) -> tuple[float, float, float]:
-        """Return the pull [m/s^2] that a level table feels as this one feels gravity."""
+        """Return gravity [m/s^2] in the frame of the tilted table."""
         x, y = sin(self.tilt[0]), sin(self.tilt[1])
         return strength * x, strength * y, -strength * sqrt(1.0 - x * x - y * y)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return what is on, as arrays to be stored."""
+        """Return the effects that are on, as arrays for a data set."""
         return {
             item.name: np.asarray(getattr(self, item.name))
             for item in fields(self)
@@ -110,74 +109,57 @@ class Roughness(Config):
 
 SMOOTH: Final = Roughness()
 
-MASS: Final = "mass"
-FEET: Final = "feet"
-PATCHES: Final = "patches"
-DIRECTION: Final = "direction"
-TABLE_TILT: Final = "tilt"
-TOOL: Final = "tool"
-TORQUE: Final = "torque"
 RIMS: Final = "rims"
 
 
-def _draw_mass(random: np.random.Generator, count: int) -> dict[str, Any]:
+def _mass_offsets(random: np.random.Generator, count: int) -> tuple[Pair, ...]:
     drawn = [(random.uniform(*MASS_OFFSET), random.uniform(-pi, pi)) for _ in range(count)]
-    return {"mass_offsets": tuple((away * cos(turn), away * sin(turn)) for away, turn in drawn)}
+    return tuple((away * cos(turn), away * sin(turn)) for away, turn in drawn)
 
 
-def _draw_feet(random: np.random.Generator, count: int) -> dict[str, Any]:
+def _feet(random: np.random.Generator, count: int) -> tuple[tuple[Pair, ...], ...]:
     def foot(regular: float) -> Pair:
         turn = random.uniform(-FOOT_TURN, FOOT_TURN)
         return random.uniform(*FOOT_DISTANCE), regular + turn
 
-    return {"feet": tuple(tuple(map(foot, FOOT_BEARINGS)) for _ in range(count))}
+    return tuple(tuple(map(foot, FOOT_BEARINGS)) for _ in range(count))
 
 
-def _draw_patches(random: np.random.Generator, count: int) -> dict[str, Any]:
+def _patches(random: np.random.Generator, count: int) -> tuple[Wave, ...]:
     number = 2 * pi / random.uniform(*WAVE_LENGTH, WAVES)
     bearing, phase = random.uniform(-pi, pi, (2, WAVES))
     waves = np.stack([number * np.cos(bearing), number * np.sin(bearing), phase], axis=-1)
-    return {"patches": tuple(tuple(wave) for wave in waves.tolist())}
+    return tuple(tuple(wave) for wave in waves.tolist())
 
 
-def _draw_direction(random: np.random.Generator, count: int) -> dict[str, Any]:
-    return {"grain": float(random.uniform(*GRAIN))}
-
-
-def _draw_tilt(random: np.random.Generator, count: int) -> dict[str, Any]:
+def _tilt(random: np.random.Generator, count: int) -> Pair:
     steep, bearing = sin(random.uniform(*TILT)), random.uniform(-pi, pi)
-    return {"tilt": (asin(steep * cos(bearing)), asin(steep * sin(bearing)))}
+    return asin(steep * cos(bearing)), asin(steep * sin(bearing))
 
 
-def _draw_tool(random: np.random.Generator, count: int) -> dict[str, Any]:
-    return {"tool_stiffness": float(random.uniform(*TOOL_STIFFNESS))}
-
-
-def _draw_torque(random: np.random.Generator, count: int) -> dict[str, Any]:
-    return {"stock_joints": True}
-
-
-_DRAW: Final[dict[str, Callable[[np.random.Generator, int], dict[str, Any]]]] = {
-    MASS: _draw_mass,
-    FEET: _draw_feet,
-    PATCHES: _draw_patches,
-    DIRECTION: _draw_direction,
-    TABLE_TILT: _draw_tilt,
-    TOOL: _draw_tool,
-    TORQUE: _draw_torque,
+# of each effect the field of `Roughness`, and how its value is drawn for so many disks
+_DRAW: Final[dict[str, tuple[str, Callable[[np.random.Generator, int], Any]]]] = {
+    "mass": ("mass_offsets", _mass_offsets),
+    "feet": ("feet", _feet),
+    "patches": ("patches", _patches),
+    "direction": ("grain", lambda random, count: random.uniform(*GRAIN)),
+    "tilt": ("tilt", _tilt),
+    "tool": ("tool_stiffness", lambda random, count: random.uniform(*TOOL_STIFFNESS)),
+    "torque": ("stock_joints", lambda random, count: True),
 }
 EFFECTS: Final = (*_DRAW, RIMS)
 
 
 def draw_roughness(lab: int, effects: tuple[str, ...], count: int) -> Roughness:
-    """Draw the effects of a lab with N = count disks; each has a stream of its own.
+    """Draw the effects of a lab with N = count disks.
 
-    So an effect is the same alone and among others.
+    Each has a random stream of its own, so it is the same alone and among others.
     """
-    values: dict[str, Any] = {}
+    values = {}
     for effect in effects:
         if effect in _DRAW:
-            values |= _DRAW[effect](generator(lab, "lab", effect), count)
+            field, draw = _DRAW[effect]
+            values[field] = draw(generator(lab, "lab", effect), count)
     return Roughness(**values)
 
 

@@ -9,7 +9,7 @@ not from the shadow's. Where a shadow's disks are larger than the scene's,
   the paper's ranges its clearance of 5 mm is just enough, and it never has to.
 """
 
-from typing import Final, Self
+from typing import Final
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from sain_core.scene import (
     wrap_angle,
 )
 from sain_core.types import PushArray, Pushes, Scene, Scenes
+from sain_sim.arm.client import Closeable
 from sain_sim.world.outcome import Stroke, is_idle
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.world import World, WorldConfig
@@ -37,7 +38,7 @@ TRUE: Final = "true"  # all parameters of the truth: what is left is the repeata
 KINDS: Final = (NOMINAL, MEASURED, TRUE)
 
 
-class BulletPrior:
+class BulletPrior(Closeable):
     """A `sain_core.dynamics.Dynamics` that sets a world to a scene and pushes."""
 
     def __init__(
@@ -102,16 +103,8 @@ class BulletPrior:
         return nominal_parameters(len(scene), shapes=shapes)
 
     def close(self) -> None:
-        """Let go of the shadow world."""
-        self._world.close()
-
-    def __enter__(self) -> Self:
-        """Return the shadow itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
         """Close the shadow world."""
-        self.close()
+        self._world.close()
 
 
 def stand_back(stroke: Stroke, scene: Scene, limits: PushLimits) -> Stroke:

@@ -8,7 +8,8 @@ import numpy as np
 from sain_core.scene import Table
 from sain_core.types import Mask, Scene
 from sain_sim.arm.client import Client
-from sain_sim.world.disks import REGULAR_FEET, BodyState, Build, Disk, unseen_shape
+from sain_sim.world.bodies import Body, BodyState
+from sain_sim.world.collision import Build, unseen_shape
 from sain_sim.world.parameters import WorldParameters
 
 FLOOR_SIZE: Final = 3.0  # [m], half its side
@@ -21,7 +22,7 @@ class Stage:
     """Table, floor and disks of one world.
 
     Bullet multiplies the friction coefficients of two bodies. Those of the single bodies are
-    chosen so that the products are what the parameters say of table, rims and tool.
+    chosen so that the products are the parameters' values for table, rims and tool.
     """
 
     def __init__(
@@ -40,17 +41,17 @@ class Stage:
         self.tables = self._build_tables(table, parameters)
         self.floor = self._build_floor(table)
         self.disks = [
-            Disk(client, build, state, friction)
+            Body(client, build, state, friction)
             for build, state in zip(_builds(parameters), states, strict=True)
         ]
         self._parted = self._part_tables() if len(self.tables) > 1 else []
 
     def states(self) -> list[BodyState]:
-        """Return everything there is to know of the disks."""
+        """Return the states of the disks."""
         return [disk.state() for disk in self.disks]
 
     def before_step(self) -> None:
-        """Give each disk the friction of the place where it is, if the table has patches."""
+        """Set the friction at each disk's place, if the table has patches."""
         for table, disk in self._parted:
             x, y, _ = disk.place()
             friction = self.table_friction * self._roughness.friction_factor(x, y)
@@ -59,8 +60,8 @@ class Stage:
     def _build_tables(self, table: Table, parameters: WorldParameters) -> list[int]:
         """Build the table as a box down to the floor, once for each disk if it has patches.
 
-        Bullet knows one friction of a body. Each disk so has a table of its own at the same
-        place, with the friction that the table has where the disk is.
+        A body has one friction in Bullet. Each disk therefore has a table of its own, with the
+        friction at the disk's place.
         """
         count = parameters.count if self._roughness.patches else 1
         half = [
@@ -71,23 +72,23 @@ class Stage:
         middle = [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2, -half[2]]
         bodies = _boxes(self._client, half, [middle] * count, self.table_friction)
         if self._roughness.grain != 1.0:
-            across = self._roughness.grain**0.5  # the mean of both directions stays what it is
+            across = self._roughness.grain**0.5  # keeps the mean of both directions
             for body in bodies:
                 self._client.changeDynamics(body, -1, anisotropicFriction=[1 / across, across, 1.0])
         return bodies
 
-    def _part_tables(self) -> list[tuple[int, Disk]]:
-        """Let each disk touch its own table and no other's; return each table and its disk."""
+    def _part_tables(self) -> list[tuple[int, Body]]:
+        """Let each disk touch only its own table; return each table with its disk."""
         others = sum(1 << (TABLE_GROUP + disk) for disk in range(len(self.disks)))
         parted = list(zip(self.tables, self.disks, strict=True))
         for index, (table, disk) in enumerate(parted):
             mine, its = 1 << (TABLE_GROUP + index), 1 << (DISK_GROUP + index)
             self._client.setCollisionFilterGroupMask(table, -1, mine, its)
-            self._client.setCollisionFilterGroupMask(disk.body, -1, its | 1, ~others | mine)
+            self._client.setCollisionFilterGroupMask(disk.id, -1, its | 1, ~others | mine)
         return parted
 
     def _build_floor(self, table: Table) -> int:
-        """Build the floor at the height of the arm's base; it catches what falls."""
+        """Build the floor at the height of the arm's base, for disks that fall."""
         drop = max(table.height, FLOOR_THICKNESS)
         half = [FLOOR_SIZE, FLOOR_SIZE, FLOOR_THICKNESS / 2]
         middle = [0.0, 0.0, -drop - FLOOR_THICKNESS / 2]
@@ -106,13 +107,13 @@ class Stage:
         return np.array([disk.fallen() for disk in self.disks])
 
     def still(self) -> bool:
-        """Tell whether every disk on the table is settled; what fell off does not count."""
+        """Tell whether every disk on the table is settled; fallen disks do not count."""
         return all(disk.still() or disk.fallen() for disk in self.disks)
 
     def touched_by(self, body: int, link: int) -> int | None:
         """Return the first disk but the mid disk that a body's link touches, if any."""
         for index, disk in enumerate(self.disks[1:], start=1):
-            for contact in self._client.getContactPoints(body, disk.body, link):
+            for contact in self._client.getContactPoints(body, disk.id, link):
                 distance, force = contact[8], contact[9]
                 if distance <= 0.0 or force > 0.0:
                     return index
@@ -121,15 +122,16 @@ class Stage:
 
 def _builds(parameters: WorldParameters) -> list[Build]:
     """Return how each disk is made."""
-    feet = parameters.roughness.feet or (REGULAR_FEET,) * parameters.count
-    columns = (parameters.shapes, parameters.masses, parameters.radii)
-    return [Build(*row) for row in zip(*columns, parameters.mass_offsets, feet, strict=True)]
+    shapes = parameters.body_shapes
+    feet = parameters.roughness.feet or [shape.feet for shape in shapes]
+    columns = (parameters.masses, parameters.radii, feet, parameters.mass_offsets)
+    return [Build(*row) for row in zip(shapes, *columns, strict=True)]
 
 
 def _boxes(
     client: Client, half: list[float], middles: list[list[float]], friction: float
 ) -> list[int]:
-    """Build boxes with these half sides at some places; many at once are hardly more than one."""
+    """Build boxes with these half sides at some places, in one call: it takes the time of one."""
     bodies: tuple[int, ...] = client.createMultiBody(
         baseMass=0.0,
         baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_BOX, halfExtents=half),

@@ -1,4 +1,4 @@
-"""What one push happens in: table, disks and arm, freshly built, and the stepping of it."""
+"""One push: table, disks and arm, newly built, and their control steps."""
 
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -12,25 +12,25 @@ from sain_sim.arm.client import Client
 from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.motion import MotionConfig
 from sain_sim.arm.panda import Arm, ArmConfig, PandaModel
-from sain_sim.world.disks import BodyState
+from sain_sim.world.bodies import BodyState
 from sain_sim.world.outcome import Observer, Sample
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.stage import Stage
 
 GRAVITY: Final = 9.81  # [m/s^2]
-CONTACT_BREAKING: Final = 0.001  # [m], Bullet's 0.02 keeps contacts where rims have slid on
-STEPS_PER_LOOK: Final = 6  # between two looks whether the disks are still
+CONTACT_BREAKING: Final = 0.001  # [m]; Bullet's 0.02 keeps contacts of rims that slid apart
+STEPS_PER_LOOK: Final = 6  # between two tests whether the disks are settled
 
 
 @dataclass(frozen=True)
 class WorldConfig(Config):
-    """How a world is run; what is in it is in `WorldParameters`."""
+    """How a world is simulated; `WorldParameters` states what is in it."""
 
     motion: MotionConfig = MotionConfig()
     arm: ArmConfig = ArmConfig()
     feasibility: Feasibility = Feasibility()
     full_motion: bool = option(
-        False, "move the arm also out of contact, instead of setting it to where it would get"
+        False, "move the arm also out of contact, instead of setting it to the end of the way"
     )
     max_settle_time: float = option(
         3.0, "longest wait for disks to settle", unit="s", minimum=0.1, maximum=60.0
@@ -43,7 +43,7 @@ class WorldConfig(Config):
 
 
 class Route(NamedTuple):
-    """Joint angles (T, 7) of every part of a push; known before anything moves."""
+    """Joint angles (T, 7) of every part of a push, computed before the arm moves."""
 
     approach: Joints
     lower: Joints
@@ -52,7 +52,7 @@ class Route(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """Someone who looks at the world, each so many steps."""
+    """An observer, and the steps between two of its calls."""
 
     observer: Observer
     every: int
@@ -62,18 +62,18 @@ Watches = tuple[Watch, ...]
 
 
 class Origin(NamedTuple):
-    """All that a workcell is built from: the disks' states and the arm's joints (7,)."""
+    """The state that a workcell is built from: of the disks, and the arm's joints (7,)."""
 
     states: list[BodyState]
     joints: Joints
 
 
 class Workcell:
-    """Built for one push; the next gets a new one, in about 2 ms.
+    """Built for one push; building takes about 2 ms.
 
-    What Bullet's contact solver and broad phase remember is no part of a world's state: it can
-    be neither seen nor saved (`saveState` loses it, and last bits with it), and it made worlds
-    differ that should not. A workcell starts with none of it.
+    Bullet's contact solver and broad phase keep data from earlier steps. These can be neither read
+    nor saved (`saveState` loses them, and last bits), so equal worlds would give different
+    results. A new workcell has none.
     """
 
     def __init__(
@@ -88,12 +88,12 @@ class Workcell:
         """Empty the client and build everything in it.
 
         Args:
-            client: whose world this is.
+            client: the world's client, which is emptied.
             model: the arm's description.
-            config: how the world is run.
-            parameters: what the disks are.
-            origin: where they are.
-            steps: control steps that were made before; time goes on from there.
+            config: how the world is simulated.
+            parameters: of the disks.
+            origin: the state to start from.
+            steps: earlier control steps, from which time is counted.
         """
         self.origin = origin
         self.steps = self._first_step = steps
@@ -114,15 +114,15 @@ class Workcell:
 
     @property
     def now(self) -> Origin:
-        """What a workcell like this one now is built from."""
+        """The present state, to build another workcell from."""
         if self.steps == self._first_step:
             return self.origin
         return Origin(self.stage.states(), self.arm.joint_states()[0])
 
     def _states(self) -> list[BodyState]:
-        """Return the disks' states; while nothing moved, to the bit what this was built from.
+        """Return the disks' states; before the first step, exactly those of the origin.
 
-        Bullet scales an orientation that it is given to length one again, and changes last bits.
+        Bullet normalises orientations again when it is given them, which changes last bits.
         """
         return self.origin.states if self.steps == self._first_step else self.stage.states()
 
@@ -136,7 +136,7 @@ class Workcell:
         return self.stage.scene(self._states())
 
     def sample(self, phase: str) -> Sample:
-        """Return all there is to see."""
+        """Return the arm and the disks as they are."""
         positions, velocities = self.arm.joint_states()
         return Sample(
             time=self.time,
@@ -151,8 +151,8 @@ class Workcell:
     def perform(self, route: Route, watches: Watches, guarded: bool) -> None:
         """Lower, push, wait, lift.
 
-        The tool waits where the push ended until the disks are still, so that leaving out the
-        motion without contact changes next to nothing.
+        The tool waits at the end of the push until the disks are settled. Leaving out the motion
+        without contact therefore changes almost nothing.
 
         Raises:
             BlockedError: when guarded, at the step in which the tool touches another disk.
@@ -171,7 +171,7 @@ class Workcell:
             self.arm.place(route.lift[-1])
 
     def settle(self, phase: str, watches: Watches, guarded: bool) -> None:
-        """Step until the disks are still at two looks in a row, or for the longest wait."""
+        """Step until two tests in a row find the disks settled, or for the longest wait."""
         looks = 0
         longest = round(self._config.max_settle_time / self._config.motion.time_step)
         for step in range(1, longest + 1):

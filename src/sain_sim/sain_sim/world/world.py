@@ -1,18 +1,17 @@
 """The simulated world: a table, disks, and a Panda that pushes the mid disk with its stick."""
 
 from itertools import accumulate
-from types import TracebackType
-from typing import Final, Protocol, Self, runtime_checkable
+from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
 
 from sain_core.errors import BlockedError, StaleSceneError
 from sain_core.scene import Table, check_on_table, check_scene
 from sain_core.types import PushArray, Scene
-from sain_sim.arm.client import Client
+from sain_sim.arm.client import Client, Closeable
 from sain_sim.arm.kinematics import Joints
 from sain_sim.arm.panda import ArmConfig, PandaModel
-from sain_sim.world.disks import resting
+from sain_sim.world.bodies import resting
 from sain_sim.world.outcome import Observer, PushOutcome, Sample, Stroke, is_idle
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.refusals import check_gap, check_reach, check_same_disks
@@ -20,31 +19,32 @@ from sain_sim.world.workcell import Origin, Route, Watch, Watches, Workcell, Wor
 
 __all__ = ["Viewer", "World", "WorldConfig"]
 
+ROW_ROOM: Final = 2**0.5  # [widths], from one disk to the next in the first scene
 HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
 
 
 @runtime_checkable
 class Viewer(Protocol):
-    """Shows a world on a screen while it changes."""
+    """Displays a world while it changes."""
 
     every: int
-    """Control steps from one picture to the next."""
+    """Control steps between two pictures."""
 
     def open(self, world: "World") -> None:
-        """Show a world that was loaded anew, in place of the one before."""
+        """Show a newly loaded world in place of the previous one."""
 
     def show(self, joints: Joints, scene: Scene) -> None:
         """Show the arm at joints (7,) [rad] and the disks as in a scene (N, 8)."""
 
     def close(self) -> None:
-        """Let go of the screen; doing it twice is fine."""
+        """Close the display; a second call does nothing."""
 
 
-class World:
-    """One PyBullet world of its own; two worlds never touch each other.
+class World(Closeable):
+    """One PyBullet world, independent of all others.
 
-    Its state is the poses and velocities of its bodies and nothing else: the same state and
-    push give the same bytes, in whichever world of whichever process they meet.
+    Its state is the poses and velocities of its bodies and nothing else. The same state and push
+    give the same bytes in any world of any process.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class World:
         config: WorldConfig = WorldConfig(),
         viewer: Viewer | None = None,
     ) -> None:
-        """Start with the disks in a row; `reset` puts them where they belong."""
+        """Start with the disks in a row; `reset` places them."""
         self.config = config
         self.parameters = parameters
         table = config.feasibility.table
@@ -68,11 +68,11 @@ class World:
         """Put the disks where a scene (N, 8) has them, at rest, and the arm at home.
 
         Args:
-            scene: poses to take; its masses and radii must be those of the parameters.
-            parameters: a new set of disks; without it the disks stay the ones they are.
+            scene: the poses; its masses and radii must be those of the parameters.
+            parameters: of new disks; None keeps the present ones.
 
         Returns:
-            The scene as observed, which is the one asked for with zero velocities.
+            The scene as observed: the given one with zero velocities.
 
         Raises:
             InvalidInputError: not a scene, or one of other disks than these.
@@ -84,7 +84,7 @@ class World:
         return self.observe()
 
     def load(self, scene: Scene, parameters: WorldParameters | None = None) -> None:
-        """Put the disks in a scene (N, 8) that nobody checked; overlaps get pushed apart."""
+        """Put the disks in a scene (N, 8) without checks; Bullet pushes overlapping disks apart."""
         self.parameters = parameters or self.parameters
         self._model = self._described()
         offsets = self.parameters.mass_offsets
@@ -100,7 +100,7 @@ class World:
         )
 
     def _described(self) -> PandaModel:
-        """Return the arm of this world; arms are described on disk once each."""
+        """Return the description of this world's arm; each is written once."""
         arm = self.parameters.roughness.arm(self.config.arm)
         if arm not in self._models:
             radius = self.config.feasibility.limits.tool_radius
@@ -109,7 +109,7 @@ class World:
 
     @property
     def time(self) -> float:
-        """Simulated time [s] since the world was made; it goes on over resets."""
+        """Simulated time [s] since the world was made; resets do not restart it."""
         return self._cell.time
 
     def observe(self) -> Scene:
@@ -117,13 +117,13 @@ class World:
         return self._cell.observe()
 
     def sample(self) -> Sample:
-        """Return all there is to see of the world as it is."""
+        """Return the arm and the disks as they are."""
         return self._cell.sample("rest")
 
     def check(self, push: PushArray) -> Stroke:
         """Return the tool's way for a push (3,) that can be carried out from here.
 
-        A disk that gets shoved into the tool's way shows only when it happens: `push` looks.
+        Only `push` finds a disk that is moved into the tool's way.
 
         Raises:
             InvalidInputError: wrong shape, NaN or Inf.
@@ -151,17 +151,17 @@ class World:
         return stroke, route
 
     def push(self, push: PushArray, on_step: Observer | None = None, every: int = 1) -> PushOutcome:
-        """Carry out one push (3,) and wait until everything is at rest.
+        """Execute one push (3,) and wait until the scene is settled.
 
         Args:
             push: location, angle and length.
-            on_step: called with a `Sample` after each control step; the push is then first
-                carried out unseen, so that what is seen is never a push that gets refused.
-            every: call it only each so many steps.
+            on_step: called with a `Sample` after each control step. The push is then executed
+                once before, without calls, so that no refused push is shown.
+            every: steps between two calls.
 
         Raises:
-            SainError: as `check`; and BlockedError when the tool would come to touch another
-                disk. Nothing has moved then, to the last bit.
+            SainError: as `check`; and BlockedError when the tool would touch another disk during
+                the push. No bit of the state changes then.
         """
         _, route = self._plan(push)
         if route is None:
@@ -172,7 +172,7 @@ class World:
     def carry_out(
         self, stroke: Stroke, on_step: Observer | None = None, every: int = 1, guarded: bool = True
     ) -> PushOutcome:
-        """Move the tool along a stroke, wherever that leads.
+        """Move the tool along a stroke, without the checks of `push`.
 
         Args:
             stroke: the tool's way in the world.
@@ -180,7 +180,9 @@ class World:
             every: as in `push`.
             guarded: refuse when the tool would touch another disk than the mid disk.
 
-        Raises `UnreachableError` for a pose on the way; `BlockedError` only when guarded.
+        Raises:
+            UnreachableError: a pose on the way.
+            BlockedError: only when guarded.
         """
         return self._perform(self._route(stroke), self._watches(on_step, every), guarded)
 
@@ -196,7 +198,7 @@ class World:
         return PushOutcome(before, self.observe(), duration, stage.still(), stage.fallen())
 
     def _attempt(self, origin: Origin, route: Route, watches: Watches, guarded: bool) -> None:
-        """Carry out a route in a new workcell; when it is blocked, go back to where it was."""
+        """Execute a route in a new workcell; when it is blocked, restore the origin."""
         if self._cell.origin is not origin:
             self._build(origin)
         try:
@@ -206,20 +208,20 @@ class World:
             raise
 
     def settle(self, on_step: Observer | None = None, every: int = 1) -> bool:
-        """Wait until the disks are settled, for the longest wait at most; tell whether they are."""
+        """Wait for the disks to settle, at most the longest wait; tell whether they are settled."""
         self._cell.settle("rest", self._watches(on_step, every), guarded=False)
         self._steps = self._cell.steps
         return self._cell.stage.still()
 
     def _route(self, stroke: Stroke) -> Route:
-        """Return the joints all along a push; raises `UnreachableError` where there are none."""
+        """Return the joints along a push, or raise `UnreachableError`."""
         motion, arm = self.config.motion, self._cell.arm
         tips = motion.stroke(stroke.start, stroke.end)
         above_start, above_end = (np.array([*tip[:2], motion.raised]) for tip in tips[[0, -1]])
         if self.config.full_motion:
             approach = motion.arc(arm.tip(), above_start)
             lower, lift = motion.line(above_start, tips[0]), motion.line(tips[-1], above_end)
-        else:  # left out: an arm that can stand at both ends of these ways can go all along them
+        else:  # an arm that reaches both ends of these ways reaches all of them
             approach, lower, lift = above_start[None], tips[:1], above_end[None]
         ways = (approach, lower, tips, lift)
         joints = arm.kinematics.joints(np.concatenate(ways))
@@ -227,7 +229,7 @@ class World:
         return Route(*(joints[end - len(way) : end] for way, end in zip(ways, ends, strict=True)))
 
     def _watches(self, observer: Observer | None, every: int) -> Watches:
-        """Return the observer and the viewer, as far as there are any."""
+        """Return the observer and the viewer, where given."""
         watches = () if observer is None else (Watch(observer, every),)
         viewer = self._viewer
         if viewer is None:
@@ -235,28 +237,16 @@ class World:
         return (*watches, Watch(lambda s: viewer.show(s.joint_positions, s.scene), viewer.every))
 
     def close(self) -> None:
-        """Let go of the world; doing it twice is fine."""
+        """Close the world; a second call does nothing."""
         self._client.close()
         if self._viewer is not None:
             self._viewer.close()
 
-    def __enter__(self) -> Self:
-        """Return the world itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close the world."""
-        self.close()
-
 
 def _in_a_row(parameters: WorldParameters, table: Table) -> Scene:
-    """Return a scene with the disks in a row across the table."""
-    widths = 2.0 * np.array(parameters.radii) * 2**0.5  # a turned cube is that wide
+    """Return a scene with the disks in a row across the table, each with room to turn."""
+    room = max(ROW_ROOM, *(shape.circumradius for shape in parameters.body_shapes))
+    widths = 2.0 * np.array(parameters.radii) * room
     y = np.cumsum(widths) - widths / 2 - widths.sum() / 2
     x = np.full_like(y, (table.x_min + table.x_max) / 2)
     return parameters.scene(np.stack([x, y], axis=-1))

@@ -24,8 +24,8 @@ from sain_bags.dataset import conversion, dataset_folder
 from sain_bags.dataset.conversion import ConversionConfig, convert
 from sain_bags.dataset.formats import MADE, FormatName
 from sain_bags.dataset.formats.to_lerobot import GOAL, STATE, TASK, LeRobotDataset
+from sain_core.dataset import PARTS
 from sain_core.errors import ConfigError, OutputError
-from sain_core.split import PARTS
 from sain_model.data.dataset import load_transitions, split_by_episode
 from tests.sain_bags.driven import Drive, Parts
 

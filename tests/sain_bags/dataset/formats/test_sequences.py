@@ -9,7 +9,7 @@ import pytest
 
 from sain_bags.dataset.formats.rows import StoredRows, goal_distance, reached
 from sain_bags.dataset.formats.shards import Columns
-from sain_core.shards import shard_path
+from sain_core.dataset import shard_path
 from sain_core.storage import write_arrays
 
 GOAL = (0.9, 0.0)

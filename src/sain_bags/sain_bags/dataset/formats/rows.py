@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.dataset.formats.shards import Columns
-from sain_core.scene import POSITION, STATE_SIZE, TARGET
-from sain_core.shards import MOVED
+from sain_core.dataset import MOVED, Column, Columns, centres
+from sain_core.scene import TARGET
 from sain_core.storage import read_arrays
 
 
@@ -32,7 +31,7 @@ class StoredRows:
             return
         for path in self.shards:
             columns = read_arrays(path)
-            mask = np.isin(columns["episode"], episodes)
+            mask = np.isin(columns[Column.EPISODE], episodes)
             self.advance(int(mask.sum()))
             if mask.any():
                 yield {key: values[mask] for key, values in columns.items()}
@@ -58,33 +57,28 @@ class StoredRows:
 
 def goal_distance(columns: Columns) -> ndarray:
     """Return how far from its goal each push left the target (M,) [m]; NaN: there is no goal."""
-    centres = _centres(columns["next_state"])[:, TARGET]
-    return np.asarray(np.linalg.norm(centres - columns["goal"], axis=-1))
+    ends = centres(columns[Column.NEXT_STATE])[:, TARGET]
+    return np.asarray(np.linalg.norm(ends - columns[Column.GOAL], axis=-1))
 
 
 def reached(columns: Columns) -> ndarray:
     """Tell which pushes (M,) left the target within the tolerance of its goal."""
-    return np.asarray(goal_distance(columns) <= columns["tolerance"])
+    return np.asarray(goal_distance(columns) <= columns[Column.TOLERANCE])
 
 
 def _begins(before: Columns | None, chunk: Columns) -> ndarray:
     """Tell which rows (M,) do not go on from the row before them."""
     last = chunk if before is None else before
     earlier = {key: np.concatenate([last[key][-1:], chunk[key][:-1]]) for key in chunk}
-    moved = _centres(chunk["state"]) - _centres(earlier["next_state"])  # (M, N, 2)
+    moved = centres(chunk[Column.STATE]) - centres(earlier[Column.NEXT_STATE])  # (M, N, 2)
     begins = np.asarray(
-        (chunk["episode"] != earlier["episode"])
-        | (chunk["step"] != earlier["step"] + 1)
+        (chunk[Column.EPISODE] != earlier[Column.EPISODE])
+        | (chunk[Column.STEP] != earlier[Column.STEP] + 1)
         | (np.linalg.norm(moved, axis=-1) >= MOVED).any(axis=-1)
         | reached(earlier)
     )
     begins[0] |= before is None
     return begins
-
-
-def _centres(states: ndarray) -> ndarray:
-    """Return the centres of the disks (M, N, 2) of states (M, 8 N)."""
-    return states.reshape(len(states), -1, STATE_SIZE)[..., POSITION]
 
 
 def _joined(pieces: list[Columns]) -> Columns:

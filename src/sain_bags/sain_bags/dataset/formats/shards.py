@@ -1,29 +1,14 @@
-"""Rows on disk: the paper's npz shards, with the keys of a collection's.
-
-The keys of `sain_sim`'s shards mean the same here, so that a model trains on either; what only a
-recording knows has keys of its own.
-"""
+"""Rows of a conversion on disk: npz shards with the columns of `sain_core.dataset`."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final
 
 import numpy as np
-from numpy import ndarray
 
 from sain_bags.transitions.rows import Block
+from sain_core.dataset import RECORDED, SHARD_SIZE, Column, Columns, shard_path
 from sain_core.errors import DatasetError
-from sain_core.shards import SHARD_SIZE, shard_path
 from sain_core.storage import read_arrays, write_arrays
-
-STATES: Final = ("state", "physics_next", "next_state")
-KEYS: Final = (
-    "state", "action", "physics_next", "next_state", "episode", "step", "masses", "radii", "moved",
-    "duration", "goal", "tolerance", "push_id", "bag_episode", "bag_scene", "outcome", "stamp",
-    "next_stamp", "log_time", "source", "physics_source", "bag_sha256",
-)  # fmt: skip
-
-Columns = dict[str, ndarray]
 
 
 class Sharding:
@@ -38,7 +23,7 @@ class Sharding:
         """Take more rows; return the shards that are full by them, in the order of that."""
         full: list[tuple[int, Columns]] = []
         for block in blocks:
-            disks = block.columns["masses"].shape[1]
+            disks = block.columns[Column.MASSES].shape[1]
             waiting = self._waiting.setdefault(disks, [])
             before = sum(map(_length, waiting))
             rows = _joined([*waiting, block.columns])
@@ -81,7 +66,7 @@ def write_shard(folder: Path, index: int, arrays: Columns) -> Columns:
 
 
 def _length(columns: Columns) -> int:
-    return len(columns["push_id"])
+    return len(columns[Column.PUSH_ID])
 
 
 def _joined(parts: Sequence[Columns]) -> Columns:
@@ -97,7 +82,7 @@ def _cut(columns: Columns, rows: slice) -> Columns:
 def _tidy(columns: Columns, rows: slice) -> Columns:
     """Return some rows with their keys in order, and texts no wider than the longest of them."""
     tidy = {}
-    for name in KEYS:
+    for name in map(str, RECORDED):
         column = columns[name][rows]
         if column.dtype.kind == "U":
             width = max(int(np.strings.str_len(column).max()), 1)

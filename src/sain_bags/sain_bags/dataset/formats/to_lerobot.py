@@ -18,10 +18,9 @@ import torch
 from numpy import ndarray
 
 from sain_bags.dataset.formats.rows import StoredRows, goal_distance, reached
-from sain_bags.dataset.formats.shards import Columns
+from sain_core.dataset import PARTS, Column, Columns
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
-from sain_core.split import PARTS
 
 os.environ.setdefault("HF_HUB_OFFLINE", "1")  # nothing here needs a hub; read on import
 declared: Final = torch.library.Library("torchvision", "FRAGMENT")  # for as long as this lives
@@ -52,9 +51,10 @@ from lerobot.utils.utils import SuppressProgressBars  # noqa: E402
 FRAMES_A_SECOND: Final = 1
 TASK: Final = "Push the mid disk so that it pushes the target disk to the goal."
 STATE: Final = "observation.state"
+NEXT_STATE: Final = "next.state"
 GOAL: Final = "observation.environment_state"
-RENAMED: Final = {"state": STATE, "next_state": "next.state"}
-JOINED: Final = ("goal", "tolerance")  # are `GOAL`
+RENAMED: Final[dict[str, str]] = {Column.STATE: STATE, Column.NEXT_STATE: NEXT_STATE}
+JOINED: Final = (Column.GOAL, Column.TOLERANCE)  # are `GOAL`
 
 
 def write(rows: StoredRows, folder: Path) -> None:
@@ -79,8 +79,8 @@ def write(rows: StoredRows, folder: Path) -> None:
 def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
     names = ("mid", "target", *(f"disk{index}" for index in range(2, rows.disks)))
     states = [f"{disk}_{name}" for disk in names for name in STATE_NAMES]
-    named = {STATE: states, "next.state": states, "physics_next": states}
-    named |= {"action": list(PUSH_NAMES), GOAL: ["goal_x", "goal_y", "tolerance"]}
+    named = {STATE: states, NEXT_STATE: states, Column.PHYSICS_NEXT: states}
+    named |= {Column.ACTION: list(PUSH_NAMES), GOAL: ["goal_x", "goal_y", str(Column.TOLERANCE)]}
     features = {
         key: {
             "dtype": "string" if values.dtype.kind == "U" else str(values.dtype),
@@ -109,7 +109,8 @@ def _frames(columns: Columns) -> Columns:
     frames[GOAL] = np.column_stack([columns[key] for key in JOINED])
     frames["next.reward"] = -goal_distance(columns)
     frames["next.success"] = reached(columns)
-    frames["next.done"] = np.arange(len(columns["episode"])) == len(columns["episode"]) - 1
+    count = len(columns[Column.EPISODE])
+    frames["next.done"] = np.arange(count) == count - 1
     return frames
 
 
@@ -119,7 +120,7 @@ def _signed(values: ndarray) -> ndarray:
 
 def _save(dataset: LeRobotDataset, frames: Columns) -> None:
     """Save an episode, as a whole: frame by frame `lerobot` cannot, with NumPy from 2.4 on."""
-    count = len(frames["action"])
+    count = len(frames[Column.ACTION])
     episode = dataset.create_episode_buffer()
     episode |= {key: list(values) for key, values in frames.items()}
     episode["frame_index"] = list(range(count))

@@ -22,10 +22,8 @@ from minari.dataset.minari_storage import MinariStorage
 from numpy import ndarray
 
 from sain_bags.dataset.formats.rows import StoredRows, goal_distance, reached
-from sain_bags.dataset.formats.shards import Columns
+from sain_core.dataset import PARTS, Column, Columns
 from sain_core.push import PUSH_NAMES, PushLimits
-from sain_core.scene import STATE_SIZE
-from sain_core.split import PARTS
 
 ALLOWED: Final = r"[-\w]+-v\d+"  # what Minari takes for a name
 NAME: Final = "sain-pushes-v0"  # where the folder's own is none
@@ -37,7 +35,7 @@ def write(rows: StoredRows, folder: Path) -> None:
     """Write a data set into ``data``; the parts of its split follow one another."""
     path = folder / "data"
     path.mkdir(parents=True)
-    states = Box(-np.inf, np.inf, (rows.disks * STATE_SIZE,), np.float64)
+    states = Box(-np.inf, np.inf, Column.STATE.row_shape(rows.disks), np.float64)
     storage = MinariStorage.new(path, states, _pushes(rows.card["ranges"]))
     name = rows.name if re.fullmatch(ALLOWED, rows.name) else NAME
     about = {"dataset_id": name, "minari_version": version("minari"), "description": DESCRIPTION}
@@ -74,15 +72,15 @@ def _episode(columns: Columns) -> EpisodeBuffer:
     truncations = np.zeros_like(terminations)
     truncations[-1] = not terminations[-1]
     return EpisodeBuffer(
-        observations=np.concatenate([columns["state"], columns["next_state"][-1:]]),
-        actions=columns["action"],
+        observations=np.concatenate([columns[Column.STATE], columns[Column.NEXT_STATE][-1:]]),
+        actions=columns[Column.ACTION],
         rewards=-goal_distance(columns),
         terminations=terminations,
         truncations=truncations,
         infos={
             key: _after_nothing(values)
             for key, values in columns.items()
-            if key not in ("state", "action")
+            if key not in (Column.STATE, Column.ACTION)
         },
     )
 

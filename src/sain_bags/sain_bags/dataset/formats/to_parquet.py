@@ -18,8 +18,7 @@ from numpy import ndarray
 from pyarrow.parquet import ParquetWriter
 
 from sain_bags.dataset.formats.rows import StoredRows
-from sain_bags.dataset.formats.shards import Columns
-from sain_core.split import PARTS
+from sain_core.dataset import PARTS, Column, Columns
 
 CHUNKS: Final = 100  # in a file, each of a shard's rows of one part; about 50 MB
 CARD: Final = "sain"
@@ -46,7 +45,7 @@ def _write_file(path: Path, tables: Iterator[pyarrow.Table]) -> None:
 
 
 def _table(rows: StoredRows, part: str, columns: Columns) -> pyarrow.Table:
-    count = len(columns["episode"])
+    count = len(columns[Column.EPISODE])
     added = {SPLIT: np.full(count, part), DISKS: np.full(count, rows.disks)}
     arrays = {key: _array(values) for key, values in {**columns, **added}.items()}
     return pyarrow.table(arrays, metadata={CARD: json.dumps(rows.card)})

@@ -16,12 +16,12 @@ function size(metres) {
   return 1000 * Math.max(metres ?? 0, 0);
 }
 
-// A disk from above, or a cube, whose radius is half its width.
+// A body from above: round, or with an outline in its own frame.
 function outline(disk, pose, attributes = {}) {
-  const [x, y] = place(pose), r = size(disk.radius);
-  if (!disk.cube) return draw("circle", { ...attributes, cx: x, cy: y, r });
-  const transform = `rotate(${turn(pose)} ${x} ${y})`;
-  return draw("rect", { ...attributes, x: x - r, y: y - r, width: 2 * r, height: 2 * r, transform });
+  const [x, y] = place(pose);
+  if (!disk.outline) return draw("circle", { ...attributes, cx: x, cy: y, r: size(disk.radius) });
+  const points = disk.outline.map((corner) => place(corner).join(",")).join(" ");
+  return draw("polygon", { ...attributes, points, transform: `translate(${x} ${y}) rotate(${turn(pose)})` });
 }
 
 // The heading of a pose, clockwise in degrees as SVG has it.

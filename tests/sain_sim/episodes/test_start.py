@@ -3,8 +3,9 @@ import pytest
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
 from sain_core.scene import MASS, RADIUS, VELOCITY, make_scene, surface_gaps
-from sain_sim.world.parameters import CUBE, FLAT, THREE_FEET, nominal_parameters
-from sain_sim.world.start import draw_episode
+from sain_core.shapes.disk import FLAT, THREE_FEET
+from sain_sim.episodes.start import draw_episode
+from sain_sim.world.parameters import nominal_parameters
 
 GIVEN = make_scene(
     np.array([(0.4, 0.1), (0.6, 0.1), (0.5, -0.2)]), np.array([7.5, 8.5, 7.0]), np.full(3, 0.06)
@@ -44,7 +45,7 @@ def test_friction_is_drawn_unless_it_is_given() -> None:
 
 def test_shapes_become_the_way_disks_are_built() -> None:
     shapes = draw_episode(0, "nominal", GIVEN, ("disk", "cube", "disk"), disk_shape=FLAT)[0].shapes
-    assert shapes == (FLAT, CUBE, FLAT)
+    assert shapes == (FLAT, "cube", FLAT)
     assert draw_episode(0, "nominal", GIVEN)[0].shapes == (THREE_FEET,) * 3
 
 

@@ -10,10 +10,10 @@ from sain_sim.cli.collect import main
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import load_shards
+from sain_sim.episodes.start import draw_episode
+from sain_sim.episodes.truth import TruthConfig
 from sain_sim.world.parameters import FRICTION_RANGE, sample_parameters
 from sain_sim.world.roughness import EFFECTS, RIM_FRICTION, Roughness
-from sain_sim.world.start import draw_episode
-from sain_sim.world.truth import TruthConfig
 
 ROUGH = TruthConfig("rough", lab=2)
 

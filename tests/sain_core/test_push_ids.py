@@ -1,6 +1,6 @@
 from itertools import islice
 
-from sain_core.ids import push_ids
+from sain_core.push import push_ids
 
 
 def test_two_senders_share_no_id_and_none_is_zero() -> None:

@@ -8,11 +8,11 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
+from sain_core.shapes.disk import THREE_FEET
 from sain_sim.world.parameters import (
     FRICTION_RANGE,
     PAPER,
     RANGES,
-    THREE_FEET,
     Ranges,
     WorldParameters,
     sample_parameters,

@@ -1,0 +1,190 @@
+"""Pushes whose messages are contiguous: nothing about another push lies between them.
+
+Nearly all pushes of a recording are. They are paired as columns, which is several times faster
+than message by message and gives the same rows (docs/decisions/0011-one-pairing.md).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy import ndarray
+
+from sain_bags.transitions.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
+from sain_bags.transitions.messages import Messages
+from sain_bags.transitions.paired_pushes import NONE, OK, PairedPushes
+from sain_bags.transitions.tables import Message
+from sain_bags.transitions.wanted_fields import PUSH
+
+ANY_EPISODE = 0  # in a goal: it holds for all
+
+Stretch = tuple[PairedPushes, ndarray, Messages | None]  # spots (R,) of last messages; goals
+
+
+@dataclass(frozen=True)
+class Contiguous:
+    """The executed pushes of a batch whose messages are contiguous."""
+
+    covered: ndarray  # (messages,) which belong to these pushes or are goals
+    spots: ndarray  # (R,) of the last message of each push
+    pushes: PairedPushes
+    goals: Messages | None
+
+    def stretches(self, others: ndarray) -> list[Stretch]:
+        """Divide pushes and goals at the spots of other messages; one stretch more than others."""
+        goal_spots = self.goals.spots if self.goals else others[:0]
+        push_ends = [0, *np.searchsorted(self.spots, others).tolist(), len(self.spots)]
+        goal_ends = [0, *np.searchsorted(goal_spots, others).tolist(), len(goal_spots)]
+        return [
+            (
+                self.pushes.part(slice(first, last)),
+                self.spots[first:last],
+                _part(self.goals, slice(begin, end)),
+            )
+            for (first, last), (begin, end) in zip(
+                pairwise(push_ends), pairwise(goal_ends), strict=True
+            )
+        ]
+
+
+def find_contiguous(
+    messages: Sequence[Messages],
+    count: int,
+    known: Callable[[ndarray], ndarray],
+    with_predictions: bool,
+) -> Contiguous | None:
+    """Return the contiguous pushes of a batch; None: there are none.
+
+    Args:
+        messages: of the batch, by channel.
+        count: of all messages in the batch.
+        known: tells which push ids (R,) occurred in an earlier batch.
+        with_predictions: whether a push needs a prediction to be complete.
+    """
+    kinds = {one.kind: one for one in messages}
+    if PUSH_RESULT not in kinds or SCENE in kinds or len(kinds) < len(messages):
+        return None
+    goals = kinds.pop(GOAL, None)
+    spots = np.sort(np.concatenate([one.spots for one in kinds.values()]))
+    ids, times = np.zeros(count, dtype=np.uint64), np.zeros(count, dtype=np.int64)
+    for one in kinds.values():
+        ids[one.spots] = one.table.columns["push_id"]
+        times[one.spots] = one.times
+    begins = np.flatnonzero(np.append(True, ids[spots][1:] != ids[spots][:-1]))  # (R,)
+    named = ids[spots[begins]]
+    right = ~known(named) & _is_single(named)
+    rows = {kind: _rows(one, spots[begins], right) for kind, one in kinds.items()}
+    right &= _executed(kinds, rows, named)
+    if with_predictions:
+        right &= rows.get(PREDICTION, np.array(NONE)) != NONE
+    ends = np.append(begins[1:], len(spots))
+    covered = np.zeros(count, dtype=bool)
+    covered[spots] = np.repeat(right, ends - begins)
+    if goals is not None and right.any():
+        covered[goals.spots] = True
+    if not right.any():
+        return None
+    found = rows[PUSH_RESULT][right]
+    columns = kinds[PUSH_RESULT].table.columns
+    pushes = PairedPushes(
+        np.arange(len(found)),
+        named[right],
+        columns["push.episode_id"][found],
+        columns["push.scene_id"][found],
+        columns["episode_id"][found],
+        columns["error_code"][found].astype(np.int64),
+        times[spots[begins[right]]],
+        (kinds[PREDICTION].table, rows[PREDICTION][right]) if with_predictions else None,
+        (kinds[PUSH_RESULT].table, found),
+    )
+    return Contiguous(covered, spots[ends[right] - 1], pushes, goals)
+
+
+def with_goals(
+    pushes: PairedPushes, spots: ndarray, goals: Messages | None, earlier: Mapping[int, Message]
+) -> PairedPushes:
+    """Give each push the latest goal of its episode, or else the latest for any.
+
+    Args:
+        pushes: without goals.
+        spots: (R,) of the last message of each push.
+        goals: those between the pushes.
+        earlier: the latest before them, by episode.
+    """
+    found: list[Message] = [goal for _, goal in goals_by_episode(goals)]
+    episodes = pushes.episodes
+    chosen = _latest(goals, episodes, spots)
+    general = _latest(goals, np.full_like(episodes, ANY_EPISODE), spots)
+    for episode in np.unique(episodes[chosen == NONE]).tolist():
+        if episode in earlier:
+            chosen[(episodes == episode) & (chosen == NONE)] = len(found)
+            found.append(earlier[episode])
+    chosen = np.where(chosen == NONE, general, chosen)
+    if ANY_EPISODE in earlier:
+        chosen[chosen == NONE] = len(found)
+        found.append(earlier[ANY_EPISODE])
+    return replace(pushes, goals=found, goal_of=chosen)
+
+
+def goals_by_episode(goals: Messages | None) -> list[tuple[int, Message]]:
+    """Return the episode of each goal and the goal, in their order."""
+    if goals is None:
+        return []
+    rows = np.arange(len(goals.spots))
+    return list(zip(*goals.lists(rows, "episode_id"), goals.places(rows), strict=True))
+
+
+def _part(messages: Messages | None, chosen: slice) -> Messages | None:
+    if messages is None:
+        return None
+    rows = np.arange(len(messages.spots))[chosen]
+    return replace(
+        messages,
+        table=messages.table.take(rows),
+        spots=messages.spots[chosen],
+        times=messages.times[chosen],
+    )
+
+
+def _latest(goals: Messages | None, episodes: ndarray, spots: ndarray) -> ndarray:
+    """Return which goal was the latest for each episode (R,) before a spot (R,)."""
+    if goals is None or not len(goals.spots):
+        return np.full(len(episodes), NONE)
+    named = goals.table.columns["episode_id"]
+    _, codes = np.unique(np.concatenate([named, episodes]), return_inverse=True)
+    goal_codes, push_codes = codes[: len(named)], codes[len(named) :]
+    most = int(max(goals.spots[-1], spots[-1])) + 1
+    keys = goal_codes * most + goals.spots  # by episode, then by time
+    order = np.argsort(keys)
+    place = np.searchsorted(keys[order], push_codes * most + spots) - 1
+    found = order[place]  # place -1 is no goal's: the comparison below finds it out
+    return np.where((place >= 0) & (goal_codes[found] == push_codes), found, NONE)
+
+
+def _rows(messages: Messages, firsts: ndarray, right: ndarray) -> ndarray:
+    """Return the row of each run's message of one kind; where there are two, none is right."""
+    run = np.searchsorted(firsts, messages.spots, side="right") - 1
+    right &= np.bincount(run, minlength=len(firsts)) <= 1
+    rows = np.full(len(firsts), NONE)
+    rows[run] = np.arange(len(run))
+    return rows
+
+
+def _executed(kinds: Mapping[str, Messages], rows: Mapping[str, ndarray], ids: ndarray) -> ndarray:
+    """Return which runs have the result of an executed push that repeats the push as sent."""
+    results, columns = rows[PUSH_RESULT], kinds[PUSH_RESULT].table.columns
+    right = (results != NONE) & (columns["error_code"][results] == OK)
+    right &= columns["push.push_id"][results] == ids
+    if PUSH in kinds:
+        sent, pushes = kinds[PUSH].table.columns, rows[PUSH]
+        for name in ("episode_id", "scene_id"):
+            same = sent[name][pushes] == columns[f"push.{name}"][results]
+            right &= same | (pushes == NONE)
+    return right
+
+
+def _is_single(numbers: ndarray) -> ndarray:
+    """Return which numbers (M,) occur once."""
+    _, places, counts = np.unique(numbers, return_inverse=True, return_counts=True)
+    return counts[places] == 1

@@ -1,0 +1,228 @@
+"""The schema of a data set: every column of a transition, its shape, type, unit and meaning.
+
+A row is one push. Collector, converter, loader, cards, the export formats and the table in
+docs/formats.md are made from `Column`. No other module writes a column's name.
+
+Data sets are npz shards of 1,000 rows, as in the paper (section III-B c). Episodes are never
+divided between the parts of a split: pushes of one episode share friction, masses and radii.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Final, Self
+
+import numpy as np
+from jaxtyping import Int
+from numpy import ndarray
+
+from sain_core.errors import DatasetError
+from sain_core.push import PUSH_SIZE
+from sain_core.scene import POSITION, STATE_SIZE
+from sain_core.seeding import generator
+from sain_core.shapes.registry import get_shape
+from sain_core.types import Mask, Points, Scenes
+
+SHARD_SIZE: Final = 1000  # transitions, as in the paper
+SHARD_PATTERN: Final = "shard-*.npz"
+MOVED: Final = 0.002  # [m], the paper's threshold for a target that moved (section III-B b)
+
+TRAIN, VALIDATION, TEST = PARTS = ("train", "validation", "test")
+SEED: Final = 0  # default of the split
+SHARES: Final = {VALIDATION: 0.1, TEST: 0.15}  # of the episodes, by default
+
+FLAT: Final = "8 N"  # a scene (N, 8), row by row
+DISKS: Final = "N"
+ROUGH: Final = "rough_"  # prefix of the columns of a rough world; their shapes are the world's
+MARKS: Final = "s"  # ends the column (N,) that states which bodies have a shape: ``cubes``
+
+Row = Mapping[str, Any]  # one transition: a value for each column
+Columns = dict[str, ndarray]  # many: an array (M, ...) for each
+
+
+class Presence(StrEnum):
+    """Whether a kind of data set has a column."""
+
+    ALWAYS = "always"
+    SOMETIMES = "optional"
+    NEVER = "no"
+
+
+ALWAYS, SOMETIMES, NEVER = Presence
+
+
+class Column(StrEnum):
+    """A column; its value is its name on disk, and the order is that on disk.
+
+    Attributes:
+        shape: of one row; N disks.
+        dtype: NumPy's name of the type; `str` for text.
+        unit: empty for numbers without one.
+        meaning: one phrase for the documentation.
+        collected: whether `sain_sim collect` writes it.
+        recorded: whether `sain_bags to_dataset` writes it.
+    """
+
+    shape: tuple[int | str, ...]
+    dtype: str
+    unit: str
+    meaning: str
+    collected: Presence
+    recorded: Presence
+
+    def __new__(
+        cls,
+        name: str,
+        shape: tuple[int | str, ...],
+        dtype: str,
+        unit: str,
+        meaning: str,
+        collected: Presence = ALWAYS,
+        recorded: Presence = ALWAYS,
+    ) -> "Column":
+        """Make a column that is equal to its name."""
+        column = str.__new__(cls, name)
+        column._value_ = name
+        column.shape, column.dtype, column.unit = shape, dtype, unit
+        column.meaning, column.collected, column.recorded = meaning, collected, recorded
+        return column
+
+    # fmt: off
+    STATE = ("state", (FLAT,), "float64", "m, rad, m/s, rad/s, kg",
+             "scene before the push: x, y, theta, vx, vy, omega, mass, radius of each disk")
+    ACTION = "action", (PUSH_SIZE,), "float64", "rad, rad, m", "the push: location, angle, length"
+    PHYSICS_NEXT = ("physics_next", (FLAT,), "float64", "as `state`",
+                    "scene after the push as physics predicts it, f_p(s, a)")
+    NEXT_STATE = "next_state", (FLAT,), "float64", "as `state`", "scene after the push"
+    FLOOR_NEXT = ("floor_next", (FLAT,), "float64", "as `state`",
+                  "the same push with the true parameters; NaN: not repeated", ALWAYS, NEVER)
+    EPISODE = "episode", (), "int64", "", "episode, counted over the data set"
+    STEP = "step", (), "int64", "", "place of the push in its episode"
+    SEED = "seed", (), "int64", "", "seed of the collection", ALWAYS, NEVER
+    MASSES = "masses", (DISKS,), "float64", "kg", "mass of each disk"
+    RADII = "radii", (DISKS,), "float64", "m", "radius of each disk"
+    FRICTION = ("friction", (), "float64", "",
+                "friction coefficient of the table; NaN: not known", ALWAYS, SOMETIMES)
+    RIM_FRICTION = ("rim_friction", (), "float64", "",
+                    "friction coefficient between disks; NaN: not known", ALWAYS, SOMETIMES)
+    TOOL_FRICTION = ("tool_friction", (), "float64", "",
+                     "friction coefficient of the tool; NaN: not known", ALWAYS, SOMETIMES)
+    MOVED = "moved", (), "bool", "", "the target moved by 2 mm or more"
+    DURATION = "duration", (), "float64", "s", "simulated time of the push"
+    GOAL = "goal", (2,), "float64", "m", "goal x, y; NaN: no goal", NEVER, ALWAYS
+    TOLERANCE = "tolerance", (), "float64", "m", "goal's tolerance; NaN: no goal", NEVER, ALWAYS
+    PUSH_ID = "push_id", (), "uint64", "", "id of the push in the recording", NEVER, ALWAYS
+    BAG_EPISODE = "bag_episode", (), "uint64", "", "its episode's id there", NEVER, ALWAYS
+    BAG_SCENE = "bag_scene", (), "uint64", "", "id there of the scene before it", NEVER, ALWAYS
+    OUTCOME = ("outcome", (), "int64", "", "error code of the result; 1: executed, 0: no result",
+               NEVER, ALWAYS)
+    STAMP = "stamp", (), "int64", "ns", "time of the scene before the push", NEVER, ALWAYS
+    NEXT_STAMP = "next_stamp", (), "int64", "ns", "time of the scene after the push", NEVER, ALWAYS
+    LOG_TIME = ("log_time", (), "int64", "ns", "receipt of the first message about the push",
+                NEVER, ALWAYS)
+    SOURCE = ("source", (), "str", "", "origin of the scenes: `push_result` or `scenes`",
+              NEVER, ALWAYS)
+    PHYSICS_SOURCE = ("physics_source", (), "str", "",
+                      "model behind `physics_next`; `computed:`: run by the converter",
+                      NEVER, ALWAYS)
+    BAG_SHA256 = "bag_sha256", (), "str", "", "SHA-256 of the recording's files", NEVER, ALWAYS
+    # fmt: on
+
+    def row_shape(self, disks: int) -> tuple[int, ...]:
+        """Return the shape of one row in a scene of so many disks."""
+        sizes = {FLAT: disks * STATE_SIZE, DISKS: disks}
+        return tuple(sizes[size] if isinstance(size, str) else size for size in self.shape)
+
+
+COLLECTED: Final = tuple(c for c in Column if c.collected is not NEVER)
+RECORDED: Final = tuple(c for c in Column if c.recorded is ALWAYS)
+NEEDED: Final = (  # for training; the order is that of a data set's SHA-256
+    Column.STATE, Column.PHYSICS_NEXT, Column.NEXT_STATE, Column.ACTION, Column.EPISODE,
+)  # fmt: skip
+FRICTIONS: Final = (Column.FRICTION, Column.RIM_FRICTION, Column.TOOL_FRICTION)
+
+
+@dataclass(frozen=True, eq=False)
+class Transitions:
+    """M pushes as arrays, which have the names of the columns; the first axis counts pushes.
+
+    Attributes:
+        state: (M, N, 8), settled, before each push.
+        action: (M, 3), as executed.
+        next_state: (M, N, 8), settled, after each push.
+    """
+
+    state: ndarray
+    action: ndarray
+    next_state: ndarray
+
+    def __len__(self) -> int:
+        """Return the number of pushes M."""
+        return len(self.action)
+
+    @property
+    def disks(self) -> int:
+        """The number of disks N in every scene."""
+        return int(self.state.shape[1])
+
+    @property
+    def arrays(self) -> Columns:
+        """All arrays by name; each has one row a push."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, ndarray)}
+
+    def select(self, rows: Mask | slice) -> Self:
+        """Return the pushes that a mask (M,) or a slice picks."""
+        return replace(self, **{name: array[rows] for name, array in self.arrays.items()})
+
+
+def shape_marks(shapes: Sequence[str]) -> Row:
+    """Return for each shape with corners, as a column, which bodies (N,) have it."""
+    cornered = [name for name in dict.fromkeys(shapes) if not get_shape(name).is_round]
+    return {f"{name}{MARKS}": np.array([shape == name for shape in shapes]) for name in cornered}
+
+
+def shard_path(folder: Path, index: int) -> Path:
+    """Return where the index-th shard is."""
+    return folder / f"shard-{index:05d}.npz"
+
+
+def describe_fields(columns: Columns) -> dict[str, list[int]]:
+    """Return the shape of one row of each column, as cards state it."""
+    return {str(name): list(values.shape[1:]) for name, values in columns.items()}
+
+
+def as_scenes(states: ndarray) -> Scenes:
+    """Return states (M, 8 N) as scenes (M, N, 8)."""
+    return states.reshape(len(states), -1, STATE_SIZE)
+
+
+def centres(states: ndarray) -> Points:
+    """Return the centres of the disks (M, N, 2) [m] of states (M, 8 N)."""
+    return as_scenes(states)[..., POSITION]
+
+
+def draw_parts(
+    labels: Int[ndarray, "M"], seed: int, validation: float, test: float
+) -> tuple[Mask, Mask, Mask]:
+    """Return which rows (M,) are to train, validate and test on.
+
+    Args:
+        labels: the episode of each row.
+        seed: decides which episodes go where.
+        validation: share of the episodes to choose the best epoch by.
+        test: share of the episodes held out; 0: none are.
+
+    Raises:
+        DatasetError: too few episodes for the parts.
+    """
+    episodes = np.unique(labels)
+    held = [max(round(share * len(episodes)), 1) if share else 0 for share in (validation, test)]
+    if len(episodes) <= sum(held):
+        wanted = "train, validate and test" if test else "train and validate"
+        raise DatasetError(f"{len(episodes)} episodes are too few to {wanted}")
+    shuffled = generator(seed, "split").permutation(episodes)
+    in_test = np.isin(labels, shuffled[: held[1]])
+    in_validation = np.isin(labels, shuffled[held[1] : sum(held)])
+    return ~(in_test | in_validation), in_validation, in_test

@@ -1,0 +1,99 @@
+"""Shapes by name.
+
+A new shape is a module with an instance of `Shape` and its line in `_BUILT_IN`. Another package
+offers shapes through entry points in the group ``sain.shapes``, which name such instances::
+
+    entry_points={"sain.shapes": ["hexagon = my_package.hexagon:HEXAGON"]}
+"""
+
+from collections import ChainMap
+from collections.abc import Iterable, Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Final
+
+from sain_core.errors import ConfigError, InvalidInputError, SainError
+from sain_core.shapes import cube, disk
+from sain_core.shapes.disk import DISK
+from sain_core.shapes.shape import Shape
+
+GROUP: Final = "sain.shapes"
+_BUILT_IN: Final = (*disk.SHAPES, *cube.SHAPES)
+_shapes: dict[str, Shape] = {}
+_footprints: dict[str, Shape] = {}  # the usual shape of each
+_all: Final = ChainMap(_shapes, _footprints)
+
+
+def register(shape: Shape) -> None:
+    """Let a shape be found by its name in this process.
+
+    Raises:
+        ConfigError: its name already belongs to another shape.
+    """
+    if _shapes.setdefault(shape.name, shape) != shape:
+        raise ConfigError(f"two shapes have the name {shape.name!r}; rename one of them")
+    _footprints.setdefault(shape.footprint, shape)
+
+
+def shape_names() -> list[str]:
+    """Return the names of all shapes, as a world is made of them."""
+    return list(_shapes)
+
+
+def footprint_names() -> list[str]:
+    """Return the names of all footprints, as requests and scenarios ask for them."""
+    return list(_footprints)
+
+
+def get_shape(name: str) -> Shape:
+    """Return the shape of this name, or the usual one with this footprint.
+
+    Raises:
+        ConfigError: there is neither.
+    """
+    return _find(name, _all)
+
+
+def check_shape(name: str) -> None:
+    """Check that a world can be made of a shape: a footprint does not say how it stands.
+
+    Raises:
+        ConfigError: no shape has this name.
+    """
+    _find(name, _shapes)
+
+
+def built_shapes(footprints: Iterable[str], disk_shape: str) -> tuple[str, ...]:
+    """Return the names of the shapes for some footprints; `disk_shape` is the one for disks.
+
+    Raises:
+        InvalidInputError: a footprint that does not exist.
+    """
+    shapes = [_find(footprint, _footprints, InvalidInputError) for footprint in footprints]
+    return tuple(disk_shape if shape.footprint == DISK else shape.name for shape in shapes)
+
+
+def _find(name: str, known: Mapping[str, Shape], error: type[SainError] = ConfigError) -> Shape:
+    if name not in known:
+        _load_offered()
+    if name not in known:
+        raise error(f"shape is {name!r}; allowed: {', '.join(known)}")
+    return known[name]
+
+
+@cache
+def _load_offered() -> None:
+    """Register what installed packages offer; once, since it takes a tenth of a second."""
+    for entry in entry_points(group=GROUP):
+        try:
+            shape = entry.load()
+        except Exception as error:
+            raise ConfigError(f"shape {entry.value!r} cannot be imported: {error}") from error
+        if not isinstance(shape, Shape):
+            what = type(shape).__name__
+            raise ConfigError(f"entry point {entry.value!r} names a {what}; it must name a Shape")
+        register(shape)
+
+
+for _shape in _BUILT_IN:
+    register(_shape)

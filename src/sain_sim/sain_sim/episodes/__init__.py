@@ -1,0 +1,1 @@
+"""What an episode starts from: its world, its start, its pushes. May import `world`."""

@@ -1,0 +1,122 @@
+"""What of a body touches tool, table and other bodies, made of Bullet's primitives.
+
+A body on feet touches others with a narrow rim at half its height: the height of a contact decides
+how the feet share the load, and must not be left to rounding. A core of full height, a little
+narrower, stops it from tipping far where the table ends.
+"""
+
+from functools import cache
+from math import cos, sin
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from sain_core.scene import DISK_HEIGHT
+from sain_core.shapes.shape import Pair, Shape, Solid
+from sain_sim.arm.client import Client
+
+FOOT_RADIUS: Final = 0.004  # [m]
+RIM_HEIGHT: Final = 0.002  # [m], of the part that touches tool and other disks
+CORE_SHARE: Final = 0.9  # of the radius: of the full-height part within the rim
+UNSEEN: Final = [0.001, 0.001, 0.001]  # [m], half the sides of a shape that is never drawn
+CENTRED: Final[Pair] = (0.0, 0.0)  # offset of a centre of mass that is in the middle
+HULL_MARGIN: Final = 0.001  # [m], which PyBullet adds all around a convex hull
+THINNEST_HULL: Final = 0.0001  # [m]
+
+
+class Build(NamedTuple):
+    """How a body is made."""
+
+    shape: Shape
+    mass: float  # [kg]
+    radius: float  # [m]
+    feet: tuple[Pair, ...]  # distance [radii] and bearing [rad] of each; none: it lies flat
+    mass_offset: Pair = CENTRED  # [m], centre of mass in the body's frame
+
+
+class Block(NamedTuple):
+    """A part of a body that has the body's outline."""
+
+    radius: float  # [m]
+    height: float  # [m]
+    middle: list[float]  # [m], about the centre of mass
+
+
+def unseen_shape(client: Client) -> int:
+    """Create the visual shape of a body that is never drawn; pictures have a scene of their own.
+
+    Without one, Bullet makes one of every collision shape, which takes longer than all the rest.
+    """
+    shape: int = client.createVisualShape(client.GEOM_BOX, halfExtents=UNSEEN)
+    return shape
+
+
+def collision_shape(client: Client, build: Build) -> int:
+    """Create the collision shape of a body with its origin in the body's centre of mass."""
+    blocks, feet = _blocks(build), _feet(build)
+    kind, more = _primitive(client, build.shape, blocks, len(feet))
+    collision: int = client.createCollisionShapeArray(
+        shapeTypes=[kind] * len(blocks) + [client.GEOM_SPHERE] * len(feet),
+        radii=[block.radius for block in blocks] + [FOOT_RADIUS] * len(feet),
+        lengths=[block.height for block in blocks] + [0.0] * len(feet),
+        halfExtents=[[block.radius, block.radius, block.height / 2] for block in blocks]
+        + [[0.0, 0.0, 0.0]] * len(feet),
+        collisionFramePositions=[block.middle for block in blocks] + feet,
+        **more,
+    )
+    return collision
+
+
+def _blocks(build: Build) -> list[Block]:
+    """Return the rim and the core of a body on feet, or the one block of a flat body."""
+    lift = FOOT_RADIUS if build.feet else 0.0  # the feet's lower halves are below the body
+    radius, (x, y) = build.radius, build.mass_offset
+    core = Block(radius, DISK_HEIGHT - lift, [0.0 - x, 0.0 - y, lift / 2])
+    if not build.feet:
+        return [core]
+    rim = Block(radius, RIM_HEIGHT, [0.0 - x, 0.0 - y, 0.0])
+    return [rim, core._replace(radius=CORE_SHARE * radius)]
+
+
+def _feet(build: Build) -> list[list[float]]:
+    """Return the feet's centres about the body's centre of mass [m]."""
+    drop = FOOT_RADIUS - DISK_HEIGHT / 2
+    x, y = build.mass_offset
+    places = ((share * build.radius, turn) for share, turn in build.feet)
+    return [[away * cos(turn) - x, away * sin(turn) - y, drop] for away, turn in places]
+
+
+def _primitive(
+    client: Client, shape: Shape, blocks: list[Block], feet: int
+) -> tuple[int, dict[str, Any]]:
+    """Return Bullet's kind of a shape's blocks, and what else it needs for blocks and feet."""
+    if shape.solid is Solid.CYLINDER:
+        return client.GEOM_CYLINDER, {}
+    if shape.solid is Solid.BOX:
+        return client.GEOM_BOX, {}
+    scales = []
+    for block in blocks:  # of a prism of radius 1 m and height DISK_HEIGHT
+        width = block.radius - HULL_MARGIN
+        height = max(block.height - 2 * HULL_MARGIN, THINNEST_HULL)
+        scales.append([width, width, height / DISK_HEIGHT])
+    return client.GEOM_MESH, {
+        "fileNames": [str(_prism(shape).path)] * len(blocks) + [""] * feet,
+        "meshScales": scales + [[1.0, 1.0, 1.0]] * feet,
+    }
+
+
+class _MeshFile:
+    """The prism of a shape of radius 1 m on disk, as long as this object exists."""
+
+    def __init__(self, shape: Shape) -> None:
+        self._folder = TemporaryDirectory(prefix="sain-shape-")
+        self.path = Path(self._folder.name) / "prism.obj"
+        corners = shape.triangles(1.0).reshape(-1, 3).tolist()
+        faces = np.arange(1, len(corners) + 1).reshape(-1, 3).tolist()
+        lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a} {b} {c}" for a, b, c in faces]
+        self.path.write_text("\n".join(lines) + "\n")
+
+
+_prism: Final = cache(_MeshFile)

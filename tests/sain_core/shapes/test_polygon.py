@@ -1,0 +1,39 @@
+from math import nan, pi
+
+import pytest
+
+from sain_core.errors import ConfigError
+from sain_core.shapes.polygon import Polygon, regular_corners
+
+SQUARE = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
+
+
+@pytest.mark.parametrize(
+    ("corners", "message"),
+    [
+        (SQUARE[:2], r"\b2 corners; it needs 3 or more"),
+        (SQUARE[::-1], "allowed: a convex polygon, counter-clockwise"),
+        ((SQUARE[0], SQUARE[1], SQUARE[3], SQUARE[2]), "allowed: a convex polygon"),  # crossed
+        ((*SQUARE[:3], (0.0, 0.0)), "allowed: a convex polygon"),  # dented
+        ((*SQUARE, (0.0, 1.0)), "allowed: a convex polygon"),
+        ((*SQUARE, SQUARE[3]), "allowed: a convex polygon"),  # a side without length
+        ((*SQUARE[:3], (nan, -1.0)), "give finite ones"),
+        (((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), r"centroid at \(0.3333, 0.3333\)"),
+    ],
+)
+def test_corners_that_make_no_body_are_refused(corners, message):
+    with pytest.raises(ConfigError, match=f"shape 'odd' has .*{message}"):
+        Polygon("odd", corners=corners)
+
+
+@pytest.mark.parametrize(
+    ("corners", "turn"),
+    [
+        (regular_corners(3), 2 * pi / 3),
+        (regular_corners(5), 2 * pi / 5),
+        (tuple((2 * x, y) for x, y in SQUARE), pi),
+        (((1.0, 0.0), (-0.5, 1.0), (-0.5, -1.0)), 2 * pi),
+    ],
+)
+def test_the_symmetry_comes_from_the_corners(corners, turn):
+    assert Polygon("any", corners=corners).symmetry == pytest.approx(turn)

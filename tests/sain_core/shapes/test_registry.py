@@ -1,0 +1,72 @@
+import sys
+from importlib.metadata import EntryPoint
+from types import ModuleType
+
+import pytest
+
+from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.shapes import registry
+from sain_core.shapes.polygon import Polygon, regular_corners
+from sain_core.shapes.registry import GROUP, built_shapes, check_shape, get_shape, register
+from tests.hexagon import HEXAGON
+
+
+@pytest.fixture
+def offered(own_shapes: None, monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
+    """The entry points of an installed package with a shape and something else."""
+    module = ModuleType("offering")
+    module.HEXAGON, module.NUMBER = HEXAGON, 6  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "offering", module)
+    entries: list[EntryPoint] = []
+    monkeypatch.setattr(registry, "entry_points", lambda group: entries)
+    registry._load_offered.cache_clear()
+    return entries
+
+
+def test_a_shape_has_a_name_and_a_footprint():
+    assert get_shape("disk") is get_shape("three_feet") is not get_shape("flat")
+    assert built_shapes(("disk", "cube"), "flat") == ("flat", "cube")
+
+
+def test_an_unknown_name_is_an_error_that_lists_what_is_allowed():
+    with pytest.raises(ConfigError, match="shape is 'cone'; allowed: disk, cube, three_feet, flat"):
+        get_shape("cone")
+    with pytest.raises(ConfigError, match="shape is 'disk'; allowed: three_feet, flat, cube"):
+        check_shape("disk")
+    with pytest.raises(InvalidInputError, match="shape is 'flat'; allowed: disk, cube"):
+        built_shapes(("disk", "flat"), "three_feet")
+
+
+def test_a_registered_shape_is_found(hexagon):
+    assert get_shape("hexagon") is HEXAGON
+    check_shape("hexagon")
+    assert built_shapes(("hexagon",), "flat") == ("hexagon",)
+    register(Polygon("hexagon", corners=regular_corners(6)))  # the same again
+
+
+def test_two_shapes_cannot_share_a_name():
+    with pytest.raises(ConfigError, match="two shapes have the name 'cube'; rename one"):
+        register(Polygon("cube", corners=regular_corners(6)))
+    assert get_shape("cube").circumradius == 2**0.5
+
+
+def test_an_installed_package_offers_its_shapes(offered):
+    offered.append(EntryPoint("hexagon", "offering:HEXAGON", GROUP))
+    assert get_shape("hexagon") is HEXAGON
+    with pytest.raises(ConfigError, match="shape is 'cone'; allowed: disk, cube, hexagon, three_"):
+        get_shape("cone")
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [
+        ("offering:NUMBER", "entry point 'offering:NUMBER' names a int; it must name a Shape"),
+        ("offering:NONE", "shape 'offering:NONE' cannot be imported: .* no attribute 'NONE'"),
+        ("missing_package:SHAPE", "cannot be imported: No module named 'missing_package'"),
+    ],
+)
+def test_an_offer_that_is_no_shape_is_named(offered, target, message):
+    offered.append(EntryPoint("odd", target, GROUP))
+    with pytest.raises(ConfigError, match=message):
+        get_shape("hexagon")
+    assert get_shape("cube").name == "cube"  # what is built in needs no offer

@@ -1,0 +1,84 @@
+"""What holds for every shape, and each one's own numbers."""
+
+from math import pi
+
+import numpy as np
+import pytest
+
+from sain_core.scene import DISK_HEIGHT, make_scene
+from sain_core.shapes.disk import DISK_SHAPES
+from sain_core.shapes.registry import get_shape, shape_names
+from sain_core.types import Points
+from tests.hexagon import HEXAGON
+
+SHAPES = [*map(get_shape, shape_names()), HEXAGON]
+ALL = pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
+
+
+def area(points: Points) -> float:
+    x, y = points.T
+    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
+
+
+@ALL
+def test_an_outline_goes_round_counter_clockwise_about_its_centre(shape):
+    outline = shape.outline(0.06)
+    bearings = np.unwrap(np.arctan2(outline[:, 1], outline[:, 0]))
+    assert (np.diff(bearings) > 0.0).all() and bearings[-1] - bearings[0] < 2 * pi
+    assert np.allclose(outline.mean(axis=0), 0.0)
+    assert np.hypot(*outline.T).max() == pytest.approx(0.06 * shape.circumradius)
+
+
+@ALL
+def test_a_side_faces_backwards_at_one_radius(shape):
+    assert shape.outline(0.06)[:, 0].min() == pytest.approx(-0.06)
+
+
+@ALL
+def test_the_symmetry_is_the_smallest_turn_that_changes_nothing(shape):
+    def fits(turn: float) -> bool:
+        state = make_scene(np.zeros((1, 2)), np.ones(1), np.ones(1), np.array([turn]))[0]
+        apart = shape.placed(state)[:, None] - shape.outline(1.0)
+        return bool(np.linalg.norm(apart, axis=-1).min(axis=1).max() < 1e-9)
+
+    turn = shape.symmetry or 2 * pi / 72  # a circle is drawn with 72 corners
+    assert fits(turn) and not fits(turn / 2)
+    assert shape.is_round == (shape.symmetry == 0.0)
+
+
+@ALL
+def test_the_surface_encloses_the_body(shape):
+    corners = shape.triangles(0.06)
+    volume = np.einsum("ti,ti->t", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    assert volume == pytest.approx(area(shape.outline(0.06)) * DISK_HEIGHT)
+    assert np.ptp(corners[..., 2]) == pytest.approx(DISK_HEIGHT)
+
+
+@ALL
+def test_inertia_is_that_of_many_points_in_the_outline(shape):
+    outline = shape.outline(0.06)
+    grid = (np.stack(np.meshgrid(*[np.arange(-400, 400)] * 2), -1).reshape(-1, 2) + 0.5) * 0.0002
+    offset = np.roll(outline, -1, axis=0) - outline
+    inside = np.ones(len(grid), bool)
+    for point, (dx, dy) in zip(outline, offset, strict=True):
+        inside &= dx * (grid[:, 1] - point[1]) - dy * (grid[:, 0] - point[0]) >= 0.0
+    y_square, x_square = (grid[inside, axis].var() for axis in (1, 0))
+    upright = DISK_HEIGHT**2 / 12
+    expected = 8.0 * np.array([y_square + upright, x_square + upright, x_square + y_square])
+    assert np.allclose(shape.inertia(8.0, 0.06), expected, rtol=0.005)
+
+
+def test_inertia_of_a_disk_and_of_a_block():
+    assert get_shape("disk").inertia(8.0, 0.08)[2] == pytest.approx(0.0256)  # m r^2 / 2
+    assert get_shape("flat").inertia(8.0, 0.08) == get_shape("disk").inertia(8.0, 0.08)
+    assert get_shape("cube").inertia(6.0, 0.05)[2] == pytest.approx(0.01)  # m (2 a)^2 / 6
+
+
+def test_today_s_shapes():
+    assert shape_names() == ["three_feet", "flat", "cube"]
+    assert [get_shape(name).symmetry for name in shape_names()] == [0.0, 0.0, pi / 2]
+    assert [get_shape(name).footprint for name in DISK_SHAPES] == ["disk", "disk"]
+    assert get_shape("cube").outline(0.05).tolist() == [
+        [0.05, 0.05], [-0.05, 0.05], [-0.05, -0.05], [0.05, -0.05]
+    ]  # fmt: skip
+    assert [len(get_shape(name).feet) for name in shape_names()] == [3, 0, 3]
