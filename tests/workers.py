@@ -7,6 +7,7 @@ process, where a worker's start would cost more than it saves; ``-n 2`` says oth
 import os
 import subprocess
 import sys
+from importlib.util import find_spec
 from typing import Any, Final
 
 import pytest
@@ -29,7 +30,8 @@ class ByFile(LoadScopeScheduling):
     def __init__(self, config: Config, log: Any) -> None:
         super().__init__(config, log)
         # All kernels are compiled here, while the workers collect; each of them would compile them.
-        command = [sys.executable, "-m", "sain_model.cli.compile_kernels"]
+        there = find_spec("sain_model.cli.compile_kernels")
+        command = [sys.executable, *(("-m", there.name) if there else ("-c", ""))]
         self.kernels = subprocess.Popen(command, stdout=subprocess.DEVNULL)
 
     def schedule(self) -> None:
@@ -47,7 +49,7 @@ class ByFile(LoadScopeScheduling):
 
 def pytest_xdist_auto_num_workers(config: Config) -> int:
     """Return how many workers ``-n auto`` starts; 0 is this process alone."""
-    narrowed = config.option.keyword or config.option.markexpr or config.option.lf
+    narrowed = any(config.getoption(name, None) for name in ("keyword", "markexpr", "lf"))
     if narrowed or config.args_source is not Config.ArgsSource.TESTPATHS:
         return 0
     return min(len(os.sched_getaffinity(0)), MOST)
