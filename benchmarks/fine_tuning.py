@@ -34,7 +34,7 @@ from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.interval_fit import fit_intervals
-from sain_model.training.trainer import Trainer
+from sain_model.training.push_training import Trainer
 
 BULLET, PRIOR, AS_SHIPPED = "Bullet, nominal: f_p", "its prior", "SAIN as shipped"
 TUNED, SCRATCH = "fine-tuned", "from new weights"

@@ -17,23 +17,24 @@ import tyro
 from numpy import ndarray
 from rich.console import Console
 
+from benchmarks.differentiable import DifferentiableRollout
 from benchmarks.planar_prior import on_threads
 from benchmarks.timing import fastest
 from sain_core.dynamics import RolloutModel, as_rollout
 from sain_core.feasibility import Feasibility
+from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH
 from sain_core.scene import POSE, POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.types import PushSequences, Scalars
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
-from sain_model.dynamics.differentiable import DifferentiableRollout
-from sain_model.dynamics.load import load_dynamics, load_sain
+from sain_model.dynamics.load import load_sain
 from sain_mppi.algorithms.gradient import descend, take_slopes
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.cost import cost_terms, make_rollout, total_cost
 from sain_mppi.search.proposals import draw_permitted, propose
 from sain_mppi.search.sampling import inside_limits
-from sain_mppi.search.search import Problem, Search
+from sain_mppi.search.search import Search
 
 CONFIG = PlannerConfig()
 UNIT = CONFIG.noise.deviations(0)
@@ -81,7 +82,7 @@ def places(model: RolloutModel, command: Command) -> list[Place]:
     found = []
     for seed in range(1000, 1000 + command.scenes):
         case: ScenarioScene = SCENARIOS["anywhere"].scene(seed)
-        search = Search(model, CONFIG, Problem(case.disks, case.goal, Feasibility()))
+        search = Search(model, CONFIG, Feasibility(), case.disks, case.goal)
         random = generator(seed, "slopes")
 
         def draw(

@@ -6,7 +6,7 @@ import numpy as np
 
 from sain_model.data.dataset import Dataset
 from sain_model.dynamics.physics_gradient import moves, variations
-from sain_model.network.features import TURN_SCALE
+from sain_model.network.feature_kernels import TURN_SCALE
 from sain_model.network.interaction_network import POSITION_UNIT
 from sain_model.physics.corrections import CORRECTIONS, Corrections
 from sain_model.physics.planar import PlanarPrior
@@ -27,7 +27,7 @@ def identify(prior: PlanarPrior, data: Dataset) -> Corrections:
     truth = moves(data.state, data.action, data.next_state)
     for _ in range(STEPS):
         everywhere = np.tile(told, (len(data), 1, 1))
-        after = prior.step_told(data.state, data.action, everywhere)
+        after = prior.step_conditioned(data.state, data.action, everywhere)
         ends = moves(data.state, data.action, after)
         slopes = variations(everywhere, prior, data.state, data.action, None, ends) / SCALE
         missing = ((truth - ends) / SCALE).ravel()

@@ -23,8 +23,8 @@ from benchmarks.planar_prior import draw
 from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
 from sain_core.dynamics import StepwiseRollout
+from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.torch_network import TorchNetwork
 from sain_model.serving.server import ModelServer, ServingConfig

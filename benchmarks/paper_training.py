@@ -34,9 +34,9 @@ from sain_model.dynamics.load import load_prior
 from sain_model.dynamics.loss import mixed_loss
 from sain_model.network.features import PUSH_FRAME
 from sain_model.network.interaction_network import NetworkConfig
-from sain_model.training.presets import PAPER
-from sain_model.training.trainer import NOTHING, Trainer, TrainingConfig
-from sain_model.training.training_state import History
+from sain_model.training.options import PAPER
+from sain_model.training.push_training import NOTHING, Trainer, TrainingConfig
+from sain_model.training.training_state import LossHistory
 
 TARGET = 180.0  # [s]
 
@@ -85,7 +85,7 @@ class Course:
             except StopIteration:
                 break
 
-    def _measure(self, epoch: int, history: History) -> None:
+    def _measure(self, epoch: int, history: LossHistory) -> None:
         earlier = self.seconds[-1] if self.seconds else 0.0
         self.seconds.append(earlier + time.process_time() - self._begun)
         data = self._examples
@@ -156,7 +156,7 @@ def show(command: Command, courses: dict[str, Course], split: Split, nothing: fl
     reached = ours.first(best)
     share = PAPER.epochs / len(paper.seconds)
     took = ours.seconds[reached] if reached is not None else math.inf
-    halvings = len(paper.losses) * -(-len(split.train) // PAPER.batch) // PAPER.descent.halving
+    halvings = len(paper.losses) * -(-len(split.train) // PAPER.batch) // PAPER.optimizer.halving
     Console().print(
         f"validation loss of the prior alone {nothing:.3f}; the paper's best {best:.3f} after epoch"
         f" {place + 1}, {paper.losses[-1]:.3f} after epoch {len(paper.losses)}, the learning rate"

@@ -14,9 +14,9 @@ from rich.console import Console
 
 from benchmarks.planar_prior import on_threads
 from sain_core.dynamics import as_rollout
+from sain_core.plugins import load_dynamics
 from sain_core.seeding import generator
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
-from sain_model.dynamics.load import load_dynamics
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.result import PlanResult

@@ -35,11 +35,11 @@ from benchmarks.timing import fastest
 from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
 from sain_core.drawing.palette import PALETTE
 from sain_core.dynamics import IdentityPrior, as_rollout
+from sain_core.plugins import load_dynamics
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scene
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
-from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.sain import IDENTITY, SainDynamics
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import MPPI, PlannerConfig

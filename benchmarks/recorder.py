@@ -24,7 +24,7 @@ import tyro
 from benchmarks.report import Figure, report
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
-from sain_bags.recovery.recovery_report import Outcome
+from sain_bags.recovery.recovery_report import RecoveryOutcome
 from sain_bags.writing.gaps import read_gaps
 from sain_bags.writing.writer import BagConfig
 from sain_core.seeding import generator
@@ -151,7 +151,7 @@ class Kill:
 
     lost: float  # [s], from the last message that was saved to the kill
     saved: int
-    is_told: bool  # that something is lost, or that nothing could be saved
+    is_conditioned: bool  # that something is lost, or that nothing could be saved
     holes: int  # messages that are missing before the last one that was saved
     deaf: int  # recorders before it that heard nothing
 
@@ -184,11 +184,11 @@ def kill_once(folder: Path, delay: float) -> Kill:
     process.kill()
     process.wait()
     report = recover(bag, saved)
-    if report.outcome == Outcome.NOTHING:
+    if report.outcome == RecoveryOutcome.NOTHING:
         return Kill(float("inf"), 0, True, 0, tries)
     messages = [received.message.scene_id for received in Bag(saved).messages([TOPIC])]
     holes = int(messages[-1] - messages[0] + 1 - len(messages))
-    told = report.outcome == Outcome.LOSSY and "was not closed" in report.note
+    told = report.outcome == RecoveryOutcome.LOSSY and "was not closed" in report.note
     return Kill(1e-9 * (killed - report.end), len(messages), told, holes, tries)
 
 
@@ -203,7 +203,7 @@ def kills(options: Options, folder: Path) -> list[Figure]:
             print(f"kill {number + 1}: {found[-1]}", flush=True)
         end(load)
     period = BagConfig().flush_period
-    untold = sum(not kill.is_told for kill in found)
+    untold = sum(not kill.is_conditioned for kill in found)
     return [
         Figure(f"recordings killed: {len(found)}, losses not told of", untold, "", at_most=0),
         Figure("lost, longest", max(kill.lost for kill in found), "s", at_most=period),

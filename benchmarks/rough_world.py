@@ -32,9 +32,9 @@ from sain_model.data.dataset import (
     load_transitions,
     split_by_episode,
 )
-from sain_model.dynamics.correction_network import InsideNetworkConfig
-from sain_model.dynamics.load import PLANAR, PLANAR_AXES, load_prior, load_told_prior
-from sain_model.dynamics.parameter_correction import InsideSain
+from sain_model.dynamics.correction_network import CorrectionNetworkConfig
+from sain_model.dynamics.load import PLANAR, PLANAR_AXES, load_planar, load_prior
+from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.sain import IDENTITY, SainDynamics
 from sain_model.evaluation.markdown import markdown_table
 from sain_model.evaluation.metrics import (
@@ -50,17 +50,17 @@ from sain_model.network.interaction_network import NetworkConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_axes import AXES
 from sain_model.training.correction_training import (
-    InsideTrainingConfig,
+    CorrectionTrainingConfig,
     make_trainers,
     train_members,
 )
-from sain_model.training.trainer import Trainer, TrainingConfig
+from sain_model.training.push_training import Trainer, TrainingConfig
 from sain_sim.world.shadow import MEASURED, BulletPrior
 
 FRICTIONS = np.arange(0.06, 0.245, 0.01)  # tried for the prior whose friction is fitted
 BATCH = 64
 RATIOS = ("to physics", "to learned only", "to learned only with the next size")
-INSIDE, IDENTIFIED = "SAIN inside", "physics, identified"
+PARAMETER_CORRECTION, IDENTIFIED = "SAIN inside", "physics, identified"
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def main() -> None:
                 label = f"{name}, {frame}, {size}"
                 errors[label] = network_errors(part, prior, frame, command)
         errors[f"{IDENTIFIED}, {size}"] = identified_errors(part, command)
-        errors[f"{INSIDE}, {WORLD_FRAME}, {size}"] = inside_errors(part, command)
+        errors[f"{PARAMETER_CORRECTION}, {WORLD_FRAME}, {size}"] = inside_errors(part, command)
     report = {"dataset": str(command.dataset), "train": len(split.train), "best physics": best}
     report |= summary(errors, split.test.episode, best, sizes)
     show(report)
@@ -162,21 +162,21 @@ def network_errors(split: Split, prior_name: str, frame: str, command: Command) 
 
 def inside_errors(split: Split, command: Command) -> np.ndarray:
     """Train networks inside a prior and return their errors (M,) [mm] on what is held out."""
-    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
-    network = InsideNetworkConfig(hidden=command.hidden, members=command.members)
-    config = InsideTrainingConfig(
+    prior = load_planar(command.prior, {"friction": command.prior_friction})
+    network = CorrectionNetworkConfig(hidden=command.hidden, members=command.members)
+    config = CorrectionTrainingConfig(
         seed=command.seed, steps=command.inside_steps, batch=BATCH, network=network
     )
     with tempfile.TemporaryDirectory() as folder:
         networks, _ = train_members(make_trainers(split, prior, config, Path(folder)))
-    return target_errors(split.test, InsideSain(networks, prior))
+    return target_errors(split.test, ParameterCorrection(networks, prior))
 
 
 def identified_errors(split: Split, command: Command) -> np.ndarray:
     """Return the errors (M,) [mm] of the prior that is told the same of every push."""
-    prior, test = load_told_prior(command.prior, {"friction": command.prior_friction}), split.test
+    prior, test = load_planar(command.prior, {"friction": command.prior_friction}), split.test
     told = np.tile(identify(prior, split.train), (len(test), 1, 1))
-    return target_distances(prior.step_told(test.state, test.action, told), test)
+    return target_distances(prior.step_conditioned(test.state, test.action, told), test)
 
 
 def target_errors(data: Dataset, dynamics: Dynamics) -> np.ndarray:
@@ -201,7 +201,7 @@ def summary(
         if name.startswith((SAIN, LEARNED, IDENTIFIED)):
             row["to physics"] = ratio(values, errors[best], episodes)
         if name.startswith(SAIN):
-            alone = errors[name.replace(INSIDE, LEARNED).replace(SAIN, LEARNED)]
+            alone = errors[name.replace(PARAMETER_CORRECTION, LEARNED).replace(SAIN, LEARNED)]
             row["to learned only"] = ratio(values, alone, episodes)
             following = sizes[sizes.index(int(name.split(", ")[-1])) + 1 :][:1]
             for size in following:

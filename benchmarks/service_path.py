@@ -25,10 +25,10 @@ from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
 from sain_bags.reading.reader import Bag
 from sain_core.dynamics import RolloutModel, as_rollout
+from sain_core.plugins import load_dynamics
 from sain_core.seeding import generator
 from sain_core.types import Pushes
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
-from sain_model.dynamics.load import load_dynamics
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
 
@@ -114,7 +114,7 @@ def served(model: str) -> Iterator[RolloutModel]:
     remote = RemoteRollout(node, TIMEOUT_S)
     spinning = Thread(target=executor.spin, daemon=True)
     try:
-        if not remote._client.wait_for_service(PATIENCE_S):
+        if not remote.wait_until_ready(PATIENCE_S):
             sys.exit("no model node")
         spinning.start()
         yield remote

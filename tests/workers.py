@@ -7,7 +7,6 @@ process, where a worker's start would cost more than it saves; ``-n 2`` says oth
 import os
 import subprocess
 import sys
-from importlib.util import find_spec
 from typing import Any, Final
 
 import pytest
@@ -30,8 +29,7 @@ class ByFile(LoadScopeScheduling):
     def __init__(self, config: Config, log: Any) -> None:
         super().__init__(config, log)
         # All kernels are compiled here, while the workers collect; each of them would compile them.
-        there = find_spec("sain_model.cli.compile_kernels")
-        command = [sys.executable, *(("-m", there.name) if there else ("-c", ""))]
+        command = [sys.executable, "-m", "sain_model.cli.kernels"]
         self.kernels = subprocess.Popen(command, stdout=subprocess.DEVNULL)
 
     def schedule(self) -> None:

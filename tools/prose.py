@@ -141,7 +141,9 @@ def counted_pages(root: Path) -> list[Path]:
 def checked_pages(root: Path) -> list[Path]:
     """Return the pages whose sentences are checked."""
     others = [root / name for name in ("CONTRIBUTING.md", "bags/README.md", "docker/README.md")]
-    return [*counted_pages(root), *others, *sorted((root / "docs" / "decisions").glob("*.md"))]
+    for folder in ("docs/decisions", "examples"):
+        others += sorted((root / folder).rglob("*.md"))
+    return [*counted_pages(root), *others]
 
 
 def main(arguments: list[str]) -> int:

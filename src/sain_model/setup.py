@@ -32,16 +32,16 @@ setup(
         "console_scripts": [
             "model_node = sain_model.ros.model_node:main",
             "train = sain_model.cli.train:main",
-            "train_inside = sain_model.cli.train_inside:main",
+            "train_correction = sain_model.cli.train_correction:main",
             "evaluate = sain_model.cli.evaluate:main",
             "learning_curve = sain_model.cli.learning_curve:main",
         ],
         "sain.dynamics": [
-            "planar = sain_model.dynamics.load:load_dynamics",
-            "planar_axes = sain_model.dynamics.load:load_dynamics",
-            "identity = sain_model.dynamics.load:load_dynamics",
-            "sain = sain_model.dynamics.load:load_dynamics",
-            "checkpoint = sain_model.dynamics.load:load_dynamics",
+            "planar = sain_model.dynamics.load:load_builtin",
+            "planar_axes = sain_model.dynamics.load:load_builtin",
+            "identity = sain_model.dynamics.load:load_builtin",
+            "sain = sain_model.dynamics.load:load_builtin",
+            "checkpoint = sain_model.dynamics.load:load_builtin",
         ],
     },
 )

@@ -23,8 +23,8 @@ setup(
             "collect = sain_sim.cli.collect:main",
         ],
         "sain.dynamics": [
-            "bullet = sain_sim.world.bullet:load_dynamics",
-            "bullet_measured = sain_sim.world.bullet:load_dynamics",
+            "bullet = sain_sim.world.bullet:load_bullet",
+            "bullet_measured = sain_sim.world.bullet:load_bullet",
         ],
     },
 )

@@ -42,8 +42,78 @@ def test_an_unknown_name_is_refused_with_the_nearest(asked: list[str]) -> None:
 
 
 def test_what_is_no_dynamics_is_refused(asked: list[str]) -> None:
-    with pytest.raises(ConfigError, match="gave a object; it must give a Dynamics"):
+    message = "model 'broken' of the package of offering: offering:broken returned a object"
+    with pytest.raises(ConfigError, match=message):
         plugins.load_dynamics("broken")
+
+
+class Package:
+    """The part of a `Distribution` that is shown."""
+
+    def __init__(self, name: str, version: str) -> None:
+        self.name, self.version = name, version
+
+
+def offer(monkeypatch: pytest.MonkeyPatch, *offers: tuple[str, str, str]) -> None:
+    """Let packages of these names offer models: name, value of the entry point, package."""
+    entries = []
+    for name, value, package in offers:
+        entry = EntryPoint(name, value, plugins.GROUP)
+        vars(entry)["dist"] = Package(package, "1.2")
+        entries.append(entry)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
+
+
+def test_a_name_of_two_packages_is_refused_and_names_both(
+    asked: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    offers = [("mine", "offering:load", "one"), ("mine", "other:load", "two")]
+    offer(monkeypatch, *offers, ("good", "offering:load", "one"))
+    message = (
+        r"model 'mine' is offered by package one 1.2 \(offering:load\) and package two 1.2"
+        r" \(other:load\); uninstall one of them"
+    )
+    for look in (plugins.load_dynamics, plugins.check_model_name):
+        with pytest.raises(ConfigError, match=message):
+            look("mine")
+    assert isinstance(plugins.load_dynamics("good"), IdentityPrior)
+    assert plugins.dynamics_names() == ["good", "mine"]
+
+
+def test_one_package_that_is_found_twice_is_no_conflict(
+    asked: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    offer(monkeypatch, *[("mine", "offering:load", "one")] * 2)
+    assert isinstance(plugins.load_dynamics("mine"), IdentityPrior)
+
+
+@pytest.mark.parametrize(
+    ("value", "cause"),
+    [
+        ("no_such_module:load", "ModuleNotFoundError: No module named 'no_such_module'"),
+        ("offering:forgotten", "AttributeError: module 'offering' has no attribute 'forgotten'"),
+        ("offering:fails", "ZeroDivisionError: division by zero"),
+    ],
+)
+def test_a_package_that_fails_is_named_and_the_others_work(
+    asked: list[str], monkeypatch: pytest.MonkeyPatch, value: str, cause: str
+) -> None:
+    sys.modules["offering"].fails = lambda name: 1 / 0  # type: ignore[attr-defined]
+    offer(monkeypatch, ("mine", value, "their-model"), ("good", "offering:load", "one"))
+    message = f"model 'mine' of package their-model 1.2 cannot be loaded: {cause}; repair or"
+    with pytest.raises(ConfigError, match=message) as caught:
+        plugins.load_dynamics("mine")
+    assert str(caught.value).endswith("Other models: good")
+    assert isinstance(plugins.load_dynamics("good"), IdentityPrior)
+
+
+def test_a_name_is_checked_without_an_import(
+    asked: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    offer(monkeypatch, ("mine", "no_such_module:load", "their-model"))
+    plugins.check_model_name("mine")
+    with pytest.raises(ConfigError, match="model 'yours' is unknown; known: mine, or the path"):
+        plugins.check_model_name("yours")
 
 
 def test_without_any_package_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

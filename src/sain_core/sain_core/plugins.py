@@ -1,22 +1,24 @@
-"""Dynamics by name: how a node gets a model without its package knowing the model's.
+"""The one registry of models: dynamics by name, from every installed package.
 
 A package offers dynamics through entry points in the group ``sain.dynamics``::
 
-    entry_points={"sain.dynamics": ["planar = sain_model.dynamics.load:load_dynamics"]}
+    entry_points={"sain.dynamics": ["my_model = my_model:load"]}
 
-Each is a function from the name that was asked for to a `Dynamics`. What is no such name is
-taken as the path of a checkpoint, and goes to the entry point called ``checkpoint``.
+Each is a function from the name that was asked for to a `Dynamics`. A name that no package offers
+is taken as the path of a checkpoint, and goes to the entry point called ``checkpoint``. Every
+command and node finds its models here; docs/your_model.md states what a model must do.
 """
 
 from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import Final
 
 from sain_core.dynamics import Dynamics
-from sain_core.errors import ConfigError
+from sain_core.errors import ConfigError, SainError
 
-GROUP = "sain.dynamics"
-CHECKPOINT = "checkpoint"
+GROUP: Final = "sain.dynamics"
+CHECKPOINT: Final = "checkpoint"
 
 
 def dynamics_names() -> list[str]:
@@ -24,18 +26,52 @@ def dynamics_names() -> list[str]:
     return sorted(name for name in _offered() if name != CHECKPOINT)
 
 
+def check_model_name(name_or_path: str) -> None:
+    """Check that a model has this name, or that it can be a checkpoint; nothing is imported.
+
+    Raises:
+        ConfigError: no installed package offers it, or two do.
+    """
+    _find(name_or_path)
+
+
 def load_dynamics(name_or_path: str) -> Dynamics:
     """Return the dynamics of this name, or the one in this checkpoint.
 
     Raises:
-        ConfigError: neither a known name nor a path.
+        ConfigError: neither a known name nor a path; two packages offer the name; or its package
+            fails. The message names the package.
         CheckpointError: a checkpoint that is missing, damaged or of another architecture.
     """
+    entry = _find(name_or_path)
+    try:
+        loaded = entry.load()(name_or_path)
+    except SainError:
+        raise
+    except Exception as error:
+        raise ConfigError(
+            f"model {name_or_path!r} of {_package(entry)} cannot be loaded:"
+            f" {type(error).__name__}: {error}; repair or uninstall that package. {_others(entry)}"
+        ) from error
+    if not isinstance(loaded, Dynamics):
+        raise ConfigError(
+            f"model {name_or_path!r} of {_package(entry)}: {entry.value} returned"
+            f" a {type(loaded).__name__}; it must return a Dynamics, which has the method step"
+        )
+    return loaded
+
+
+def _find(name_or_path: str) -> EntryPoint:
+    """Return the only entry point that offers a name, or else that of checkpoints."""
     offered = _offered()
-    if name_or_path != CHECKPOINT and name_or_path in offered:
-        return _load(offered[name_or_path], name_or_path)
-    if CHECKPOINT in offered and _looks_like_path(name_or_path):
-        return _load(offered[CHECKPOINT], name_or_path)
+    entries = offered.get(name_or_path, []) if name_or_path != CHECKPOINT else []
+    if not entries and _looks_like_path(name_or_path):
+        entries = offered.get(CHECKPOINT, [])
+    if len(entries) > 1:
+        packages = " and ".join(f"{_package(entry)} ({entry.value})" for entry in entries)
+        raise ConfigError(f"model {name_or_path!r} is offered by {packages}; uninstall one of them")
+    if entries:
+        return entries[0]
     names = dynamics_names()
     near = get_close_matches(name_or_path, names, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
@@ -45,16 +81,24 @@ def load_dynamics(name_or_path: str) -> Dynamics:
     )
 
 
-def _offered() -> dict[str, EntryPoint]:
-    return {entry.name: entry for entry in entry_points(group=GROUP)}
+def _offered() -> dict[str, list[EntryPoint]]:
+    """Return the entry points of every name; more than one where packages contradict each other."""
+    offered: dict[str, dict[tuple[str, str], EntryPoint]] = {}
+    for entry in entry_points(group=GROUP):
+        offered.setdefault(entry.name, {})[_package(entry), entry.value] = entry
+    return {name: list(entries.values()) for name, entries in offered.items()}
 
 
-def _load(entry: EntryPoint, name: str) -> Dynamics:
-    loaded = entry.load()(name)
-    if not isinstance(loaded, Dynamics):
-        what = type(loaded).__name__
-        raise ConfigError(f"entry point {entry.value!r} gave a {what}; it must give a Dynamics")
-    return loaded
+def _package(entry: EntryPoint) -> str:
+    """Return name and version of the package that offers something."""
+    if entry.dist is None:
+        return f"the package of {entry.module}"
+    return f"package {entry.dist.name} {entry.dist.version}"
+
+
+def _others(entry: EntryPoint) -> str:
+    names = [name for name in dynamics_names() if name != entry.name]
+    return f"Other models: {', '.join(names) or 'none'}"
 
 
 def _looks_like_path(text: str) -> bool:

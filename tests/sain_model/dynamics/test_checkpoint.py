@@ -10,10 +10,11 @@ import pytest
 import safetensors.torch
 import torch
 
-from sain_core.errors import CheckpointError, OutputError
+from sain_core.errors import CheckpointError, ConfigError, OutputError
+from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.checkpoint import Card, card_path, load_checkpoint, save_checkpoint
-from sain_model.dynamics.load import load_dynamics, load_prior, prior_settings
+from sain_model.dynamics.load import load_prior, prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
@@ -83,10 +84,14 @@ def test_missing(checkpoint: Path) -> None:
 
 
 def test_an_unknown_name() -> None:
-    with pytest.raises(CheckpointError, match="no dynamics 'plannar'; known: planar, planar_axes"):
-        load_dynamics("plannar")
-    with pytest.raises(CheckpointError, match="no prior 'bullet'"):
-        load_prior("bullet")
+    message = r"model 'plannar' is unknown \(did you mean 'planar'\?\); known: .*, planar_axes"
+    for load in (load_dynamics, load_prior):
+        with pytest.raises(ConfigError, match=message):
+            load("plannar")
+    with pytest.raises(
+        CheckpointError, match="the prior 'bullet' has no settings; given: friction"
+    ):
+        load_prior("bullet", {"friction": 0.1})
 
 
 def test_truncated(checkpoint: Path) -> None:
@@ -116,7 +121,7 @@ def test_a_card_that_is_none(checkpoint: Path) -> None:
         ("feature_version", 99, "feature_version is 99; this version reads 1"),
         ("format_version", 0, "format_version is 0; this version reads 1"),
         ("weights_sha256", "0" * 64, "its card says 0000000000000000"),
-        ("prior", "bullet", "no prior 'bullet'; known: planar, planar_axes, identity"),
+        ("prior", "plain", "the prior 'plain' has no settings; given: friction, gravity"),
         ("prior_config", {"friction": -1.0}, "PlanarConfig.friction is -1.0"),
         ("prior_config", {"frictoin": 0.1}, "frictoin"),
         ("network", {"hidden": 9, "message": 4, "layers": 2}, r"tensor \S+ has shape"),

@@ -10,13 +10,14 @@ import torch
 
 from sain_core.errors import CheckpointError
 from sain_core.history import PushHistory
+from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH
 from sain_core.scene import MASS
 from sain_core.types import Pushes, Scenes
 from sain_model.data.batches import BOOTSTRAP, ORDER, Batches
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import Card, card_path, save_checkpoint
-from sain_model.dynamics.load import load_dynamics, prior_settings
+from sain_model.dynamics.load import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.interaction_network import (
     InteractionNetwork,
@@ -26,7 +27,7 @@ from sain_model.network.interaction_network import (
 )
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.trainer import Trainer, TrainingConfig
+from sain_model.training.push_training import Trainer, TrainingConfig
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 SMALL = NetworkConfig(hidden=16, message=8)
@@ -156,10 +157,12 @@ def test_what_is_not_known_of_the_friction_is_told_and_earlier_pushes_make_it_le
     sain = SainDynamics(wild(0), prior, "planar", friction=FrictionConfig())
     scenes, pushes = random_pushes(40, 1)
     first = sain.predict(scenes, pushes)
-    assert sain.doubt == pytest.approx(0.5, rel=0.05)  # the width of the belief at the start
+    assert sain.friction_log_std == pytest.approx(
+        0.5, rel=0.05
+    )  # the width of the belief at the start
     seen = prior.step(scenes[:3], pushes[:3])
     known = sain.with_history(PushHistory(scenes[:3], pushes[:3], seen))
-    assert known.doubt < 0.5 * sain.doubt
+    assert known.friction_log_std < 0.5 * sain.friction_log_std
     assert known.predict(scenes, pushes).friction.mean() < 0.5 * first.friction.mean()
     told = np.full(len(pushes), 0.12)
     assert (sain.predict(scenes, pushes, told).friction == 0.0).all()

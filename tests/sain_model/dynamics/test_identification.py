@@ -15,7 +15,7 @@ def test_the_constants_of_a_laboratory_are_found(dataset) -> None:
     truth = np.zeros((2, told.CORRECTIONS))
     truth[:, told.PULL_X], truth[:, told.DRAG] = 1.0, -0.5
     truth[0, told.MASS_LEFT], truth[1, told.RIM_GRIP] = 0.8, 1.5
-    after = prior.step_told(data.state, data.action, np.tile(truth, (len(data), 1, 1)))
+    after = prior.step_conditioned(data.state, data.action, np.tile(truth, (len(data), 1, 1)))
     found = identify(prior, replace(data, next_state=after))
     for column in (told.PULL_X, told.DRAG, told.MASS_LEFT):
         np.testing.assert_allclose(found[0, column], truth[0, column], atol=0.25)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from sain_core.errors import CheckpointError, ConfigError
+from sain_core.plugins import load_dynamics
 from sain_model.cli import evaluate as evaluate_cli
 from sain_model.cli import train as train_cli
 from sain_model.data.dataset import load_transitions
 from sain_model.dynamics.checkpoint import card_path
 from sain_model.dynamics.intervals import IntervalConfig, Intervals
-from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.coverage import measure_intervals
 from sain_model.network.interaction_network import InteractionNetwork

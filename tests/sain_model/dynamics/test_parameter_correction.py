@@ -9,29 +9,30 @@ import pytest
 import torch
 
 from sain_core.errors import CheckpointError
+from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH
 from sain_core.scene import POSITION, TARGET
-from sain_model.cli import train_inside as inside_cli
+from sain_model.cli import train_correction as correction_cli
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
-from sain_model.dynamics.checkpoint import INSIDE_ARCHITECTURE, Card, card_path, save_checkpoint
-from sain_model.dynamics.correction_network import InsideNetworkConfig, InsideNetworks
-from sain_model.dynamics.load import PLANAR_AXES, load_dynamics, load_told_prior
-from sain_model.dynamics.parameter_correction import InsideSain
-from sain_model.dynamics.physics_gradient import moves, told_moves
+from sain_model.dynamics.checkpoint import CORRECTION_ARCHITECTURE, Card, card_path, save_checkpoint
+from sain_model.dynamics.correction_network import CorrectionEnsemble, CorrectionNetworkConfig
+from sain_model.dynamics.load import PLANAR_AXES, load_planar
+from sain_model.dynamics.parameter_correction import ParameterCorrection
+from sain_model.dynamics.physics_gradient import conditioned_moves, moves
 from sain_model.physics import corrections as told
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_axes import AXES
 from sain_model.serving.server import ModelServer, ServingConfig
 from sain_model.training.correction_training import (
-    InsideTrainer,
-    InsideTrainingConfig,
+    CorrectionTrainer,
+    CorrectionTrainingConfig,
     make_trainers,
     train_members,
 )
 
-SMALL = InsideNetworkConfig(hidden=16, message=8)
-OPTIONS = ["--steps", "6", "--rounds", "2", "--hidden", "8", "--validation", "0.2", "--test", "0.2"]
-SHORT = InsideTrainingConfig(steps=20, rounds=4, batch=16, network=SMALL)
+SMALL = CorrectionNetworkConfig(hidden=16, message=8)
+OPTIONS = ["--steps", "6", "--epochs", "2", "--hidden", "8", "--validation", "0.2", "--test", "0.2"]
+SHORT = CorrectionTrainingConfig(steps=20, epochs=4, batch=16, network=SMALL)
 
 
 @pytest.fixture(scope="module")
@@ -41,18 +42,18 @@ def laboratory(dataset: Path) -> Split:
     corrections = np.zeros((len(data), 2, told.CORRECTIONS))
     corrections[..., told.PULL_X], corrections[..., told.DRAG] = 1.5, -1.0
     corrections[..., told.MASS_LEFT] = 1.2
-    after = PlanarPrior().step_told(data.state, data.action, corrections)
+    after = PlanarPrior().step_conditioned(data.state, data.action, corrections)
     return split_by_episode(replace(data, next_state=after), 0, 0.2, 0.2)
 
 
-def error(sain: InsideSain | PlanarPrior, data) -> float:
-    off = sain.step(data.scenes, data.pushes) - data.next_scenes
+def error(sain: ParameterCorrection | PlanarPrior, data) -> float:
+    off = sain.step(data.state, data.action) - data.next_state
     return float(np.linalg.norm(off[:, TARGET, POSITION], axis=-1).mean())
 
 
 def test_it_starts_out_as_the_prior(random_pushes) -> None:
     scenes, pushes = random_pushes(30, 0)
-    sain = InsideSain(InsideNetworks(replace(SMALL, members=2)), PlanarPrior())
+    sain = ParameterCorrection(CorrectionEnsemble(replace(SMALL, members=2)), PlanarPrior())
     np.testing.assert_allclose(
         sain.step(scenes, pushes), PlanarPrior().step(scenes, pushes), atol=1e-12
     )
@@ -63,12 +64,15 @@ def test_gradients_are_those_of_simulated_variations(random_pushes) -> None:
     prior, shape = PlanarPrior(), (12, 2, told.CORRECTIONS)
     corrections = torch.zeros(shape, requires_grad=True)
     weights = torch.from_numpy(np.random.default_rng(0).normal(size=(12, 2, 3)).astype(np.float32))
-    (weights * told_moves(corrections, prior, scenes, pushes)).sum().backward()
+    (weights * conditioned_moves(corrections, prior, scenes, pushes)).sum().backward()
     assert corrections.grad is not None
     for disk, column in ((0, told.DRAG), (1, told.PULL_Y), (1, told.MASS_FORE), (0, told.LENGTH)):
         more = np.zeros(shape)
         more[:, disk, column] = 0.1
-        ends = [moves(scenes, pushes, prior.step_told(scenes, pushes, c)) for c in (0 * more, more)]
+        ends = [
+            moves(scenes, pushes, prior.step_conditioned(scenes, pushes, c))
+            for c in (0 * more, more)
+        ]
         slope = ((ends[1] - ends[0]) * weights.numpy()).sum(axis=(1, 2)) / 0.1
         found = corrections.grad[:, disk, column].numpy()
         np.testing.assert_allclose(found, slope, rtol=1e-3, atol=1e-4)
@@ -77,13 +81,13 @@ def test_gradients_are_those_of_simulated_variations(random_pushes) -> None:
 
 def test_it_finds_out_what_a_laboratory_is_like(laboratory, tmp_path) -> None:
     config = replace(SHORT, steps=120, learning_rate=1e-2)
-    trainer = InsideTrainer(laboratory, PlanarPrior(), config, tmp_path)
+    trainer = CorrectionTrainer(laboratory, PlanarPrior(), config, tmp_path)
     trainer.run()
-    networks = InsideNetworks(SMALL)
+    networks = CorrectionEnsemble(SMALL)
     networks[0] = trainer.network
-    sain = InsideSain(networks, PlanarPrior())
+    sain = ParameterCorrection(networks, PlanarPrior())
     assert error(sain, laboratory.test) < 0.35 * error(PlanarPrior(), laboratory.test)
-    scenes, pushes = laboratory.test.scenes, laboratory.test.pushes.copy()
+    scenes, pushes = laboratory.test.state, laboratory.test.action.copy()
     corrections, _ = sain.corrections(scenes, pushes, PlanarPrior().step(scenes, pushes))[0]
     assert np.median(corrections[..., told.PULL_X]) > 0.5
     pushes[:, LENGTH] = 0.0
@@ -98,76 +102,78 @@ def test_a_killed_training_goes_on_to_the_same_weights(laboratory, tmp_path) -> 
         if number == 2:
             raise KilledError
 
-    whole = InsideTrainer(laboratory, PlanarPrior(), SHORT, tmp_path / "whole")
+    whole = CorrectionTrainer(laboratory, PlanarPrior(), SHORT, tmp_path / "whole")
     whole.run()
     with pytest.raises(KilledError):
-        InsideTrainer(laboratory, PlanarPrior(), SHORT, tmp_path / "killed").run(kill)
-    resumed = InsideTrainer(laboratory, PlanarPrior(), SHORT, tmp_path / "killed")
-    assert resumed.round == 2
+        CorrectionTrainer(laboratory, PlanarPrior(), SHORT, tmp_path / "killed").run(kill)
+    resumed = CorrectionTrainer(laboratory, PlanarPrior(), SHORT, tmp_path / "killed")
+    assert resumed.epoch == 2
     resumed.run()
     for name, value in whole.network.state_dict().items():
         torch.testing.assert_close(resumed.network.state_dict()[name], value, rtol=0, atol=0)
     with pytest.raises(CheckpointError, match="belongs to other settings"):
-        InsideTrainer(laboratory, PlanarPrior(), replace(SHORT, steps=30), tmp_path / "killed")
+        CorrectionTrainer(laboratory, PlanarPrior(), replace(SHORT, steps=30), tmp_path / "killed")
 
 
 def test_members_differ_and_are_averaged(laboratory, tmp_path) -> None:
     config = replace(SHORT, network=replace(SMALL, members=2))
     networks, histories = train_members(make_trainers(laboratory, PlanarPrior(), config, tmp_path))
     assert len(networks) == len(histories) == 2
-    scenes, pushes = laboratory.test.scenes, laboratory.test.pushes
+    scenes, pushes = laboratory.test.state, laboratory.test.action
     ends = []
     for member in networks:
-        alone = InsideNetworks(SMALL)
+        alone = CorrectionEnsemble(SMALL)
         alone[0] = member
-        ends.append(InsideSain(alone, PlanarPrior()).step(scenes, pushes)[..., POSITION])
+        ends.append(ParameterCorrection(alone, PlanarPrior()).step(scenes, pushes)[..., POSITION])
     assert np.abs(ends[0] - ends[1]).max() > 1e-6
-    both = InsideSain(networks, PlanarPrior()).step(scenes, pushes)[..., POSITION]
+    both = ParameterCorrection(networks, PlanarPrior()).step(scenes, pushes)[..., POSITION]
     np.testing.assert_allclose(both, (ends[0] + ends[1]) / 2, atol=1e-9)
 
 
 def test_the_command_writes_a_checkpoint_that_is_a_dynamics(dataset, tmp_path, capsys) -> None:
     arguments = [str(dataset), "--out", str(tmp_path), *OPTIONS, "--members", "2"]
-    assert inside_cli.main(arguments) == 0
-    path = tmp_path / "inside.safetensors"
+    assert correction_cli.main(arguments) == 0
+    path = tmp_path / "correction.safetensors"
     sain = load_dynamics(str(path))
-    assert isinstance(sain, InsideSain) and len(sain.networks) == 2
+    assert isinstance(sain, ParameterCorrection) and len(sain.networks) == 2
     data = load_transitions(dataset)
     assert np.isfinite(sain.step(data.state, data.action)).all()
     server = ModelServer(sain, ServingConfig(model=str(path)))
     residual, after = server.predict(data.state, data.action)
     physics = sain.prior.step(data.state, data.action)
     np.testing.assert_allclose(residual[..., POSITION], (after - physics)[..., POSITION])
-    assert server.description.kind == "inside" and server.description.model_hash
+    assert server.description.kind == "parameter_correction" and server.description.model_hash
     path.write_bytes(path.read_bytes()[:-8])
     with pytest.raises(CheckpointError, match="SHA-256"):
         load_dynamics(str(path))
-    assert inside_cli.main([*arguments, "--prior", "identity"]) == 1
+    assert correction_cli.main([*arguments, "--prior", "identity"]) == 1
     assert "the prior 'identity' cannot be told" in capsys.readouterr().err
 
 
 def test_without_held_out_episodes_nothing_is_trained(dataset, tmp_path, capsys) -> None:
-    assert inside_cli.main([str(dataset), "--out", str(tmp_path), *OPTIONS, "--test", "0"]) == 1
+    assert correction_cli.main([str(dataset), "--out", str(tmp_path), *OPTIONS, "--test", "0"]) == 1
     assert "errors need held-out episodes; give --test above 0" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 
 def test_settings_are_written_when_a_state_was_accepted(dataset, tmp_path) -> None:
     arguments = [str(dataset), "--out", str(tmp_path), *OPTIONS]
-    assert inside_cli.main(arguments) == 0
+    assert correction_cli.main(arguments) == 0
     settings = tmp_path / "config.json"
     assert json.loads(settings.read_text())["training"]["learning_rate"] == 2e-3
     kept = settings.read_bytes()
-    assert inside_cli.main([*arguments, "--learning-rate", "1e-3"]) == 1  # of another training
+    assert correction_cli.main([*arguments, "--learning-rate", "1e-3"]) == 1  # of another training
     assert settings.read_bytes() == kept
 
 
 @pytest.fixture(scope="module")
 def checkpoint(tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("inside") / "inside.safetensors"
-    prior = load_told_prior(PLANAR_AXES, {"friction": 0.14})
+    path = tmp_path_factory.mktemp("correction") / "correction.safetensors"
+    prior = load_planar(PLANAR_AXES, {"friction": 0.14})
     settings = {"prior": PLANAR_AXES, "prior_config": asdict(prior.config), "network": {}}
-    save_checkpoint(path, InsideNetworks(SMALL), Card(**settings, architecture=INSIDE_ARCHITECTURE))
+    save_checkpoint(
+        path, CorrectionEnsemble(SMALL), Card(**settings, architecture=CORRECTION_ARCHITECTURE)
+    )
     return path
 
 
@@ -182,7 +188,9 @@ def with_card(checkpoint: Path, folder: Path, **changes: object) -> str:
 
 def test_what_a_card_leaves_out_is_the_usual_of_its_own_prior(checkpoint, tmp_path) -> None:
     whole = load_dynamics(str(checkpoint))
-    assert isinstance(whole, InsideSain) and whole.prior.config == replace(AXES, friction=0.14)
+    assert isinstance(whole, ParameterCorrection) and whole.prior.config == replace(
+        AXES, friction=0.14
+    )
     path = with_card(checkpoint, tmp_path, prior_config={"friction": 0.14})
     assert load_dynamics(path).prior.config == whole.prior.config
 

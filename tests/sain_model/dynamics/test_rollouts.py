@@ -28,8 +28,8 @@ from sain_model.evaluation.open_loop import roll_out
 from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
+from sain_model.training.push_training import Trainer, TrainingConfig
 from sain_model.training.rollout_training import RolloutTrainer, make_lessons
-from sain_model.training.trainer import Trainer, TrainingConfig
 from tests.sain_model.rolling import load_episodes
 
 SMALL = NetworkConfig(hidden=16, message=8)
@@ -219,7 +219,11 @@ def test_training_on_rollouts_lowers_the_error_of_rollouts(
     split: Split, tmp_path: Path, gradient: str
 ) -> None:
     config = RolloutConfig(
-        steps_ahead=3, rollout_epochs=8, rollout_batch=8, rollout_rate=5e-3, gradient=gradient
+        steps_ahead=3,
+        rollout_epochs=8,
+        rollout_batch=8,
+        rollout_learning_rate=5e-3,
+        gradient=gradient,
     )
     trainer = train(split, tmp_path, config)
     windows = make_windows(split.test, 3, whole=True)

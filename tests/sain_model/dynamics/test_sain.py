@@ -8,6 +8,7 @@ import torch
 
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import InvalidInputError
+from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH, rotate_pushes
 from sain_core.scene import (
     MASS,
@@ -20,8 +21,7 @@ from sain_core.scene import (
     wrap_angle,
 )
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.load import load_dynamics
-from sain_model.dynamics.sain import SainDynamics, check_prediction
+from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.features import apply_residual, make_features, true_residual
 from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
 from sain_model.physics.planar import PlanarPrior
@@ -137,9 +137,10 @@ def test_kinds_are_told_by_the_prior() -> None:
 
 
 def test_a_prediction_of_other_scenes_cannot_be_corrected(random_pushes: Draw) -> None:
-    scenes, _ = random_pushes(3, 0)
+    scenes, pushes = random_pushes(3, 0)
+    sain = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar")
     with pytest.raises(InvalidInputError, match=r"physics_next has shape \(3, 2, 8\) like the sce"):
-        check_prediction(scenes, np.concatenate([scenes, scenes[:, :1]], axis=1))
+        sain.correct(scenes, pushes, np.concatenate([scenes, scenes[:, :1]], axis=1))
 
 
 def test_the_shipped_checkpoint_corrects_but_little(random_pushes: Draw) -> None:

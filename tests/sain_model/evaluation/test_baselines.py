@@ -49,13 +49,14 @@ def foreign(monkeypatch: pytest.MonkeyPatch) -> list[Foreign]:
     module.load = lambda name: made.append(Foreign()) or made[-1]  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "another_package", module)
     entry = EntryPoint("foreign", "another_package:load", plugins.GROUP)
-    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry])
+    own = EntryPoint("planar_axes", "sain_model.dynamics.load:load_builtin", plugins.GROUP)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry, own])
     return made
 
 
 def test_it_is_physics_beside_the_others(tmp_path: Path, foreign: list[Foreign]) -> None:
     folder, out = make_episodes(tmp_path / "data"), tmp_path / "errors.json"
-    arguments = [str(folder), "--beside", "foreign", "planar_axes", "--out", str(out)]
+    arguments = [str(folder), "--baselines", "foreign", "planar_axes", "--out", str(out)]
     assert evaluate_cli.main([*arguments, "--open-loop", "1", "3"]) == 0
     report = json.loads(out.read_text())
     assert list(report["refused"]) == ["foreign"] and report["refused"]["foreign"] > 0
@@ -75,10 +76,12 @@ def test_what_is_not_installed_is_refused_before_anything_is_evaluated(
     tmp_path: Path, foreign: list[Foreign], capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
-    arguments = [str(folder), "--beside", "foreign", "forein", "--out", str(out)]
+    arguments = [str(folder), "--baselines", "foreign", "forein", "--out", str(out)]
     assert evaluate_cli.main(arguments) == 1
     said = " ".join(capsys.readouterr().err.split())
-    assert "model 'forein' is unknown (did you mean 'foreign'?); known: foreign" in said
+    assert (
+        "model 'forein' is unknown (did you mean 'foreign'?); known: foreign, planar_axes" in said
+    )
     assert not out.exists() and foreign[0].closed
 
 
@@ -89,7 +92,7 @@ def test_the_simulators_own_offer_is_rolled_out(
     entries = [EntryPoint(*line.split(" = "), plugins.GROUP) for line in lines]
     monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
     folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
-    arguments = [str(folder), "--beside", "bullet", "bullet_measured", "--out", str(out)]
+    arguments = [str(folder), "--baselines", "bullet", "bullet_measured", "--out", str(out)]
     assert evaluate_cli.main([*arguments, "--open-loop", "1", "2"]) == 0
     report = json.loads(out.read_text())
     assert set(report["refused"]) == {"bullet", "bullet_measured"}
@@ -101,6 +104,12 @@ def test_the_simulators_own_offer_is_rolled_out(
             assert 0.0 < rows[name]["target"]["mean"] < 0.5 * still
 
 
+def shifted(scenes: np.ndarray) -> np.ndarray:
+    moved = scenes.copy()
+    moved[..., 0] += 1.0
+    return moved
+
+
 def test_following_changes_no_prediction_and_counts_every_push() -> None:
     scenes = np.random.default_rng(0).normal(size=(2 * AT_ONCE + 3, 2, 8))
     pushes = np.zeros((len(scenes), 3))
@@ -108,12 +117,12 @@ def test_following_changes_no_prediction_and_counts_every_push() -> None:
 
     class Shift:
         def step(self, scenes: np.ndarray, pushes: np.ndarray) -> np.ndarray:
-            return scenes + 1.0
+            return shifted(scenes)
 
-    follower = Followed(Shift(), counted.append)
-    np.testing.assert_array_equal(follower.step(scenes, pushes), scenes + 1.0)
+    follower = Followed("shift", Shift(), counted.append)
+    np.testing.assert_array_equal(follower.step(scenes, pushes), shifted(scenes))
     assert counted == [AT_ONCE, AT_ONCE, 3]
-    assert refusals({"shift": follower, "raw": Shift()}) == {"shift": 0}
+    assert refusals({"shift": follower, "raw": Shift()}) == {}
 
 
 def test_what_carries_a_state_through_rollouts_is_asked_for_whole_ones() -> None:

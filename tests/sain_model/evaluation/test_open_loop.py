@@ -9,12 +9,12 @@ import pytest
 from sain_core.dynamics import IdentityPrior
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.history import PushHistory
+from sain_core.plugins import load_dynamics
 from sain_core.scene import POSITION, TARGET
 from sain_model.cli import evaluate as evaluate_cli
 from sain_model.cli import train as train_cli
 from sain_model.data.dataset import Dataset, split_by_episode
 from sain_model.dynamics.checkpoint import Card
-from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.open_loop import MEASURED, predict_open_loop, roll_out

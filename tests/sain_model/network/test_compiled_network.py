@@ -11,11 +11,11 @@ from torch import nn
 
 from sain_core.dynamics import IdentityPrior, RolloutModel, StepwiseRollout
 from sain_core.errors import InvalidInputError
+from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.thread_pool import run_blocks
-from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig

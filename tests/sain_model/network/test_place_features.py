@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 
 from sain_core.errors import CheckpointError, DatasetError
+from sain_core.plugins import load_dynamics
 from sain_core.push import rotate_pushes
 from sain_core.scene import POSITION, TARGET, rotate_scenes
 from sain_model.cli import train as train_cli
 from sain_model.data.dataset import limit_training, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import load_checkpoint
-from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.loss import LossConfig
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.prediction_errors import measure
-from sain_model.network.features import DISK_FEATURES, PUSH_FRAME, WORLD_FRAME, make_features
+from sain_model.network.feature_kernels import DISK_FEATURES, PLACE_FEATURES
+from sain_model.network.features import PUSH_FRAME, WORLD_FRAME, make_features
 from sain_model.network.interaction_network import NetworkConfig
-from sain_model.network.place_features import PLACE_FEATURES
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.trainer import Trainer, TrainingConfig
+from sain_model.training.push_training import Trainer, TrainingConfig
 
 
 def downhill(dataset: Path):
@@ -57,7 +57,7 @@ def test_what_pulls_along_the_world_is_learned_in_its_frame_alone(dataset, tmp_p
         trainer = Trainer(split, prior, config, tmp_path / frame)
         trainer.run()
         sain = SainDynamics(trainer.network, prior, "planar")
-        predicted = sain.step(split.test.scenes, split.test.pushes)
+        predicted = sain.step(split.test.state, split.test.action)
         left[frame] = measure(predicted, split.test, 0).target_mean
     assert left[WORLD_FRAME] < 2.0 and left[WORLD_FRAME] < 0.5 * left[PUSH_FRAME]
 

@@ -19,7 +19,16 @@ from sain_core.scene import (
     wrap_angle,
 )
 from sain_model.physics import corrections as told
-from sain_model.physics.body_kernels import LIGHTNESS, MASS_X, MASS_Y, SPIN, TURN, VX, VY, give
+from sain_model.physics.body_kernels import (
+    LIGHTNESS,
+    MASS_X,
+    MASS_Y,
+    SPIN,
+    TURN,
+    VX,
+    VY,
+    apply_impulse,
+)
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_axes import AXES
 
@@ -41,23 +50,25 @@ def test_told_nothing_it_is_the_prior(random_pushes) -> None:
     for prior in (PlanarPrior(), PlanarPrior(AXES)):
         plain = prior.step(scenes, pushes)
         # The two are compiled apart, and round apart.
-        np.testing.assert_allclose(prior.step_told(scenes, pushes, nothing), plain, atol=1e-9)
+        np.testing.assert_allclose(
+            prior.step_conditioned(scenes, pushes, nothing), plain, atol=1e-9
+        )
 
 
 def test_what_is_told_of_one_push_does_not_leak_into_the_next(random_pushes) -> None:
     scenes, pushes = random_pushes(40, 1)
     corrections, prior = draw_corrections(scenes), PlanarPrior()
-    together = prior.step_told(scenes, pushes, corrections)
+    together = prior.step_conditioned(scenes, pushes, corrections)
     for row in range(40):
         one = slice(row, row + 1)
-        alone = prior.step_told(scenes[one], pushes[one], corrections[one])
+        alone = prior.step_conditioned(scenes[one], pushes[one], corrections[one])
         np.testing.assert_array_equal(alone[0], together[row])
 
 
 def test_a_push_of_no_length_moves_nothing_whatever_is_told(random_pushes) -> None:
     scenes, pushes = random_pushes(20, 2)
     pushes[:, LENGTH] = 0.0
-    after = PlanarPrior().step_told(scenes, pushes, draw_corrections(scenes))
+    after = PlanarPrior().step_conditioned(scenes, pushes, draw_corrections(scenes))
     np.testing.assert_array_equal(after, scenes)
 
 
@@ -71,8 +82,10 @@ def test_a_turned_scene_with_a_turned_slope_ends_turned(random_pushes) -> None:
     cos, sin = np.cos(angle), np.sin(angle)
     slope = slope @ np.array([[cos, sin], [-sin, cos]])
     turned[..., pull] = np.arctanh(slope / most) * most / told.UNIT[told.PULL_X]
-    after = prior.step_told(scenes, pushes, corrections)
-    other = prior.step_told(rotate_scenes(scenes, angle), rotate_pushes(pushes, angle), turned)
+    after = prior.step_conditioned(scenes, pushes, corrections)
+    other = prior.step_conditioned(
+        rotate_scenes(scenes, angle), rotate_pushes(pushes, angle), turned
+    )
     close(other, rotate_scenes(after, angle))
 
 
@@ -82,8 +95,8 @@ def test_a_mirrored_scene_with_mirrored_corrections_ends_mirrored(random_pushes)
     mirrored = corrections.copy()
     odd = [told.PULL_Y, told.MASS_LEFT, told.ANGLE, told.LOCATION]
     mirrored[..., odd] *= -1.0
-    after = prior.step_told(scenes, pushes, corrections)
-    other = prior.step_told(mirror_scenes(scenes), mirror_pushes(pushes), mirrored)
+    after = prior.step_conditioned(scenes, pushes, corrections)
+    other = prior.step_conditioned(mirror_scenes(scenes), mirror_pushes(pushes), mirrored)
     close(other, mirror_scenes(after))
 
 
@@ -97,12 +110,12 @@ def test_more_drag_stops_a_disk_sooner_and_a_slope_carries_it_down() -> None:
     # The tool touches after 5 mm, and brakes for the last 5 mm; from there the disk coasts.
     let_go = 0.45 + 0.1 - 0.005 - 0.005
     coasted = plain[MID, 0] - let_go
-    dragged = prior.step_told(scene, push, corrections)[0, MID, 0] - let_go
+    dragged = prior.step_conditioned(scene, push, corrections)[0, MID, 0] - let_go
     factor = np.exp(told.MOST[told.DRAG] * np.tanh(told.UNIT[told.DRAG] / told.MOST[told.DRAG]))
     assert 0.005 < dragged < coasted and coasted / dragged == pytest.approx(factor, rel=0.05)
     corrections[:] = 0.0
     corrections[..., told.PULL_Y] = 1.0
-    down = prior.step_told(scene, push, corrections)[0]
+    down = prior.step_conditioned(scene, push, corrections)[0]
     assert down[MID, 1] - plain[MID, 1] > 1e-3
     np.testing.assert_array_equal(down[TARGET], scene[0, TARGET])  # friction holds what lies still
 
@@ -113,11 +126,11 @@ def test_a_push_through_the_middle_turns_a_disk_whose_mass_is_to_one_side() -> N
     push = np.array([[0.0, 0.0, 0.05]])
     corrections = np.zeros((1, 2, told.CORRECTIONS))
     prior = PlanarPrior()
-    assert abs(prior.step_told(scene, push, corrections)[0, MID, THETA]) < 1e-6
+    assert abs(prior.step_conditioned(scene, push, corrections)[0, MID, THETA]) < 1e-6
     turned = []
     for side in (1.0, -1.0):
         corrections[0, MID, told.MASS_LEFT] = side  # on the left of the push: it stays behind
-        turned.append(prior.step_told(scene, push, corrections)[0, MID, THETA])
+        turned.append(prior.step_conditioned(scene, push, corrections)[0, MID, THETA])
     assert turned[0] > 0.01 and turned[0] == pytest.approx(-turned[1], abs=1e-6)
 
 
@@ -126,7 +139,7 @@ def test_an_impulse_through_the_centre_of_mass_gives_no_spin() -> None:
     bodies[0, [LIGHTNESS, TURN, MASS_X, MASS_Y]] = 0.125, 0.25, 0.1, 0.0
     # One newton second along y at the centre of mass: 0.1 radii off the middle, so it turns by
     # 0.1 about the middle.
-    give(SimpleNamespace(bodies=bodies), 0, 0.0, 1.0, 0.1)
+    apply_impulse(SimpleNamespace(bodies=bodies), 0, 0.0, 1.0, 0.1)
     assert bodies[0, SPIN] == pytest.approx(0.0)
     assert bodies[0, VX] == 0.0 and bodies[0, VY] == pytest.approx(0.125)
 
@@ -135,7 +148,7 @@ def test_corrections_saturate_where_they_would_be_no_physics(random_pushes) -> N
     scenes, pushes = random_pushes(30, 6)
     huge = 1e3 * np.sign(draw_corrections(scenes))
     assert (np.abs(told.saturated(huge)) <= told.MOST).all()
-    after = PlanarPrior().step_told(scenes, pushes, huge)
+    after = PlanarPrior().step_conditioned(scenes, pushes, huge)
     assert np.isfinite(after).all()
     assert (after[..., RADIUS] == scenes[..., RADIUS]).all()
 
@@ -143,8 +156,8 @@ def test_corrections_saturate_where_they_would_be_no_physics(random_pushes) -> N
 def test_corrections_that_do_not_fit_are_refused(random_pushes) -> None:
     scenes, pushes = random_pushes(3, 7)
     with pytest.raises(InvalidInputError, match=r"shape \(3, 2, 10\), not \(3, 2, 9\)"):
-        PlanarPrior().step_told(scenes, pushes, np.zeros((3, 2, 9)))
+        PlanarPrior().step_conditioned(scenes, pushes, np.zeros((3, 2, 9)))
     corrections = np.zeros((3, 2, 10))
     corrections[1, 0, 4] = np.nan
     with pytest.raises(InvalidInputError, match=r"corrections\[1, 0, 4\] is nan"):
-        PlanarPrior().step_told(scenes, pushes, corrections)
+        PlanarPrior().step_conditioned(scenes, pushes, corrections)

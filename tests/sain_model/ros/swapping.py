@@ -9,12 +9,12 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
 from sain_core.dynamics import StepwiseRollout
+from sain_core.plugins import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_interfaces.srv import Rollout
 from sain_model.dynamics.checkpoint import Card, save_checkpoint
-from sain_model.dynamics.load import load_dynamics
 from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
 
 SCENE = make_scene(

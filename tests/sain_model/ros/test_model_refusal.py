@@ -14,11 +14,11 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
 from sain_core.errors import ErrorCode
+from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import LoadModel, Rollout
 from sain_model.dynamics.checkpoint import card_path
-from sain_model.dynamics.load import load_dynamics
 from sain_model.ros.model_node import ModelNode
 from tests.sain_model.ros.swapping import answers_of, make_checkpoint, request, set_model
 

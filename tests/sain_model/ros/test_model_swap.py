@@ -10,11 +10,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from sain_core.dynamics import IdentityPrior
 from sain_core.errors import ErrorCode
+from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.qos import SERVICE
 from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import DescribeModel, LoadModel, Rollout
-from sain_model.dynamics.load import load_dynamics
 from sain_model.ros import model_node
 from sain_model.ros.model_node import ModelNode
 from tests.sain_model.ros.swapping import SCENE, answers_of, make_checkpoint, request, set_model

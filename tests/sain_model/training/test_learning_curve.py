@@ -9,7 +9,7 @@ from sain_model.cli import learning_curve as learning_curve_cli
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.network.interaction_network import NetworkConfig
 from sain_model.training.learning_curve import Point, learning_curve
-from sain_model.training.trainer import TrainingConfig
+from sain_model.training.push_training import TrainingConfig
 
 SIZES = (20, 60)
 STEPS = 8

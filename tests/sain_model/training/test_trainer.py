@@ -7,18 +7,18 @@ import pytest
 import torch
 
 from sain_core.errors import CheckpointError
+from sain_core.plugins import load_dynamics
 from sain_model.cli import evaluate as evaluate_cli
 from sain_model.cli import train as train_cli
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.data.examples import Examples
-from sain_model.dynamics.load import load_dynamics
 from sain_model.dynamics.loss import LossConfig, mixed_loss
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.metrics import bootstrap_over_episodes, measure
 from sain_model.evaluation.prediction_errors import evaluate
 from sain_model.network.interaction_network import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.trainer import Trainer, TrainingConfig
+from sain_model.training.push_training import Trainer, TrainingConfig
 
 SMALL = NetworkConfig(hidden=32, message=8)
 

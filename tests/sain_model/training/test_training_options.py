@@ -21,10 +21,10 @@ from sain_model.data.batches import Batches
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.network.interaction_network import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.event_log import FOLDER, EventLog
-from sain_model.training.optimizer import ADAM, HALVING_EPOCHS, HALVING_STEPS, DescentConfig
-from sain_model.training.presets import LAMBDA, PAPER, PAPER_EPOCHS, PAPER_STEPS, PRESETS
-from sain_model.training.trainer import Trainer, TrainingConfig
+from sain_model.training.options import LAMBDA, PAPER, PAPER_EPOCHS, PAPER_STEPS, PRESETS
+from sain_model.training.progress import FOLDER, EventLog
+from sain_model.training.push_training import Trainer, TrainingConfig
+from sain_model.training.training_loop import ADAM, HALVING_EPOCHS, HALVING_STEPS, OptimizerConfig
 
 SMALL = NetworkConfig(hidden=8, message=4)
 
@@ -35,19 +35,19 @@ def split(dataset: Path) -> Split:
 
 
 def test_the_learning_rate_falls_along_a_cosine_or_by_halves() -> None:
-    cosine = DescentConfig()
+    cosine = OptimizerConfig()
     assert [cosine.rate(e, 40, 0) for e in (0, 20)] == pytest.approx([1.0, 0.5])
     assert cosine.rate(39, 40, 0) == pytest.approx((1 + math.cos(math.pi * 39 / 40)) / 2)
-    steps = DescentConfig(schedule=HALVING_STEPS, halving=2500)
+    steps = OptimizerConfig(schedule=HALVING_STEPS, halving=2500)
     assert [steps.rate(0, 1, s) for s in (0, 2499, 2500, 7500)] == [1.0, 1.0, 0.5, 0.125]
-    epochs = DescentConfig(schedule=HALVING_EPOCHS, halving=2500)
+    epochs = OptimizerConfig(schedule=HALVING_EPOCHS, halving=2500)
     assert [epochs.rate(e, 8000, 10**6) for e in (0, 2499, 2500, 7999)] == [1.0, 1.0, 0.5, 0.125]
 
 
 def test_adam_adds_the_l2_term_of_equation_5() -> None:
     weight = torch.nn.Parameter(torch.tensor([0.3, -2.0]))
     other = torch.nn.Parameter(weight.detach().clone())
-    settings = DescentConfig(ADAM)
+    settings = OptimizerConfig(ADAM)
     with_decay = settings.make([weight], 1e-3, 2 * 0.05)
     without = settings.make([other], 1e-3, 0.0)
     for _ in range(3):
@@ -99,9 +99,9 @@ def test_the_papers_settings_are_one_word_and_can_be_changed() -> None:
     training = command.training
     assert training == PAPER == PRESETS["paper"]
     assert (training.batch, training.epochs, training.validate_every) == (16, 8000, 500)
-    assert (training.learning_rate, training.descent) == (
+    assert (training.learning_rate, training.optimizer) == (
         1e-3,
-        DescentConfig(ADAM, HALVING_STEPS, 2500),
+        OptimizerConfig(ADAM, HALVING_STEPS, 2500),
     )
     assert training.weight_decay == 2 * LAMBDA and not training.loss.robust
     assert training.validation == 0.2
@@ -109,9 +109,9 @@ def test_the_papers_settings_are_one_word_and_can_be_changed() -> None:
     assert changed.training == replace(PAPER, validation=0.1)
     assert train_cli.parse(["d", "--out", "o"]).training == TrainingConfig()
     assert PAPER_STEPS.epochs * PAPER_STEPS.epoch_steps == 8000
-    assert PAPER_EPOCHS.descent.rate(7999, 8000, 10**7) == 0.125
-    with pytest.raises(ConfigError, match=r"DescentConfig.schedule is 'linear'"):
-        DescentConfig(schedule="linear")
+    assert PAPER_EPOCHS.optimizer.rate(7999, 8000, 10**7) == 0.125
+    with pytest.raises(ConfigError, match=r"OptimizerConfig.schedule is 'linear'"):
+        OptimizerConfig(schedule="linear")
 
 
 def test_the_settings_beside_a_checkpoint(dataset: Path, tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_the_settings_beside_a_checkpoint(dataset: Path, tmp_path: Path) -> None
     settings = json.loads((tmp_path / "config.json").read_text())
     card = json.loads((tmp_path / "sain.json").read_text())
     assert settings["training"]["batch"] == card["training"]["batch"] == 16
-    assert settings["training"]["descent"]["optimiser"] == "adam"
+    assert settings["training"]["optimizer"]["optimizer"] == "adam"
     assert settings["data_sha256"] == card["data"]["sha256"]
     assert settings["training"]["seed"] == card["training"]["seed"] == 0
     assert settings["environment"] == card["versions"]

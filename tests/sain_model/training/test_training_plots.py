@@ -5,10 +5,8 @@ import numpy as np
 from sain_core.drawing.palette import PALETTE
 from sain_model.evaluation.history_errors import SAIN_HISTORY
 from sain_model.evaluation.metrics import BULLET, FLOOR, LEARNED, SAIN
-from sain_model.training.curve_plot import draw_curves
 from sain_model.training.learning_curve import Point
-from sain_model.training.loss_plot import draw_losses
-from sain_model.training.training_state import History
+from sain_model.training.plots import draw_curves, draw_losses
 
 
 def legend(figure):

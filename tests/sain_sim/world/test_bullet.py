@@ -7,7 +7,7 @@ import pytest
 
 from sain_core.errors import ConfigError, UnreachableError
 from sain_core.scene import POSITION, TARGET
-from sain_sim.world.bullet import KINDS, Bullet, load_dynamics
+from sain_sim.world.bullet import KINDS, Bullet, load_bullet
 from sain_sim.world.shadow import BulletPrior
 from tests.workspace.source_tree import setup_arguments
 
@@ -27,7 +27,7 @@ def test_it_predicts_as_the_shadow_of_its_kind_does(bench):
     way = start[TARGET, POSITION] - start[0, POSITION]
     push = bench.towards(np.arctan2(way[1], way[0]))
     for name, kind in KINDS.items():
-        with load_dynamics(name) as bullet, BulletPrior(kind) as shadow:
+        with load_bullet(name) as bullet, BulletPrior(kind) as shadow:
             expected = shadow.predict(start, push)
             assert np.array_equal(bullet.step(start[None], push[None])[0], expected)
             assert not np.array_equal(expected, start) and bullet.refused == 0
@@ -49,4 +49,4 @@ def test_a_push_out_of_reach_moves_nothing_and_is_counted(bench):
 
 def test_another_name_is_refused():
     with pytest.raises(ConfigError, match="no dynamics 'bulet' in the simulator; known: bullet, "):
-        load_dynamics("bulet")
+        load_bullet("bulet")

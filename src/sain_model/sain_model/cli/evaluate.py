@@ -21,15 +21,8 @@ from sain_core.types import Mask
 from sain_model.cli.command import carry_out
 from sain_model.data.dataset import Dataset, load_transitions
 from sain_model.data.windows import make_windows
-from sain_model.dynamics.checkpoint import SUFFIX, Card, parse_card
-from sain_model.dynamics.load import (
-    PRIORS,
-    SHIPPED,
-    load_dynamics,
-    load_prior,
-    load_sain,
-    shipped_checkpoint,
-)
+from sain_model.dynamics.checkpoint import Card, parse_card
+from sain_model.dynamics.load import load_sain, shipped_checkpoint
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.baselines import followed, opened, refusals
 from sain_model.evaluation.error_table import error_table, history_table, interval_table
@@ -51,8 +44,8 @@ class EvaluateCommand:
     """A checkpoint of kind "learned", trained with --prior identity, to stand beside it."""
     recurrent: Path | None = None
     """A checkpoint of kind "recurrent", trained with --steps-ahead, to stand beside it."""
-    beside: tuple[str, ...] = ()
-    """More: priors, checkpoints, physics of other packages: bullet, bullet_measured (slow)."""
+    baselines: Annotated[tuple[str, ...], tyro.conf.arg(aliases=["--beside"])] = ()
+    """More models to compare with: names in the registry of models (bullet is slow), or paths."""
     open_loop: tuple[int, ...] = STEPS
     """After how many pushes errors of rollouts are taken; none: no rollouts."""
     out: Path = Path("evaluation.json")
@@ -78,12 +71,16 @@ def run(command: EvaluateCommand, console: Console) -> None:
     sain = load_sain(path)
     learned = load_sain(command.learned) if command.learned else None
     data = load_transitions(command.dataset)
-    models = _models(command, sain, learned)
-    held_out = unseen(data, *_cards(models))
-    with opened([name for name in command.beside if not _is_own(name)]) as others:
+    with opened(command.baselines) as named:
+        models = _models(command, sain, learned)
+        models |= {name: model for name, model in named.items() if _card(model)}
+        physics = {name: model for name, model in named.items() if name not in models}
+        texts = {name: _card(model) for name, model in models.items()}
+        cards = [parse_card(Path(name), text) for name, text in texts.items() if text]
+        held_out = unseen(data, *cards)
         errors = evaluate(held_out, sain, learned, command.seed)
         if command.open_loop:
-            errors |= _open_loop(command, held_out, models, others, console)
+            errors |= _open_loop(command, held_out, models, physics, console)
     report = {
         "dataset": {"path": str(command.dataset), "sha256": data.sha256},
         "checkpoint": {"path": str(path), "sha256": sain.model_hash},
@@ -106,36 +103,29 @@ def _models(
     models[NAMES.get(sain.kind, sain.kind)] = sain
     if command.recurrent:
         models[RECURRENT_SAIN] = load_sain(command.recurrent)
-    own = [name for name in command.beside if _is_own(name) and name not in PRIORS]
-    return models | {name: load_dynamics(name) for name in own}
+    return models
 
 
-def _is_own(name: str) -> bool:
-    """Tell whether a dynamics is this package's; others are found where they are installed."""
-    return name in (*PRIORS, SHIPPED) or name.endswith(SUFFIX)
-
-
-def _cards(models: Mapping[str, Dynamics]) -> list[Card]:
-    """Return the cards of models that come from checkpoints."""
-    texts = {name: str(getattr(model, "card", "")) for name, model in models.items()}
-    return [parse_card(Path(name), text) for name, text in texts.items() if text]
+def _card(model: Dynamics) -> str:
+    """Return the JSON card of a model that comes from a checkpoint; empty for physics."""
+    return str(getattr(model, "card", ""))
 
 
 def _open_loop(
     command: EvaluateCommand,
     held_out: Dataset,
     models: Mapping[str, Dynamics],
-    others: Mapping[str, Dynamics],
+    physics: Mapping[str, Dynamics],
     console: Console,
 ) -> dict[str, Any]:
-    """Return the errors of rollouts, and how many pushes others could not carry out in them."""
-    priors = {name: load_prior(name) for name in command.beside if name in PRIORS}
+    """Return the errors of rollouts, and how many pushes physics could not carry out in them."""
     pushes = make_windows(held_out, max(command.open_loop)).pushes[..., LENGTH]
-    with followed(others, int(np.count_nonzero(pushes)), console) as shown:
+    with followed(physics, int(np.count_nonzero(pushes)), console) as shown:
         errors = report_open_loop(
-            command.out, held_out, models, command.seed, command.open_loop, priors | shown
+            command.out, held_out, models, command.seed, command.open_loop, shown
         )
-    return {"open_loop": errors} | ({"refused": refusals(shown)} if shown else {})
+    refused = refusals(shown)
+    return {"open_loop": errors} | ({"refused": refused} if refused else {})
 
 
 def _show(errors: dict[str, Any], console: Console) -> None:

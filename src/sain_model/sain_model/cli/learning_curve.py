@@ -16,9 +16,9 @@ from sain_core.storage import write_json, write_whole
 from sain_model.cli.command import carry_out
 from sain_model.data.dataset import load_transitions, split_by_episode
 from sain_model.evaluation.markdown import markdown_table
-from sain_model.training.curve_plot import save_curves
 from sain_model.training.learning_curve import Point, learning_curve
-from sain_model.training.trainer import TrainingConfig
+from sain_model.training.plots import save_curves
+from sain_model.training.push_training import TrainingConfig
 
 
 @dataclass(frozen=True)

@@ -18,16 +18,15 @@ from sain_model.dynamics.load import sain_class
 from sain_model.evaluation.error_table import error_table, gain_line, history_table, interval_table
 from sain_model.evaluation.held_out import held_out_errors
 from sain_model.network.interaction_network import ON_STATE
-from sain_model.training.epoch_bar import EpochBar
-from sain_model.training.event_log import EventLog
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.interval_fit import fit_intervals
-from sain_model.training.loss_plot import save_loss_curve
 from sain_model.training.options import TrainCommand, parse
+from sain_model.training.plots import save_loss_curve
+from sain_model.training.progress import EpochBar, EventLog
+from sain_model.training.push_training import Trainer, prior_and_filter
 from sain_model.training.rollout_training import RolloutTrainer
-from sain_model.training.trainer import Trainer, prior_and_filter
 from sain_model.training.training_card import Learned, make_card, settings_text
-from sain_model.training.training_state import History
+from sain_model.training.training_state import LossHistory
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -122,7 +121,7 @@ def _run(trainer: Trainer, command: TrainCommand, console: Console) -> None:
         bar = EpochBar(console, command.training.epochs, trainer.epoch)
         followers.append(stack.enter_context(bar))
 
-        def advance(epoch: int, history: History) -> None:
+        def advance(epoch: int, history: LossHistory) -> None:
             for follow in followers:
                 follow(epoch, history)
 

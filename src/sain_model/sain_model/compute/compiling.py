@@ -1,8 +1,8 @@
 """How kernels are compiled, and where they are kept: one folder for each version of the sources.
 
 Numba checks only the file of a cached function, not the files of the functions it calls. After
-an edit in one kernel module the others would go on with the old code, so the folder's name
-carries a hash of all of them.
+an edit in one kernel module the others would run the old code, so the folder's name carries a hash
+of all kernels and of the modules that they take constants from.
 """
 
 import functools
@@ -14,18 +14,36 @@ from pathlib import Path
 from typing import Any, Final
 
 import numba
-from numba.extending import overload
+import numpy as np
+from numba.extending import overload, register_jitable
 
 import sain_core
 
+PACKAGE: Final = Path(__file__).parents[1]
+CORE: Final = Path(sain_core.__path__[0])
+CORE_CONSTANTS: Final = ("scene.py", "push.py")
+CONSTANTS: Final = ("compute/compiling.py",)
 OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "fastmath": {"contract", "arcp"}}
 
 
 def keep_kernels_apart() -> None:
     """Send Numba's cache to the folder of these sources, unless NUMBA_CACHE_DIR says where."""
-    if not os.environ.get("NUMBA_CACHE_DIR"):
-        folder = _writable_root() / f"kernels-{_sources_hash()}"
-        numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = str(kernel_folder())  # type: ignore[attr-defined]
+
+
+@functools.cache
+def kernel_folder() -> Path:
+    """Return where compiled kernels of these sources are kept."""
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(given) if given else _writable_root() / f"kernels-{sources_hash()}"
+
+
+def plain(array: np.ndarray) -> np.ndarray:
+    """Return an array as kernels are compiled for it; copied only where it is of another kind.
+
+    A read-only array or one with gaps would make Numba compile its kernel once more, for seconds.
+    """
+    return np.require(array, np.float64, ["C_CONTIGUOUS", "ALIGNED", "WRITEABLE"])
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -36,6 +54,13 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 def compiled_apart(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel that is called and not copied to where it is used: it compiles once."""
     return _compile(function, inline=False)
+
+
+def shared(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Let kernels compile a function that stays plain Python: NumPy calls it with whole arrays."""
+    options: Any = {**OPTIONS, "forceinline": True}
+    plain_function: Callable[..., Any] = register_jitable(**options)(function)
+    return plain_function
 
 
 def chosen_by_type(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -56,20 +81,18 @@ def _compile(function: Callable[..., Any], inline: bool = True) -> Callable[...,
     return compiled_function
 
 
-@functools.cache
-def _sources_hash() -> str:
-    package, core = Path(__file__).parents[1], Path(sain_core.__path__[0])
-    columns = [
-        core / "scene.py",
-        core / "push.py",
-        package / "network" / "features.py",
-        package / "network" / "place_features.py",
-    ]
+def sources_hash(package: Path = PACKAGE, core: Path = CORE) -> str:
+    """Return what changes with every byte of the kernels and of what they import.
+
+    Raises:
+        FileNotFoundError: there are no kernels, so that none could be found stale.
+    """
     kernels = sorted(package.rglob("*_kernels.py"))
-    if not kernels:  # kernels that moved away would never be found stale
-        raise FileNotFoundError(f"no *_kernels.py under {package}: which kernels are stale?")
+    if not kernels:
+        raise FileNotFoundError(f"no *_kernels.py under {package}: stale kernels would be used")
+    constants = [core / name for name in CORE_CONSTANTS] + [package / name for name in CONSTANTS]
     digest = hashlib.sha256()
-    for path in [Path(__file__), *kernels, *columns]:  # and constants
+    for path in [*kernels, *constants]:
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -20,13 +20,18 @@ from torch import nn
 
 from sain_core.errors import CheckpointError, ConfigError
 from sain_core.storage import write_whole
-from sain_model.dynamics.correction_network import InsideNetworks
-from sain_model.network.features import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
+from sain_model.dynamics.correction_network import CorrectionEnsemble
+from sain_model.network.feature_kernels import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
 
+OLD_ARCHITECTURES: Final = {"network-inside-physics": "parameter-correction"}
+OLD_ROLLOUT_SETTINGS: Final = {
+    "rollout_learning_rate": "rollout_learning_rate",
+    "max_grad_norm": "max_grad_norm",
+}
 FORMAT_VERSION: Final = 1
 ARCHITECTURE: Final = "interaction-network"
-INSIDE_ARCHITECTURE: Final = "network-inside-physics"
+CORRECTION_ARCHITECTURE: Final = "parameter-correction"
 SUFFIX: Final = ".safetensors"
 
 
@@ -35,7 +40,7 @@ class Card:
     """What a checkpoint says of itself.
 
     Attributes:
-        prior: name of the prior that it corrects, as in `sain_model.dynamics.load.load_dynamics`.
+        prior: name of the prior that it corrects, as in `sain_core.plugins.load_dynamics`.
         prior_config: its parameters, so that a later calibration does not change this model.
         network: size of the network.
         friction: how friction is inferred from an episode's earlier pushes; None: the model was
@@ -93,7 +98,9 @@ def card_path(weights: Path) -> Path:
     return weights.with_suffix(".json")
 
 
-def save_checkpoint(path: Path, network: InteractionNetwork | InsideNetworks, card: Card) -> Card:
+def save_checkpoint(
+    path: Path, network: InteractionNetwork | CorrectionEnsemble, card: Card
+) -> Card:
     """Write weights and card, each whole or not at all; return the card with the weights' hash.
 
     Raises:
@@ -184,9 +191,20 @@ def _read(path: Path) -> bytes:
 def parse_card(path: Path, text: str) -> Card:
     """Return the card with this JSON text."""
     try:
-        return Card(**json.loads(text))
-    except (json.JSONDecodeError, TypeError) as error:
+        return Card(**_with_new_names(json.loads(text)))
+    except (ValueError, TypeError, AttributeError) as error:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
+
+
+def _with_new_names(fields: dict[str, Any]) -> dict[str, Any]:
+    """Return a card's fields with today's names in place of those of earlier versions."""
+    named = dict(fields)
+    architecture = named.get("architecture", ARCHITECTURE)
+    named["architecture"] = OLD_ARCHITECTURES.get(architecture, architecture)
+    if named.get("rollouts"):
+        rollouts = named["rollouts"].items()
+        named["rollouts"] = {OLD_ROLLOUT_SETTINGS.get(name, name): v for name, v in rollouts}
+    return named
 
 
 def _check_card(path: Path, card: Card, architecture: str) -> None:

@@ -8,16 +8,16 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from sain_core.config import Config, option
-from sain_model.network.features import (
+from sain_model.network.feature_kernels import (
     DISK_FEATURES,
     GAP_AFTER,
     GAP_BEFORE,
+    PLACE_FEATURES,
     RELATION_FEATURES,
     TURN_SCALE,
 )
 from sain_model.network.interaction_network import OUTPUTS, POSITION_UNIT
-from sain_model.network.members import make_perceptron, silence
-from sain_model.network.place_features import PLACE_FEATURES
+from sain_model.network.members import make_perceptron, zero_last_layer
 from sain_model.physics.corrections import CORRECTIONS, DRAG
 
 BEFORE: Final = slice(DISK_FEATURES, DISK_FEATURES + 2)  # a disk's place in the world
@@ -27,7 +27,7 @@ MAP_FINENESS: Final = 3.0  # its first layer starts out so much steeper than usu
 
 
 @dataclass(frozen=True)
-class InsideNetworkConfig(Config):
+class CorrectionNetworkConfig(Config):
     """The size of the network."""
 
     hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
@@ -39,7 +39,7 @@ class InsideNetworkConfig(Config):
     members: int = option(1, "networks whose predictions are averaged", minimum=1, maximum=32)
 
 
-class InsideNetwork(nn.Module):
+class CorrectionNetwork(nn.Module):
     """f_rel and f_dyn as in `InteractionNetwork`, and one map of the table for all disks.
 
     What a place does to a disk is the same for every disk that comes by: the map is a function of
@@ -49,7 +49,7 @@ class InsideNetwork(nn.Module):
 
     way: Tensor
 
-    def __init__(self, config: InsideNetworkConfig = InsideNetworkConfig()) -> None:
+    def __init__(self, config: CorrectionNetworkConfig = CorrectionNetworkConfig()) -> None:
         """Build it so that it starts out by leaving the prior as it is."""
         super().__init__()
         self.config = config
@@ -57,13 +57,13 @@ class InsideNetwork(nn.Module):
         size = config.hidden, config.layers
         self.relation = make_perceptron(RELATION_FEATURES, config.message, *size)
         self.dynamics = make_perceptron(inputs, CORRECTIONS + OUTPUTS, *size)
-        silence(self.dynamics)
+        zero_last_layer(self.dynamics)
         if config.places:
             self.map = make_perceptron(2, 1, *size)
             first = self.map[0]
             assert isinstance(first, nn.Linear)
             nn.init.uniform_(first.weight, -MAP_FINENESS / 2**0.5, MAP_FINENESS / 2**0.5)
-            silence(self.map)
+            zero_last_layer(self.map)
             self.register_buffer("way", torch.linspace(0, 1, config.places), persistent=False)
         self.register_buffer(
             "unit", torch.tensor([POSITION_UNIT, POSITION_UNIT, TURN_SCALE]), persistent=False
@@ -100,10 +100,10 @@ class InsideNetwork(nn.Module):
         return along.squeeze(-1)
 
 
-class InsideNetworks(nn.ModuleList):
+class CorrectionEnsemble(nn.ModuleList):
     """Several networks, each trained from a seed of its own."""
 
-    def __init__(self, config: InsideNetworkConfig = InsideNetworkConfig()) -> None:
+    def __init__(self, config: CorrectionNetworkConfig = CorrectionNetworkConfig()) -> None:
         """Build all of them."""
-        super().__init__(InsideNetwork(config) for _ in range(config.members))
+        super().__init__(CorrectionNetwork(config) for _ in range(config.members))
         self.config = config

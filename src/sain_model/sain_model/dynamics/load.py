@@ -1,4 +1,4 @@
-"""Dynamics by name: what command lines, parameters and nodes say when they mean a model."""
+"""What this package offers to the registry of models: its priors and checkpoints."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,18 +10,18 @@ from typing import Any, Final, TypeVar, get_type_hints
 from sain_core.config import Config
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import CheckpointError
+from sain_core.plugins import load_dynamics
 from sain_model.dynamics.checkpoint import (
-    INSIDE_ARCHITECTURE,
-    SUFFIX,
+    CORRECTION_ARCHITECTURE,
     card_path,
     fill,
     load_checkpoint,
     read_card,
     read_checkpoint,
 )
-from sain_model.dynamics.correction_network import InsideNetworkConfig, InsideNetworks
+from sain_model.dynamics.correction_network import CorrectionEnsemble, CorrectionNetworkConfig
 from sain_model.dynamics.intervals import Intervals
-from sain_model.dynamics.parameter_correction import InsideSain
+from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.rollouts import PHYSICS, RolloutConfig
 from sain_model.dynamics.sain import IDENTITY, SainDynamics
@@ -31,57 +31,64 @@ from sain_model.physics.planar_axes import AXES
 
 PLANAR: Final = "planar"
 PLANAR_AXES: Final = "planar_axes"
-PRIORS: Final = (PLANAR, PLANAR_AXES, IDENTITY)
+PLANAR_PRIORS: Final = (PLANAR, PLANAR_AXES)
 SHIPPED: Final = "sain"
 
 C = TypeVar("C", bound=Config)
 Settings = dict[str, Any]
 
 
-def load_dynamics(name: str) -> Dynamics:
-    """Return a dynamics by its name.
+def load_builtin(name: str) -> Dynamics:
+    """Return a dynamics of this package: what `sain_core.plugins.load_dynamics` finds here.
 
     Args:
         name: ``planar``, ``planar_axes`` or ``identity``: that prior; ``sain``: the checkpoint
             that comes with this package; anything else: the path of a checkpoint.
 
     Raises:
-        CheckpointError: no prior of that name, and no sound checkpoint at that path.
+        CheckpointError: no sound checkpoint at that path.
     """
-    if name in PRIORS:
-        return load_prior(name)
-    if name == SHIPPED:
-        return load_sain(shipped_checkpoint())
-    if not name.endswith(SUFFIX):
-        known = ", ".join([*PRIORS, SHIPPED])
-        raise CheckpointError(f"no dynamics {name!r}; known: {known}, or a path *{SUFFIX}")
-    path = Path(name)
-    if path.exists() and read_card(path).architecture == INSIDE_ARCHITECTURE:
-        return load_inside(path)
+    if name == IDENTITY:
+        return IdentityPrior()
+    if name in PLANAR_PRIORS:
+        return load_planar(name)
+    path = shipped_checkpoint() if name == SHIPPED else Path(name).expanduser()
+    if path.exists() and read_card(path).architecture == CORRECTION_ARCHITECTURE:
+        return load_parameter_correction(path)
     return load_sain(path)
 
 
 def load_prior(name: str, settings: Settings | None = None) -> Dynamics:
-    """Return a prior by its name, with its usual settings or with these.
+    """Return a prior by its name, from any installed package.
+
+    Args:
+        name: of the prior, as in `sain_core.plugins.load_dynamics`.
+        settings: of `PlanarConfig`, for ``planar`` and ``planar_axes``; None: the usual ones.
 
     Raises:
-        CheckpointError: there is none of that name, or it has no such settings.
+        ConfigError: no package offers this name.
+        CheckpointError: the prior has no such settings.
     """
     if name == IDENTITY:
         return IdentityPrior()
-    if name not in PRIORS:
-        raise CheckpointError(f"no prior {name!r}; known: {', '.join(PRIORS)}")
-    return load_told_prior(name, settings)
+    if name in PLANAR_PRIORS:
+        return load_planar(name, settings)
+    if settings:
+        raise CheckpointError(f"the prior {name!r} has no settings; given: {', '.join(settings)}")
+    return load_dynamics(name)
 
 
-def load_told_prior(name: str, settings: Settings | None = None) -> PlanarPrior:
-    """Return a prior that can be told what is unlike the textbook.
+def load_planar(name: str, settings: Settings | None = None) -> PlanarPrior:
+    """Return a planar prior, whose friction and parameters can be conditioned.
 
     Raises:
         CheckpointError: there is none of that name, or it has no such settings.
     """
-    if name not in (PLANAR, PLANAR_AXES):
-        raise CheckpointError(f"the prior {name!r} cannot be told; {PLANAR} and {PLANAR_AXES} can")
+    if name not in PLANAR_PRIORS:
+        known = " and ".join(PLANAR_PRIORS)
+        raise CheckpointError(
+            f"the parameters of {name!r} cannot be corrected; those of {known} can"
+        )
     usual = PlanarConfig() if name == PLANAR else AXES
     with _naming("settings of the planar prior"):
         return PlanarPrior(replace(usual, **_typed(PlanarConfig, settings or {})))
@@ -121,18 +128,18 @@ def load_sain(path: Path) -> SainDynamics:
     )
 
 
-def load_inside(path: Path) -> InsideSain:
+def load_parameter_correction(path: Path) -> ParameterCorrection:
     """Return the networks at this path inside the prior that they were trained in.
 
     Raises:
         CheckpointError: the checkpoint is not sound.
     """
-    content, card, text = read_checkpoint(path, INSIDE_ARCHITECTURE)
+    content, card, text = read_checkpoint(path, CORRECTION_ARCHITECTURE)
     with _naming(str(card_path(path))):
-        prior = load_told_prior(card.prior, card.prior_config)
-        networks = InsideNetworks(card_part("network", InsideNetworkConfig, card.network))
+        prior = load_planar(card.prior, card.prior_config)
+        networks = CorrectionEnsemble(card_part("network", CorrectionNetworkConfig, card.network))
     fill(path, content, networks)
-    return InsideSain(networks, prior, card.prior, card.weights_sha256, text)
+    return ParameterCorrection(networks, prior, card.prior, card.weights_sha256, text)
 
 
 def sain_class(rollouts: RolloutConfig | None) -> type[SainDynamics]:
@@ -179,4 +186,4 @@ def _typed(kind: type[Config], settings: Settings) -> Settings:
 
 def shipped_checkpoint() -> Path:
     """Return the path of the checkpoint that comes with this package."""
-    return Path(str(resources.files("sain_model") / "checkpoints" / f"{SHIPPED}{SUFFIX}"))
+    return Path(str(resources.files("sain_model") / "checkpoints" / "sain.safetensors"))

@@ -18,34 +18,34 @@ from sain_core.push import LENGTH
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
-from sain_model.dynamics.correction_network import InsideNetworks
+from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.physics_gradient import moves
 from sain_model.network.features import WORLD_FRAME, apply_residual, make_features
 from sain_model.physics.corrections import Corrections
 from sain_model.physics.planar import PlanarPrior
 
-INSIDE: Final = "inside"
+PARAMETER_CORRECTION: Final = "parameter_correction"
 
 
-class InsideSain:
+class ParameterCorrection:
     """Several networks, trained alike from different seeds, inside one prior. A `Dynamics`.
 
     Attributes:
         networks: what they predict is averaged.
         prior: f_p.
-        prior_name: its name for `sain_model.dynamics.load.load_dynamics`.
+        prior_name: its name for `sain_core.plugins.load_dynamics`.
         kind: ``inside``.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.
         device: ``cpu``: it is small, and its prior runs nowhere else.
     """
 
-    kind: Final = INSIDE
+    kind: Final = PARAMETER_CORRECTION
     device: Final = CPU
 
     def __init__(
         self,
-        networks: InsideNetworks,
+        networks: CorrectionEnsemble,
         prior: PlanarPrior,
         prior_name: str = "",
         model_hash: str = "",
@@ -70,7 +70,7 @@ class InsideSain:
         plain = moves(scenes, pushes, physics_next)
         change = np.zeros_like(plain)
         for corrections, residual in self.corrections(scenes, pushes, physics_next):
-            told = self.prior.step_told(scenes, pushes, corrections, friction)
+            told = self.prior.step_conditioned(scenes, pushes, corrections, friction)
             change += moves(scenes, pushes, told) - plain + residual
         predicted = apply_residual(physics_next, pushes, change / len(self.networks))
         idle = pushes[:, LENGTH] == 0.0

@@ -14,7 +14,8 @@ from torch import Tensor
 
 from sain_core.scene import MID
 from sain_core.types import Pushes, Scalars, Scenes
-from sain_model.network.features import TURN_SCALE, true_residual
+from sain_model.network.feature_kernels import TURN_SCALE
+from sain_model.network.features import true_residual
 from sain_model.physics.corrections import CORRECTIONS, OF_DISKS, Corrections
 from sain_model.physics.planar import PlanarPrior
 
@@ -27,7 +28,7 @@ def moves(scenes: Scenes, pushes: Pushes, after: Scenes) -> Float[ndarray, "B N 
     return true_residual(after, pushes, scenes)  # that of a prior in which nothing moves
 
 
-def told_moves(
+def conditioned_moves(
     corrections: Float[Tensor, "B N C"],
     prior: PlanarPrior,
     scenes: Scenes,
@@ -35,12 +36,12 @@ def told_moves(
     friction: Scalars | None = None,
 ) -> Float[Tensor, "B N 3"]:
     """Return the moves that a prior predicts when told corrections; gradients flow to those."""
-    result: Tensor = _ToldMoves.apply(corrections, prior, scenes, pushes, friction)
+    result: Tensor = _ConditionedMoves.apply(corrections, prior, scenes, pushes, friction)
     return result
 
 
-class _ToldMoves(torch.autograd.Function):
-    """`told_moves`, forward and backward."""
+class _ConditionedMoves(torch.autograd.Function):
+    """`conditioned_moves`, forward and backward."""
 
     @staticmethod
     def forward(
@@ -52,7 +53,7 @@ class _ToldMoves(torch.autograd.Function):
         friction: Scalars | None,
     ) -> Tensor:
         told = corrections.detach().numpy().astype(np.float64)
-        after = moves(scenes, pushes, prior.step_told(scenes, pushes, told, friction))
+        after = moves(scenes, pushes, prior.step_conditioned(scenes, pushes, told, friction))
         context.push = (told, prior, scenes, pushes, friction, after)
         return torch.from_numpy(after.astype(np.float32))
 
@@ -82,7 +83,7 @@ def variations(
     scenes, pushes = np.tile(scenes, (many, 1, 1)), np.tile(pushes, (many, 1))
     friction = None if friction is None else np.tile(friction, many)
     flat = varied.reshape(many * batch, count, CORRECTIONS)
-    ends = moves(scenes, pushes, prior.step_told(scenes, pushes, flat, friction))
+    ends = moves(scenes, pushes, prior.step_conditioned(scenes, pushes, flat, friction))
     change = (ends.reshape(many, batch, count, 3) - after) / VARIATION
     for row, (disk, column) in enumerate(which):
         slopes[:, disk, column] = np.clip(change[row], -STEEPEST, STEEPEST)

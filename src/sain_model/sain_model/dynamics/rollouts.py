@@ -25,7 +25,7 @@ CORRECTED: Final = "corrected"  # s-bar_{t+1} = f_p(s-hat_t, a_t)
 PHYSICS: Final = "physics"  # s-bar_{t+1} = f_p(s-bar_t, a_t): equation 3 to the letter
 CHAINS: Final = (CORRECTED, PHYSICS)
 
-Told = Float[ndarray, "W T"]  # the friction that the prior is told for each push
+PushFrictions = Float[ndarray, "W T"]  # the friction that the prior is conditioned on
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,10 @@ class RolloutConfig(Config):
     )
     rollout_epochs: int = option(12, "passes over the windows", minimum=1)
     rollout_batch: int = option(64, "windows in a step of the optimiser", minimum=1)
-    rollout_rate: float = option(1e-3, "at the start; falls to 0 along a cosine", minimum=1e-7)
-    largest_gradient: float = option(1.0, "norm to which longer gradients are cut", minimum=1e-6)
+    rollout_learning_rate: float = option(
+        1e-3, "at the start; falls to 0 along a cosine", minimum=1e-7
+    )
+    max_grad_norm: float = option(1.0, "norm to which longer gradients are cut", minimum=1e-6)
 
     @property
     def wanted(self) -> bool:
@@ -62,7 +64,7 @@ def roll(
     windows: Windows,
     prior: Dynamics,
     config: RolloutConfig,
-    friction: Told | None = None,
+    friction: PushFrictions | None = None,
 ) -> Float[Tensor, "W T N 3"]:
     """Return the poses that a network predicts over windows, fed with its own predictions.
 
@@ -71,7 +73,7 @@ def roll(
         windows: where to start from, and which pushes.
         prior: what is corrected.
         config: how steps hang together.
-        friction: what the planar prior is told for each push; None: the nominal one.
+        friction: of each push, for the planar prior; None: the nominal one.
     """
     pose = torch.from_numpy(windows.scenes[..., POSE])
     own = windows.scenes

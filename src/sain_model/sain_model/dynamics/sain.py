@@ -39,14 +39,14 @@ class SainDynamics:
 
     Attributes:
         prior: f_p.
-        prior_name: its name for `sain_model.dynamics.load.load_dynamics`.
+        prior_name: its name for `sain_core.plugins.load_dynamics`.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.
         friction: how it infers friction from an episode's earlier pushes; None: it was not
             trained to.
         intervals: the regions of its predictions; None: they were not fitted.
-        told_doubt: standard deviation of the logarithm of the friction that its prior is told;
-            None: nobody told it any.
+        conditioned_log_std: standard deviation of the logarithm of the friction that its prior is
+            conditioned on; None: it is not conditioned.
         recurrent: whether it was trained on rollouts of its own predictions.
         device: what the network runs on, ``cpu`` or ``cuda``. The prior stays on the CPU.
     """
@@ -58,7 +58,7 @@ class SainDynamics:
     card: str = ""
     friction: FrictionConfig | None = None
     intervals: Intervals | None = None
-    told_doubt: float | None = None
+    conditioned_log_std: float | None = None
     recurrent: bool = False
     device: str = CPU
 
@@ -85,10 +85,10 @@ class SainDynamics:
         return RECURRENT if self.recurrent else RESIDUAL
 
     @property
-    def doubt(self) -> float:
+    def friction_log_std(self) -> float:
         """Standard deviation of the logarithm of the friction; at first, how wide it is drawn."""
-        if self.told_doubt is not None:
-            return self.told_doubt
+        if self.conditioned_log_std is not None:
+            return self.conditioned_log_std
         usual = self.filter
         return usual.start().spread if usual else 0.0
 
@@ -110,17 +110,21 @@ class SainDynamics:
         belief = friction.infer(history)
         return self.at(belief.mean, belief.spread)
 
-    def at(self, friction: float, doubt: float = 0.0) -> Self:
-        """Return this model with its prior told this friction, and how far that may be off.
+    def at(self, friction: float, friction_log_std: float = 0.0) -> Self:
+        """Return this model conditioned on a friction and the standard deviation of its log.
 
         Raises:
             InvalidInputError: the prior knows no friction.
         """
         if not isinstance(self.prior, PlanarPrior):
             raise InvalidInputError(f"the prior {self.prior_name!r} knows no friction")
-        told = replace(self, prior=self.prior.at(friction), told_doubt=doubt)
-        vars(told)["_forward"] = self._forward  # its weights are the same: not to be packed again
-        return told
+        conditioned = replace(
+            self, prior=self.prior.at(friction), conditioned_log_std=friction_log_std
+        )
+        vars(conditioned)["_forward"] = (
+            self._forward
+        )  # its weights are the same: not to be packed again
+        return conditioned
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
@@ -137,7 +141,7 @@ class SainDynamics:
         scenes: Scenes,
         pushes: Pushes,
         friction: Scalars | None = None,
-        doubt: Scalars | None = None,
+        friction_log_std: Scalars | None = None,
     ) -> Prediction:
         """Predict as `step` does, and say how sure that is; it costs two to four times as much.
 
@@ -145,16 +149,17 @@ class SainDynamics:
             scenes: settled scenes.
             pushes: one a scene.
             friction: with the table (B,); None: what this model believes.
-            doubt: standard deviation of its logarithm (B,); None: what this model believes, or 0
-                where the friction is given.
+            friction_log_std: standard deviation of its logarithm (B,); None: what this model
+                believes, or 0 where the friction is given.
         """
-        if doubt is None:
-            doubt = np.full(len(pushes), self.doubt if friction is None else 0.0)
+        if friction_log_std is None:
+            usual = self.friction_log_std if friction is None else 0.0
+            friction_log_std = np.full(len(pushes), usual)
         physics_next = step_knowing(self.prior, scenes, pushes, friction)
         prediction = Prediction(
             self.correct(scenes, pushes, physics_next),
             self._members_spread(scenes, pushes, physics_next),
-            self._friction_spread(scenes, pushes, friction, doubt),
+            self._friction_spread(scenes, pushes, friction, friction_log_std),
         )
         if self.intervals is None:
             return prediction
@@ -169,7 +174,7 @@ class SainDynamics:
         Raises:
             InvalidInputError: arrays that do not fit together.
         """
-        check_prediction(scenes, physics_next)
+        _check_same_shape(scenes, physics_next)
         corrected = self._forward.correct(scenes, pushes, physics_next)
         if self.network.config.residual == ON_STATE:
             return _carried_over(corrected, physics_next, scenes)
@@ -226,13 +231,13 @@ class SainDynamics:
         return np.where(pushes[:, LENGTH, None] == 0.0, 0.0, variance.sqrt().cpu().numpy())
 
     def _friction_spread(
-        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None, doubt: Scalars
+        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None, log_std: Scalars
     ) -> Float[ndarray, "B N"]:
         """Return how far places move with a standard deviation of the friction's logarithm [m]."""
-        if not isinstance(self.prior, PlanarPrior) or not np.any(doubt):
+        if not isinstance(self.prior, PlanarPrior) or not np.any(log_std):
             return np.zeros(scenes.shape[:2])
-        told = np.full(len(pushes), self.prior.config.friction) if friction is None else friction
-        less, more = (self.step(scenes, pushes, told * np.exp(way * doubt)) for way in (-1, 1))
+        usual = np.full(len(pushes), self.prior.config.friction) if friction is None else friction
+        less, more = (self.step(scenes, pushes, usual * np.exp(way * log_std)) for way in (-1, 1))
         return np.asarray(np.linalg.norm((more - less)[..., POSITION], axis=-1) / 2)
 
 
@@ -245,7 +250,7 @@ def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Sc
     return moved
 
 
-def check_prediction(scenes: np.ndarray, physics_next: np.ndarray) -> None:
+def _check_same_shape(scenes: np.ndarray, physics_next: np.ndarray) -> None:
     """Check that a prediction is one of these scenes.
 
     Raises:

@@ -1,7 +1,7 @@
-"""Dynamics of other packages in an evaluation: found by name, followed, and closed at the end.
+"""Models to compare with: found by name, checked, shown at work, and closed at the end.
 
-What they offer through `sain_core.plugins` is taken as physics. It may be slow, as a simulator is
-that makes every push in a world of its own, and it may hold something that has to be closed.
+A model may be slow, as a simulator is that makes every push in a world of its own, and it may hold
+something that has to be closed.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from sain_core.dynamics import Dynamics
 from sain_core.plugins import load_dynamics
+from sain_core.response_check import answering, check_step
 from sain_core.types import Pushes, Scenes
 from sain_model.evaluation.open_loop import CarriesState
 
@@ -39,34 +40,41 @@ class Refusing(Protocol):
 
 
 class Followed:
-    """A dynamics that says how many pushes it has predicted, a few at a time."""
+    """A dynamics whose answers are checked, and that reports how many pushes it has predicted."""
 
-    def __init__(self, dynamics: Dynamics, advance: Callable[[float], None]) -> None:
-        """Tell `advance` each number of pushes that this dynamics is done with."""
+    def __init__(self, name: str, dynamics: Dynamics, advance: Callable[[float], None]) -> None:
+        """Call `advance` with each number of pushes that this dynamics is done with."""
+        self._name = f"model {name!r}"
         self._dynamics = dynamics
         self._advance = advance
 
     @property
-    def refused(self) -> int:
-        """How many pushes it could not carry out."""
-        return self._dynamics.refused if isinstance(self._dynamics, Refusing) else 0
+    def refused(self) -> int | None:
+        """How many pushes it could not carry out; None: it does not count them."""
+        return self._dynamics.refused if isinstance(self._dynamics, Refusing) else None
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8)."""
+        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
+
+        Raises:
+            ModelUnavailableError: the dynamics fails, or its answer cannot be one.
+        """
         predicted = np.empty_like(scenes)
         for first in range(0, len(pushes), AT_ONCE):
             rows = slice(first, first + AT_ONCE)
-            predicted[rows] = self._dynamics.step(scenes[rows], pushes[rows])
+            with answering(self._name):
+                answer = self._dynamics.step(scenes[rows], pushes[rows])
+            predicted[rows] = check_step(answer, scenes[rows], self._name)
             self._advance(len(pushes[rows]))
         return predicted
 
 
 @contextmanager
 def opened(names: Sequence[str]) -> Iterator[dict[str, Dynamics]]:
-    """Give what installed packages offer under these names, and close it in the end.
+    """Give the models of these names, and close them in the end.
 
     Raises:
-        ConfigError: none offers one of the names.
+        ConfigError, CheckpointError: see `sain_core.plugins.load_dynamics`.
     """
     with ExitStack() as stack:
         found: dict[str, Dynamics] = {}
@@ -99,10 +107,11 @@ def followed(
         for name, one in dynamics.items():
             if not isinstance(one, CarriesState):
                 task = bars.add_task(name, total=pushes)
-                shown[name] = Followed(one, partial(bars.advance, task))
+                shown[name] = Followed(name, one, partial(bars.advance, task))
         yield shown
 
 
 def refusals(dynamics: Mapping[str, Dynamics]) -> dict[str, int]:
     """Return how many pushes each of these that counts them could not carry out."""
-    return {name: one.refused for name, one in dynamics.items() if isinstance(one, Refusing)}
+    counts = {name: getattr(one, "refused", None) for name, one in dynamics.items()}
+    return {name: count for name, count in counts.items() if count is not None}

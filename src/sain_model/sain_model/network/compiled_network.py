@@ -7,6 +7,7 @@ from torch import Tensor, nn
 
 from sain_core.scene import MID, RADIUS
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.network.feature_kernels import LANES
 from sain_model.network.features import WORLD_FRAME
@@ -45,7 +46,7 @@ class CompiledNetwork:
     def correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
         """Return predictions (B, N, 8) of a prior for pushes (B, 3) from scenes, corrected."""
         corrected = np.array(physics_next, dtype=np.float64, order="C")
-        rows = np.ascontiguousarray(scenes), np.ascontiguousarray(pushes)
+        rows = plain(scenes), plain(pushes)
 
         def work(first: int) -> None:
             correct_block(first, *rows, corrected, self._places, self.weights)
@@ -56,7 +57,7 @@ class CompiledNetwork:
     def rollout(self, prior: PlanarPrior, scene: Scene, pushes: PushSequences) -> PredictedScenes:
         """Predict (K, H, N, 8) for sequences (K, H, 3) from a scene (N, 8), on this prior."""
         predicted = np.empty((*pushes.shape[:2], *scene.shape))
-        rows = np.ascontiguousarray(scene), np.ascontiguousarray(pushes)
+        rows = plain(scene), plain(pushes)
         config = prior.config
         start = float(scene[MID, RADIUS] + config.tool_radius + config.clearance)
         world = config.friction, start, config.physics()

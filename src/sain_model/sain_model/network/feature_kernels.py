@@ -1,4 +1,16 @@
-"""What the network sees, compiled: `network.features` for many pushes, one in each lane."""
+"""What the network sees, written once: NumPy runs it for training, Numba compiles it for planning.
+
+`write_features` writes the features of one push into its lane. In a kernel a lane is a number and a
+scene is (N, 8); for NumPy the lane is `ALL_LANES`, and each number of a scene is an array over the
+pushes.
+
+The scene is seen in the frame of the push: the origin is the mid disk's centre before the push, the
+x axis points along the push's ``location``, so that the tool always comes from -x. Scenes that
+differ by where they are and how they are turned have the same features up to rounding; renumbering
+disks renumbers rows. A network of one laboratory sees places and headings too: ten more columns.
+
+Lengths are divided by constants, so that the inputs are of order one.
+"""
 
 from typing import NamedTuple
 
@@ -6,31 +18,38 @@ import numpy as np
 
 from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import MASS, MID, RADIUS, THETA, X, Y
-from sain_model.compute.compiling import compiled, compiled_apart
-from sain_model.network.features import (
-    DISK_FEATURES,
-    GAP_AFTER,
-    GAP_BEFORE,
-    GAP_SCALE,
-    MASS_MIDDLE,
-    MASS_SCALE,
-    MOVE_SCALE,
-    PLACE_SCALE,
-    RADIUS_MIDDLE,
-    RADIUS_SCALE,
-    TURN_SCALE,
-)
-from sain_model.network.place_features import TABLE_MIDDLE, TABLE_SCALE
+from sain_model.compute.compiling import compiled, compiled_apart, shared
+
+FEATURE_VERSION = 1  # raise it with every change of meaning, order or scale below
+DISK_FEATURES = 15
+PLACE_FEATURES = 10  # columns of a disk behind those, for a network that sees the world
+RELATION_FEATURES = 16
+GAP_BEFORE = 10  # columns of the relation features: 0 where two disks touch, 1 far apart
+GAP_AFTER = 15
+
+PLACE_SCALE = 0.1  # [m]
+MOVE_SCALE = 0.05  # [m]
+TURN_SCALE = 0.2  # [rad]
+GAP_SCALE = 0.02  # [m], beyond which it hardly matters how far apart two disks are
+MASS_MIDDLE = 8.0  # [kg]
+MASS_SCALE = 1.0  # [kg]
+RADIUS_MIDDLE = 0.07  # [m]
+RADIUS_SCALE = 0.01  # [m]
+TABLE_X, TABLE_Y = 0.5, 0.0  # [m], the middle of the table
+TABLE_SCALE = 0.2  # [m]
 
 LANES = 128  # pushes side by side: the widest layers still fit into a core's nearest cache
-TABLE_X, TABLE_Y = float(TABLE_MIDDLE[0]), float(TABLE_MIDDLE[1])
+ALL_LANES = slice(None)
 TURN = 2.0 * np.pi
 BEFORE_X, BEFORE_Y, AFTER_X, AFTER_Y = range(4)  # rows of a disk's places
 KIND_MID, KIND_MASS, KIND_RADIUS = range(3)  # rows of what a disk is
 
 
 class NetworkWork(NamedTuple):
-    """Scratch memory of `LANES` pushes. E = N (N - 1) relations, sorted by the receiver."""
+    """Features of pushes, one in each lane. E = N (N - 1) relations, sorted by the receiver.
+
+    The last two are scratch memory of the kernels.
+    """
 
     places: np.ndarray  # (N, 4, LANES) in the push frame, before and after [m]
     radii: np.ndarray  # (N, LANES) [m]
@@ -53,37 +72,43 @@ def make_network_work(disks, relation_inputs, disk_inputs, widest):
     )
 
 
-@compiled
+@shared
 def wrap(angle):
     """Wrap an angle [rad] to (-pi, pi]."""
     return np.pi - (np.pi - angle) % TURN
 
 
-@compiled_apart
-def look(before, push, after, lane, places, work):
-    """Write the features of one push into its lane.
+@shared
+def write_features(before, push, after, lane, places, work):
+    """Write the features of one push into its lane, or of all pushes into all lanes.
 
     Args:
-        before: scene (N, 8) before the push.
-        push: (3,).
-        after: scene (N, 8) that the prior predicts.
-        lane: which.
-        places: whether the network is told where and how turned things are.
-        work: scratch memory to fill.
+        before: scene (N, 8) before the push; each number may be an array over the pushes.
+        push: (3,), likewise.
+        after: scene (N, 8) that the prior predicts, likewise.
+        lane: which; `ALL_LANES`: all.
+        places: whether the network sees where and how turned things are.
+        work: memory to fill.
     """
     cos, sin = np.cos(push[LOCATION]), np.sin(push[LOCATION])
     for disk in range(before.shape[0]):
-        _look_at_disk(before[disk], before[MID], push, after[disk], cos, sin, disk, lane, work)
+        _write_disk(before[disk], before[MID], push, after[disk], cos, sin, disk, lane, work)
         work.disks[disk, KIND_MID, lane] = 1.0 if disk == MID else 0.0
         if places:
-            _look_at_place(before[disk], push, after[disk], cos, sin, disk, lane, work)
+            _write_place(before[disk], push, after[disk], cos, sin, disk, lane, work)
     for first in range(before.shape[0]):
         for second in range(first):
-            _look_at_pair(first, second, lane, work)
+            _write_pair(first, second, lane, work)
 
 
-@compiled
-def _look_at_disk(before, origin, push, after, cos, sin, disk, lane, work):
+@compiled_apart
+def write_lane(before, push, after, lane, places, work):
+    """Write the features of one push into its lane, compiled once for all kernels."""
+    write_features(before, push, after, lane, places, work)
+
+
+@shared
+def _write_disk(before, origin, push, after, cos, sin, disk, lane, work):
     features, place = work.disks[disk], work.places[disk]
     for row, state in ((BEFORE_X, before), (AFTER_X, after)):
         x, y = state[X] - origin[X], state[Y] - origin[Y]
@@ -107,23 +132,25 @@ def _look_at_disk(before, origin, push, after, cos, sin, disk, lane, work):
     features[14, lane] = way * across  # how far the tool slides across
 
 
-@compiled
-def _look_at_place(before, push, after, cos, sin, disk, lane, work):
+@shared
+def _write_place(before, push, after, cos, sin, disk, lane, work):
+    """Write what tells places and headings apart: what is learned with it holds for one table."""
     features = work.disks[disk]
     features[DISK_FEATURES, lane] = (before[X] - TABLE_X) / TABLE_SCALE
     features[DISK_FEATURES + 1, lane] = (before[Y] - TABLE_Y) / TABLE_SCALE
     features[DISK_FEATURES + 2, lane] = (after[X] - TABLE_X) / TABLE_SCALE
     features[DISK_FEATURES + 3, lane] = (after[Y] - TABLE_Y) / TABLE_SCALE
-    features[DISK_FEATURES + 4, lane], features[DISK_FEATURES + 5, lane] = cos, sin
-    features[DISK_FEATURES + 6, lane] = cos * cos - sin * sin
-    features[DISK_FEATURES + 7, lane] = 2.0 * cos * sin
-    heading = before[THETA] - push[LOCATION]
+    features[DISK_FEATURES + 4, lane], features[DISK_FEATURES + 5, lane] = cos, sin  # downhill
+    twice = 2.0 * push[LOCATION]  # grain is the same there and back
+    features[DISK_FEATURES + 6, lane] = np.cos(twice)
+    features[DISK_FEATURES + 7, lane] = np.sin(twice)
+    heading = before[THETA] - push[LOCATION]  # a disk's mass lies to one side
     features[DISK_FEATURES + 8, lane] = np.cos(heading)
     features[DISK_FEATURES + 9, lane] = np.sin(heading)
 
 
-@compiled
-def _look_at_pair(first, second, lane, work):
+@shared
+def _write_pair(first, second, lane, work):
     """Write what two disks are to each other, both ways round; first > second."""
     others = work.disks.shape[0] - 1
     there, back = (
@@ -138,9 +165,8 @@ def _look_at_pair(first, second, lane, work):
         x = work.places[second, row, lane] - work.places[first, row, lane]
         y = work.places[second, row + 1, lane] - work.places[first, row + 1, lane]
         distance = np.sqrt(x * x + y * y)
-        scale = 1.0 / (distance + 1e-9)
         there[gap - 4, lane], there[gap - 3, lane] = x / PLACE_SCALE, y / PLACE_SCALE
-        there[gap - 2, lane], there[gap - 1, lane] = x * scale, y * scale
+        there[gap - 2, lane], there[gap - 1, lane] = x / (distance + 1e-9), y / (distance + 1e-9)
         for column in range(gap - 4, gap):
             back[column, lane] = -there[column, lane]
         there[gap, lane] = back[gap, lane] = np.tanh((distance - rims) / GAP_SCALE)

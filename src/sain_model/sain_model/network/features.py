@@ -1,43 +1,30 @@
-"""What the network sees: the scene in the frame of the push: no place and heading is special.
+"""Features and residuals of batches of pushes, with NumPy: what a network is trained on.
 
-The frame's origin is the mid disk's centre before the push, its x axis points along the push's
-``location``: the tool always comes from -x. Scenes that differ by where they are and how they are
-turned have the same features, bit for bit up to rounding; renumbering disks renumbers rows.
-
-Lengths are divided by constants, so that the inputs are of order one. E = N (N - 1) relations are
-ordered pairs, sorted by the receiving disk.
+`network.feature_kernels` says what the features are.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.push import ANGLE, LENGTH, LOCATION
-from sain_core.scene import MASS, MID, POSITION, RADIUS, THETA, wrap_angle
+from sain_core.push import LOCATION
+from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.types import Angles, Pushes, Scenes
-from sain_model.network.place_features import place_features
+from sain_model.network.feature_kernels import (
+    ALL_LANES,
+    DISK_FEATURES,
+    PLACE_FEATURES,
+    RELATION_FEATURES,
+    NetworkWork,
+    write_features,
+)
 
-FEATURE_VERSION: Final = 1  # raise it with every change of meaning, order or scale below
-DISK_FEATURES: Final = 15
-RELATION_FEATURES: Final = 16
 PUSH_FRAME: Final = "push"
 WORLD_FRAME: Final = "world"  # the same, and where on the table and how turned things are
 FRAMES: Final = (PUSH_FRAME, WORLD_FRAME)
-
-GAP_BEFORE: Final = 10  # columns of the relation features: 0 where two disks touch, 1 far apart
-GAP_AFTER: Final = 15
-
-PLACE_SCALE: Final = 0.1  # [m]
-MOVE_SCALE: Final = 0.05  # [m]
-TURN_SCALE: Final = 0.2  # [rad]
-GAP_SCALE: Final = 0.02  # [m], beyond which it hardly matters how far apart two disks are
-MASS_MIDDLE: Final = 8.0  # [kg]
-MASS_SCALE: Final = 1.0  # [kg]
-RADIUS_MIDDLE: Final = 0.07  # [m]
-RADIUS_SCALE: Final = 0.01  # [m]
 
 Residual = Float[ndarray, "B N 3"]  # dx, dy [m] along the push frame's axes, dtheta [rad]
 
@@ -55,6 +42,11 @@ class Features:
     relations: Float[ndarray, "B E R"]
 
 
+def count_disk_features(frame: str) -> int:
+    """Return how many features a disk has in this frame."""
+    return DISK_FEATURES + (PLACE_FEATURES if frame == WORLD_FRAME else 0)
+
+
 def make_features(
     scenes: Scenes, pushes: Pushes, physics_next: Scenes, frame: str = PUSH_FRAME
 ) -> Features:
@@ -64,25 +56,22 @@ def make_features(
         scenes: before the pushes.
         pushes: one for each scene.
         physics_next: the prior's prediction.
-        frame: one of `FRAMES`; "world" adds the columns of `sain_model.network.place_features`.
+        frame: one of `FRAMES`; "world" adds places and headings.
     """
-    features = _push_features(scenes, pushes, physics_next)
-    if frame == PUSH_FRAME:
-        return features
-    places = place_features(scenes, pushes, physics_next)
-    return replace(features, disks=np.concatenate([features.disks, places], axis=-1))
-
-
-def _push_features(scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Features:
-    frame = pushes[:, LOCATION]
-    origin = scenes[:, MID : MID + 1, POSITION]
-    before = turn(scenes[..., POSITION] - origin, -frame)  # (B, N, 2)
-    after = turn(physics_next[..., POSITION] - origin, -frame)
-    kinds = _kinds(scenes)
-    return Features(
-        _disk_features(scenes, pushes, physics_next, before, after, kinds),
-        _relation_features(scenes, before, after, kinds),
+    batch, disks, _ = scenes.shape
+    unused = np.empty(0)
+    work = NetworkWork(
+        np.empty((disks, 4, batch)),
+        np.empty((disks, batch)),
+        np.empty((disks, count_disk_features(frame), batch)),
+        np.empty((disks * (disks - 1), RELATION_FEATURES, batch)),
+        unused,
+        unused,
     )
+    columns = [np.ascontiguousarray(np.moveaxis(a, 0, -1)) for a in (scenes, pushes, physics_next)]
+    write_features(*columns, ALL_LANES, frame == WORLD_FRAME, work)
+    rows = (np.ascontiguousarray(np.moveaxis(a, -1, 0)) for a in (work.disks, work.relations))
+    return Features(*rows)
 
 
 def relation_ends(disks: int) -> tuple[ndarray, ndarray]:
@@ -111,57 +100,3 @@ def turn(vectors: Float[ndarray, "B N 2"], angle: Angles) -> Float[ndarray, "B N
     cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
-
-
-def _kinds(scenes: Scenes) -> Float[ndarray, "B N 3"]:
-    """Return what does not move: whether it is the mid disk, mass and radius."""
-    kinds = np.zeros((*scenes.shape[:2], 3))
-    kinds[:, MID, 0] = 1.0
-    kinds[..., 1] = (scenes[..., MASS] - MASS_MIDDLE) / MASS_SCALE
-    kinds[..., 2] = (scenes[..., RADIUS] - RADIUS_MIDDLE) / RADIUS_SCALE
-    return kinds
-
-
-def _disk_features(
-    scenes: Scenes,
-    pushes: Pushes,
-    physics_next: Scenes,
-    before: Float[ndarray, "B N 2"],
-    after: Float[ndarray, "B N 2"],
-    kinds: Float[ndarray, "B N 3"],
-) -> Float[ndarray, "B N D"]:
-    features = np.empty((*scenes.shape[:2], DISK_FEATURES))
-    features[..., :3] = kinds
-    features[..., 3:5] = before / PLACE_SCALE
-    # A disk on three feet looks the same after a third of a turn.
-    feet = 3 * (scenes[..., THETA] - pushes[:, LOCATION, None])
-    features[..., 5], features[..., 6] = np.cos(feet), np.sin(feet)
-    moved = after - before
-    features[..., 7:9] = moved / MOVE_SCALE
-    features[..., 9] = np.linalg.norm(moved, axis=-1) / MOVE_SCALE
-    features[..., 10] = wrap_angle(physics_next[..., THETA] - scenes[..., THETA]) / TURN_SCALE
-    features[..., 11] = pushes[:, LENGTH, None] / PLACE_SCALE
-    features[..., 12] = np.cos(pushes[:, ANGLE, None])
-    features[..., 13] = np.sin(pushes[:, ANGLE, None])
-    features[..., 14] = features[..., 11] * features[..., 13]  # how far the tool slides across
-    return features
-
-
-def _relation_features(
-    scenes: Scenes,
-    before: Float[ndarray, "B N 2"],
-    after: Float[ndarray, "B N 2"],
-    kinds: Float[ndarray, "B N 3"],
-) -> Float[ndarray, "B E R"]:
-    receiver, sender = relation_ends(scenes.shape[1])
-    rims = scenes[:, receiver, RADIUS] + scenes[:, sender, RADIUS]
-    features = np.empty((len(scenes), len(receiver), RELATION_FEATURES))
-    features[..., 0:3] = kinds[:, receiver]
-    features[..., 3:6] = kinds[:, sender]
-    for first, places in ((GAP_BEFORE - 4, before), (GAP_AFTER - 4, after)):
-        offset = places[:, sender] - places[:, receiver]
-        distance = np.linalg.norm(offset, axis=-1)
-        features[..., first : first + 2] = offset / PLACE_SCALE
-        features[..., first + 2 : first + 4] = offset / (distance[..., None] + 1e-9)
-        features[..., first + 4] = np.tanh((distance - rims) / GAP_SCALE)
-    return features

@@ -10,18 +10,14 @@ from torch import Tensor, nn
 
 from sain_core.config import Config, option
 from sain_core.seeding import generator
-from sain_model.network.features import (
-    DISK_FEATURES,
-    FRAMES,
+from sain_model.network.feature_kernels import (
     GAP_AFTER,
     GAP_BEFORE,
-    PUSH_FRAME,
     RELATION_FEATURES,
     TURN_SCALE,
-    WORLD_FRAME,
 )
-from sain_model.network.members import make_perceptron, silence
-from sain_model.network.place_features import PLACE_FEATURES
+from sain_model.network.features import FRAMES, PUSH_FRAME, count_disk_features
+from sain_model.network.members import make_perceptron, zero_last_layer
 
 OUTPUTS = 3  # dx, dy, dtheta
 ON_PHYSICS: Final = "physics"
@@ -53,7 +49,7 @@ class NetworkConfig(Config):
     @property
     def disk_features(self) -> int:
         """How many numbers it is told of each disk."""
-        return DISK_FEATURES + (PLACE_FEATURES if self.features == WORLD_FRAME else 0)
+        return count_disk_features(self.features)
 
 
 class InteractionNetwork(nn.Module):
@@ -69,7 +65,7 @@ class InteractionNetwork(nn.Module):
         size = config.hidden, config.layers, config.members
         self.relation = make_perceptron(RELATION_FEATURES, config.message, *size)
         self.dynamics = make_perceptron(config.disk_features + config.message, OUTPUTS, *size)
-        silence(self.dynamics)
+        zero_last_layer(self.dynamics)
         self.register_buffer(
             "unit", torch.tensor([POSITION_UNIT, POSITION_UNIT, TURN_SCALE]), persistent=False
         )

@@ -46,7 +46,7 @@ def make_perceptron(
     return nn.Sequential(*modules, make_linear(members, width, outputs))
 
 
-def silence(perceptron: nn.Sequential) -> None:
+def zero_last_layer(perceptron: nn.Sequential) -> None:
     """Let a perceptron start out by saying nothing."""
     for parameter in perceptron[-1].parameters():
         nn.init.zeros_(parameter)

@@ -10,7 +10,7 @@ import numpy as np
 from sain_core.push import LENGTH, LOCATION
 from sain_core.scene import STATE_SIZE, TARGET, THETA, X, Y
 from sain_model.compute.compiling import compiled
-from sain_model.network.feature_kernels import LANES, look, make_network_work, wrap
+from sain_model.network.feature_kernels import LANES, make_network_work, wrap, write_lane
 from sain_model.network.network_kernels import forward
 from sain_model.physics.body_kernels import make_workspace
 from sain_model.physics.planar_kernels import push_scene
@@ -49,7 +49,7 @@ def correct_block(first, scenes, pushes, physics_next, places, weights):
     work = make_work(scenes.shape[1], weights)
     last = min(first + LANES, scenes.shape[0])
     for index in range(first, last):
-        look(scenes[index], pushes[index], physics_next[index], index - first, places, work)
+        write_lane(scenes[index], pushes[index], physics_next[index], index - first, places, work)
     forward(weights, work)
     for index in range(first, last):
         if pushes[index, LENGTH] != 0.0:
@@ -126,7 +126,7 @@ def roll_out_block(first, scene, pushes, friction, start, physics, places, weigh
                 predict_physics(
                     before, push, friction, start, physics, order, ordered, after, bodies
                 )
-                look(before, push, after, index - first, places, work)
+                write_lane(before, push, after, index - first, places, work)
             else:
                 copy_scene(before, after)
         forward(weights, work)

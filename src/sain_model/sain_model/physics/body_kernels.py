@@ -73,7 +73,7 @@ class Workspace(NamedTuple):
     corrections: np.ndarray  # (N, CORRECTIONS), see `sain_model.physics.corrections`
 
 
-class ToldWorkspace(Workspace):
+class ConditionedWorkspace(Workspace):
     """Scratch memory of a push whose disks are corrected: their mass may be off the middle.
 
     A type of its own, so that kernels for disks as in the textbook are compiled without it.
@@ -102,10 +102,10 @@ def make_workspace(disks):
 
 
 @compiled
-def make_told_workspace(disks):
+def make_conditioned_workspace(disks):
     """Return scratch memory for this many disks that are corrected."""
     work = make_workspace(disks)
-    return ToldWorkspace(
+    return ConditionedWorkspace(
         work.bodies,
         work.before,
         work.change,
@@ -188,7 +188,7 @@ def place_mass(bodies, body):
     bodies[body, MASS_X], bodies[body, MASS_Y] = cos * fore - sin * left, sin * fore + cos * left
 
 
-def give(work, body, px, py, rim):
+def apply_impulse(work, body, px, py, rim):
     """Give a disk an impulse (px, py) and a turn `rim`, the sum of those across at its rim [N s].
 
     Both are about its middle. Where its mass is elsewhere, what acts on the middle turns it too,
@@ -202,21 +202,21 @@ def give(work, body, px, py, rim):
     bodies[body, VY] += py * bodies[body, LIGHTNESS] - spin * mass_x
 
 
-def _give_in_the_middle(work, body, px, py, rim):
+def _apply_impulse_in_the_middle(work, body, px, py, rim):
     bodies = work.bodies
     bodies[body, VX] += px * bodies[body, LIGHTNESS]
     bodies[body, VY] += py * bodies[body, LIGHTNESS]
     bodies[body, SPIN] += rim * bodies[body, TURN]
 
 
-@chosen_by_type(give)
-def _choose_give(work, body, px, py, rim):
-    return give if is_told(work) else _give_in_the_middle
+@chosen_by_type(apply_impulse)
+def _choose_apply_impulse(work, body, px, py, rim):
+    return apply_impulse if is_conditioned(work) else _apply_impulse_in_the_middle
 
 
-def is_told(work):
+def is_conditioned(work):
     """Tell whether the type of a workspace is that of corrected disks."""
-    return work.instance_class is ToldWorkspace
+    return work.instance_class is ConditionedWorkspace
 
 
 @compiled

@@ -29,7 +29,7 @@ from sain_model.physics.body_kernels import (
     VY,
     X,
     Y,
-    give,
+    apply_impulse,
 )
 from sain_model.physics.table_kernels import hold
 
@@ -43,7 +43,7 @@ TINY = 1e-12  # [m], keeps the normal of concentric disks finite
 
 
 @compiled
-def survey(work, horizon):
+def find_contacts(work, horizon):
     """Look at all pairs of bodies as they stand and move.
 
     Args:
@@ -185,8 +185,8 @@ def _apply(work, index, along, across):
     first, second = work.pairs[index, 0], work.pairs[index, 1]
     nx, ny = contacts[index, NORMAL_X], contacts[index, NORMAL_Y]
     px, py = along * nx - across * ny, along * ny + across * nx
-    give(work, second, px, py, -across)
-    give(work, first, -px, -py, -across)  # the tool, heavy without end, takes no notice
+    apply_impulse(work, second, px, py, -across)
+    apply_impulse(work, first, -px, -py, -across)  # the tool, heavy without end, takes no notice
 
 
 @compiled

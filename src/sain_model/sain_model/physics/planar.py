@@ -13,12 +13,14 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.config import Config, option
-from sain_core.dynamics import Dynamics
+from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.history import PushHistory
 from sain_core.push import TOOL_RADIUS
+from sain_core.response_check import answering, check_step
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET
 from sain_core.types import Mask, Pushes, Scalars, Scenes
 from sain_model.compute.batch_checks import check_batch
+from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.physics.body_kernels import Physics
 from sain_model.physics.corrections import (
@@ -28,7 +30,7 @@ from sain_model.physics.corrections import (
     corrected_pushes,
 )
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
-from sain_model.physics.planar_kernels import CHUNK, push_block, push_told_block
+from sain_model.physics.planar_kernels import CHUNK, push_block, push_conditioned_block
 
 NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
 NOMINAL_MID_RADIUS: Final = 0.08  # [m]
@@ -152,7 +154,7 @@ class PlanarPrior:
         """
         return self.step_with_contacts(scenes, pushes, friction)[0]
 
-    def step_told(
+    def step_conditioned(
         self,
         scenes: Scenes,
         pushes: Pushes,
@@ -209,14 +211,14 @@ class PlanarPrior:
         order = _canonical_order(scenes)
         after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
         touched = np.zeros(batch, dtype=bool)
-        rows = after, np.ascontiguousarray(pushes), np.ascontiguousarray(friction), start
+        rows = after, plain(pushes), plain(friction), start
         corrections = None if told is None else np.take_along_axis(told, order, axis=1)
 
         def work(first: int) -> None:
             if corrections is None:
                 push_block(first, *rows, self._physics, touched)
             else:
-                push_told_block(first, *rows, self._physics, touched, corrections)
+                push_conditioned_block(first, *rows, self._physics, touched, corrections)
 
         run_blocks(work, batch, CHUNK)
         predicted = np.empty_like(after)
@@ -230,7 +232,10 @@ def step_knowing(
     """Predict with a prior that is told the friction (B,), if there is any and it can be told."""
     if friction is not None and isinstance(prior, PlanarPrior):
         return prior.step(scenes, pushes, friction)
-    return prior.step(scenes, pushes)
+    if isinstance(prior, (PlanarPrior, IdentityPrior)):
+        return prior.step(scenes, pushes)
+    with answering("the prior"):
+        return check_step(prior.step(scenes, pushes), scenes, "the prior")
 
 
 def _canonical_order(scenes: Scenes) -> np.ndarray:

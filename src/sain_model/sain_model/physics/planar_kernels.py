@@ -25,14 +25,20 @@ from sain_model.physics.body_kernels import (
     Y,
     forget,
     load,
-    make_told_workspace,
+    make_conditioned_workspace,
     make_workspace,
     place_mass,
     rim_speed,
     unload,
 )
-from sain_model.physics.contact_kernels import note_tilt, prepare_contacts, separate, solve, survey
-from sain_model.physics.table_kernels import rub
+from sain_model.physics.contact_kernels import (
+    find_contacts,
+    note_tilt,
+    prepare_contacts,
+    separate,
+    solve,
+)
+from sain_model.physics.table_kernels import apply_friction
 from sain_model.physics.tool_kernels import make_profile, time_of, tool_speed, travelled, until_kink
 
 CHUNK = 64  # pushes that one thread takes at a time: a third of a millisecond
@@ -113,7 +119,7 @@ def flow(work, count, slowing, physics, step):
         bodies[disk, VY] += step * bodies[disk, PULL_Y]
         less = slowing * bodies[disk, DRAG] * step
         if rim_speed(bodies, disk) > 2.0 * less:
-            rub(work, disk, less, physics, step)
+            apply_friction(work, disk, less, physics, step)
         else:
             work.grip[disk] = less
             work.held[disk, 0] = work.held[disk, 1] = work.held[disk, 2] = 0.0
@@ -149,11 +155,11 @@ def look_ahead(work, slowing, physics, rest):
         rest: the step ends no later than this [s].
     """
     step = min(rest, calm_step(work.bodies, slowing, physics))
-    count, impact, approach, turning = survey(work, step)
+    count, impact, approach, turning = find_contacts(work, step)
     if approach > COLLISION:
         collide(work, count, physics)
         step = min(rest, calm_step(work.bodies, slowing, physics))
-        count, impact, approach, turning = survey(work, step)
+        count, impact, approach, turning = find_contacts(work, step)
     step = min(step, max(impact, SHORTEST_STEP))
     if turning * step > physics.bend:
         step = max(physics.bend / turning, SHORTEST_STEP)
@@ -225,13 +231,13 @@ def push_block(first, scenes, pushes, friction, start, physics, touched):
 
 
 @compiled
-def push_told_block(first, scenes, pushes, friction, start, physics, touched, corrections):
+def push_conditioned_block(first, scenes, pushes, friction, start, physics, touched, corrections):
     """Carry out up to `CHUNK` pushes as `push_block` does, of disks that are corrected.
 
     Args: those of `push_block`, and
         corrections: of each disk, (B, N, CORRECTIONS).
     """
-    work = make_told_workspace(scenes.shape[1])
+    work = make_conditioned_workspace(scenes.shape[1])
     for index in range(first, min(first + CHUNK, scenes.shape[0])):
         for disk in range(corrections.shape[1]):
             for column in range(corrections.shape[2]):  # a slice takes seconds to compile

@@ -14,8 +14,8 @@ from sain_model.physics.body_kernels import (
     TURN,
     VX,
     VY,
-    give,
-    is_told,
+    apply_impulse,
+    is_conditioned,
 )
 
 FEET = 3
@@ -24,7 +24,7 @@ MOST_LEAN = 1.0  # then a foot in front carries twice its share and one behind n
 
 
 @compiled
-def rub(work, disk, slowing, physics, step):
+def apply_friction(work, disk, slowing, physics, step):
     """Slow a sliding disk down by the friction of one step.
 
     The direction is taken at the velocity expected in the middle of the step, from the change
@@ -48,7 +48,7 @@ def rub(work, disk, slowing, physics, step):
         bodies[disk, VX] -= share * vx
         bodies[disk, VY] -= share * vy
         return
-    _rub_feet(feet, vx, vy, turn, bodies[disk, COS], bodies[disk, SIN], slowing, physics)
+    _foot_friction(feet, vx, vy, turn, bodies[disk, COS], bodies[disk, SIN], slowing, physics)
     lean_x, lean_y = _lean(work, disk, physics, step)
     _slow_down(work, disk, lean_x, lean_y, physics)
 
@@ -64,7 +64,9 @@ def _slow_down(work, disk, lean_x, lean_y, physics):
         total_y += load * y
         across += load * (cos * y - sin * x)
     mass = 1.0 / work.bodies[disk, LIGHTNESS]
-    give(work, disk, -mass * total_x, -mass * total_y, -mass * physics.foot_radius * across)
+    apply_impulse(
+        work, disk, -mass * total_x, -mass * total_y, -mass * physics.foot_radius * across
+    )
 
 
 def _slow_down_in_the_middle(work, disk, lean_x, lean_y, physics):
@@ -81,11 +83,11 @@ def _slow_down_in_the_middle(work, disk, lean_x, lean_y, physics):
 
 @chosen_by_type(_slow_down)
 def _choose_slow_down(work, disk, lean_x, lean_y, physics):
-    return _slow_down if is_told(work) else _slow_down_in_the_middle
+    return _slow_down if is_conditioned(work) else _slow_down_in_the_middle
 
 
 @compiled
-def _rub_feet(feet, vx, vy, turn, cos, sin, slowing, physics):
+def _foot_friction(feet, vx, vy, turn, cos, sin, slowing, physics):
     """Write for each foot what friction takes from it under an even load, and its direction.
 
     Args:

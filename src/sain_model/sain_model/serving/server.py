@@ -7,13 +7,19 @@ import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics, Radii, RegionModel, as_rollout
-from sain_core.errors import ModelUnavailableError, TooMuchWorkError
+from sain_core.errors import TooMuchWorkError
 from sain_core.history import PushHistory, informed
 from sain_core.push import check_predictable
+from sain_core.response_check import (
+    answering,
+    check_finite_answer,
+    check_rollout,
+    check_step,
+)
 from sain_core.scene import THETA, check_scene, check_scenes, make_scene, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.devices import AUTO, CPU, DEVICES, choose_device
-from sain_model.dynamics.parameter_correction import InsideSain
+from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.physics.planar import PlanarPrior
 
@@ -22,6 +28,7 @@ WARM_UP_SCENE: Final = make_scene(
 )
 WARM_UP_PUSHES: Final = np.array([[[0.0, 0.0, 0.1]], [[0.5, 0.1, 0.05]]])  # (2, 1, 3)
 PHYSICS: Final = "physics"
+LEARNED: Final = (SainDynamics, ParameterCorrection)
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,7 @@ class ModelServer:
         if isinstance(dynamics, SainDynamics):
             dynamics = dynamics.on(device)
         self.config = config
+        self._name = f"model {config.model!r}"
         self.description = describe(config.model, dynamics)
         self._usual = dynamics
         self._learned: tuple[PushHistory, Dynamics] | None = None
@@ -90,10 +98,11 @@ class ModelServer:
         """Answer requests of both kinds, so that none from outside waits for compilation.
 
         Raises:
-            ModelUnavailableError: the model predicts NaN or Inf.
+            ModelUnavailableError: the model answers with something that no answer can be.
         """
-        self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES)
-        self.predict(np.stack([WARM_UP_SCENE] * len(WARM_UP_PUSHES)), WARM_UP_PUSHES[:, 0])
+        with answering(self._name):
+            self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES)
+            self.predict(np.stack([WARM_UP_SCENE] * len(WARM_UP_PUSHES)), WARM_UP_PUSHES[:, 0])
 
     def knowing(self, history: PushHistory | None) -> Dynamics:
         """Return the model that an episode's earlier pushes speak for; the latest is kept.
@@ -111,7 +120,7 @@ class ModelServer:
     def friction(self, history: PushHistory | None) -> float:
         """Return the friction that a prediction rests on; 0: the model knows none."""
         dynamics = self.knowing(history)
-        prior = dynamics.prior if isinstance(dynamics, (SainDynamics, InsideSain)) else dynamics
+        prior = dynamics.prior if isinstance(dynamics, LEARNED) else dynamics
         return prior.config.friction if isinstance(prior, PlanarPrior) else 0.0
 
     def rollout(
@@ -125,12 +134,13 @@ class ModelServer:
             InvalidInputError: a scene that cannot exist.
             OutOfRangeError: a push that no arm's limits could allow.
             TooMuchWorkError: K x H x N is above the limit, or N alone.
-            ModelUnavailableError: the model predicts NaN or Inf.
+            ModelUnavailableError: the model answers with something that no answer can be.
         """
         self._check_work(pushes.shape[0] * pushes.shape[1], len(scene))
         check_scene(scene)
         check_predictable(pushes)
-        return self._finite(as_rollout(self.knowing(history)).rollout(scene, pushes))
+        predicted = as_rollout(self.knowing(history)).rollout(scene, pushes)
+        return check_finite_answer(check_rollout(predicted, scene, pushes, self._name), self._name)
 
     def regions(
         self,
@@ -170,30 +180,23 @@ class ModelServer:
             InvalidInputError: a scene that cannot exist.
             OutOfRangeError: a push that no arm's limits could allow.
             TooMuchWorkError: B x N is above the limit, or N alone.
-            ModelUnavailableError: the model predicts NaN or Inf.
+            ModelUnavailableError: the model answers with something that no answer can be.
         """
         self._check_work(len(scenes), scenes.shape[1])
         check_scenes(scenes)
         check_predictable(pushes)
         dynamics = self.knowing(history)
-        if isinstance(dynamics, InsideSain):  # its own prior is what it is inside of
-            if physics_next is None:
-                physics_next = dynamics.prior.step(scenes, pushes)
-            next_state = self._finite(dynamics.step(scenes, pushes))
-            return _residual(next_state, physics_next), next_state
-        if not isinstance(dynamics, SainDynamics):  # physics alone corrects nothing
-            if physics_next is None:
-                physics_next = dynamics.step(scenes, pushes)
-            return np.zeros_like(physics_next), self._finite(physics_next)
         if physics_next is None:
-            physics_next = dynamics.prior.step(scenes, pushes)
-        next_state = self._finite(dynamics.correct(scenes, pushes, physics_next))
+            prior = dynamics.prior if isinstance(dynamics, LEARNED) else dynamics
+            physics_next = check_step(prior.step(scenes, pushes), scenes, self._name)
+        if isinstance(dynamics, SainDynamics):
+            next_state = dynamics.correct(scenes, pushes, physics_next)
+        elif isinstance(dynamics, ParameterCorrection):  # on its own prior, whatever was given
+            next_state = dynamics.step(scenes, pushes)
+        else:
+            next_state = physics_next  # physics alone corrects nothing
+        check_finite_answer(next_state, self._name)
         return _residual(next_state, physics_next), next_state
-
-    def _finite(self, predicted: np.ndarray) -> np.ndarray:
-        if not np.isfinite(predicted).all():
-            raise ModelUnavailableError(f"model {self.config.model!r} predicts NaN or Inf")
-        return predicted
 
     def _frictions(self) -> int:
         """Return how many predictions a past push costs: one at each friction looked at."""
@@ -223,7 +226,7 @@ def _residual(next_state: Scenes, physics_next: Scenes) -> Scenes:
 
 def describe(name: str, dynamics: Dynamics) -> Description:
     """Return what a dynamics of this name is."""
-    if isinstance(dynamics, (SainDynamics, InsideSain)):
+    if isinstance(dynamics, LEARNED):
         return Description(
             name,
             dynamics.kind,

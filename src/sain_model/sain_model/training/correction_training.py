@@ -1,8 +1,7 @@
-"""Training of a network inside the planar prior: gradients come from simulated variations."""
+"""Training of parameter corrections: gradients come from simulated variations."""
 
 import functools
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -17,36 +16,39 @@ from sain_model.compute.threads import settle_threads
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.examples import Examples, make_examples
 from sain_model.dynamics.correction_network import (
-    InsideNetwork,
-    InsideNetworkConfig,
-    InsideNetworks,
+    CorrectionEnsemble,
+    CorrectionNetwork,
+    CorrectionNetworkConfig,
 )
 from sain_model.dynamics.loss import LossConfig, mixed_loss
-from sain_model.dynamics.physics_gradient import moves, told_moves
+from sain_model.dynamics.physics_gradient import conditioned_moves, moves
 from sain_model.network.features import WORLD_FRAME
 from sain_model.network.interaction_network import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.training_state import History, TrainingState
+from sain_model.training.training_loop import Step, TrainingLoop, cosine
+from sain_model.training.training_state import LossHistory
 
 
 @dataclass(frozen=True)
-class InsideTrainingConfig(Config):
+class CorrectionTrainingConfig(Config):
     """How a network inside physics is trained."""
 
     seed: int = option(0, "same seed, data and settings: same weights", minimum=0)
-    steps: int = option(3000, "steps of the optimiser", minimum=1)
+    steps: int = option(3000, "steps of the optimizer in all epochs", minimum=1)
     batch: int = option(64, "pushes in a step", minimum=1)
     learning_rate: float = option(2e-3, "at the start; falls to 0 along a cosine", minimum=1e-7)
     weight_decay: float = option(0.01, "of AdamW", minimum=0.0)
-    steepest: float = option(50.0, "longest gradient of a step; more is cut off", minimum=1e-3)
-    rounds: int = option(20, "how often validation looks for the best weights", minimum=1)
-    network: InsideNetworkConfig = InsideNetworkConfig()
+    max_grad_norm: float = option(50.0, "norm to which longer gradients are cut", minimum=1e-3)
+    epochs: int = option(
+        20, "parts of the steps; validation after each chooses the best weights", minimum=1
+    )
+    network: CorrectionNetworkConfig = CorrectionNetworkConfig()
     loss: LossConfig = LossConfig()
 
 
 @dataclass(frozen=True)
 class _Lesson:
-    """Pushes, what the network sees of them, and how they go when the prior is told nothing."""
+    """Pushes, what the network sees of them, and the moves that the uncorrected prior predicts."""
 
     data: Dataset
     examples: Examples
@@ -60,13 +62,14 @@ class _Lesson:
         return cls(data, examples, torch.from_numpy(plain))
 
 
-class InsideTrainer:
-    """Trains one network; what it does depends on data, settings and seed alone."""
+class CorrectionTrainer(TrainingLoop):
+    """Trains one network that corrects the parameters of a prior."""
 
     STATE: Final = "training.pt"
+    network: CorrectionNetwork
 
     def __init__(
-        self, split: Split, prior: PlanarPrior, config: InsideTrainingConfig, folder: Path
+        self, split: Split, prior: PlanarPrior, config: CorrectionTrainingConfig, folder: Path
     ) -> None:
         """Prepare the data; go on from the folder's state when one is there.
 
@@ -74,51 +77,25 @@ class InsideTrainer:
             CheckpointError: the state in the folder is damaged or of other settings or data.
         """
         self.config = config
+        self.epochs, self.max_grad_norm = config.epochs, config.max_grad_norm
         self._prior = prior
         self._train = _Lesson.make(split.train, prior)
         self._validation = _Lesson.make(split.validation, prior)
         identity = f"{config} {prior.config} {split.train.sha256} {len(split.train)}"
         settle_threads()
         torch.manual_seed(int(generator(config.seed, "weights").integers(2**31)))
-        self.network = InsideNetwork(config.network)
-        self._optimizer = torch.optim.AdamW(
+        self.network = CorrectionNetwork(config.network)
+        optimizer = torch.optim.AdamW(
             self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
         )
-        self._state = TrainingState(folder / self.STATE, identity, self.network, self._optimizer)
+        self._begin(folder / self.STATE, identity, optimizer)
 
-    @property
-    def history(self) -> History:
-        """Losses after each round."""
-        return self._state.history
-
-    @property
-    def round(self) -> int:
-        """How many rounds are done."""
-        return self._state.epochs
-
-    def run(self, progress: Callable[[int, History], None] = lambda number, history: None) -> None:
-        """Train to the last round and take the weights of the best one."""
-        while self.round < self.config.rounds:
-            train = self._run_round(self.round)
-            self._state.add(train, self._validate())
-            progress(self.round, self.history)
-        self._state.take_best()
-
-    def _run_round(self, number: int) -> float:
-        config, total = self.config, 0.0
-        ends = np.linspace(0, config.steps, config.rounds + 1).round().astype(int)
-        self.network.train()
-        for step in range(ends[number], ends[number + 1]):
-            rate = 0.5 * config.learning_rate * (1.0 + math.cos(math.pi * step / config.steps))
-            for group in self._optimizer.param_groups:
-                group["lr"] = rate
-            loss = self._loss(self._train, self._rows(step))
-            self._optimizer.zero_grad()
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.steepest)
-            self._optimizer.step()
-            total += loss.item()
-        return float(total / max(ends[number + 1] - ends[number], 1))
+    def _steps(self, epoch: int) -> Iterator[Step]:
+        config = self.config
+        ends = np.linspace(0, config.steps, config.epochs + 1).round().astype(int)
+        for step in range(ends[epoch], ends[epoch + 1]):
+            rate = cosine(step, config.steps) * config.learning_rate
+            yield Step(rate, self._rows(step))
 
     def _rows(self, step: int) -> Tensor:
         """Return the pushes of a step: the data in one random order after the other."""
@@ -128,28 +105,29 @@ class InsideTrainer:
         first = place * self.config.batch
         return torch.from_numpy(order[first : first + self.config.batch])
 
+    def _losses(self, rows: Tensor) -> Tensor:
+        return self._loss(self._train, rows)
+
     def _loss(self, lesson: _Lesson, rows: Tensor) -> Tensor:
         examples, picked = lesson.examples, rows.numpy()
         corrections, residual = self.network(examples.disks[rows], examples.relations[rows])
         data = lesson.data
-        told = told_moves(corrections, self._prior, data.state[picked], data.action[picked])
+        told = conditioned_moves(corrections, self._prior, data.state[picked], data.action[picked])
         predicted = told - lesson.plain[rows] + residual
         return mixed_loss(predicted, examples, rows, self.config.loss)
 
     def _validate(self) -> float:
-        self.network.eval()
-        with torch.inference_mode():
-            return self._loss(self._validation, torch.arange(len(self._validation.data))).item()
+        return self._loss(self._validation, torch.arange(len(self._validation.data))).item()
 
 
 def make_trainers(
-    split: Split, prior: PlanarPrior, config: InsideTrainingConfig, folder: Path
-) -> list[InsideTrainer]:
+    split: Split, prior: PlanarPrior, config: CorrectionTrainingConfig, folder: Path
+) -> list[CorrectionTrainer]:
     """Return a trainer for each member; each goes on from its state when one is there.
 
     Args:
-        split: what to learn from, and what to choose the best rounds by.
-        prior: what they are put inside.
+        split: what to learn from, and what to choose the best epochs by.
+        prior: whose parameters are corrected.
         config: its seed is the first member's, the others' follow.
         folder: of the states, one a member.
 
@@ -158,22 +136,22 @@ def make_trainers(
     """
     seeds = range(config.seed, config.seed + config.network.members)
     return [
-        InsideTrainer(split, prior, replace(config, seed=seed), folder / f"member-{member}")
+        CorrectionTrainer(split, prior, replace(config, seed=seed), folder / f"member-{member}")
         for member, seed in enumerate(seeds)
     ]
 
 
 def train_members(
-    trainers: Sequence[InsideTrainer],
-    progress: Callable[[int, int, History], None] = lambda member, number, history: None,
-) -> tuple[InsideNetworks, list[History]]:
+    trainers: Sequence[CorrectionTrainer],
+    progress: Callable[[int, int, LossHistory], None] = lambda member, number, history: None,
+) -> tuple[CorrectionEnsemble, list[LossHistory]]:
     """Train all members, one after the other; return them and their histories.
 
     Args:
         trainers: of the members.
-        progress: is told member, rounds done and history.
+        progress: called with member, epochs done and history.
     """
-    networks = InsideNetworks(trainers[0].config.network)
+    networks = CorrectionEnsemble(trainers[0].config.network)
     for member, trainer in enumerate(trainers):
         trainer.run(functools.partial(progress, member))
         networks[member] = trainer.network

@@ -23,7 +23,7 @@ from sain_model.dynamics.sain import RECURRENT, SainDynamics
 from sain_model.evaluation.held_out import held_out_part
 from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
-from sain_model.training.trainer import EPISODE, NOTHING, TrainingConfig
+from sain_model.training.push_training import EPISODE, NOTHING, TrainingConfig
 
 KEPT: Final = ("prior", "prior_friction", "history")  # and its network: weights fit no others
 USUAL: Final = TrainingConfig(epochs=100, batch=64, validation=0.2)

@@ -14,7 +14,7 @@ from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
 from sain_model.evaluation.history_errors import PLANAR_HISTORY, SAIN_HISTORY
 from sain_model.evaluation.metrics import BULLET, FLOOR, LEARNED, MEASURED, SAIN
 from sain_model.evaluation.prediction_errors import evaluate
-from sain_model.training.trainer import Trainer, TrainingConfig, prior_and_filter
+from sain_model.training.push_training import Trainer, TrainingConfig, prior_and_filter
 
 PHYSICS: Final = (BULLET, MEASURED, PLANAR_HISTORY, FLOOR)
 NETWORKS: Final = (LEARNED, SAIN, SAIN_HISTORY)

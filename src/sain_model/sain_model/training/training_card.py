@@ -14,7 +14,7 @@ from sain_model.dynamics.load import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.options import TrainCommand, command_line
-from sain_model.training.training_state import History
+from sain_model.training.training_state import LossHistory
 
 PACKAGES: Final = ("sain_model", "torch", "numpy", "numba", "scipy", "safetensors")
 
@@ -31,8 +31,8 @@ class Learned:
     """
 
     sain: SainDynamics
-    history: History
-    rollouts: History | None = None
+    history: LossHistory
+    rollouts: LossHistory | None = None
     parent: Parent | None = None
 
 
@@ -72,7 +72,7 @@ def make_card(
     )
 
 
-def _losses(history: History) -> dict[str, float | None]:
+def _losses(history: LossHistory) -> dict[str, float | None]:
     best = history.best
     losses = {
         "epochs_done": len(history.train),

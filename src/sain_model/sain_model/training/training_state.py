@@ -14,7 +14,7 @@ from sain_model.dynamics.checkpoint import write_torch
 
 
 @dataclass
-class History:
+class LossHistory:
     """Losses after each epoch, and which epoch was best.
 
     An epoch that was not validated has the last loss that was, or infinity before the first.
@@ -73,7 +73,7 @@ class TrainingState:
         Raises:
             CheckpointError: the file is damaged or of other settings or data.
         """
-        self.history = History(start=start)
+        self.history = LossHistory(start=start)
         self._path, self._identity = path, identity
         self._network, self._optimizer = network, optimizer
         self._best = self._weights()
@@ -127,4 +127,4 @@ class TrainingState:
         self._network.load_state_dict(state["network"])
         self._optimizer.load_state_dict(state["optimizer"])
         self._best = state["best"]
-        self.history = History(state["train"], state["validation"], self.history.start)
+        self.history = LossHistory(state["train"], state["validation"], self.history.start)

@@ -4,13 +4,11 @@ import logging
 from threading import Event
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-
 from sain_core.dynamics import Radii, RegionModel, RolloutModel
-from sain_core.errors import CancelledError, ModelUnavailableError, SainError
+from sain_core.errors import CancelledError, SainError
 from sain_core.history import PushHistory, informed_rollout
+from sain_core.response_check import check_finite_answer, check_rollout
 from sain_core.types import PredictedScenes, PushSequences, Scene
-from sain_mppi.search.response_check import check_answer
 
 logger = logging.getLogger(__name__)
 
@@ -36,32 +34,29 @@ class FallbackRollout:
         """Ask this model, or else this physics."""
         self._models = model, physics
         self._model = model
-        self._physics: RolloutModel | None = physics  # None: not yet told of the pushes
+        self._physics: RolloutModel | None = physics  # None: without the history so far
         self._history: PushHistory | None = None
         self._cancelled = Event()
         self.failure: SainError | None = None
 
-    def inform(self, history: PushHistory) -> None:
-        """Let model and physics learn from the episode's earlier pushes, and from no others.
+    def begin(
+        self, history: PushHistory, until: float | None = None, cancelled: Event | None = None
+    ) -> None:
+        """Begin a new plan: the model gets another chance.
 
-        Physics is told when it is asked: inferring a friction that nobody uses takes its time.
+        Physics learns from the history when it is asked: inferring a friction takes time.
+
+        Args:
+            history: the episode's earlier pushes, which model and physics learn from.
+            until: a model that has not answered by this `time.monotonic` fails; None: no limit.
+            cancelled: once it is set, the plan ends with `CancelledError`.
         """
-        self._model = informed_rollout(self._models[0], history)
-        self._history, self._physics = history, None
-
-    def until(self, moment: float | None) -> None:
-        """Let the model fail where it has not answered by this `time.monotonic`."""
-        if isinstance(self._model, Impatient):
-            self._model.until(moment)
-
-    def begin(self) -> None:
-        """Begin a new plan: the model gets another chance."""
         self.failure = None
-        self._cancelled.clear()
-
-    def cancel(self) -> None:
-        """Let the plan that is being made end with `CancelledError`. For any thread."""
-        self._cancelled.set()
+        self._cancelled = cancelled or Event()
+        self._history, self._physics = history, None
+        self._model = informed_rollout(self._models[0], history)
+        if isinstance(self._model, Impatient):
+            self._model.until(until)
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
         """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8)."""
@@ -69,7 +64,8 @@ class FallbackRollout:
             raise CancelledError("the plan is no longer wanted")
         if self.failure is None:
             try:
-                return check_answer(_finite(self._model.rollout(scene, pushes)), scene, pushes)
+                predicted = check_rollout(self._model.rollout(scene, pushes), scene, pushes)
+                return check_finite_answer(predicted)
             except SainError as error:
                 logger.debug("falling back to physics: %s", error)
                 self.failure = error
@@ -89,11 +85,3 @@ class FallbackRollout:
         except SainError as error:  # the plan stands without it
             logger.debug("no regions are known: %s", error)
             return None
-
-
-def _finite(predicted: PredictedScenes) -> PredictedScenes:
-    finite = np.isfinite(predicted)
-    if not finite.all():
-        bad = int((~finite).sum())
-        raise ModelUnavailableError(f"{bad} of the model's {finite.size} numbers are NaN or Inf")
-    return predicted

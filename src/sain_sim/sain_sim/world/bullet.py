@@ -36,7 +36,7 @@ class Bullet(BulletPrior):
             return scene.copy()
 
 
-def load_dynamics(name: str) -> Bullet:
+def load_bullet(name: str) -> Bullet:
     """Return Bullet by one of its names.
 
     Raises:

@@ -1,4 +1,4 @@
-"""``ros2 run sain_model train_inside``: learn what to tell the planar prior of one laboratory."""
+"""``ros2 run sain_model train_correction``: learn to correct the planar prior's parameters."""
 
 import json
 import sys
@@ -22,56 +22,56 @@ from sain_model.data.dataset import (
     load_transitions,
     split_by_episode,
 )
-from sain_model.dynamics.checkpoint import INSIDE_ARCHITECTURE, SUFFIX, Card, save_checkpoint
-from sain_model.dynamics.load import PLANAR_AXES, load_told_prior
-from sain_model.dynamics.parameter_correction import InsideSain
+from sain_model.dynamics.checkpoint import CORRECTION_ARCHITECTURE, SUFFIX, Card, save_checkpoint
+from sain_model.dynamics.load import PLANAR_AXES, load_planar
+from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.evaluation.metrics import measure
 from sain_model.training.correction_training import (
-    InsideTrainingConfig,
+    CorrectionTrainingConfig,
     make_trainers,
     train_members,
 )
 from sain_model.training.training_card import environment
-from sain_model.training.training_state import History
+from sain_model.training.training_state import LossHistory
 
 
 @dataclass(frozen=True)
-class TrainInsideCommand:
+class TrainCorrectionCommand:
     """What to learn from, and where to."""
 
     dataset: Annotated[Path, tyro.conf.Positional]
     """A shard *.npz, or a folder of them."""
     out: Path
     """Folder for checkpoint, card and settings. Run again to go on after a stop."""
-    name: str = "inside"
+    name: str = "correction"
     """Name of the checkpoint."""
     prior: str = PLANAR_AXES
-    """What is told: planar or planar_axes."""
+    """Prior whose parameters are corrected: planar or planar_axes."""
     prior_friction: float = 0.12
-    """Friction that it assumes when told nothing."""
+    """Friction that it assumes."""
     transitions: int = 0
     """Learn from so many transitions only; 0: from all."""
     validation: float = 0.1
-    """Share of the episodes that choose the best round."""
+    """Share of the episodes that choose the best epoch."""
     test: float = 0.15
     """Share of the episodes held out."""
-    training: InsideTrainingConfig = InsideTrainingConfig()
+    training: CorrectionTrainingConfig = CorrectionTrainingConfig()
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Train networks that correct what the planar prior is told."""
+    """Train networks that correct the parameters of the planar prior for one laboratory."""
     torch.set_num_threads(1)
     command = tyro.cli(
-        TrainInsideCommand,
-        prog="train_inside",
+        TrainCorrectionCommand,
+        prog="train_correction",
         description=main.__doc__,
         args=arguments,
         config=(tyro.conf.OmitArgPrefixes,),
     )
-    return carry_out(lambda console: train_inside(command, console), "round")
+    return carry_out(lambda console: train_correction(command, console), "epoch")
 
 
-def train_inside(command: TrainInsideCommand, console: Console) -> Path:
+def train_correction(command: TrainCorrectionCommand, console: Console) -> Path:
     """Train, evaluate on the held-out episodes, write everything; return the checkpoint's path.
 
     Raises:
@@ -82,19 +82,19 @@ def train_inside(command: TrainInsideCommand, console: Console) -> Path:
     check_held_out(split)
     if command.transitions:
         split = limit_training(split, command.transitions)
-    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
+    prior = load_planar(command.prior, {"friction": command.prior_friction})
     trainers = make_trainers(split, prior, command.training, command.out)
     settings = json.dumps(asdict(command), indent=2, default=str) + "\n"
     write_whole(command.out / "config.json", settings.encode())
-    rounds = command.training.rounds
+    epochs = command.training.epochs
     with Progress(console=console) as bar:
-        task = bar.add_task("train", total=command.training.network.members * rounds)
+        task = bar.add_task("train", total=command.training.network.members * epochs)
 
-        def advance(member: int, number: int, history: History) -> None:
-            bar.update(task, completed=member * rounds + number)
+        def advance(member: int, number: int, history: LossHistory) -> None:
+            bar.update(task, completed=member * epochs + number)
 
         networks, histories = train_members(trainers, advance)
-    sain = InsideSain(networks, prior)
+    sain = ParameterCorrection(networks, prior)
     errors = {
         name: asdict(measure(dynamics.step(split.test.state, split.test.action), split.test, 0))
         for name, dynamics in ((command.prior, prior), ("sain", sain))
@@ -108,15 +108,15 @@ def train_inside(command: TrainInsideCommand, console: Console) -> Path:
 
 
 def make_card(
-    command: TrainInsideCommand,
+    command: TrainCorrectionCommand,
     sha256: str,
     split: Split,
-    histories: list[History],
+    histories: list[LossHistory],
     errors: dict[str, Any],
 ) -> Card:
     """Return the card of what was trained."""
     parts = {"train": split.train, "validation": split.validation, "test": split.test}
-    prior = load_told_prior(command.prior, {"friction": command.prior_friction})
+    prior = load_planar(command.prior, {"friction": command.prior_friction})
     return Card(
         prior=command.prior,
         prior_config=asdict(prior.config),
@@ -131,13 +131,13 @@ def make_card(
             **asdict(command.training),
             "validation": command.validation,
             "test": command.test,
-            "best_rounds": [history.best + 1 for history in histories],
+            "best_epochs": [history.best + 1 for history in histories],
             "validation_losses": [history.validation[history.best] for history in histories],
         },
         errors=errors,
         versions=environment(),
-        command=ros2_command("sain_model", "train_inside"),
-        architecture=INSIDE_ARCHITECTURE,
+        command=ros2_command("sain_model", "train_correction"),
+        architecture=CORRECTION_ARCHITECTURE,
     )
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.differentiable import DifferentiableRollout
 from sain_core.dynamics import IdentityPrior
 from sain_core.errors import InvalidInputError
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSE, POSITION, THETA, make_scene, wrap_angle
 from sain_core.types import Pushes, PushSequences, Scene, Scenes
-from sain_model.dynamics.differentiable import DifferentiableRollout
 from sain_model.dynamics.sain import IDENTITY, SainDynamics
 from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
 from sain_model.physics.planar import PlanarPrior

@@ -1,4 +1,4 @@
-"""The picture of learning curves: error over the number of transitions learned from."""
+"""The pictures of a training: losses over epochs, and learning curves."""
 
 from collections.abc import Sequence
 from itertools import cycle
@@ -14,6 +14,7 @@ from sain_core.drawing.palette import PALETTE
 from sain_model.evaluation.history_errors import SAIN_HISTORY
 from sain_model.evaluation.metrics import BULLET, FLOOR, LEARNED, SAIN
 from sain_model.training.learning_curve import Point
+from sain_model.training.training_state import LossHistory
 
 COLOURS: Final = {
     LEARNED: PALETTE.learned,
@@ -71,3 +72,25 @@ def _draw_network(axes: Axes, points: Sequence[Point]) -> None:
 def _leading(value: float) -> str:
     """Label 2 and 5 of each power of ten alone."""
     return f"{value:g}" if f"{value:e}"[0] in "25" else ""
+
+
+def draw_losses(history: LossHistory) -> Figure:
+    """Draw the losses after each epoch, the weights that are kept marked."""
+    figure = new_figure(6.0, 4.0)
+    axes = figure.subplots()
+    style_axes(axes, grid="both", xlabel="epoch", ylabel="loss, mean over transitions")
+    epochs = range(1, len(history.train) + 1)
+    axes.plot(epochs, history.train, label="training", color=PALETTE.physics)
+    axes.plot(epochs, history.validation, label="validation", color=PALETTE.predicted)
+    kept = f"kept: epoch {history.best + 1}, {history.best_loss:.4g}"
+    axes.plot(history.best + 1, history.best_loss, "o", color=PALETTE.predicted, label=kept)
+    if history.start is not None:
+        before = "validation before the training"
+        axes.axhline(history.start, color=PALETTE.floor, linestyle=":", label=before)
+    figure.legend(frameon=False, loc="outside lower center", ncols=2, fontsize=TEXT)
+    return figure
+
+
+def save_loss_curve(path: Path, history: LossHistory) -> None:
+    """Write a PNG with the losses after each epoch, the weights that are kept marked."""
+    write_png(draw_losses(history), path)

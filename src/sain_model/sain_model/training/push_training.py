@@ -1,17 +1,18 @@
-"""Training: Algorithm 1, phase II of the paper, on the residual of a fast prior."""
+"""Training on single pushes: Algorithm 1, phase II of the paper, on the residual of a prior."""
 
-import math
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from sain_core.config import Config, option
 from sain_core.dataset import SHARES, TEST, VALIDATION
 from sain_core.dynamics import Dynamics
+from sain_core.plugins import check_model_name
 from sain_core.seeding import generator
 from sain_model.compute.threads import settle_threads
 from sain_model.data.batches import BOOTSTRAP, ORDER, Batches
@@ -19,14 +20,17 @@ from sain_model.data.dataset import Dataset, Split
 from sain_model.data.examples import training_examples
 from sain_model.data.friction_noise import make_filter
 from sain_model.data.mixed import MixedDataset, MixedSplit
-from sain_model.dynamics.load import PLANAR, PRIORS, load_prior
+from sain_model.dynamics.load import PLANAR, PLANAR_PRIORS, load_prior
 from sain_model.dynamics.loss import LossConfig, mixed_loss
-from sain_model.dynamics.sain import IDENTITY, SainDynamics
+from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.features import PUSH_FRAME
-from sain_model.network.interaction_network import NetworkConfig, new_network
+from sain_model.network.interaction_network import (
+    InteractionNetwork,
+    NetworkConfig,
+    new_network,
+)
 from sain_model.physics.friction import FrictionFilter
-from sain_model.training.optimizer import DescentConfig
-from sain_model.training.training_state import History, TrainingState
+from sain_model.training.training_loop import OptimizerConfig, Step, TrainingLoop
 
 NOTHING: Final = "none"
 EARLIER: Final = "earlier"
@@ -68,7 +72,7 @@ class TrainingConfig(Config):
         minimum=0.0,
         maximum=0.5,
     )
-    prior: str = option(PLANAR, "what is corrected", choices=PRIORS)
+    prior: str = option(PLANAR, "model that is corrected: a name in the registry of models")
     history: str = option(
         EPISODE,
         "what shows the prior the friction in training: nothing, the episode's earlier pushes, or"
@@ -81,7 +85,7 @@ class TrainingConfig(Config):
     transitions: int = option(0, "learn from so many transitions only; 0: from all", minimum=0)
     network: NetworkConfig = NetworkConfig()
     loss: LossConfig = LossConfig()
-    descent: DescentConfig = DescentConfig()
+    optimizer: OptimizerConfig = OptimizerConfig()
 
     @property
     def mirrors(self) -> bool:
@@ -98,13 +102,14 @@ def prior_and_filter(
         config: of the training.
         train: what the filter's noise is fitted to.
     """
-    settings = {"friction": config.prior_friction} if config.prior != IDENTITY else None
+    check_model_name(config.prior)
+    settings = {"friction": config.prior_friction} if config.prior in PLANAR_PRIORS else None
     prior = load_prior(config.prior, settings)
     return prior, None if config.history == NOTHING else make_filter(prior, train)
 
 
-class Trainer:
-    """Trains a network or an ensemble; what it does depends on data, settings and seed alone."""
+class Trainer(TrainingLoop):
+    """Trains a network or an ensemble on single pushes."""
 
     STATE: Final = "training.pt"
 
@@ -124,30 +129,38 @@ class Trainer:
             prior: what is corrected.
             config: how.
             folder: of the state.
-            friction: infers the friction that the prior is told; None: it is the nominal one.
+            friction: infers the friction that the prior is conditioned on; None: it is nominal.
             parent: whose weights it starts from, and keeps if no epoch is better; None: new ones.
 
         Raises:
             CheckpointError: the state in the folder is damaged or of other settings or data.
         """
         self.config = config
-        random = generator(config.seed, "history") if config.history == EARLIER else None
-        network = config.network
-        self._train = training_examples(
-            split.train, prior, friction, config.mirrors, random, network
-        )
-        self._validation = training_examples(
-            split.validation, prior, friction, False, random, network
-        )
+        self.epochs, self.patience = config.epochs, config.patience
+        self.validate_every = config.validate_every
+        self._prepare(split, prior, friction)
         about = f"{friction.config} {friction.nominal}" if friction else ""
         identity = f"{config} {split.train.sha256} {about}"
         settle_threads()
-        self.network = new_network(config.network, config.seed)
+        self.network: InteractionNetwork = new_network(config.network, config.seed)
+        start = None
         if parent is not None:
             identity += f" from {parent.model_hash}"
             self.network.load_state_dict(parent.network.state_dict())
-        self._optimizer = config.descent.make(
-            self.network.parameters(), config.learning_rate, config.weight_decay
+            start = self._measure_validation()
+        parameters = self.network.parameters()
+        optimizer = config.optimizer.make(parameters, config.learning_rate, config.weight_decay)
+        self._begin(folder / self.STATE, identity, optimizer, start)
+
+    def _prepare(
+        self, split: Split | MixedSplit, prior: Dynamics, friction: FrictionFilter | None
+    ) -> None:
+        config = self.config
+        random = generator(config.seed, "history") if config.history == EARLIER else None
+        usual = prior, friction
+        self._train = training_examples(split.train, *usual, config.mirrors, random, config.network)
+        self._validation = training_examples(
+            split.validation, *usual, False, random, config.network
         )
         self._batches = Batches(
             config.seed,
@@ -157,65 +170,20 @@ class Trainer:
             config.diversity,
             config.epoch_steps,
         )
-        start = None if parent is None else self._measure_validation()
-        self._state = TrainingState(
-            folder / self.STATE, identity, self.network, self._optimizer, start
-        )
 
-    @property
-    def history(self) -> History:
-        """Losses after each epoch."""
-        return self._state.history
-
-    @property
-    def epoch(self) -> int:
-        """How many epochs are done."""
-        return self._state.epochs
-
-    @property
-    def finished(self) -> bool:
-        """Whether all epochs are done, or the last ones brought nothing."""
-        waited = self.epoch - 1 - self.history.best if self.epoch else 0
-        patience = self.config.patience
-        return self.epoch >= self.config.epochs or 0 < patience <= waited
-
-    def run(self, progress: Callable[[int, History], None] = lambda epoch, history: None) -> None:
-        """Train to the last epoch and take the weights of the best one."""
-        while not self.finished:
-            train = self._run_epoch(self.epoch)
-            self._state.add(train, self._validation_loss(self.epoch))
-            progress(self.epoch, self.history)
-        self._state.take_best()
-
-    def _run_epoch(self, epoch: int) -> float:
-        config, examples = self.config, self._train
-        total, seen = 0.0, 0
-        self.network.train()
+    def _steps(self, epoch: int) -> Iterator[Step]:
+        config, first = self.config, epoch * self._batches.steps
         for place, rows in enumerate(self._batches.epoch(epoch)):  # (M, b), own rows of each member
-            self._set_rate(epoch, epoch * self._batches.steps + place)
-            predicted = self.network.each(examples.disks[rows], examples.relations[rows])
-            losses = mixed_loss(predicted, examples, rows, config.loss)  # (M,)
-            self._optimizer.zero_grad()
-            losses.sum().backward()  # so that each member learns as if it were alone
-            self._optimizer.step()
-            total += losses.mean().item() * rows.shape[1]
-            seen += rows.shape[1]
-        return total / seen
+            share = config.optimizer.rate(epoch, config.epochs, first + place)
+            yield Step(share * config.learning_rate, rows)
 
-    def _set_rate(self, epoch: int, step: int) -> None:
-        share = self.config.descent.rate(epoch, self.config.epochs, step)
-        for group in self._optimizer.param_groups:
-            group["lr"] = share * self.config.learning_rate
+    def _losses(self, rows: Tensor) -> Tensor:
+        examples = self._train
+        predicted = self.network.each(examples.disks[rows], examples.relations[rows])
+        return mixed_loss(predicted, examples, rows, self.config.loss)
 
-    def _validation_loss(self, epoch: int) -> float:
-        """Return the loss of the members' mean, of now or of when it was last looked at."""
-        if (epoch + 1) % self.config.validate_every and epoch + 1 < self.config.epochs:
-            return self.history.validation[-1] if epoch else math.inf
-        return self._measure_validation()
-
-    def _measure_validation(self) -> float:
+    def _validate(self) -> float:
+        """Return the loss of the members' mean."""
         data = self._validation
-        self.network.eval()
-        with torch.inference_mode():
-            predicted = self.network(data.disks, data.relations)
-            return mixed_loss(predicted, data, torch.arange(len(data)), self.config.loss).item()
+        predicted = self.network(data.disks, data.relations)
+        return mixed_loss(predicted, data, torch.arange(len(data)), self.config.loss).item()

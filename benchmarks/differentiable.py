@@ -19,13 +19,8 @@ from sain_core.scene import MID, POSE, RADIUS
 from sain_core.types import Scene
 from sain_model.compute.threads import settle_threads
 from sain_model.dynamics.sain import LEARNED, SainDynamics
-from sain_model.network.features import (
-    GAP_SCALE,
-    PLACE_SCALE,
-    PUSH_FRAME,
-    make_features,
-    relation_ends,
-)
+from sain_model.network.feature_kernels import GAP_SCALE, PLACE_SCALE
+from sain_model.network.features import PUSH_FRAME, make_features, relation_ends
 
 KINDS: Final = 3  # first columns of the disks' features: they are the same all the way
 

@@ -1,0 +1,112 @@
+"""The package of `examples/my_model`, installed as its README says, is found by every command."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.paths import ROOT
+from tests.sain_model.rolling import make_episodes
+
+EXAMPLE = ROOT / "examples" / "my_model"
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The variables of processes for which the package is installed, and for no others."""
+    folder = tmp_path_factory.mktemp("site")
+    build = tmp_path_factory.mktemp("build") / "my_model"
+    build.mkdir()
+    for path in EXAMPLE.iterdir():
+        if path.is_file():
+            (build / path.name).write_bytes(path.read_bytes())
+    flags = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet", "--target", str(folder)]
+    pip = [sys.executable, "-m", "pip", "install", *flags, str(build)]
+    subprocess.run(pip, check=True, capture_output=True, text=True)
+    paths = [str(folder), os.environ.get("PYTHONPATH", "")]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "COLUMNS": "200"}
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_episodes(tmp_path_factory.mktemp("data"))
+
+
+def run(environment: dict[str, str], *command: object) -> str:
+    done = subprocess.run(
+        [sys.executable, "-m", *map(str, command)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr + done.stdout
+    return done.stdout
+
+
+def test_its_own_test_passes(environment: dict[str, str], tmp_path: Path) -> None:
+    test = tmp_path / "test_my_model.py"
+    test.write_bytes((EXAMPLE / test.name).read_bytes())
+    assert "2 passed" in run(environment, "pytest", "-p", "no:cacheprovider", test)
+
+
+def test_it_is_not_found_where_it_is_not_installed(tmp_path: Path) -> None:
+    lines = "from sain_core.plugins import load_dynamics; load_dynamics('my_model')"
+    done = subprocess.run(
+        [sys.executable, "-c", lines], capture_output=True, text=True, check=False
+    )
+    assert "model 'my_model' is unknown; known: bullet, " in done.stderr
+
+
+def test_the_loop_plans_with_it(environment: dict[str, str], tmp_path: Path) -> None:
+    arguments = ["--controllers", "my_model", "--scenes", 1, "--out", tmp_path / "results"]
+    run(environment, "sain_eval.cli.evaluate", *arguments)
+    (report,) = (tmp_path / "results").glob("*.json")
+    assert "my_model" in report.read_text()
+
+
+def test_a_network_learns_on_top_of_it_and_is_loaded_again(
+    environment: dict[str, str], dataset: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "runs"
+    arguments = ["--prior", "my_model", "--epochs", 2, "--out", out]
+    run(environment, "sain_model.cli.train", dataset, *arguments)
+    card = json.loads((out / "sain.json").read_text())
+    assert (card["prior"], card["prior_config"], card["kind"]) == ("my_model", {}, "residual")
+    lines = (
+        "import sys; from sain_core.plugins import load_dynamics;"
+        " from sain_core.conformance import check_dynamics; sain = load_dynamics(sys.argv[1]);"
+        " print(type(sain.prior).__name__); check_dynamics(sain)"
+    )
+    checkpoint = str(out / "sain.safetensors")
+    command = [sys.executable, "-c", lines, checkpoint]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "MyModel", done.stderr
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert f"{out}/sain.json: model 'my_model' is unknown" in done.stderr
+
+
+def test_predictions_are_compared_with_its(
+    environment: dict[str, str], dataset: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "errors.json"
+    arguments = ["--baselines", "my_model", "--open-loop", 1, 3, "--out", out]
+    run(environment, "sain_model.cli.evaluate", dataset, *arguments)
+    rows = json.loads(out.read_text())["open_loop"]["3"]["errors"]["all"]
+    assert 0.0 < rows["my_model"]["target"]["mean"] < rows["no motion"]["target"]["mean"]
+
+
+def test_it_is_served(environment: dict[str, str]) -> None:
+    lines = (
+        "from sain_core.plugins import load_dynamics;"
+        " from sain_model.serving.live import LiveModel;"
+        " from sain_model.serving.server import ServingConfig;"
+        " live = LiveModel(load_dynamics, ServingConfig(model='my_model'));"
+        " print(live.current.description.model, live.current.description.kind)"
+    )
+    command = [sys.executable, "-c", lines]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["my_model", "physics"], done.stderr

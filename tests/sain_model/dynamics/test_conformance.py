@@ -1,0 +1,59 @@
+"""Every model of this package keeps the contract that a model of another package must keep."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from sain_core.conformance import check_dynamics
+from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.plugins import load_dynamics
+from sain_model.dynamics.correction_network import CorrectionEnsemble, CorrectionNetworkConfig
+from sain_model.dynamics.parameter_correction import ParameterCorrection
+from sain_model.dynamics.recurrent import PhysicsChain
+from sain_model.dynamics.sain import IDENTITY, SainDynamics
+from sain_model.network.interaction_network import ON_STATE, NetworkConfig, new_network
+from sain_model.physics.friction import FrictionConfig
+from sain_model.physics.planar import PlanarPrior
+
+
+def network(**settings: object) -> torch.nn.Module:
+    """A network that moves disks by millimetres."""
+    made = new_network(replace(NetworkConfig(hidden=8, message=4), **settings), 0)
+    torch.manual_seed(1)
+    with torch.no_grad():
+        for parameter in made.parameters():
+            parameter.add_(0.1 * torch.randn_like(parameter))
+    return made
+
+
+def corrected() -> ParameterCorrection:
+    torch.manual_seed(2)
+    networks = CorrectionEnsemble(CorrectionNetworkConfig(hidden=8, message=4, members=2))
+    with torch.no_grad():
+        for parameter in networks.parameters():
+            parameter.add_(0.1 * torch.randn_like(parameter))
+    return ParameterCorrection(networks, PlanarPrior(), "planar")
+
+
+MODELS: dict[str, Dynamics] = {
+    "learned": SainDynamics(network(), IdentityPrior(), IDENTITY),
+    "residual": SainDynamics(network(), PlanarPrior(), "planar", friction=FrictionConfig()),
+    "ensemble in the world": SainDynamics(
+        network(members=3, features="world"), PlanarPrior(), "planar"
+    ),
+    "on the state": SainDynamics(network(residual=ON_STATE), PlanarPrior(), "planar"),
+    "recurrent": SainDynamics(network(), PlanarPrior(), "planar", recurrent=True),
+    "recurrent, physics": PhysicsChain(network(), PlanarPrior(), "planar", recurrent=True),
+    "parameter correction": corrected(),
+}
+
+
+@pytest.mark.parametrize("name", ["planar", "planar_axes", "identity", "sain"])
+def test_every_model_that_is_offered_keeps_the_contract(name: str) -> None:
+    check_dynamics(load_dynamics(name), disks=(2, 3, 5))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_kind_of_network_keeps_the_contract(name: str) -> None:
+    check_dynamics(MODELS[name])
