@@ -188,9 +188,7 @@ def test_a_silent_model_does_not_keep_a_plan_past_its_deadline(graph, straw, sil
     assert (made.status, made.fallback, made.dynamics) == (Plan.PUSH, True, "planar")
     assert made.deadline == 0.3
     waited = re.match(r"the model did not answer within (\d\.\d+)", made.error_message)
-    assert (
-        waited and 0.0 < float(waited[1]) < 0.3
-    )  # what the deadline left, however busy it is here
+    assert waited and 0.0 < float(waited[1]) < 0.3  # what the deadline left
 
 
 def test_while_a_plan_waits_for_its_model_a_new_goal_cancels_it(graph, straw):
