@@ -58,8 +58,8 @@ def pytest_xdist_make_scheduler(config: Config, log: Any) -> ByFile:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: _place(item.nodeid))
+    items.sort(key=lambda item: _place(item.nodeid.partition("::")[0]))
 
 
-def _place(nodeid: str) -> int:
-    return next((place for place, part in enumerate(FIRST) if part in nodeid), len(FIRST))
+def _place(path: str) -> int:
+    return next((place for place, part in enumerate(FIRST) if part in path), len(FIRST))
