@@ -9,7 +9,7 @@ help: ## this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-8s %s\n", $$1, $$2 }'
 	@echo "  ./env CMD     any command inside the environment, for example ./env ros2 pkg executables"
 
-demo: ## the closed loop on the whole graph, headless: a few episodes, a bag and a picture
+demo: ## the closed loop on the whole graph, headless: a few episodes, a bag and a report page
 	@./env ros2 run sain_bringup closed_loop $(ARGS)
 
 test: ## every test; a part of them with ARGS="tests/sain_core -k wrap"
@@ -33,8 +33,8 @@ format: ## rewrites the Python code in the project's format
 bench: ## timings beside those of peers
 	@./env python -m benchmarks $(ARGS)
 
-table: ## the paper's table
-	@./env ros2 run sain_eval evaluate --table $(ARGS)
+table: ## the paper's table, in results/table; other settings with ARGS="--scenes 5"
+	@./env ros2 run sain_eval evaluate --table --out results/table $(ARGS)
 
 clean: ## removes the environment and all that was built; bags stay
 	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log

@@ -371,7 +371,12 @@ def test_damage_is_told_and_nothing_is_written(bag, tmp_path, place):
 
 
 def test_the_command_fails_with_one_line(tmp_path):
-    command = [sys.executable, "-m", "sain_bags.cli.report", str(tmp_path / "none")]
+    command = [
+        sys.executable,
+        "-c",
+        "import sys; from sain_bags.commands import report; sys.exit(report())",
+        str(tmp_path / "none"),
+    ]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 1
     assert done.stderr == f"report: no bag at {tmp_path / 'none'}\n"

@@ -15,10 +15,10 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from sain_core.errors import ConfigError
-from sain_sim.cli.collect import main
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.ray_workers import RayPool
+from sain_sim.commands import collect as main
 
 CONFIG = CollectConfig(episodes=4, seed=6, workers=2, ray="local", episode=EpisodeConfig(pushes=3))
 
