@@ -15,10 +15,10 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from sain_core.errors import ConfigError
-from sain_sim.cli.collect import main
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.ray_workers import RayPool
+from sain_sim.commands import collect as main
 
 CONFIG = CollectConfig(episodes=4, seed=6, workers=2, ray="local", episode=EpisodeConfig(pushes=3))
 
@@ -46,8 +46,14 @@ def processes(word: str) -> list[int]:
     return found
 
 
-def entries(folder: Path | str) -> set[str]:
-    return {path.name for path in Path(folder).iterdir()}
+def entries(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def shared_memory() -> set[str]:
+    """What stands in shared memory, without that of graphs, which other tests may run meanwhile."""
+    graphs = ("fastrtps", "fastdds", "sem.fastrtps", "sem.fastdds")
+    return {name for name in entries(Path("/dev/shm")) if not name.startswith(graphs)}
 
 
 def shared_memory() -> set[str]:
