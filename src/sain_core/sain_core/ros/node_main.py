@@ -15,8 +15,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import ok, try_shutdown
 
-from sain_core.command_line import INTERRUPTED
-from sain_core.errors import ConfigError, SainError
+from sain_core.errors import INTERRUPTED, ConfigError, SainError
 
 NAMESPACE = "sain"
 """Where nodes live unless ``--ros-args -r __ns:=/other`` says otherwise."""
