@@ -10,21 +10,28 @@ import pytest
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_eval.loop.evaluation import EpisodeJob, play
-from sain_eval.scenes.scenarios import SCENARIOS
 from sain_interfaces.msg import Plan
 from sain_mppi.ros.mppi_node import MppiNode
+from sain_sim.episodes.truth import TruthConfig
 from sain_sim.ros.sim_node import SimNode
 from tests.ros.conftest import scene_of
 
 TOLERANCE = 0.01
-PLAYED = [("anywhere", 0), ("anywhere", 3), ("clutter", 1), ("paper", 0), ("anywhere_cube", 2)]
+RANDOMISED, ROUGH = TruthConfig(), TruthConfig(world="rough")
+PLAYED = [
+    ("anywhere", 0, RANDOMISED),
+    ("anywhere", 3, ROUGH),
+    ("clutter", 1, RANDOMISED),
+    ("paper", 0, RANDOMISED),
+    ("anywhere_cube", 2, RANDOMISED),
+]
 
 
-def play_on_graph(graph, number, scenario, seed):
+def play_on_graph(graph, number, case):
     """Return the executed pushes (P, 3) of an episode, its last scene, and how it ended."""
-    case = SCENARIOS[scenario].scene(seed)
     first = graph.reset(
-        seed=seed,
+        seed=case.seed,
+        world=case.truth.world,
         disks=codec.encode_disks(case.disks),
         shapes=list(case.shapes),
         friction=case.friction,
@@ -50,9 +57,10 @@ def test_the_graph_and_evaluate_play_the_same_pushes(graph, full_motion):
     graph.wait(lambda: graph.aiming.get_subscription_count() == 1, "the planner")
     played = PLAYED[:2] if full_motion else PLAYED
     counts = []
-    for number, (scenario, seed) in enumerate(played, start=1):
-        pushes, final, refused, reached = play_on_graph(graph, number, scenario, seed)
-        outcome = play(EpisodeJob(scenario, seed, "sain", (TOLERANCE,)))
+    for number, (scenario, seed, truth) in enumerate(played, start=1):
+        job = EpisodeJob(scenario, seed, "sain", (TOLERANCE,), truth=truth)
+        outcome = play(job)  # first: it compiles what is not compiled yet
+        pushes, final, refused, reached = play_on_graph(graph, number, job.case())
         expected = np.array([push.push for push in outcome.record.pushes]).reshape(-1, 3)
         assert pushes.tobytes() == expected.tobytes(), (scenario, seed, pushes, expected)
         assert final.tobytes() == outcome.final.tobytes()

@@ -8,7 +8,7 @@ import numpy as np
 from rich.text import Text
 
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.episodes import Episode, read_episodes
+from sain_bags.transitions.recorded_episodes import Episode, read_episodes
 from sain_bringup.options import EPISODES_KEY, NAMESPACE_KEY
 from sain_core.cli.fitting_table import FittingTable
 from sain_core.storage import write_json

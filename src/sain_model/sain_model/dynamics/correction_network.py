@@ -1,4 +1,4 @@
-"""The network that corrects what physics is told, and what is left of its prediction."""
+"""The network that corrects physical parameters, and the residual of the prediction."""
 
 from typing import Final
 
@@ -29,8 +29,8 @@ class CorrectionNetwork(nn.Module):
     """f_rel and f_dyn as in `InteractionNetwork`, and one map of the table for all disks.
 
     What a place does to a disk is the same for every disk that comes by: the map is a function of
-    place alone, looked at along the straight line from where a disk stands to where the prior, told
-    nothing, sees it end. Its mean goes into `DRAG`, and all of it into f_dyn.
+    place alone, read along the straight line from where a disk stands to where the uncorrected
+    prior predicts it. Its mean goes into `DRAG`, and all of it into f_dyn.
     """
 
     way: Tensor

@@ -44,7 +44,7 @@ class RolloutConfig(Config):
     )
     gradient: str = option(
         DIFFERENCES,
-        "how a loss reaches the steps before: not, by shifting what follows, or through finite"
+        "how a loss reaches earlier steps: not at all, by shifting later scenes, or by finite"
         " differences of the prior",
         choices=GRADIENTS,
     )
@@ -66,9 +66,11 @@ class CorrectionNetworkConfig(Config):
     """The size of the network."""
 
     hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
-    message: int = option(32, "width of what one disk tells another", minimum=1, maximum=1024)
+    message: int = option(
+        32, "width of the message from one disk to another", minimum=1, maximum=1024
+    )
     layers: int = option(2, "hidden layers of each part", minimum=1, maximum=6)
     places: int = option(
-        5, "places on a disk's way where the map of the table is looked at; 0: no map", minimum=0
+        5, "places on a disk's way where the map of the table is read; 0: no map", minimum=0
     )
     members: int = option(1, "networks whose predictions are averaged", minimum=1, maximum=32)

@@ -57,7 +57,7 @@ class InteractionNetwork(nn.Module):
             disks = disks.expand(self.config.members, *disks.shape)
             relations = relations.expand(self.config.members, *relations.shape)
         members, batch, count, _ = disks.shape
-        # Disks far apart tell each other nothing, so that more of them change nothing either.
+        # Disks far apart send no messages, so that more of them change nothing either.
         gaps = torch.minimum(relations[..., GAP_BEFORE], relations[..., GAP_AFTER])
         effects = self.relation(relations) * (1.0 - gaps).unsqueeze(-1)  # (M, B, E, message)
         effects = effects.view(members, batch, count, count - 1, -1).sum(dim=3)

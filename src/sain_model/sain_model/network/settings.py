@@ -20,14 +20,18 @@ class NetworkConfig(Config):
     """The size of the network."""
 
     hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
-    message: int = option(32, "width of what one disk tells another", minimum=1, maximum=1024)
+    message: int = option(
+        32, "width of the message from one disk to another", minimum=1, maximum=1024
+    )
     layers: int = option(2, "hidden layers of f_rel and of f_dyn", minimum=1, maximum=6)
     features: str = option(
-        PUSH_FRAME, "what it sees: scenes as the push sees them, or the world too", choices=FRAMES
+        PUSH_FRAME,
+        "frame of the features: that of the push, or that of the world too",
+        choices=FRAMES,
     )
     residual: str = option(
         ON_PHYSICS,
-        "what it says is added to the prior's prediction, or to the scene before the push",
+        "what the residual is added to: the prior's prediction, or the scene before the push",
         choices=RESIDUALS,
     )
     members: int = option(
@@ -36,7 +40,7 @@ class NetworkConfig(Config):
 
     @property
     def disk_features(self) -> int:
-        """How many numbers it is told of each disk."""
+        """The number of features of each disk."""
         from sain_model.network.features import count_disk_features  # loads Numba
 
         return count_disk_features(self.features)

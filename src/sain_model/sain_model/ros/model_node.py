@@ -55,7 +55,7 @@ class ModelNode(Node):
         self.create_timer(REPORT_PERIOD, self._report)
         self.diagnostics = Diagnostics(self)
         self._offer(config.service_introspection)
-        self.ready = f"serves {config.model}"
+        self.get_logger().info(f"ready: serves {config.model}")
 
     def _offer(self, introspection: str) -> None:
         group = ReentrantCallbackGroup()

@@ -11,7 +11,7 @@ class ServingConfig(Config):
     """What is served."""
 
     model: str = option(
-        "sain", "sain, planar, planar_axes, identity, or the path of a checkpoint", live=True
+        "sain", "name in the registry of models, or the path of a checkpoint", live=True
     )
     device: str = option(
         AUTO, "what the network runs on; auto: a GPU where there is one", choices=DEVICES

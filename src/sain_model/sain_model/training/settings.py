@@ -85,9 +85,7 @@ class TrainingConfig(Config):
         " episodes drawn with replacement",
         choices=(ORDER, BOOTSTRAP),
     )
-    mirror: bool = option(
-        True, "learn every push in a mirror too, except in the frame of the world"
-    )
+    mirror: bool = option(True, "train on mirror images too; not with features of the world")
     validation: float = option(
         SHARES[VALIDATION],
         "share of the episodes that choose the best epoch",
@@ -103,8 +101,8 @@ class TrainingConfig(Config):
     prior: str = option(PLANAR, "model that is corrected: a name in the registry of models")
     history: str = option(
         EPISODE,
-        "what shows the prior the friction in training: nothing, the episode's earlier pushes, or"
-        " all its others; the identity prior has no friction to be told",
+        "pushes that the friction is inferred from in training: none, the episode's earlier ones,"
+        " or all its others; only for planar priors",
         choices=(NOTHING, EARLIER, EPISODE),
     )
     prior_friction: float = option(
@@ -123,7 +121,7 @@ class TrainingConfig(Config):
 
 @dataclass(frozen=True)
 class CorrectionTrainingConfig(Config):
-    """How a network inside physics is trained."""
+    """How a network that corrects parameters is trained."""
 
     seed: int = option(0, "same seed, data and settings: same weights", minimum=0)
     steps: int = option(3000, "steps of the optimizer in all epochs", minimum=1)
