@@ -1,7 +1,8 @@
 # Everything runs inside the workspace's environment, which ./env sets up on first use.
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format bench table clean
+LINTERS := lint-types lint-style lint-imports lint-prose lint-shell lint-docker
+.PHONY: help demo test lint $(LINTERS) format bench table clean
 
 SHELL_SCRIPTS := env .ci/run tools/recipe.sh tools/setup.sh tools/jobs.sh tools/activation.sh tools/browser.sh docker/entrypoint.sh
 
@@ -17,12 +18,15 @@ test: ## every test; a part of them with ARGS="tests/sain_core -k wrap"
 	@./env python -m pytest $(ARGS)
 
 lint: ## style, types, import boundaries, prose, shell scripts, Docker files
-	@./env ruff check
-	@./env ruff format --check
-	@./env mypy
-	@./env lint-imports --no-logo
-	@./env python tools/prose.py
-	@./env shellcheck --external-sources $(SHELL_SCRIPTS)
+	@./env true
+	@$(MAKE) --no-print-directory --jobs=2 --keep-going --output-sync=target $(LINTERS)
+
+lint-types: ; @./env mypy
+lint-style: ; @./env ruff check && ./env ruff format --check
+lint-imports: ; @./env lint-imports --no-logo
+lint-prose: ; @./env python tools/prose.py
+lint-shell: ; @./env shellcheck --external-sources $(SHELL_SCRIPTS)
+lint-docker:
 	@./env hadolint docker/Dockerfile
 	@./env check-jsonschema --builtin-schema vendor.compose-spec docker/compose.yaml
 
