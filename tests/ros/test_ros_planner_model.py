@@ -1,5 +1,7 @@
 """The planner's node and its model: behind the service, silent, wrong or not there."""
 
+import re
+
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -102,7 +104,7 @@ def test_the_service_gets_the_episode_s_earlier_pushes_and_no_others(graph, stra
     [
         (refuse, "the model refused: too much"),
         (nan, "is nan; must be finite"),
-        (elsewhere, "it answered for another scene"),
+        (elsewhere, "predicted disks of other masses or radii"),
         (short, "the model answered wrongly: predicted has 2047 numbers; 2048"),
     ],
 )
@@ -185,7 +187,8 @@ def test_a_silent_model_does_not_keep_a_plan_past_its_deadline(graph, straw, sil
     made = plan(graph, goal_id=1)
     assert (made.status, made.fallback, made.dynamics) == (Plan.PUSH, True, "planar")
     assert made.deadline == 0.3
-    assert made.error_message.startswith("the model did not answer within 0.2")
+    waited = re.fullmatch("the model did not answer within (.*) s", made.error_message)
+    assert 0.0 < float(waited[1]) <= 0.8 * 0.3  # the share of the deadline that the model gets
 
 
 def test_while_a_plan_waits_for_its_model_a_new_goal_cancels_it(graph, straw):
