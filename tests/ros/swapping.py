@@ -14,7 +14,7 @@ from sain_core.push import PushLimits
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_interfaces.srv import Rollout
-from sain_model.dynamics.checkpoint import Card, save_checkpoint
+from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
 from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
 
 SCENE = make_scene(
@@ -29,7 +29,7 @@ def make_checkpoint(path: Path, seed: int) -> str:
     with torch.no_grad():
         for parameter in network.parameters():
             parameter.add_(0.3 * torch.randn_like(parameter))
-    save_checkpoint(path, network, Card("planar", {}, {}))
+    save_checkpoint(path, network, ModelCard("planar", {}, {}))
     return str(path)
 
 

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ModelUnavailableError, OutOfRangeError
-from sain_core.response_check import answering, check_finite_answer, check_rollout, check_step
+from sain_core.model_checks.response_check import (
+    answering,
+    check_finite_answer,
+    check_rollout,
+    check_step,
+)
 from sain_core.scene import MASS, make_scene
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 7.5]), np.array([0.08, 0.06]))

@@ -15,7 +15,7 @@ from numpy import ndarray
 from PIL import Image, ImageDraw, ImageFont
 
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.episodes import SCENE, Episode
+from sain_bags.transitions.recorded_episodes import SCENE, Episode
 from sain_core.config import Config, option
 from sain_core.scene import target_distance
 from sain_core.types import Points, Scene

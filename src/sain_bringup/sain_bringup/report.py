@@ -8,7 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.episodes import Episode, read_episodes
+from sain_bags.transitions.recorded_episodes import Episode, read_episodes
 from sain_core.storage import write_json
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenarios import SCENARIOS

@@ -13,7 +13,7 @@ import torch
 from sain_core.errors import CheckpointError, ConfigError, OutputError
 from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.checkpoint import Card, card_path, load_checkpoint, save_checkpoint
+from sain_model.dynamics.checkpoint import ModelCard, card_path, load_checkpoint, save_checkpoint
 from sain_model.dynamics.load import load_prior, prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
@@ -30,7 +30,7 @@ def checkpoint(tmp_path: Path) -> Path:
         network.dynamics[-1].bias.fill_(0.1)
     path = tmp_path / "model.safetensors"
     prior = PlanarPrior(PlanarConfig(friction=0.15))
-    save_checkpoint(path, network, Card("planar", prior_settings(prior), {}))
+    save_checkpoint(path, network, ModelCard("planar", prior_settings(prior), {}))
     return path
 
 
@@ -146,9 +146,11 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
     blocker = tmp_path / "file"
     blocker.write_text("")
     with pytest.raises(OutputError, match="cannot write"):
-        save_checkpoint(blocker / "m.safetensors", InteractionNetwork(), Card("identity", {}, {}))
+        save_checkpoint(
+            blocker / "m.safetensors", InteractionNetwork(), ModelCard("identity", {}, {})
+        )
     with pytest.raises(CheckpointError, match=r"name ends in .safetensors"):
-        save_checkpoint(tmp_path / "m.pt", InteractionNetwork(), Card("identity", {}, {}))
+        save_checkpoint(tmp_path / "m.pt", InteractionNetwork(), ModelCard("identity", {}, {}))
 
 
 @pytest.mark.parametrize(

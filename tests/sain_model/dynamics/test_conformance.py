@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sain_core.conformance import check_dynamics
 from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.model_checks.conformance import check_dynamics
 from sain_core.plugins import load_dynamics
 from sain_model.dynamics.correction_network import CorrectionEnsemble, CorrectionNetworkConfig
 from sain_model.dynamics.parameter_correction import ParameterCorrection

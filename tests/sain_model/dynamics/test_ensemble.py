@@ -16,7 +16,7 @@ from sain_core.scene import MASS
 from sain_core.types import Pushes, Scenes
 from sain_model.data.batches import BOOTSTRAP, ORDER, Batches
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
-from sain_model.dynamics.checkpoint import Card, card_path, save_checkpoint
+from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
 from sain_model.dynamics.load import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.interaction_network import (
@@ -115,7 +115,7 @@ def test_a_bootstrap_draws_whole_episodes() -> None:
 def test_a_checkpoint_keeps_every_member(tmp_path: Path, random_pushes: Draw) -> None:
     network = ensemble([wild(seed) for seed in range(3)])
     path, prior = tmp_path / "three.safetensors", PlanarPrior()
-    save_checkpoint(path, network, Card("planar", prior_settings(prior), {}))
+    save_checkpoint(path, network, ModelCard("planar", prior_settings(prior), {}))
     loaded = load_dynamics(str(path))
     assert isinstance(loaded, SainDynamics) and loaded.network.config.members == 3
     scenes, pushes = random_pushes(20, 0)

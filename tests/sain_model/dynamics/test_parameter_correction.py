@@ -14,7 +14,12 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSITION, TARGET
 from sain_model.cli import train_correction as correction_cli
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
-from sain_model.dynamics.checkpoint import CORRECTION_ARCHITECTURE, Card, card_path, save_checkpoint
+from sain_model.dynamics.checkpoint import (
+    CORRECTION_ARCHITECTURE,
+    ModelCard,
+    card_path,
+    save_checkpoint,
+)
 from sain_model.dynamics.correction_network import CorrectionEnsemble, CorrectionNetworkConfig
 from sain_model.dynamics.load import PLANAR_AXES, load_planar
 from sain_model.dynamics.parameter_correction import ParameterCorrection
@@ -172,7 +177,7 @@ def checkpoint(tmp_path_factory) -> Path:
     prior = load_planar(PLANAR_AXES, {"friction": 0.14})
     settings = {"prior": PLANAR_AXES, "prior_config": asdict(prior.config), "network": {}}
     save_checkpoint(
-        path, CorrectionEnsemble(SMALL), Card(**settings, architecture=CORRECTION_ARCHITECTURE)
+        path, CorrectionEnsemble(SMALL), ModelCard(**settings, architecture=CORRECTION_ARCHITECTURE)
     )
     return path
 

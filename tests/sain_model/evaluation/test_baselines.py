@@ -13,7 +13,7 @@ from rich.console import Console
 from sain_core import plugins
 from sain_model.cli import evaluate as evaluate_cli
 from sain_model.dynamics.recurrent import PhysicsChain
-from sain_model.evaluation.baselines import AT_ONCE, Followed, followed, opened, refusals
+from sain_model.evaluation.baselines import AT_ONCE, Followed, followed, open_models, refusals
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.planar import PlanarPrior
 from tests.sain_model.rolling import PUSHES, make_episodes, truth
@@ -136,7 +136,7 @@ def test_everything_is_closed_when_the_work_fails(foreign: list[Foreign]) -> Non
     quiet = Console(quiet=True)
     with (
         pytest.raises(RuntimeError),
-        opened(["foreign"]) as others,
+        open_models(["foreign"]) as others,
         followed(others, 1, quiet) as shown,
     ):
         assert not foreign[0].closed and list(shown) == ["foreign"]

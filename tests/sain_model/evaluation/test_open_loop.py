@@ -14,7 +14,7 @@ from sain_core.scene import POSITION, TARGET
 from sain_model.cli import evaluate as evaluate_cli
 from sain_model.cli import train as train_cli
 from sain_model.data.dataset import Dataset, split_by_episode
-from sain_model.dynamics.checkpoint import Card
+from sain_model.dynamics.checkpoint import ModelCard
 from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.open_loop import MEASURED, predict_open_loop, roll_out
@@ -163,16 +163,16 @@ def test_a_model_on_the_priors_own_chain_is_loaded_as_such(tmp_path: Path) -> No
 
 
 def test_what_any_model_has_seen_is_not_evaluated_on(data: Dataset) -> None:
-    def card(seed: int, test: float = 0.3) -> Card:
+    def card(seed: int, test: float = 0.3) -> ModelCard:
         training = {"seed": seed, "validation": 0.1, "test": test}
-        return Card("planar", {}, {}, data={"sha256": data.sha256}, training=training)
+        return ModelCard("planar", {}, {}, data={"sha256": data.sha256}, training=training)
 
     held = evaluate_cli.unseen(data, card(0), card(1))
     both = [split_by_episode(data, seed, 0.1, 0.3).test.episode for seed in (0, 1)]
     assert set(held.episode) == set(both[0]) & set(both[1])
-    other = Card("planar", {}, {}, data={"sha256": "other"})
+    other = ModelCard("planar", {}, {}, data={"sha256": "other"})
     assert len(evaluate_cli.unseen(data, other)) == len(data)
-    mute = Card("planar", {}, {}, data={"sha256": data.sha256}, training={"seed": 0})
+    mute = ModelCard("planar", {}, {}, data={"sha256": data.sha256}, training={"seed": 0})
     with pytest.raises(CheckpointError, match="which episodes of its data it has seen"):
         evaluate_cli.unseen(data, mute)
     with pytest.raises(DatasetError, match="trained on all episodes between them"):

@@ -21,10 +21,10 @@ from sain_core.types import Mask
 from sain_model.cli.command import carry_out
 from sain_model.data.dataset import Dataset, load_transitions
 from sain_model.data.windows import make_windows
-from sain_model.dynamics.checkpoint import Card, parse_card
+from sain_model.dynamics.checkpoint import ModelCard, parse_card
 from sain_model.dynamics.load import load_sain, shipped_checkpoint
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.baselines import followed, opened, refusals
+from sain_model.evaluation.baselines import followed, open_models, refusals
 from sain_model.evaluation.error_table import error_table, history_table, interval_table
 from sain_model.evaluation.metrics import LEARNED
 from sain_model.evaluation.open_loop import NAMES, RECURRENT_SAIN, STEPS
@@ -71,7 +71,7 @@ def run(command: EvaluateCommand, console: Console) -> None:
     sain = load_sain(path)
     learned = load_sain(command.learned) if command.learned else None
     data = load_transitions(command.dataset)
-    with opened(command.baselines) as named:
+    with open_models(command.baselines) as named:
         models = _models(command, sain, learned)
         models |= {name: model for name, model in named.items() if _card(model)}
         physics = {name: model for name, model in named.items() if name not in models}
@@ -142,7 +142,7 @@ def _show(errors: dict[str, Any], console: Console) -> None:
     console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")
 
 
-def unseen(data: Dataset, *cards: Card) -> Dataset:
+def unseen(data: Dataset, *cards: ModelCard) -> Dataset:
     """Return what no checkpoint was trained on: their test episodes, or all of other data.
 
     Raises:
@@ -159,7 +159,7 @@ def unseen(data: Dataset, *cards: Card) -> Dataset:
     return data if held_out.all() else data.select(held_out)
 
 
-def _held_out(data: Dataset, card: Card) -> Mask:
+def _held_out(data: Dataset, card: ModelCard) -> Mask:
     """Tell which pushes (M,) a checkpoint was not trained on."""
     if data.sha256 in card.data.get("sources", ()):
         raise DatasetError(

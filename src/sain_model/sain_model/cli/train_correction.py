@@ -22,7 +22,12 @@ from sain_model.data.dataset import (
     load_transitions,
     split_by_episode,
 )
-from sain_model.dynamics.checkpoint import CORRECTION_ARCHITECTURE, SUFFIX, Card, save_checkpoint
+from sain_model.dynamics.checkpoint import (
+    CORRECTION_ARCHITECTURE,
+    SUFFIX,
+    ModelCard,
+    save_checkpoint,
+)
 from sain_model.dynamics.load import PLANAR_AXES, load_planar
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.evaluation.metrics import measure
@@ -100,24 +105,24 @@ def train_correction(command: TrainCorrectionCommand, console: Console) -> Path:
         for name, dynamics in ((command.prior, prior), ("sain", sain))
     }
     path = command.out / f"{command.name}{SUFFIX}"
-    save_checkpoint(path, networks, make_card(command, data.sha256, split, histories, errors))
+    save_checkpoint(path, networks, correction_card(command, data.sha256, split, histories, errors))
     for name, values in errors.items():
         console.print(f"{name}: target {values['target_mean']:.2f} mm on held-out episodes")
     console.print(str(path))
     return path
 
 
-def make_card(
+def correction_card(
     command: TrainCorrectionCommand,
     sha256: str,
     split: Split,
     histories: list[LossHistory],
     errors: dict[str, Any],
-) -> Card:
+) -> ModelCard:
     """Return the card of what was trained."""
     parts = {"train": split.train, "validation": split.validation, "test": split.test}
     prior = load_planar(command.prior, {"friction": command.prior_friction})
-    return Card(
+    return ModelCard(
         prior=command.prior,
         prior_config=asdict(prior.config),
         network=asdict(command.training.network),

@@ -36,7 +36,7 @@ SUFFIX: Final = ".safetensors"
 
 
 @dataclass(frozen=True)
-class Card:
+class ModelCard:
     """What a checkpoint says of itself.
 
     Attributes:
@@ -78,17 +78,17 @@ class Card:
     relation_features: int = RELATION_FEATURES
     format_version: int = FORMAT_VERSION
 
-    def lineage(self) -> Iterator["Card"]:
+    def lineage(self) -> Iterator["ModelCard"]:
         """Yield this card, that of its parent, and so on.
 
         Raises:
             CheckpointError: a parent's is no card.
         """
-        card: Card | None = self
+        card: ModelCard | None = self
         while card is not None:
             yield card
             try:
-                card = Card(**card.parent) if card.parent else None
+                card = ModelCard(**card.parent) if card.parent else None
             except TypeError as error:
                 raise CheckpointError(f"parent on a card is no card: {error}") from error
 
@@ -99,8 +99,8 @@ def card_path(weights: Path) -> Path:
 
 
 def save_checkpoint(
-    path: Path, network: InteractionNetwork | CorrectionEnsemble, card: Card
-) -> Card:
+    path: Path, network: InteractionNetwork | CorrectionEnsemble, card: ModelCard
+) -> ModelCard:
     """Write weights and card, each whole or not at all; return the card with the weights' hash.
 
     Raises:
@@ -121,8 +121,8 @@ def save_checkpoint(
     return card
 
 
-def card_json(card: Card) -> str:
-    """Return the card as it is written: indented, keys in the order of `Card`."""
+def card_json(card: ModelCard) -> str:
+    """Return the card as it is written: indented, keys in the order of `ModelCard`."""
     return json.dumps(dataclasses.asdict(card), indent=2) + "\n"
 
 
@@ -133,7 +133,7 @@ def write_torch(path: Path, state: dict[str, Any]) -> None:
     write_whole(path, buffer.getvalue())
 
 
-def load_checkpoint(path: Path) -> tuple[InteractionNetwork, Card, str]:
+def load_checkpoint(path: Path) -> tuple[InteractionNetwork, ModelCard, str]:
     """Read a checkpoint; return the network, its card and the card's JSON text.
 
     Raises:
@@ -149,7 +149,7 @@ def load_checkpoint(path: Path) -> tuple[InteractionNetwork, Card, str]:
     return network, card, text
 
 
-def read_checkpoint(path: Path, architecture: str) -> tuple[bytes, Card, str]:
+def read_checkpoint(path: Path, architecture: str) -> tuple[bytes, ModelCard, str]:
     """Read weights of an architecture, their card and the card's JSON text, and check them.
 
     Raises:
@@ -168,7 +168,7 @@ def read_checkpoint(path: Path, architecture: str) -> tuple[bytes, Card, str]:
     return content, card, text
 
 
-def read_card(path: Path) -> Card:
+def read_card(path: Path) -> ModelCard:
     """Read the card of the weights at this path, unchecked.
 
     Raises:
@@ -188,10 +188,10 @@ def _read(path: Path) -> bytes:
         raise CheckpointError(f"cannot read {path}: {error.strerror or error}") from error
 
 
-def parse_card(path: Path, text: str) -> Card:
+def parse_card(path: Path, text: str) -> ModelCard:
     """Return the card with this JSON text."""
     try:
-        return Card(**_with_new_names(json.loads(text)))
+        return ModelCard(**_with_new_names(json.loads(text)))
     except (ValueError, TypeError, AttributeError) as error:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
 
@@ -207,7 +207,7 @@ def _with_new_names(fields: dict[str, Any]) -> dict[str, Any]:
     return named
 
 
-def _check_card(path: Path, card: Card, architecture: str) -> None:
+def _check_card(path: Path, card: ModelCard, architecture: str) -> None:
     expected = {
         "format_version": FORMAT_VERSION,
         "architecture": architecture,

@@ -1,4 +1,4 @@
-"""The network that corrects what physics is told, and what is left of its prediction."""
+"""The network that corrects physical parameters, and the residual of the prediction."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -31,10 +31,12 @@ class CorrectionNetworkConfig(Config):
     """The size of the network."""
 
     hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
-    message: int = option(32, "width of what one disk tells another", minimum=1, maximum=1024)
+    message: int = option(
+        32, "width of the message from one disk to another", minimum=1, maximum=1024
+    )
     layers: int = option(2, "hidden layers of each part", minimum=1, maximum=6)
     places: int = option(
-        5, "places on a disk's way where the map of the table is looked at; 0: no map", minimum=0
+        5, "places on a disk's way where the map of the table is read; 0: no map", minimum=0
     )
     members: int = option(1, "networks whose predictions are averaged", minimum=1, maximum=32)
 
@@ -43,8 +45,8 @@ class CorrectionNetwork(nn.Module):
     """f_rel and f_dyn as in `InteractionNetwork`, and one map of the table for all disks.
 
     What a place does to a disk is the same for every disk that comes by: the map is a function of
-    place alone, looked at along the straight line from where a disk stands to where the prior, told
-    nothing, sees it end. Its mean goes into `DRAG`, and all of it into f_dyn.
+    place alone, read along the straight line from where a disk stands to where the uncorrected
+    prior predicts it. Its mean goes into `DRAG`, and all of it into f_dyn.
     """
 
     way: Tensor

@@ -129,7 +129,7 @@ def load_sain(path: Path) -> SainDynamics:
 
 
 def load_parameter_correction(path: Path) -> ParameterCorrection:
-    """Return the networks at this path inside the prior that they were trained in.
+    """Return the networks at this path on the prior that they correct.
 
     Raises:
         CheckpointError: the checkpoint is not sound.

@@ -1,10 +1,10 @@
-"""SAIN with its residual inside physics: the prior is told what the laboratory is like.
+"""SAIN whose network corrects physical parameters: physics computes the consequences.
 
     s' = f_p(s, a, c) + f_theta,   (c, f_theta) = network(f_p(s, a), s, a)
 
 The paper's equation 2 adds a residual to what physics predicts. Here the network first corrects
-what physics is told (`physics.corrections`), so that physics itself works out what a slope or
-a mass off the middle does to this push, and adds a residual to that.
+parameters of physics (`physics.corrections`), so that physics computes what a slope or a mass off
+the middle does to this push. The network adds a residual to that.
 """
 
 from typing import Final
@@ -28,13 +28,13 @@ PARAMETER_CORRECTION: Final = "parameter_correction"
 
 
 class ParameterCorrection:
-    """Several networks, trained alike from different seeds, inside one prior. A `Dynamics`.
+    """Several networks, trained alike from different seeds, on one prior. A `Dynamics`.
 
     Attributes:
         networks: what they predict is averaged.
         prior: f_p.
         prior_name: its name for `sain_core.plugins.load_dynamics`.
-        kind: ``inside``.
+        kind: ``parameter_correction``.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.
         device: ``cpu``: it is small, and its prior runs nowhere else.
@@ -51,7 +51,7 @@ class ParameterCorrection:
         model_hash: str = "",
         card: str = "",
     ) -> None:
-        """Put these networks inside this prior."""
+        """Let these networks correct this prior."""
         self.networks = networks.eval()
         self.prior = prior
         self.prior_name = prior_name
@@ -80,12 +80,12 @@ class ParameterCorrection:
     def corrections(
         self, scenes: Scenes, pushes: Pushes, physics_next: Scenes
     ) -> list[tuple[Corrections, Float[ndarray, "B N 3"]]]:
-        """Return what each network tells the prior, and what it adds to its prediction.
+        """Return what each network corrects, and what it adds to the prediction.
 
         Args:
             scenes: settled scenes.
             pushes: one a scene.
-            physics_next: what the prior predicts when told nothing.
+            physics_next: what the uncorrected prior predicts.
         """
         features = make_features(scenes, pushes, physics_next, WORLD_FRAME)
         disks = torch.from_numpy(features.disks.astype(np.float32))

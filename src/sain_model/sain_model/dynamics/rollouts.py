@@ -42,7 +42,7 @@ class RolloutConfig(Config):
     )
     gradient: str = option(
         DIFFERENCES,
-        "how a loss reaches the steps before: not, by shifting what follows, or through finite"
+        "how a loss reaches earlier steps: not at all, by shifting later scenes, or by finite"
         " differences of the prior",
         choices=GRADIENTS,
     )

@@ -14,8 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from sain_core.dynamics import Dynamics
+from sain_core.model_checks.response_check import answering, check_step
 from sain_core.plugins import load_dynamics
-from sain_core.response_check import answering, check_step
 from sain_core.types import Pushes, Scenes
 from sain_model.evaluation.open_loop import CarriesState
 
@@ -70,7 +70,7 @@ class Followed:
 
 
 @contextmanager
-def opened(names: Sequence[str]) -> Iterator[dict[str, Dynamics]]:
+def open_models(names: Sequence[str]) -> Iterator[dict[str, Dynamics]]:
     """Give the models of these names, and close them in the end.
 
     Raises:

@@ -87,7 +87,7 @@ def write_features(before, push, after, lane, places, work):
         push: (3,), likewise.
         after: scene (N, 8) that the prior predicts, likewise.
         lane: which; `ALL_LANES`: all.
-        places: whether the network sees where and how turned things are.
+        places: whether the network sees places and headings.
         work: memory to fill.
     """
     cos, sin = np.cos(push[LOCATION]), np.sin(push[LOCATION])

@@ -32,14 +32,18 @@ class NetworkConfig(Config):
     """The size of the network."""
 
     hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
-    message: int = option(32, "width of what one disk tells another", minimum=1, maximum=1024)
+    message: int = option(
+        32, "width of the message from one disk to another", minimum=1, maximum=1024
+    )
     layers: int = option(2, "hidden layers of f_rel and of f_dyn", minimum=1, maximum=6)
     features: str = option(
-        PUSH_FRAME, "what it sees: scenes as the push sees them, or the world too", choices=FRAMES
+        PUSH_FRAME,
+        "frame of the features: that of the push, or that of the world too",
+        choices=FRAMES,
     )
     residual: str = option(
         ON_PHYSICS,
-        "what it says is added to the prior's prediction, or to the scene before the push",
+        "what the residual is added to: the prior's prediction, or the scene before the push",
         choices=RESIDUALS,
     )
     members: int = option(
@@ -48,7 +52,7 @@ class NetworkConfig(Config):
 
     @property
     def disk_features(self) -> int:
-        """How many numbers it is told of each disk."""
+        """The number of features of each disk."""
         return count_disk_features(self.features)
 
 
@@ -87,7 +91,7 @@ class InteractionNetwork(nn.Module):
             disks = disks.expand(self.config.members, *disks.shape)
             relations = relations.expand(self.config.members, *relations.shape)
         members, batch, count, _ = disks.shape
-        # Disks far apart tell each other nothing, so that more of them change nothing either.
+        # Disks far apart send no messages, so that more of them change nothing either.
         gaps = torch.minimum(relations[..., GAP_BEFORE], relations[..., GAP_AFTER])
         effects = self.relation(relations) * (1.0 - gaps).unsqueeze(-1)  # (M, B, E, message)
         effects = effects.view(members, batch, count, count - 1, -1).sum(dim=3)

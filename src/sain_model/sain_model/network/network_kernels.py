@@ -48,7 +48,7 @@ class Weights(NamedTuple):
     dynamics: np.ndarray  # (M, ...) float32
     dynamics_widths: np.ndarray
     widest: int  # of all layers
-    message: int  # width of what one disk tells another, without padding
+    message: int  # width of a message from one disk to another, without padding
     disk_features: int  # inputs of f_dyn that are no message
     unit: np.ndarray  # (3,) float64, [m, m, rad], an output of 1
 
@@ -116,8 +116,8 @@ def perceptron(weights, widths, x, hidden):
 
 
 @compiled
-def gather(weights, member, disk, work):
-    """Add up what the other disks tell a disk, into its inputs of f_dyn."""
+def sum_messages(weights, member, disk, work):
+    """Add up the messages of the other disks to a disk, into its inputs of f_dyn."""
     disks, relations = work.disks, work.relations
     others, first = disks.shape[0] - 1, weights.disk_features
     for row in range(first, first + weights.message):
@@ -126,7 +126,7 @@ def gather(weights, member, disk, work):
     for other in range(others):
         pair = relations[disk * others + other]
         told = perceptron(weights.relation[member], weights.relation_widths, pair, work.hidden)
-        # Disks far apart tell each other nothing, so that more of them change nothing either.
+        # Disks far apart send no messages, so that more of them change nothing either.
         for row in range(weights.message):
             for lane in range(LANES):
                 near = ONE - min(pair[GAP_BEFORE, lane], pair[GAP_AFTER, lane])
@@ -143,7 +143,7 @@ def forward(weights, work):
                 residual[disk, output, lane] = 0.0
     for member in range(members):
         for disk in range(work.disks.shape[0]):
-            gather(weights, member, disk, work)
+            sum_messages(weights, member, disk, work)
             inputs = work.disks[disk]
             told = perceptron(
                 weights.dynamics[member], weights.dynamics_widths, inputs, work.hidden

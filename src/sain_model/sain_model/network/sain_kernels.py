@@ -43,7 +43,7 @@ def correct_block(first, scenes, pushes, physics_next, places, weights):
         scenes: (B, N, 8), before the pushes.
         pushes: (B, 3).
         physics_next: (B, N, 8), what a prior predicts; becomes the prediction.
-        places: whether the network is told where and how turned things are.
+        places: whether the network sees places and headings.
         weights: of the network.
     """
     work = make_work(scenes.shape[1], weights)
@@ -111,7 +111,7 @@ def roll_out_block(first, scene, pushes, friction, start, physics, places, weigh
         friction: with the table.
         start: from the mid disk's centre to the tool's axis before it travels [m].
         physics: the rest of the prior.
-        places: whether the network is told where and how turned things are.
+        places: whether the network sees places and headings.
         weights: of the network.
         predicted: (K, H, N, 8), receives the scene after each push.
     """

@@ -1,8 +1,8 @@
-"""What a network may tell the planar prior, besides what the scene states.
+"""Parameters of the planar prior that a network may correct.
 
-A residual on a prediction has to know how each push answers to what the prior lacks: a slope
-shifts a disk that coasts for long, and one that is held not at all. A prior that is *told* of a
-slope answers by itself. So the network says what is unlike the textbook, ten numbers a disk:
+A residual on a prediction would have to learn how each push responds to what the prior lacks: a
+slope shifts a disk that coasts for long, and one that is held not at all. A prior with a corrected
+slope responds by itself. So the network corrects ten numbers of each disk:
 
 | column | what | 1 means | at most |
 | --- | --- | --- | --- |
@@ -15,8 +15,8 @@ slope answers by itself. So the network says what is unlike the textbook, ten nu
 | ANGLE | which way it goes, likewise | 0.05 rad | 0.3 rad |
 | LOCATION | where around the mid disk it starts, its way kept, likewise | 0.05 rad | 0.3 rad |
 
-All are 0 for the prior as it is. They saturate smoothly, so that whatever a network says is
-physics that can be: masses stay within a disk's feet, factors above 0.
+All are 0 for the prior as it is. They saturate smoothly, so that all corrections are
+physically possible: masses stay within a disk's feet, factors above 0.
 """
 
 from typing import Final

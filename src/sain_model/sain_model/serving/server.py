@@ -9,13 +9,13 @@ from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics, Radii, RegionModel, as_rollout
 from sain_core.errors import TooMuchWorkError
 from sain_core.history import PushHistory, informed
-from sain_core.push import check_predictable
-from sain_core.response_check import (
+from sain_core.model_checks.response_check import (
     answering,
     check_finite_answer,
     check_rollout,
     check_step,
 )
+from sain_core.push import check_predictable
 from sain_core.scene import THETA, check_scene, check_scenes, make_scene, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.devices import AUTO, CPU, DEVICES, choose_device
@@ -36,7 +36,7 @@ class ServingConfig(Config):
     """What is served."""
 
     model: str = option(
-        "sain", "sain, planar, planar_axes, identity, or the path of a checkpoint", live=True
+        "sain", "name in the registry of models, or the path of a checkpoint", live=True
     )
     device: str = option(
         AUTO, "what the network runs on; auto: a GPU where there is one", choices=DEVICES
@@ -90,7 +90,7 @@ class ModelServer:
             dynamics = dynamics.on(device)
         self.config = config
         self._name = f"model {config.model!r}"
-        self.description = describe(config.model, dynamics)
+        self.description = describe_model(config.model, dynamics)
         self._usual = dynamics
         self._learned: tuple[PushHistory, Dynamics] | None = None
 
@@ -105,7 +105,7 @@ class ModelServer:
             self.predict(np.stack([WARM_UP_SCENE] * len(WARM_UP_PUSHES)), WARM_UP_PUSHES[:, 0])
 
     def knowing(self, history: PushHistory | None) -> Dynamics:
-        """Return the model that an episode's earlier pushes speak for; the latest is kept.
+        """Return the model conditioned on an episode's earlier pushes; the latest is kept.
 
         Raises:
             TooMuchWorkError: more pushes than the limit of work allows.
@@ -118,7 +118,7 @@ class ModelServer:
         return self._learned[1]
 
     def friction(self, history: PushHistory | None) -> float:
-        """Return the friction that a prediction rests on; 0: the model knows none."""
+        """Return the friction of a prediction; 0: the model has none."""
         dynamics = self.knowing(history)
         prior = dynamics.prior if isinstance(dynamics, LEARNED) else dynamics
         return prior.config.friction if isinstance(prior, PlanarPrior) else 0.0
@@ -224,7 +224,7 @@ def _residual(next_state: Scenes, physics_next: Scenes) -> Scenes:
     return residual
 
 
-def describe(name: str, dynamics: Dynamics) -> Description:
+def describe_model(name: str, dynamics: Dynamics) -> Description:
     """Return what a dynamics of this name is."""
     if isinstance(dynamics, LEARNED):
         return Description(

@@ -31,7 +31,7 @@ from sain_model.training.training_state import LossHistory
 
 @dataclass(frozen=True)
 class CorrectionTrainingConfig(Config):
-    """How a network inside physics is trained."""
+    """How a network that corrects parameters is trained."""
 
     seed: int = option(0, "same seed, data and settings: same weights", minimum=0)
     steps: int = option(3000, "steps of the optimizer in all epochs", minimum=1)

@@ -16,7 +16,7 @@ from sain_core.errors import CheckpointError, ConfigError, DatasetError
 from sain_core.scene import TARGET
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit
-from sain_model.dynamics.checkpoint import SUFFIX, Card, parse_card
+from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, parse_card
 from sain_model.dynamics.load import SHIPPED, card_part, load_sain, shipped_checkpoint
 from sain_model.dynamics.loss import LossConfig
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
@@ -43,7 +43,7 @@ class Parent:
 
     name: str
     sain: SainDynamics
-    card: Card
+    card: ModelCard
 
     @classmethod
     def load(cls, name: str) -> Self:
@@ -151,5 +151,5 @@ class Parent:
         }
 
 
-def _data_hashes(card: Card) -> list[str]:
+def _data_hashes(card: ModelCard) -> list[str]:
     return [card.data.get("sha256", ""), *card.data.get("sources", ())]

@@ -57,9 +57,7 @@ class TrainingConfig(Config):
         " episodes drawn with replacement",
         choices=(ORDER, BOOTSTRAP),
     )
-    mirror: bool = option(
-        True, "learn every push in a mirror too, except in the frame of the world"
-    )
+    mirror: bool = option(True, "train on mirror images too; not with features of the world")
     validation: float = option(
         SHARES[VALIDATION],
         "share of the episodes that choose the best epoch",
@@ -75,8 +73,8 @@ class TrainingConfig(Config):
     prior: str = option(PLANAR, "model that is corrected: a name in the registry of models")
     history: str = option(
         EPISODE,
-        "what shows the prior the friction in training: nothing, the episode's earlier pushes, or"
-        " all its others; the identity prior has no friction to be told",
+        "pushes that the friction is inferred from in training: none, the episode's earlier ones,"
+        " or all its others; only for planar priors",
         choices=(NOTHING, EARLIER, EPISODE),
     )
     prior_friction: float = option(

@@ -9,7 +9,7 @@ import numpy as np
 from sain_core.provenance import processor, system, versions
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit
-from sain_model.dynamics.checkpoint import Card
+from sain_model.dynamics.checkpoint import ModelCard
 from sain_model.dynamics.load import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.training.fine_tuning import Parent
@@ -42,14 +42,14 @@ def make_card(
     split: Split | MixedSplit,
     learned: Learned,
     errors: dict[str, Any],
-) -> Card:
+) -> ModelCard:
     """Return the card of what was trained."""
     config, sain = command.training, learned.sain
     parts = {"train": split.train, "validation": split.validation, "test": split.test}
     training = {**asdict(config), **_losses(learned.history)}
     if learned.rollouts:
         training["rollouts"] = _losses(learned.rollouts)
-    return Card(
+    return ModelCard(
         prior=config.prior,
         prior_config=prior_settings(sain.prior),
         network=asdict(config.network),

@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 from sain_core.dynamics import Radii, RegionModel, RolloutModel
 from sain_core.errors import CancelledError, SainError
 from sain_core.history import PushHistory, informed_rollout
-from sain_core.response_check import check_finite_answer, check_rollout
+from sain_core.model_checks.response_check import check_finite_answer, check_rollout
 from sain_core.types import PredictedScenes, PushSequences, Scene
 
 logger = logging.getLogger(__name__)

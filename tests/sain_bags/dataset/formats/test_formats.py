@@ -225,7 +225,7 @@ def test_the_split_is_the_one_that_train_draws(
 ) -> None:
     bags = [drive(record), drive(record, "more", seed=1)]
     split = split_by_episode(load_transitions(to("npz", bags, tmp_path / "npz")), 0, 0.1, 0.15)
-    wanted = {part: sorted(set(getattr(split, part).episodes.tolist())) for part in PARTS}
+    wanted = {part: sorted(set(getattr(split, part).episode.tolist())) for part in PARTS}
     told = card_of(tmp_path / "npz")["split"]
     assert told["episodes"] == {part: wanted[part] for part in ("validation", "test")}
     assert told["transitions"] == {part: len(getattr(split, part)) for part in PARTS}

@@ -1,6 +1,6 @@
 """Whether a dynamics keeps the contract of docs/your_model.md: for the tests of a model's package.
 
-from sain_core.conformance import check_dynamics
+from sain_core.model_checks.conformance import check_dynamics
 check_dynamics(load("my_model"))
 """
 
@@ -12,8 +12,8 @@ import numpy as np
 from sain_core.dynamics import Dynamics, RegionModel, RolloutModel, StepwiseRollout
 from sain_core.errors import ModelUnavailableError, SainError
 from sain_core.history import LearningDynamics, PushHistory
+from sain_core.model_checks.response_check import check_rollout, check_step
 from sain_core.push import LENGTH, PushLimits
-from sain_core.response_check import check_rollout, check_step
 from sain_core.scene import POSE, THETA, is_settled, make_scene, unit, wrap_angle
 from sain_core.types import Pushes, Scenes
 
