@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.paths import ROOT
 from tests.sain_model.rolling import make_episodes
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "my_model"
+EXAMPLE = ROOT / "examples" / "my_model"
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import LoadModel, Rollout
 from sain_model.dynamics.checkpoint import card_path
 from sain_model.ros.model_node import ModelNode
-from tests.ros.swapping import answers_of, make_checkpoint, request, set_model
+from tests.sain_model.ros.swapping import answers_of, make_checkpoint, request, set_model
 
 
 @pytest.fixture

@@ -14,7 +14,6 @@ from sain_interfaces.msg import Plan
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.episodes.truth import TruthConfig
 from sain_sim.ros.sim_node import SimNode
-from tests.ros.conftest import scene_of
 
 TOLERANCE = 0.01
 RANDOMISED, ROUGH = TruthConfig(), TruthConfig(world="rough")
@@ -47,7 +46,7 @@ def play_on_graph(graph, number, case):
     refused = len(graph.find("push_result", episode_id=episode)) - len(results)
     pushes = np.array([codec.decode_push(result.push) for result in results]).reshape(-1, 3)
     last = results[-1].after if results else first
-    return pushes, scene_of(last), refused, ended()[0].status == Plan.REACHED
+    return pushes, codec.decode_disks(last.disks), refused, ended()[0].status == Plan.REACHED
 
 
 @pytest.mark.parametrize("full_motion", [False, True])

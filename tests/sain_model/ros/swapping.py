@@ -15,7 +15,8 @@ from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_interfaces.srv import Rollout
 from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
-from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 
 SCENE = make_scene(
     np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])

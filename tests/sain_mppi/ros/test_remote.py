@@ -14,7 +14,7 @@ from sain_core.scene import POSITION
 from sain_interfaces.msg import Plan
 from sain_interfaces.srv import Rollout
 from sain_mppi.ros.mppi_node import MppiNode
-from tests.ros.straw import GOAL, SMALL, START, nth_push, plan
+from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
 
 
 class Remote:
@@ -104,7 +104,7 @@ def test_the_service_gets_the_episode_s_earlier_pushes_and_no_others(graph, stra
     [
         (refuse, "the model refused: too much"),
         (nan, "is nan; must be finite"),
-        (elsewhere, "predicted disks of other masses or radii"),
+        (elsewhere, "it answered for another scene"),
         (short, "the model answered wrongly: predicted has 2047 numbers; 2048"),
     ],
 )
@@ -187,8 +187,8 @@ def test_a_silent_model_does_not_keep_a_plan_past_its_deadline(graph, straw, sil
     made = plan(graph, goal_id=1)
     assert (made.status, made.fallback, made.dynamics) == (Plan.PUSH, True, "planar")
     assert made.deadline == 0.3
-    waited = re.fullmatch("the model did not answer within (.*) s", made.error_message)
-    assert 0.0 < float(waited[1]) <= 0.8 * 0.3  # the share of the deadline that the model gets
+    waited = re.match(r"the model did not answer within (\d\.\d+)", made.error_message)
+    assert waited and 0.0 < float(waited[1]) < 0.3  # what the deadline left
 
 
 def test_while_a_plan_waits_for_its_model_a_new_goal_cancels_it(graph, straw):

@@ -10,7 +10,7 @@ from sain_core.scene import POSITION, make_scene
 from sain_interfaces.msg import Plan
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.ros.mppi_node import MppiNode
-from tests.ros.straw import GOAL, SMALL, START, nth_push, plan
+from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Decoding takes anything with the right attributes; what `rclpy` gives is in tests/ros."""
+"""Decoding takes anything with the right attributes; what `rclpy` gives is in ros/test_codec.py."""
 
 from types import SimpleNamespace as Message
 

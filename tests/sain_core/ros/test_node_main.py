@@ -9,15 +9,11 @@ from pathlib import Path
 
 import pytest
 
-NODES = {
-    "sim_node": "sain_sim.ros.sim_node",
-    "model_node": "sain_model.ros.model_node",
-    "mppi_node": "sain_mppi.ros.mppi_node",
-}
+PACKAGES = {"sim_node": "sain_sim", "model_node": "sain_model", "mppi_node": "sain_mppi"}
 
 
 def command(name: str, *arguments: str) -> list[str]:
-    code = f"from {NODES[name]} import main; main()"
+    code = f"import sys; from {PACKAGES[name]}.commands import {name}; sys.exit({name}())"
     return [sys.executable, "-c", code, "--ros-args", *arguments]
 
 
@@ -103,7 +99,7 @@ def test_watch_without_a_graph_says_so(ros_domain):
 
 
 def tool(name: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    code = f"import sys; from sain_bringup.ros.{name} import main; sys.exit(main())"
+    code = f"import sys; from sain_bringup.commands import {name}; sys.exit({name}())"
     return subprocess.run(
         [sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=120
     )

@@ -17,7 +17,7 @@ from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import DescribeModel, LoadModel, Rollout
 from sain_model.ros import model_node
 from sain_model.ros.model_node import ModelNode
-from tests.ros.swapping import SCENE, answers_of, make_checkpoint, request, set_model
+from tests.sain_model.ros.swapping import SCENE, answers_of, make_checkpoint, request, set_model
 
 
 @pytest.fixture

@@ -13,10 +13,11 @@ from sain_bags.reading.reader import Bag
 from sain_model.data.dataset import load_transitions
 from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import shipped_checkpoint
+from tests.paths import ROOT
 
 pytestmark = pytest.mark.system
 
-SCRIPT = Path(__file__).parents[2] / "examples" / "05_from_bag_to_model.sh"
+SCRIPT = ROOT / "examples" / "05_from_bag_to_model.sh"
 EPISODES, EPOCHS = 3, 2
 
 

@@ -2,11 +2,10 @@
 
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
-import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -17,11 +16,9 @@ from visualization_msgs.msg import MarkerArray
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED, RELIABLE
-from sain_core.types import Scene
 from sain_interfaces.msg import Goal, Plan, Push, PushPrediction, PushResult, WorldParameters
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
-from tests.ros.straw import Straw
 
 N = TypeVar("N", bound=Node)
 DEADLINE = 60.0  # [s], for what takes far less unless something is broken
@@ -129,22 +126,3 @@ class Graph:
             self.stop(node)
         self.executor.shutdown()
         self.context.try_shutdown()
-
-
-@pytest.fixture
-def graph(ros_domain: int) -> Iterator[Graph]:
-    """A graph with nobody in it but a bystander."""
-    graph = Graph(ros_domain)
-    yield graph
-    graph.close()
-
-
-def scene_of(message: SceneMessage) -> Scene:
-    return codec.decode_disks(message.disks)
-
-
-@pytest.fixture
-def straw(graph: Graph) -> Straw:
-    straw = Straw(graph)
-    graph.wait(lambda: straw.scenes.get_subscription_count() == 1, "the bystander")
-    return straw
