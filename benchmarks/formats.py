@@ -15,9 +15,9 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from sain_bags.dataset.card import Card
+from sain_bags.dataset.card import DatasetCard
 from sain_bags.dataset.formats import MADE, StoredRows, find_format
-from sain_bags.dataset.formats.shards import Columns
+from sain_bags.dataset.formats.sharding import Columns
 from sain_core.dataset import SHARD_SIZE, TEST, TRAIN, VALIDATION, shard_path
 from sain_core.storage import write_arrays
 
@@ -56,7 +56,7 @@ def main() -> None:
 
 def made_up(folder: Path, episodes: int) -> StoredRows:
     """Write shards of unbroken episodes, and return what a format is written from."""
-    card = Card()
+    card = DatasetCard()
     columns = rows_of(np.repeat(np.arange(episodes), PUSHES))
     paths = []
     for index, start in enumerate(range(0, len(columns["step"]), SHARD_SIZE)):

@@ -34,7 +34,7 @@ from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.cost import cost_terms, make_rollout, total_cost
 from sain_mppi.search.proposals import draw_permitted, propose
 from sain_mppi.search.sampling import inside_limits
-from sain_mppi.search.search import Problem, Search
+from sain_mppi.search.search import Search
 
 CONFIG = PlannerConfig()
 UNIT = CONFIG.noise.deviations(0)
@@ -82,7 +82,7 @@ def places(model: RolloutModel, command: Command) -> list[Place]:
     found = []
     for seed in range(1000, 1000 + command.scenes):
         case: ScenarioScene = SCENARIOS["anywhere"].scene(seed)
-        search = Search(model, CONFIG, Problem(case.disks, case.goal, Feasibility()))
+        search = Search(model, CONFIG, Feasibility(), case.disks, case.goal)
         random = generator(seed, "slopes")
 
         def draw(

@@ -24,7 +24,7 @@ import tyro
 from benchmarks.report import Figure, report
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
-from sain_bags.recovery.recovery_report import Outcome
+from sain_bags.recovery.recovery_report import RecoveryOutcome
 from sain_bags.writing.gaps import read_gaps
 from sain_bags.writing.writer import BagConfig
 from sain_core.seeding import generator
@@ -184,11 +184,11 @@ def kill_once(folder: Path, delay: float) -> Kill:
     process.kill()
     process.wait()
     report = recover(bag, saved)
-    if report.outcome == Outcome.NOTHING:
+    if report.outcome == RecoveryOutcome.NOTHING:
         return Kill(float("inf"), 0, True, 0, tries)
     messages = [received.message.scene_id for received in Bag(saved).messages([TOPIC])]
     holes = int(messages[-1] - messages[0] + 1 - len(messages))
-    told = report.outcome == Outcome.LOSSY and "was not closed" in report.note
+    told = report.outcome == RecoveryOutcome.LOSSY and "was not closed" in report.note
     return Kill(1e-9 * (killed - report.end), len(messages), told, holes, tries)
 
 

@@ -22,7 +22,7 @@ from mcap.records import Chunk, DataEnd, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from sain_bags.recovery.recovery import recover
-from sain_bags.recovery.recovery_report import Outcome
+from sain_bags.recovery.recovery_report import RecoveryOutcome
 from sain_core.seeding import generator
 
 SECTOR = 4096  # [bytes]
@@ -113,7 +113,7 @@ def attempt(original: Original, damage: Callable[..., int], random: Any, folder:
         report = recover(file, out)
     except Exception as error:  # noqa: BLE001  # none is right here
         print(f"{damage.__name__} at {place}: {error!r}")
-        return Outcome.NOTHING, 0.0, True
+        return RecoveryOutcome.NOTHING, 0.0, True
     saved = messages_of(out / "out_0.mcap") if report.messages else []
     shutil.rmtree(out, ignore_errors=True)
     rest = iter(original.messages)
@@ -125,16 +125,19 @@ def attempt(original: Original, damage: Callable[..., int], random: Any, folder:
     return report.outcome, len(saved) / len(original.messages), wrong
 
 
-def truthful(original: Original, content: bytearray, saved: list[Any]) -> set[Outcome]:
+def truthful(original: Original, content: bytearray, saved: list[Any]) -> set[RecoveryOutcome]:
     """Return the outcomes that are true of what was saved."""
     if saved != original.messages:
-        return {Outcome.LOSSY if saved else Outcome.NOTHING}
+        return {RecoveryOutcome.LOSSY if saved else RecoveryOutcome.NOTHING}
     end = slice(original.data_end - DATA_END_SIZE, original.data_end)
     if content[end] == original.content[end]:
-        return {Outcome.LOSSLESS}
+        return {RecoveryOutcome.LOSSLESS}
     if len(content) < original.data_end:
-        return {Outcome.LOSSY}  # nothing tells any more that this was all
-    return {Outcome.LOSSLESS, Outcome.LOSSY}  # the summary may tell, or be damaged too
+        return {RecoveryOutcome.LOSSY}  # nothing tells any more that this was all
+    return {
+        RecoveryOutcome.LOSSLESS,
+        RecoveryOutcome.LOSSY,
+    }  # the summary may tell, or be damaged too
 
 
 def main() -> None:

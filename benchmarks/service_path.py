@@ -114,7 +114,7 @@ def served(model: str) -> Iterator[RolloutModel]:
     remote = RemoteRollout(node, TIMEOUT_S)
     spinning = Thread(target=executor.spin, daemon=True)
     try:
-        if not remote._client.wait_for_service(PATIENCE_S):
+        if not remote.wait_until_ready(PATIENCE_S):
             sys.exit("no model node")
         spinning.start()
         yield remote

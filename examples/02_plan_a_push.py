@@ -6,10 +6,12 @@
 import numpy as np
 
 from sain_core.dynamics import StepwiseRollout
-from sain_core.scene import make_scene, target_distance
-from sain_core.seeding import generator
+from sain_core.errors import ErrorCode
+from sain_core.scene import make_scene
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.planner import Planner
+from sain_mppi.loop.agent import planning_agent
+from sain_mppi.loop.decision import PushDecision, Task
+from sain_mppi.loop.settings import AgentConfig
 
 scene = make_scene(
     positions=np.array([[0.45, 0.0], [0.591, 0.0]]),
@@ -19,18 +21,23 @@ scene = make_scene(
 goal = np.array([0.50, 0.25])  # to the left: the mid disk must first go round the target
 
 prior = PlanarPrior()
-planner = Planner(StepwiseRollout(prior))
-for number in range(1, 16):
-    distance = float(target_distance(scene, goal))
-    if distance < 0.005:
-        print(f"target {1e3 * distance:.1f} mm from the goal after {number - 1} pushes")
-        break
-    plan = planner.plan(scene, goal, generator(7, "example", number))
-    location, angle, length = plan.push
+model = StepwiseRollout(prior)
+agent = planning_agent(model, model, AgentConfig(seed=7))
+agent.aim(Task(goal_id=1, episode_id=0, goal=goal, tolerance=0.005, max_pushes=15))
+
+agent.see(scene, episode_id=1, scene_id=1, settled=True)
+while isinstance(decision := agent.act(), PushDecision):
+    location, angle, length = decision.push
     print(
-        f"push {number}: location {location:+.2f} rad, angle {angle:+.2f} rad,"
-        f" {100 * length:4.1f} cm; target {1e3 * distance:5.1f} mm from the goal"
+        f"push {agent.pushes}: location {location:+.2f} rad, angle {angle:+.2f} rad,"
+        f" {100 * length:4.1f} cm; target {1e3 * decision.job.distance:5.1f} mm from the goal"
     )
-    scene = prior.step(scene[None], plan.push[None])[0]  # in place of a real push
-else:
-    raise SystemExit(f"15 pushes left the target {1e3 * target_distance(scene, goal):.0f} mm off")
+    after = prior.step(scene[None], decision.push[None])[0]  # in place of a real push
+    agent.learn(1, scene, decision.push, after)
+    agent.answered(decision.push_id, ErrorCode.OK)
+    scene = after
+    agent.see(scene, episode_id=1, scene_id=agent.pushes + 1, settled=True)
+
+if decision is None or decision.failure:
+    raise SystemExit(decision.failure if decision else "the agent waits")
+print(f"target {1e3 * decision.job.distance:.1f} mm from the goal after {agent.pushes} pushes")

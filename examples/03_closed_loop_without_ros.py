@@ -9,14 +9,14 @@ from pathlib import Path
 from sain_core.drawing.figures import write_png
 from sain_core.scene import target_distance
 from sain_eval.loop.closed_loop import run_episode
-from sain_eval.loop.controllers import controller_maker
+from sain_eval.loop.controllers import agent_maker
 from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenarios import SCENARIOS
 
 picture = Path(sys.argv[1]) if len(sys.argv) > 1 else None
 for seed in range(3):
     case = SCENARIOS["anywhere"].scene(seed)
-    outcome = run_episode(case, controller_maker("planar")(case), tolerance=0.01)
+    outcome = run_episode(case, agent_maker("planar")(case), tolerance=0.01)
     left = 1e3 * float(target_distance(outcome.final, case.goal))
     verdict = outcome.failure or "reached"
     print(f"scene {seed}: {len(outcome.record.pushes)} pushes, {left:.1f} mm left: {verdict}")

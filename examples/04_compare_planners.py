@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sain_core.drawing.figures import new_figure, write_png
+from sain_core.drawing.figures import TEXT, new_figure, write_png
 from sain_core.scene import make_scene
 from sain_core.seeding import generator
 from sain_eval.plots.plan_picture import draw_plan, draw_plan_legend
@@ -26,22 +26,26 @@ goal = np.array([0.50, 0.25])  # to the left: the mid disk must first go round t
 sain = load_sain(shipped_checkpoint())
 
 COLUMNS = 3
-figure = new_figure(6.6, 2.6 * -(-len(ALGORITHMS) // COLUMNS) + 0.8)
-places = figure.subplots(-(-len(ALGORITHMS) // COLUMNS), COLUMNS).ravel()
-for axes in places[len(ALGORITHMS) :]:
-    axes.remove()
-for axes, name in zip(places, ALGORITHMS, strict=False):
+ROWS = -(-len(ALGORITHMS) // COLUMNS)
+figure = new_figure(6.6, 2.5 * ROWS + 0.9)
+places = figure.subplots(ROWS, COLUMNS).ravel()
+for place, (axes, name) in enumerate(zip(places, ALGORITHMS, strict=False)):
     planner = Planner(sain, replace(PlannerConfig(), algorithm=name))
     planner.plan(scene, goal, generator(7, name))  # the first plan loads and compiles
     planner.reset()
     plan = planner.complete(scene, planner.plan(scene, goal, generator(7, name)))
     draw_plan(axes, scene, goal, plan)
     axes.set(xlim=(0.28, 0.83), ylim=(-0.22, 0.33))  # the same view for every algorithm
-    axes.set_title(f"{name}\ncost {plan.cost:.2f}, {plan.samples} sequences", loc="left")
+    title = f"{name}\ncost {plan.cost:.2f}, {plan.samples} sequences"
+    axes.set_title(title, loc="left", fontsize=TEXT - 1)
+    axes.set_ylabel("y [m]" if place % COLUMNS == 0 else "")
+    axes.set_xlabel("x [m]" if place + COLUMNS >= len(ALGORITHMS) else "")
     worst = max(plan.terms, key=plan.terms.__getitem__)
     print(
         f"{name:12} cost {plan.cost:5.2f} (doing nothing: {plan.rest_cost:.2f}; largest"
         f" term: {worst}), {plan.samples} sequences in {1e3 * plan.times.total:.0f} ms"
     )
+for axes in places[len(ALGORITHMS) :]:
+    axes.remove()
 draw_plan_legend(figure)
 print(f"drawn into {write_png(figure, Path('planners.png'))}")

@@ -21,6 +21,7 @@ from sain_core.types import Scene
 from sain_interfaces.msg import Goal, Plan, Push, PushPrediction, PushResult, WorldParameters
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
+from tests.ros.straw import Straw
 
 N = TypeVar("N", bound=Node)
 DEADLINE = 60.0  # [s], for what takes far less unless something is broken
@@ -140,3 +141,10 @@ def graph(ros_domain: int) -> Iterator[Graph]:
 
 def scene_of(message: SceneMessage) -> Scene:
     return codec.decode_disks(message.disks)
+
+
+@pytest.fixture
+def straw(graph: Graph) -> Straw:
+    straw = Straw(graph)
+    graph.wait(lambda: straw.scenes.get_subscription_count() == 1, "the bystander")
+    return straw

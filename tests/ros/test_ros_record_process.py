@@ -18,7 +18,7 @@ from std_msgs.msg import String
 
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
-from sain_bags.recovery.recovery_report import Outcome
+from sain_bags.recovery.recovery_report import RecoveryOutcome
 from sain_bags.writing.gaps import read_gaps
 
 pytestmark = pytest.mark.ros
@@ -122,7 +122,7 @@ def test_a_recorder_that_is_killed_loses_at_most_its_flush_period(
     process.kill()
     process.communicate()
     report = recover(tmp_path / "bag", tmp_path / "saved")
-    assert report.outcome == Outcome.LOSSY
+    assert report.outcome == RecoveryOutcome.LOSSY
     assert "the recording was not closed" in report.note
     assert killed - 1e-9 * report.end <= 1.0
     saved = Bag(tmp_path / "saved")

@@ -12,7 +12,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from sain_bags.reading.reader import Bag
-from sain_bags.ros.type_support_stub import stand_in
+from sain_bags.ros.type_support_stub import type_support_stub
 from sain_core.errors import InvalidInputError
 from sain_interfaces.msg import DiskState, Scene
 
@@ -72,9 +72,9 @@ def test_they_are_recorded_and_decoded_as_any_other(recorded: Path) -> None:
 
 def test_what_cannot_be_stood_in_for_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InvalidInputError, match="its hash is 'RIHS01_ab'"):
-        stand_in("a/msg/Thing", "RIHS01_ab")
+        type_support_stub("a/msg/Thing", "RIHS01_ab")
     monkeypatch.setattr(
         "sain_bags.ros.type_support_stub.get_rmw_implementation_identifier", lambda: "rmw_other"
     )
     with pytest.raises(InvalidInputError, match="not installed; rmw_other cannot do without"):
-        stand_in("a/msg/Thing", HASH)
+        type_support_stub("a/msg/Thing", HASH)

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 from rich.console import Console
 
-from sain_bags.transitions.episodes import Episode, PlanRecord, PushRecord
+from sain_bags.transitions.episodes import Episode, PlanRecord, RecordedPush
 from sain_bringup.display import Display, EpisodeView
 from sain_bringup.movie import Moment, MovieConfig, choose_moments, encode_gif, film
 from sain_bringup.options import EpisodePlan
@@ -26,13 +26,13 @@ def scene(target_x: float) -> Scene:
     return make_scene(positions, np.full(2, 8.0), np.array([0.08, 0.06]))
 
 
-def push(number: int, before: Scene, after: Scene, error_code: int = 1) -> PushRecord:
+def push(number: int, before: Scene, after: Scene, error_code: int = 1) -> RecordedPush:
     plan = PlanRecord(
         plan_id=number, push_id=number, status=1, error_code=1, error_message="",
         dynamics="planar", fallback=False, pushes=np.zeros((1, 3)),
         predicted=(after + 0.003)[None], goal_distance=0.1, planning_time=0.1 * number,
     )  # fmt: skip
-    return PushRecord(
+    return RecordedPush(
         push_id=number, push=np.array([0.0, 0.0, 0.1]), before=before, after=after,
         error_code=error_code, error_message="", source="test", duration=1.0, wall_time=0.02,
         plan=plan, physics=after + 0.004,

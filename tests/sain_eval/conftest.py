@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, TARGET, make_scene
-from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
+from sain_eval.plots.episode_record import EpisodeRecord
 
 
 @pytest.fixture

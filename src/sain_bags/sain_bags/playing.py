@@ -103,19 +103,19 @@ class Passage:
                 yield replace(event, due=before + event.due)
 
     def _once(self) -> Iterator[Event]:
-        # What a latched topic holds stands again at the head of each later file of a split bag.
-        heard: set[tuple[str, int, int]] = set()
+        # Each later file of a split bag repeats the messages of latched topics.
+        sent: set[tuple[str, int, int]] = set()
         for raw in self._kept():
-            heard.add((raw.topic, raw.publish_time, raw.sequence))
+            sent.add((raw.topic, raw.publish_time, raw.sequence))
             yield Event(0.0, self.first, raw)
         for raw in self._bag.raw_messages(self._topics, self.first):
             if raw.log_time > self.last:
                 return
             if raw.topic in self._latched:
                 key = (raw.topic, raw.publish_time, raw.sequence)
-                if key in heard:
+                if key in sent:
                     continue
-                heard.add(key)
+                sent.add(key)
             yield Event(self._due(raw.log_time), raw.log_time, raw)
 
     def _due(self, time: int) -> float:

@@ -29,7 +29,7 @@ INK: Final = (43, 48, 54)
 FAINT: Final = (110, 117, 124)
 GREEN: Final = (24, 128, 78)
 RING: Final = (26, 158, 102)  # the goal's, as `sain_sim.rendering.render` draws it
-RARE: Final = (GREEN, RING, INK, FAINT)
+RARE: Final = (GREEN, RING, INK)
 SWATCH: Final = 40  # [px], rows that a rare colour gets in the sheet for the palette
 MARGIN: Final = 16  # [px]
 VIEWS: Final = 3  # cameras that are tried until one shows target and goal in every picture
@@ -163,9 +163,7 @@ def _caption(picture: Picture, title: str, distance: float, tolerance: float) ->
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     size = max(12, image.width // 24)
-    font, small = ImageFont.load_default(size), ImageFont.load_default(0.75 * size)
-    right, low = image.width - MARGIN, image.height - MARGIN
-    colour = GREEN if distance <= tolerance else INK
-    draw.text((MARGIN, low), title, FAINT, small, anchor="ls")
-    draw.text((right, low), f"{1e3 * distance:.0f} mm to the goal", colour, font, anchor="rs")
+    font, colour = ImageFont.load_default(size), GREEN if distance <= tolerance else INK
+    text = f"{title}: {1e3 * distance:.0f} mm to the goal"
+    draw.text((image.width / 2, image.height - MARGIN), text, colour, font, anchor="ms")
     return image

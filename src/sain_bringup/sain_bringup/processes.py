@@ -13,7 +13,6 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from sain_core.config import Config, option
@@ -166,12 +165,7 @@ class Supervisor:
         """Return the supervisor."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End all processes; a second Ctrl-C does not disturb that."""
         with _signals_ignored():
             self.stop()

@@ -9,10 +9,8 @@ from rich.table import Table
 
 from sain_bags.reading.reader import Bag
 from sain_bags.transitions.episodes import Episode, read_episodes
-from sain_core.scene import POSITION, TARGET
 from sain_core.storage import write_json
-from sain_core.types import Scene
-from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
+from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenarios import SCENARIOS
 
 EPISODES_KEY = "episodes"  # of the bag's custom data: "scenario:seed scenario:seed ..."
@@ -59,30 +57,18 @@ class PlayedEpisode:
             final_distance=self.episode.final_distance,
             planning_time=_mean(times),
             longest_planning_time=max(times, default=None),
-            model_error=_mean([_error(push.predicted, push.after) for push in executed]),
-            physics_error=_mean([_error(push.physics, push.after) for push in executed]),
+            model_error=_mean([push.target_error for push in self.episode.records]),
+            physics_error=_mean([push.physics_error for push in self.episode.records]),
         )
 
     def record(self) -> EpisodeRecord:
         """Return the episode as `sain_eval` draws it."""
         goal = self.episode.goal
         assert goal is not None
-        pushes = tuple(
-            PushRecord(
-                push.push,
-                push.before,
-                push.predicted,
-                push.physics,
-                push.after,
-                push.plan.planning_time if push.plan else 0.0,
-            )
-            for push in self.episode.executed
-            if push.before is not None and push.after is not None
-        )
         return EpisodeRecord(
             goal=goal,
             tolerance=self.episode.tolerance,
-            pushes=pushes,
+            pushes=self.episode.records,
             start=self.episode.start,
             shapes=SCENARIOS[self.scenario].scene(self.seed).shapes if self.scenario else (),
             title=f"{self.scenario} {self.seed}".strip(),
@@ -130,12 +116,6 @@ def summary_table(summaries: tuple[EpisodeSummary, ...]) -> Table:
             "[green]reached[/]" if summary.success else "[red]not reached[/]",
         )
     return table
-
-
-def _error(predicted: Scene | None, after: Scene | None) -> float | None:
-    if predicted is None or after is None:
-        return None
-    return float(np.linalg.norm(predicted[TARGET, POSITION] - after[TARGET, POSITION]))
 
 
 def _mean(values: list[float] | list[float | None]) -> float | None:

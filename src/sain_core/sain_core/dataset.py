@@ -177,7 +177,7 @@ class Transitions:
         return replace(self, **{name: array[rows] for name, array in self.arrays.items()})
 
 
-def shape_marks(shapes: Sequence[str]) -> Row:
+def shape_marks(shapes: Sequence[str]) -> Columns:
     """Return for each shape with corners, as a column, which bodies (N,) have it."""
     cornered = [name for name in dict.fromkeys(shapes) if not get_shape(name).is_round]
     return {f"{name}{MARKS}": np.array([shape == name for shape in shapes]) for name in cornered}

@@ -1,5 +1,6 @@
 """From a settled scene and a goal to a sequence of pushes (paper section II-D)."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from time import monotonic
 from typing import Final
@@ -15,7 +16,7 @@ from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.goal import Goal, check_goal, check_in_reach
 from sain_mppi.search.result import PlanResult
 from sain_mppi.search.sampling import shift
-from sain_mppi.search.search import Problem, Search
+from sain_mppi.search.search import Search
 
 SEEN_OVERLAP: Final = 0.02  # [m], deepest that disks may seem to overlap
 
@@ -23,8 +24,8 @@ SEEN_OVERLAP: Final = 0.02  # [m], deepest that disks may seem to overlap
 class Planner:
     """Rolls push sequences out through a model and picks what to push first.
 
-    The algorithm is one of `sain_mppi.algorithms`; what they share is here: checks, what the last
-    plan leaves for the next, and pushes that were refused.
+    The algorithm is one of `sain_mppi.algorithms`; what they share is here: checks, and what
+    the last plan leaves for the next, and pushes that were refused.
     """
 
     def __init__(
@@ -40,15 +41,10 @@ class Planner:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the last plan and the refused pushes."""
+        """Forget the last plan."""
         self._elites: PushSequences = np.empty((0, self.config.horizon, 3))
         self._scene: Scene | None = None  # that they begin from
         self._goal: Goal | None = None
-        self._refused: list[PushArray] = []
-
-    def refuse(self, push: PushArray) -> None:
-        """Take note that the last plan's push was refused: do not try its like from this scene."""
-        self._refused.append(np.array(push))
 
     def plan(
         self,
@@ -56,7 +52,8 @@ class Planner:
         goal: Goal,
         generator: np.random.Generator,
         deadline: float | None = None,
-        concern: str = "",
+        wide: bool = False,
+        refused: Sequence[PushArray] = (),
     ) -> PlanResult:
         """Plan from a settled scene (N, 8) towards a goal (2,) for the target.
 
@@ -69,8 +66,9 @@ class Planner:
             generator: the same state gives the same plan, as long as no deadline cuts it short.
             deadline: `time.monotonic` at which the plan is wanted: the best one until then. One
                 small batch of sequences is always rolled out. None: as the settings say.
-            concern: why to look further about, and not where the last plan would go on; empty:
-                plan as usual.
+            wide: look further about, and not where the last plan would go on.
+            refused: (3,) each, pushes that were refused from this scene: nothing like them is
+                planned.
 
         Raises:
             InvalidInputError: a scene or goal that cannot exist.
@@ -83,18 +81,13 @@ class Planner:
         check_scene(scene, self.feasibility.table)
         check_goal(goal, self.feasibility.table)
         check_in_reach(goal, scene, self.feasibility)
-        if not self._is_last(scene):
-            self._refused = []
         if deadline is None and self.config.deadline > 0.0:
             deadline = monotonic() + self.config.deadline
-        config = self.config.widened() if concern else self.config
-        problem = Problem(scene, goal, self.feasibility, tuple(self._refused), deadline)
-        search = Search(self.model, config, problem)
+        config = self.config.widened() if wide else self.config
+        search = Search(self.model, config, self.feasibility, scene, goal, refused, deadline)
         ALGORITHMS[config.algorithm](search, self._start(scene, goal, config), config, generator)
-        self._elites, self._scene, self._goal = search.finds.elites, scene.copy(), goal.copy()
-        result = replace(search.result(), concern=concern)
-        self.feasibility.limits.check(result.push)  # nothing else is ever sent
-        return result
+        self._elites, self._scene, self._goal = search.elites.sequences, scene.copy(), goal.copy()
+        return search.result()
 
     def complete(self, scene: Scene, result: PlanResult) -> PlanResult:
         """Return a plan from a scene (N, 8) with the model's regions, where it can tell.

@@ -11,6 +11,7 @@ import pytest
 
 from sain_bags.dataset.card_picture import histograms
 from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
+from sain_core.dataset import RECORDED, Column
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.plugins import load_dynamics
 from sain_model.data.dataset import load_transitions
@@ -63,9 +64,19 @@ def test_every_field_is_what_another_reader_reads(parts: Parts, record: Start) -
     assert rows.keys() - known == {"episode", "step", "bag_sha256"}
 
 
-def test_pushes_told_of_in_one_go_are_what_another_reader_reads(
-    record: Start, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("disks", [2, 3])
+def test_every_column_is_as_the_schema_has_it(disks: int, record: Start) -> None:
+    rows, done, card = to_rows(drive(record, parts=Parts(disks=disks)))
+    assert list(rows)[: len(RECORDED)] == list(RECORDED)
+    for name, values in rows.items():
+        column = Column(name)
+        assert values.shape == (done.transitions, *column.row_shape(disks)), name
+        assert values.dtype.kind == np.dtype(column.dtype).kind, name
+        assert column.dtype == "str" or values.dtype == column.dtype, name
+    assert card["fields"] == {name: list(values.shape[1:]) for name, values in rows.items()}
+
+
+def test_contiguous_pushes_are_what_another_reader_reads(record: Start, tmp_path: Path) -> None:
     recording = record()
     driver = Drive(recording, Parts(scenes=False, unanswered=(5,)))
     for episode in range(12):

@@ -21,7 +21,7 @@ from sain_bags.cli import recover as recover_cli
 from sain_bags.cli.recover import describe
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
-from sain_bags.recovery.recovery_report import Outcome
+from sain_bags.recovery.recovery_report import RecoveryOutcome
 from sain_bags.transitions.episodes import read_episodes
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import DatasetError, OutputError
@@ -94,12 +94,14 @@ def zstd_bag(tmp_path: Path) -> Original:
     return original(tmp_path / "bag", "zstd", {"seed": "7"})
 
 
-def recovered(content: bytes, folder: Path, name: str = "out") -> tuple[Outcome, list[Saved]]:
+def recovered(
+    content: bytes, folder: Path, name: str = "out"
+) -> tuple[RecoveryOutcome, list[Saved]]:
     """Recover a file of this content and return what was saved."""
     file = folder / f"{name}.mcap"
     file.write_bytes(content)
     report = recover(file, folder / name)
-    if report.outcome == Outcome.NOTHING:
+    if report.outcome == RecoveryOutcome.NOTHING:
         assert not (folder / name).exists()
         return report.outcome, []
     new = folder / name / f"{name}_0.mcap"
@@ -127,9 +129,9 @@ def test_cuts_lose_only_what_was_not_whole(bag: Original, tmp_path: Path) -> Non
         whole = max((count for end, count in bag.ends if end <= cut), default=0)
         assert messages == bag.messages[:whole], cut
         if cut >= bag.data_end:
-            assert outcome == Outcome.LOSSLESS, cut
+            assert outcome == RecoveryOutcome.LOSSLESS, cut
         else:
-            assert outcome == (Outcome.LOSSY if whole else Outcome.NOTHING), cut
+            assert outcome == (RecoveryOutcome.LOSSY if whole else RecoveryOutcome.NOTHING), cut
 
 
 def test_flipped_bits_never_make_a_message(bag: Original, tmp_path: Path) -> None:
@@ -141,7 +143,7 @@ def test_flipped_bits_never_make_a_message(bag: Original, tmp_path: Path) -> Non
         outcome, messages = recovered(bytes(damaged), tmp_path, f"flip_{number}")
         assert is_subsequence(messages, bag.messages), (place, bit)
         assert len(messages) >= len(bag.messages) - 10, (place, bit)
-        assert (outcome == Outcome.LOSSLESS) == (messages == bag.messages), (place, bit)
+        assert (outcome == RecoveryOutcome.LOSSLESS) == (messages == bag.messages), (place, bit)
 
 
 @pytest.mark.parametrize("damage", ["opcode", "length", "times", "crc", "data"])
@@ -158,10 +160,10 @@ def test_only_the_chunk_that_is_damaged_is_skipped(
     outcome, messages = recovered(bytes(content), tmp_path)
     first, behind = zstd_bag.ends[3][1], zstd_bag.ends[4][1]
     if damage == "times":  # they are told again by the messages
-        assert (outcome, messages) == (Outcome.LOSSLESS, zstd_bag.messages)
+        assert (outcome, messages) == (RecoveryOutcome.LOSSLESS, zstd_bag.messages)
     else:
         expected = zstd_bag.messages[:first] + zstd_bag.messages[behind:]
-        assert (outcome, messages) == (Outcome.LOSSY, expected)
+        assert (outcome, messages) == (RecoveryOutcome.LOSSY, expected)
 
 
 def test_the_loss_is_told(zstd_bag: Original, tmp_path: Path) -> None:
@@ -188,7 +190,7 @@ def test_the_loss_is_told(zstd_bag: Original, tmp_path: Path) -> None:
 
 def test_a_whole_bag_comes_out_as_it_was(zstd_bag: Original, tmp_path: Path) -> None:
     report = recover(zstd_bag.folder, tmp_path / "out")
-    assert report.outcome == Outcome.LOSSLESS
+    assert report.outcome == RecoveryOutcome.LOSSLESS
     assert saved(tmp_path / "out" / "out_0.mcap") == zstd_bag.messages
     assert Bag(tmp_path / "out").custom_data == {"seed": "7"}
     with Reader(zstd_bag.folder) as old, Reader(tmp_path / "out") as new:
@@ -206,7 +208,7 @@ def test_a_recording_that_was_killed_is_saved(tmp_path: Path) -> None:
     writer.write("/chat", b"\x00\x01\x00\x00lost", 2000)
     report = recover(tmp_path / "bag", tmp_path / "out")
     writer.close()
-    assert report.outcome == Outcome.LOSSY
+    assert report.outcome == RecoveryOutcome.LOSSY
     assert report.missing is None
     assert "metadata.yaml is missing" in report.note
     assert [message[1] for message in saved(tmp_path / "out" / "out_0.mcap")] == [1000, 1001, 1002]
@@ -242,12 +244,12 @@ def test_messages_outside_of_chunks_are_saved_up_to_a_cut(tmp_path: Path) -> Non
     ends = unchunked(tmp_path / "whole.mcap")
     whole = saved(tmp_path / "whole.mcap")
     content = (tmp_path / "whole.mcap").read_bytes()
-    assert recovered(content, tmp_path, "all") == (Outcome.LOSSLESS, whole)
+    assert recovered(content, tmp_path, "all") == (RecoveryOutcome.LOSSLESS, whole)
     for cut in (ends[0] - 1, ends[0], ends[7] + 5, ends[-1]):
         outcome, messages = recovered(content[:cut], tmp_path, f"cut_{cut}")
         count = sum(end <= cut for end in ends)
         assert messages == whole[:count]
-        assert outcome == (Outcome.LOSSY if count else Outcome.NOTHING)
+        assert outcome == (RecoveryOutcome.LOSSY if count else RecoveryOutcome.NOTHING)
 
 
 def test_what_no_crc_vouches_for_is_said(tmp_path: Path) -> None:
@@ -256,7 +258,7 @@ def test_what_no_crc_vouches_for_is_said(tmp_path: Path) -> None:
     content[ends[4] - 3] ^= 1
     (tmp_path / "damaged.mcap").write_bytes(content)
     report = recover(tmp_path / "damaged.mcap", tmp_path / "out")
-    assert (report.outcome, report.doubtful) == (Outcome.LOSSY, 20)
+    assert (report.outcome, report.doubtful) == (RecoveryOutcome.LOSSY, 20)
     assert "Beware: 20 messages" in "\n".join(describe(report, tmp_path / "out"))
 
 
@@ -267,7 +269,7 @@ def test_a_split_bag_becomes_one(tmp_path: Path) -> None:
         part = original(tmp_path / f"part_{number}", "zstd")
         (folder / f"split_{number}.mcap").write_bytes(part.content)
     report = recover(folder, tmp_path / "out")
-    assert report.outcome == Outcome.LOSSLESS
+    assert report.outcome == RecoveryOutcome.LOSSLESS
     assert report.counts == {"/chat": 150, "/silent": 0, "/late": 30}
     assert len(Bag(tmp_path / "out").topics) == 3
 
@@ -291,7 +293,7 @@ def test_nothing_is_overwritten_and_nothing_half_is_left(
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"a letter to a friend" * 100])
 def test_of_nothing_comes_nothing(content: bytes, tmp_path: Path) -> None:
-    assert recovered(content, tmp_path) == (Outcome.NOTHING, [])
+    assert recovered(content, tmp_path) == (RecoveryOutcome.NOTHING, [])
 
 
 def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
@@ -333,7 +335,7 @@ def test_a_real_graphs_bag_keeps_its_episodes(episode_bag: Path, tmp_path: Path)
     content = (episode_bag / "bag_0.mcap").read_bytes()
     (episode_bag / "bag_0.mcap").write_bytes(content[:-200])
     report = recover(episode_bag, tmp_path / "out")
-    assert report.outcome == Outcome.LOSSLESS
+    assert report.outcome == RecoveryOutcome.LOSSLESS
     episodes = read_episodes(Bag(tmp_path / "out"))
     assert [len(episode.executed) for episode in episodes] == [2, 0]
 
@@ -351,7 +353,7 @@ def test_a_chunk_that_contradicts_the_file_is_skipped(zstd_bag: Original, tmp_pa
     stale = older[index.chunk_start_offset : index.chunk_start_offset + index.chunk_length]
     place = zstd_bag.ends[2][0]
     mixed = zstd_bag.content[:place] + stale + zstd_bag.content[place:]
-    assert recovered(mixed, tmp_path) == (Outcome.LOSSY, zstd_bag.messages)
+    assert recovered(mixed, tmp_path) == (RecoveryOutcome.LOSSY, zstd_bag.messages)
 
 
 def test_a_bag_made_elsewhere_is_saved_too(tmp_path: Path) -> None:
@@ -361,7 +363,7 @@ def test_a_bag_made_elsewhere_is_saved_too(tmp_path: Path) -> None:
         for number in range(50):
             writer.write(connection, 1000 + number, bytes([0, 1, 0, 0, number]))
     report = recover(tmp_path / "bag", tmp_path / "out")
-    assert report.outcome == Outcome.LOSSLESS
+    assert report.outcome == RecoveryOutcome.LOSSLESS
     with Reader(tmp_path / "bag") as old, Reader(tmp_path / "out") as new:
         assert [(time, data) for _, time, data in new.messages()] == [
             (time, data) for _, time, data in old.messages()

@@ -6,18 +6,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sain_bags.transitions.contiguous import PushStretch
 from sain_bags.transitions.episodes import GOAL
-from sain_bags.transitions.messages import Messages
+from sain_bags.transitions.messages import ChannelMessages
 from sain_bags.transitions.paired_pushes import PairedPushes
 from sain_bags.transitions.pairing import Pairing, PendingPush
-from sain_bags.transitions.tables import Table
+from sain_bags.transitions.tables import MessageTable
 
 NUMBERS = count()
 Said = tuple[str, tuple[Any, ...]]  # a method of `Pairing`, its arguments
 
 
-def somewhere() -> tuple[Table, int]:
-    return Table({}, {}), next(NUMBERS)
+def somewhere() -> tuple[MessageTable, int]:
+    return MessageTable({}, {}), next(NUMBERS)
 
 
 def push(number: int, scene: int = 0) -> Said:
@@ -110,18 +111,18 @@ def test_two_pushes_from_one_scene_are_rivals_unless_one_is_refused() -> None:
     ]  # fmt: skip
 
 
-def contiguous_pushes(
-    numbers: range, goals: tuple[tuple[int, int], ...] = ()
-) -> tuple[PairedPushes, np.ndarray, Messages]:
+def contiguous_pushes(numbers: range, goals: tuple[tuple[int, int], ...] = ()) -> PushStretch:
     """Executed pushes, of episode 1 and 2 by turns, at spots 10, 20, ..; goals (episode, spot)."""
     ids = np.array(numbers, dtype=np.uint64)
     rows, episodes = np.arange(len(ids)), 1 + ids % 2
     codes = np.ones(len(ids), dtype=np.int64)
-    results = (Table({"push_id": ids}, {}), rows)
+    results = (MessageTable({"push_id": ids}, {}), rows)
     pushes = PairedPushes(rows, ids, episodes, ids, episodes, codes, rows, None, results)
-    given = Table({"episode_id": np.array([episode for episode, _ in goals], dtype=np.uint64)}, {})
+    given = MessageTable(
+        {"episode_id": np.array([episode for episode, _ in goals], dtype=np.uint64)}, {}
+    )
     spots = np.array([spot for _, spot in goals], dtype=np.int64)
-    return pushes, 10 * (rows + 1), Messages(GOAL, given, spots, spots)
+    return PushStretch(pushes, 10 * (rows + 1), ChannelMessages(GOAL, given, spots, spots))
 
 
 @pytest.mark.parametrize("pushes", [3, 40])  # paired one by one, or as columns
@@ -133,7 +134,7 @@ def test_contiguous_pushes_are_paired_as_if_one_by_one(pushes: int, waits: bool)
     pairing.goal(1, early)
     if waits:
         pairing.push(500, (1, 500), 0, somewhere())
-    pairing.contiguous(*contiguous_pushes(range(1, 1 + pushes), ((2, 15), (1, 25), (0, 26))))
+    pairing.contiguous(contiguous_pushes(range(1, 1 + pushes), ((2, 15), (1, 25), (0, 26))))
     if waits:
         pairing.result(500, 1, 1, 500, (1, 500), 0, somewhere())
     found = [*pairing.ready(), *pairing.rest()]
@@ -156,8 +157,7 @@ def test_contiguous_pushes_are_paired_as_if_one_by_one(pushes: int, waits: bool)
 
 def test_a_push_from_the_scene_of_a_contiguous_push_is_ambiguous() -> None:
     pairing = Pairing(True, False)
-    run, spots, _ = contiguous_pushes(range(1, 41))
-    pairing.contiguous(run, spots, None)
+    pairing.contiguous(contiguous_pushes(range(1, 41)))
     pairing.push(77, (1, 2), 5, somewhere())  # planned from the scene that push 2 was executed in
     pairing.push(78, (1, 99), 5, somewhere())
     first, last = [*pairing.ready(), *pairing.rest()]

@@ -17,9 +17,9 @@ from sain_bags.cli.info import show
 from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import read_timings
 from sain_bags.recovery.recovery import recover
-from sain_bags.recovery.recovery_report import Outcome
+from sain_bags.recovery.recovery_report import RecoveryOutcome
 from sain_bags.writing.gaps import MISSING_KEY
-from sain_bags.writing.split_file import Part
+from sain_bags.writing.split_file import SplitFile
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import OutputError
 
@@ -61,7 +61,7 @@ def test_files_end_after_their_time_and_nothing_is_between_them(tmp_path: Path) 
     writer = record(tmp_path / "bag", BagConfig(split_duration=5.0))
     files = [tmp_path / "bag" / f"bag_{number}.mcap" for number in range(4)]
     assert sorted((tmp_path / "bag").glob("*.mcap")) == files
-    assert len(writer.parts) == 4
+    assert len(writer.split_files) == 4
     chat = [data for file in files for name, data in contents(file) if name == "/chat"]
     assert chat == [text(number) for number in range(200)]
     per_file = [Counter(name for name, _ in contents(file)) for file in files]
@@ -144,7 +144,7 @@ def test_a_split_recording_that_was_killed_is_recovered(tmp_path: Path) -> None:
     last = tmp_path / "bag" / "bag_3.mcap"
     last.write_bytes(last.read_bytes()[:-3000])
     report = recover(tmp_path / "bag", tmp_path / "saved")
-    assert report.outcome == Outcome.LOSSY
+    assert report.outcome == RecoveryOutcome.LOSSY
     assert [file.lossless for file in report.files] == [True, True, True, False]
     assert Bag(tmp_path / "saved").message_count == report.messages >= 155
 
@@ -158,7 +158,7 @@ def test_a_disk_that_fails_while_a_file_is_ended_stops_the_recording(
     writer = BagWriter(tmp_path / "bag", BagConfig(split_duration=1.0))
     writer.add_topic(topic("/chat"))
     writer.write("/chat", text(1), SECOND)
-    monkeypatch.setattr(Part, "finish", fail)
+    monkeypatch.setattr(SplitFile, "finish", fail)
     with pytest.raises(OutputError, match="Input/output error"):
         for number in range(2, 1000):
             writer.write("/chat", text(number), SECOND * number)

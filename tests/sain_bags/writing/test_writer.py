@@ -17,10 +17,10 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 
 from sain_bags.bag.metadata import OfferedQos, Topic
-from sain_bags.mcap.preallocated_file import RESERVE, ReservedFile
+from sain_bags.mcap.preallocated_file import RESERVE, PreallocatedFile
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
-from sain_bags.recovery.recovery_report import Outcome
+from sain_bags.recovery.recovery_report import RecoveryOutcome
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import ConfigError, InvalidInputError, OutputError
 from tests.sain_bags.doctor import examine
@@ -174,7 +174,7 @@ def test_unknown_compression_is_refused() -> None:
 
 
 def test_the_reserve_goes_when_the_file_is_closed(tmp_path: Path) -> None:
-    file = ReservedFile(tmp_path / "data", reserve=4096)
+    file = PreallocatedFile(tmp_path / "data", reserve=4096)
     assert (tmp_path / ".data.reserve").stat().st_size == 4096
     file.write(b"abc")
     file.close()
@@ -303,7 +303,7 @@ def test_what_a_recording_says_of_itself_survives_it(tmp_path: Path) -> None:
     writer.flush()
     report = recover(tmp_path / "bag", tmp_path / "saved")
     writer.close()
-    assert report.outcome == Outcome.LOSSY
+    assert report.outcome == RecoveryOutcome.LOSSY
     saved = Bag(tmp_path / "saved")
     assert saved.custom_data == {"seed": "7", "recovered": "with losses, from bag"}
     assert saved.metadata["ros_distro"] == "kilted"

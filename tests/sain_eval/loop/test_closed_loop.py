@@ -5,36 +5,36 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.errors import ConfigError, SainError
+from sain_core.dynamics import IdentityPrior
+from sain_core.errors import ConfigError, ModelUnavailableError, SainError
 from sain_core.scene import MID, POSITION
-from sain_eval.loop.closed_loop import MAX_REFUSALS, run_episode
-from sain_eval.loop.controllers import Decision, controller_maker
+from sain_eval.loop.closed_loop import run_episode
+from sain_eval.loop.controllers import agent_maker
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_mppi.search.config import PlannerConfig
+from sain_mppi.loop.agent import Agent
+from sain_mppi.loop.decision import Decider, PushDecision
+from sain_mppi.loop.settings import AgentConfig
 
 PAPER = SCENARIOS["paper"].scene(0)
 ANYWHERE = SCENARIOS["anywhere"].scene(1)
-QUICK = PlannerConfig(samples=512)
 
 
 def play(case, name, tolerance=0.02):
-    return run_episode(case, controller_maker(name, QUICK)(case), tolerance)
+    return run_episode(case, agent_maker(name)(case), tolerance)
 
 
-class Stubborn:
-    """Wants the same push whatever happens, and counts how often it was refused."""
+class Stubborn(Decider):
+    """Wants the same push whatever happens."""
 
     def __init__(self, push):
-        self.push, self.refusals = np.array(push), 0
+        self.push = np.array(push)
 
-    def decide(self, scene, goal, random):
-        return Decision(self.push)
+    def decide(self, job, generator):
+        return PushDecision(job, self.push)
 
-    def refused(self, push):
-        self.refusals += 1
 
-    def observed(self, scene, push, next_scene):
-        pass
+def play_stubborn(push):
+    return run_episode(PAPER, Agent(Stubborn(push), AgentConfig()), 0.02)
 
 
 @pytest.mark.parametrize("case", [PAPER, ANYWHERE], ids=["paper", "anywhere"])
@@ -55,13 +55,13 @@ def test_the_same_scene_is_played_the_same_way_twice():
     assert first.final.tobytes() == second.final.tobytes()
 
 
-def test_the_oracle_knows_the_friction_and_solves_it_too():
+def test_the_oracle_plans_with_the_true_friction():
     assert play(PAPER, "oracle").failure == ""
 
 
 def test_doing_nothing_leaves_the_scene_as_it_was():
     outcome = play(PAPER, "null")
-    assert outcome.failure == "the controller stopped"
+    assert outcome.failure == "NoPushError: the controller null never pushes"
     assert outcome.record.pushes == ()
     np.testing.assert_allclose(outcome.final, PAPER.disks, atol=1e-6)
 
@@ -84,43 +84,46 @@ def test_a_goal_that_is_reached_already_needs_no_push():
 
 
 def test_refused_pushes_are_counted_and_move_nothing():
-    out_of_reach = Stubborn([3.0, 0.0, 0.1])  # through the target
-    outcome = run_episode(PAPER, out_of_reach, 0.02)
-    assert outcome.refusals == out_of_reach.refusals == MAX_REFUSALS
-    assert outcome.failure == f"{MAX_REFUSALS} pushes in a row were refused"
+    outcome = play_stubborn([3.0, 0.0, 0.1])  # through the target
+    limit = AgentConfig().goal_tracker.max_refusals
+    assert outcome.refusals == limit and outcome.record.pushes == ()
+    assert outcome.failure == f"NoPushError: {limit} pushes in a row were refused from this scene"
     np.testing.assert_allclose(outcome.final[MID], PAPER.disks[MID], atol=1e-6)
 
 
 def test_a_push_outside_the_limits_ends_the_episode_with_its_reason():
-    outcome = run_episode(PAPER, Stubborn([0.0, 0.0, 0.5]), 0.02)
+    outcome = play_stubborn([0.0, 0.0, 0.5])
     assert outcome.failure == ("OutOfRangeError: push length is 0.5000 m; allowed: [0, 0.15] m")
 
 
 def test_a_controller_without_a_name_is_refused():
     with pytest.raises(ConfigError, match="needs a name"):
-        controller_maker("")
+        agent_maker("")
 
 
-def test_a_checkpoint_that_is_not_there_is_refused():
+@pytest.mark.parametrize("name", ["/nowhere/no_such_model.safetensors", "no_such_model"])
+def test_a_model_that_does_not_exist_is_refused(name):
     with pytest.raises(SainError, match="no_such_model"):
-        controller_maker("/nowhere/no_such_model.safetensors")
+        agent_maker(name)
 
 
-def test_a_planning_controller_learns_the_friction_of_its_episode():
-    controller = controller_maker("planar_axes", QUICK)(ANYWHERE)
-    usual = controller.model.dynamics.config.friction
-    outcome = run_episode(ANYWHERE, controller, 0.005)
-    assert len(controller.history) == len(outcome.record.pushes)
-    learned = controller.planner.planner.model.dynamics.config.friction
-    assert abs(learned - ANYWHERE.friction) < 0.5 * abs(usual - ANYWHERE.friction)
-    assert controller.model.dynamics.config.friction == usual
+def test_an_agent_learns_the_friction_of_its_episode_if_so_configured():
+    """The error of its predictions falls: the planar prior's friction is off at first."""
+    case = replace(ANYWHERE, friction=0.2)
+    errors = {}
+    for history in (True, False):
+        agent = agent_maker("planar_axes", AgentConfig(history=history))(case)
+        pushes = run_episode(case, agent, 0.001).record.pushes
+        errors[history] = [push.target_error + push.mid_error for push in pushes]
+    assert errors[True][0] == errors[False][0]
+    assert np.mean(errors[True][1:]) < 0.5 * np.mean(errors[False][1:])
 
 
-def test_each_episode_begins_without_a_past_and_one_that_must_not_learn_has_none():
-    maker = controller_maker("planar", QUICK)
-    run_episode(ANYWHERE, maker(ANYWHERE), 0.02)
-    assert maker(ANYWHERE).history is None
-    deaf = controller_maker("planar", QUICK, learns=False)(ANYWHERE)
-    run_episode(ANYWHERE, deaf, 0.02)
-    assert deaf.history is None
-    assert deaf.planner.planner.model is deaf.model
+def test_a_model_that_fails_leaves_physics_to_plan_and_is_counted(monkeypatch):
+    def fail(self, scenes, pushes):
+        raise ModelUnavailableError("gone")
+
+    monkeypatch.setattr(IdentityPrior, "step", fail)
+    outcome = play(PAPER, "identity", 0.05)
+    assert outcome.failure == ""
+    assert outcome.fallbacks == len(outcome.record.pushes) >= 1

@@ -12,7 +12,7 @@ from sain_core.errors import ConfigError, OutputError
 from sain_eval.cli.evaluate import Evaluate, evaluate, main, show
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.journal import JOURNAL_FILE, Journal
-from sain_eval.loop.report import markdown_table
+from sain_eval.loop.report import results_table
 from sain_eval.loop.results import SceneRecord, scene_records, summarise, write_results
 from sain_eval.scenes.scenarios import SCENARIOS
 
@@ -70,7 +70,7 @@ def test_nothing_solved_has_no_mean_and_is_still_json(records, tmp_path):
 
 
 def test_the_table_has_a_line_for_each_row(records):
-    lines = markdown_table(summarise(records)).splitlines()
+    lines = results_table(summarise(records)).splitlines()
     assert len(lines) == 2 + 2
     assert "| 5 cm | 1/1 |" in lines[3] and "| 0.5 cm | 0/1 |" in lines[2]
 

@@ -92,7 +92,7 @@ def test_it_finds_out_what_a_laboratory_is_like(laboratory, tmp_path) -> None:
     networks[0] = trainer.network
     sain = ParameterCorrection(networks, PlanarPrior())
     assert error(sain, laboratory.test) < 0.35 * error(PlanarPrior(), laboratory.test)
-    scenes, pushes = laboratory.test.scenes, laboratory.test.pushes.copy()
+    scenes, pushes = laboratory.test.state, laboratory.test.action.copy()
     corrections, _ = sain.corrections(scenes, pushes, PlanarPrior().step(scenes, pushes))[0]
     assert np.median(corrections[..., told.PULL_X]) > 0.5
     pushes[:, LENGTH] = 0.0
@@ -124,7 +124,7 @@ def test_members_differ_and_are_averaged(laboratory, tmp_path) -> None:
     config = replace(SHORT, network=replace(SMALL, members=2))
     networks, histories = train_members(make_trainers(laboratory, PlanarPrior(), config, tmp_path))
     assert len(networks) == len(histories) == 2
-    scenes, pushes = laboratory.test.scenes, laboratory.test.pushes
+    scenes, pushes = laboratory.test.state, laboratory.test.action
     ends = []
     for member in networks:
         alone = CorrectionEnsemble(SMALL)

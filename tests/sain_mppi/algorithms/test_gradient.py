@@ -14,7 +14,7 @@ from sain_core.types import Pushes, PushSequences, Scalars, Scenes
 from sain_mppi.algorithms.gradient import gradient
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import GRADIENT, GradientConfig, PlannerConfig
-from sain_mppi.search.search import Problem, Search
+from sain_mppi.search.search import Search
 
 GOAL = np.array([0.62, 0.07])
 CONFIG = PlannerConfig(algorithm=GRADIENT, samples=64, horizon=3)
@@ -35,8 +35,7 @@ class Recorded(Search):
     """A search that remembers what it was asked."""
 
     def __init__(self, dynamics, config, scene):
-        problem = Problem(scene, GOAL, Feasibility())
-        super().__init__(StepwiseRollout(dynamics), config, problem)
+        super().__init__(StepwiseRollout(dynamics), config, Feasibility(), scene, GOAL)
         self.drawn: list[Scalars] = []
         self.probed: list[PushSequences] = []
 
@@ -55,7 +54,7 @@ def test_it_gets_far_below_its_starts_on_a_smooth_model(scene, seed):
     gradient(search, NOTHING, CONFIG, generator(seed))
     predicted = search.result().predicted[-1, 1, POSITION]
     drawn = min(costs.min() for costs in search.drawn)
-    assert search.finds.cost < 0.8 * drawn
+    assert search.elites.cost < 0.8 * drawn
     assert np.linalg.norm(predicted - GOAL) < 0.002
 
 
@@ -65,7 +64,7 @@ def test_more_steps_lead_further_down(scene):
         config = replace(CONFIG, gradient=GradientConfig(steps=steps))
         search = Recorded(Gliding(), config, scene)
         gradient(search, NOTHING, config, generator(0))
-        costs.append(search.finds.cost)
+        costs.append(search.elites.cost)
     assert costs[0] > costs[1] > costs[2]
 
 

@@ -1,10 +1,14 @@
+from threading import Event
+
 import numpy as np
 import pytest
 
 from sain_core.errors import CancelledError, ModelUnavailableError
+from sain_core.history import PushHistory
 from sain_core.scene import MASS
 from sain_mppi.loop.fallback import FallbackRollout
 
+NO_PAST = PushHistory.empty()
 SCENE, PUSHES = np.zeros((2, 8)), np.zeros((3, 1, 3))
 
 
@@ -39,7 +43,7 @@ class Short(Model):
 
 
 class Sure(Model):
-    """Knows how sure it is, and can be told to hurry."""
+    """Has regions, and takes a moment until which it is waited for."""
 
     moment: float | None = None
 
@@ -66,11 +70,11 @@ def test_regions_are_the_model_s_and_nobody_s_where_it_fails() -> None:
     assert FallbackRollout(Model(1.0), model).regions(SCENE, PUSHES, predicted) is None
 
 
-def test_a_model_is_told_how_long_it_is_waited_for() -> None:
+def test_a_model_gets_the_moment_until_which_it_is_waited_for() -> None:
     model = Sure(1.0)
-    FallbackRollout(model, Model(2.0)).until(5.0)
+    FallbackRollout(model, Model(2.0)).begin(NO_PAST, until=5.0)
     assert model.moment == 5.0
-    FallbackRollout(Model(1.0), Model(2.0)).until(5.0)  # one that cannot be hurried
+    FallbackRollout(Model(1.0), Model(2.0)).begin(NO_PAST, until=5.0)  # it cannot be hurried
 
 
 def test_a_model_that_answers_is_used() -> None:
@@ -96,7 +100,7 @@ def test_a_model_that_fails_is_asked_once_a_plan(model: Model, text: str) -> Non
         assert (rollout.rollout(SCENE, PUSHES)[..., 0] == 2.0).all()
     assert model.asked == 1
     assert str(rollout.failure).startswith(text)
-    rollout.begin()
+    rollout.begin(NO_PAST)
     assert rollout.failure is None
     rollout.rollout(SCENE, PUSHES)
     assert model.asked == 2
@@ -109,8 +113,11 @@ def test_a_defect_is_not_covered_up() -> None:
 
 def test_a_cancelled_plan_ends_until_the_next_begins() -> None:
     rollout = FallbackRollout(Model(1.0), Model(2.0))
-    rollout.cancel()
+    cancelled = Event()
+    rollout.begin(NO_PAST, cancelled=cancelled)
+    rollout.rollout(SCENE, PUSHES)
+    cancelled.set()
     with pytest.raises(CancelledError):
         rollout.rollout(SCENE, PUSHES)
-    rollout.begin()
+    rollout.begin(NO_PAST)
     rollout.rollout(SCENE, PUSHES)

@@ -1,14 +1,9 @@
 import numpy as np
 import pytest
 
-from sain_core.errors import InvalidInputError, ModelUnavailableError
-from sain_core.feasibility import Feasibility
-from sain_core.history import PushHistory
+from sain_core.errors import InvalidInputError
 from sain_core.scene import make_scene
-from sain_mppi.loop.agent import Decider
-from sain_mppi.loop.goal_tracker import Job, Task, View
 from sain_mppi.loop.memory import MOST_PUSHES, EpisodeMemory
-from sain_mppi.search.config import PlannerConfig
 
 SCENE = make_scene(
     np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
@@ -50,43 +45,3 @@ def test_what_cannot_be_is_not_remembered() -> None:
         with pytest.raises(InvalidInputError):
             memory.add(1, before, PUSH, after)
     assert len(memory.of(1, 2)) == 1
-
-
-class Told:
-    """Moves nothing, and keeps what it was told."""
-
-    def __init__(self) -> None:
-        self.told: list[int] = []
-
-    def with_history(self, history: PushHistory) -> "Told":
-        self.told.append(len(history))
-        return self
-
-    def rollout(self, scene: np.ndarray, pushes: np.ndarray) -> np.ndarray:
-        return np.broadcast_to(scene, (*pushes.shape[:2], *scene.shape)).copy()
-
-
-def test_a_plan_rests_on_its_own_episode_s_pushes() -> None:
-    model, physics = Told(), Told()
-    config = PlannerConfig(samples=16, rounds=1, horizon=1)
-    decider = Decider(model, physics, config, Feasibility(), seed=0)
-    job = Job(Task(1, 0, np.array([0.7, 0.0]), 0.01, 0), View(SCENE, 1, 1, True, 0.0), 0)
-    decider.decide(job, PushHistory.empty().then(SCENE, PUSH, SCENE))
-    decider.decide(job)
-    assert (model.told, physics.told) == ([1, 0], [])  # physics was not asked
-
-
-def test_physics_that_takes_over_knows_the_pushes_too() -> None:
-    class Silent(Told):
-        """Never answers."""
-
-        def rollout(self, scene: np.ndarray, pushes: np.ndarray) -> np.ndarray:
-            raise ModelUnavailableError("silent")
-
-    physics = Told()
-    config = PlannerConfig(samples=16, rounds=2, horizon=1)
-    decider = Decider(Silent(), physics, config, Feasibility(), seed=0)
-    job = Job(Task(1, 0, np.array([0.7, 0.0]), 0.01, 0), View(SCENE, 1, 1, True, 0.0), 0)
-    decision = decider.decide(job, PushHistory.empty().then(SCENE, PUSH, SCENE))
-    assert physics.told == [1]
-    assert decider.complete(decision) is decision  # nothing is asked of a model that failed

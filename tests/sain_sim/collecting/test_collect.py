@@ -6,7 +6,7 @@ import pytest
 
 import sain_sim.collecting.collect as collection
 import sain_sim.collecting.shards
-from sain_core.dataset import shard_path
+from sain_core.dataset import COLLECTED, shard_path
 from sain_core.errors import ConfigError, DatasetError, OutputError
 from sain_core.push import PaperGrid
 from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
@@ -37,6 +37,15 @@ def collected(tmp_path_factory):
 
 def content(folder) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def test_every_column_is_as_the_schema_has_it(collected):
+    config, total = collected
+    data = load_shards(config.out)
+    assert list(data) == list(COLLECTED)
+    for column in COLLECTED:
+        assert data[column].shape == (total, *column.row_shape(2)), column
+        assert data[column].dtype == column.dtype, column
 
 
 def test_transitions_are_what_they_say(collected):

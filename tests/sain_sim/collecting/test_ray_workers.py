@@ -18,7 +18,7 @@ from sain_core.errors import ConfigError
 from sain_sim.cli.collect import main
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
-from sain_sim.collecting.ray_workers import RayCrew
+from sain_sim.collecting.ray_workers import RayPool
 
 CONFIG = CollectConfig(episodes=4, seed=6, workers=2, ray="local", episode=EpisodeConfig(pushes=3))
 
@@ -98,4 +98,4 @@ def test_machines_with_other_software_are_refused(monkeypatch) -> None:
     cluster.get = lambda references: [{"numpy": "0.1"} for _ in references]
     cluster.exceptions = SimpleNamespace(RayTaskError=KeyError, RayError=KeyError)
     with pytest.raises(ConfigError, match="other software the same seed may give other bytes"):
-        RayCrew(cluster, 1, 0, EpisodeConfig())
+        RayPool(cluster, 1, 0, EpisodeConfig())

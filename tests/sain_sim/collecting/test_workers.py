@@ -14,8 +14,8 @@ from sain_core.errors import SainError
 from sain_sim.cli.collect import main
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult
-from sain_sim.collecting.push_counts import JOURNAL_FILE, Tally
-from sain_sim.collecting.workers import AHEAD, LIVES, ProcessCrew, in_order
+from sain_sim.collecting.push_counts import JOURNAL_FILE, PushCounts
+from sain_sim.collecting.workers import AHEAD, LIVES, ProcessPool, WorkerPool, in_order
 
 SHORT = EpisodeConfig(pushes=3)
 
@@ -32,11 +32,11 @@ def whole(tmp_path_factory) -> tuple[CollectConfig, dict[str, bytes]]:
     return config, content(config.out)
 
 
-class ShuffledCrew:
+class ShuffledPool(WorkerPool):
     """Ends episodes in any order."""
 
     def __init__(self, size: int) -> None:
-        self.size = size
+        super().__init__(size)
         self.begun: list[int] = []
         self._running: list[int] = []
         self._random = np.random.default_rng(0)
@@ -54,16 +54,19 @@ class ShuffledCrew:
         late = [episode for episode in self._running if episode]  # the first one ends last
         episode = self._random.choice(late) if late and len(self.begun) < 30 else self._running[0]
         self._running.remove(episode)
-        return [(int(episode), EpisodeResult([], Tally(moved=int(episode))))]
+        return [(int(episode), EpisodeResult([], PushCounts(moved=int(episode))))]
+
+    def close(self) -> None:
+        self._running.clear()
 
 
 def test_episodes_come_back_in_order_and_no_worker_runs_far_ahead() -> None:
-    crew = ShuffledCrew(4)
-    results = in_order(crew, range(100))
-    assert next(results).tally.moved == 0
-    assert max(crew.begun) < AHEAD * crew.size
-    assert [result.tally.moved for result in results] == list(range(1, 100))
-    assert crew.begun == list(range(100))
+    pool = ShuffledPool(4)
+    results = in_order(pool, range(100))
+    assert next(results).counts.moved == 0
+    assert max(pool.begun) < AHEAD * pool.size
+    assert [result.counts.moved for result in results] == list(range(1, 100))
+    assert pool.begun == list(range(100))
 
 
 def test_a_worker_killed_in_mid_episode_costs_nothing(whole, tmp_path, caplog) -> None:
@@ -80,18 +83,18 @@ def test_a_worker_killed_in_mid_episode_costs_nothing(whole, tmp_path, caplog) -
 
 
 def test_an_episode_that_ends_every_worker_is_named() -> None:
-    class Doomed(ProcessCrew):
+    class Doomed(ProcessPool):
         def _start(self):
             worker = super()._start()
             worker.process.kill()
             return worker
 
-    crew = Doomed(1, 0, SHORT)
-    crew.begin(7)
+    pool = Doomed(1, 0, SHORT)
+    pool.begin(7)
     with pytest.raises(SainError, match=rf"episode 7 ended {LIVES} workers, .* exit code -9"):
         while True:
-            crew.finished()
-    crew.close()
+            pool.finished()
+    pool.close()
     assert active_children() == []
 
 

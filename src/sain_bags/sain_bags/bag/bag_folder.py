@@ -1,4 +1,4 @@
-"""Which files a bag is made of."""
+"""The files of a bag."""
 
 from pathlib import Path, PurePath
 from typing import Any
@@ -11,7 +11,7 @@ from sain_core.errors import DatasetError
 
 
 def find_files(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
-    """Return what a bag's ``metadata.yaml`` holds, and its files; of a file alone, no more than it.
+    """Return the content of a bag's ``metadata.yaml``, and its files; for a file, the file alone.
 
     Raises:
         DatasetError: it is no bag, or was not closed.

@@ -36,7 +36,7 @@ class Layout:
     counts: dict[str, int] = field(default_factory=dict)  # elements of sequences of messages
 
     def fits(self, messages: ndarray) -> ndarray:
-        """Tell which messages (M, size) have the same lengths in the same places."""
+        """Return which messages (M, size) have the same lengths in the same places."""
         fitting = messages[:, 1] == (self.byte_order == "<")
         word = np.dtype(f"{self.byte_order}u4")
         for place, length in self.lengths.items():

@@ -28,7 +28,7 @@ RMW_WORDS: Final[dict[str, tuple[str, ...]]] = {
 
 @dataclass(frozen=True)
 class OfferedQos:
-    """The quality of service that one publisher offers, in rosbag2's words."""
+    """The quality of service that one publisher offers, in rosbag2's terms."""
 
     history: str = "unknown"  # not known to peers through discovery
     depth: int = 0
@@ -41,17 +41,11 @@ class OfferedQos:
 
     def as_record(self) -> dict[str, Any]:
         """Return the profile as rosbag2 writes it."""
-        return {
-            "history": self.history,
-            "depth": self.depth,
-            "reliability": self.reliability,
-            "durability": self.durability,
-            "deadline": _duration(self.deadline),
-            "lifespan": _duration(self.lifespan),
-            "liveliness": self.liveliness,
-            "liveliness_lease_duration": _duration(self.liveliness_lease_duration),
-            "avoid_ros_namespace_conventions": False,
+        values = {
+            name: {"sec": value[0], "nsec": value[1]} if isinstance(value, tuple) else value
+            for name, value in vars(self).items()
         }
+        return {**values, "avoid_ros_namespace_conventions": False}
 
 
 @dataclass(frozen=True)
@@ -67,7 +61,7 @@ class Topic:
 
     @property
     def is_latched(self) -> bool:
-        """Whether who joins late is given what was last said, however long ago that was."""
+        """Whether late subscribers receive the last message, however old it is."""
         return any(
             qos.durability == "transient_local" and qos.lifespan >= INFINITE
             for qos in self.offered_qos
@@ -101,7 +95,7 @@ def bag_metadata(
     custom_data: Mapping[str, str],
     ros_distro: str,
 ) -> dict[str, Any]:
-    """Return what is known of a bag, in rosbag2's words.
+    """Return the metadata of a bag, with rosbag2's keys.
 
     Args:
         files: in the order in which they were written.
@@ -134,7 +128,7 @@ def whole_span(spans: Sequence[Span]) -> Span:
 
 
 def read_profiles(text: str) -> tuple[OfferedQos, ...]:
-    """Return the profiles that a channel's metadata holds; none where they cannot be understood.
+    """Return the profiles in a channel's metadata; none where they cannot be parsed.
 
     Up to version 8 of the layout, rosbag2 wrote rmw's numbers for the words.
     """
@@ -155,12 +149,12 @@ def _profile(record: Mapping[str, Any]) -> OfferedQos:
 
 
 def metadata_record(metadata: Mapping[str, Any]) -> dict[str, str]:
-    """Return what a file's record `METADATA_RECORD` holds, as rosbag2 writes it."""
+    """Return the content of a file's record `METADATA_RECORD`, as rosbag2 writes it."""
     return {METADATA_KEY: yaml.safe_dump(dict(metadata), sort_keys=False)}
 
 
 def read_record(record: Metadata) -> dict[str, Any]:
-    """Return what such a record says of its bag; nothing where it cannot be understood."""
+    """Return the metadata of the bag in such a record; empty where it cannot be parsed."""
     try:
         return dict(yaml.safe_load(record.metadata[METADATA_KEY]))
     except (yaml.YAMLError, KeyError, TypeError, ValueError):
@@ -194,7 +188,3 @@ def _topic(topic: Topic, count: int) -> dict[str, Any]:
         },
         "message_count": count,
     }
-
-
-def _duration(value: tuple[int, int]) -> dict[str, int]:
-    return {"sec": value[0], "nsec": value[1]}

@@ -25,7 +25,7 @@ class InfoOptions:
     bag: tyro.conf.Positional[Path]
     """A bag's folder, or its MCAP file."""
     check: bool = True
-    """Read all of it first and compare every CRC; without, gaps are not told and large bags are
+    """Read all of it first and compare every CRC; without, gaps are not counted and large bags are
     fast."""
 
 
@@ -36,7 +36,7 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
     table.add_column("Type", style="dim", no_wrap=True)
     for name in ("Messages", "Rate", "Longest gap", "Missing"):
         table.add_column(name, justify="right")
-    told = read_gaps(bag.custom_data) or {}
+    recorded = read_gaps(bag.custom_data) or {}
     for topic in bag.topics:
         mean = topic.messages / bag.duration if topic.messages > 1 and bag.duration else 0.0
         timing = timings.get(topic.name, TopicTiming(mean, 0.0, None))
@@ -46,7 +46,7 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
             f"{topic.messages:,}",
             f"{timing.rate:.1f} Hz" if timing.rate else "-",
             f"{timing.longest_gap:.2f} s" if timing.longest_gap else "-",
-            _missing(timing.missing, told.get(topic.name)),
+            _missing(timing.missing, recorded.get(topic.name)),
         )
     return table
 
@@ -106,11 +106,11 @@ def show(path: Path, console: Console, check: bool = True) -> None:
         console.print(episode_table(episodes))
 
 
-def _missing(counted: int | None, told: str | None) -> str:
+def _missing(counted: int | None, recorded: str | None) -> str:
     """What the bag shows is certain; of several publishers only their recorder could tell."""
     if counted is not None:
         return f"{counted:,}"
-    return told or "-"
+    return recorded or "-"
 
 
 def _millimetres(metres: float) -> str:

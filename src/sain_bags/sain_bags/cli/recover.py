@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
 
 from sain_bags.recovery.recovery import recover
-from sain_bags.recovery.recovery_report import Outcome, Report
+from sain_bags.recovery.recovery_report import RecoveryOutcome, Report
 from sain_bags.recovery.verified_summary import read_sidecar
 from sain_core.errors import SainError
 
@@ -33,7 +33,7 @@ class RecoverOptions:
 
 def describe(report: Report, out: Path) -> list[str]:
     """Return what a recovery came to, line by line."""
-    if report.outcome == Outcome.NOTHING:
+    if report.outcome == RecoveryOutcome.NOTHING:
         return ["Nothing could be saved.", *_loss_lines(report)]
     chunks = sum(file.chunks for file in report.files)
     duration = 1e-9 * (report.end - report.start)
@@ -44,7 +44,7 @@ def describe(report: Report, out: Path) -> list[str]:
     ]
     if report.note:
         lines.append(f"Note: {report.note}.")
-    if report.outcome == Outcome.LOSSLESS:
+    if report.outcome == RecoveryOutcome.LOSSLESS:
         damaged = any(file.losses for file in report.files)
         return [*lines, "Nothing was lost" + (", though it is damaged." if damaged else ".")]
     return [*lines, *_loss_lines(report)]
@@ -71,12 +71,12 @@ def _loss_lines(report: Report) -> list[str]:
     if report.doubtful:
         lines.append(
             f"Beware: {report.doubtful:,} messages that were saved have no CRC of their own;"
-            " whether they are as recorded cannot be told."
+            " they have no checksum, so that damage to them is not detected."
         )
     return lines
 
 
-def run(options: RecoverOptions, console: Console) -> Outcome:
+def run(options: RecoverOptions, console: Console) -> RecoveryOutcome:
     """Recover a bag, showing how far it is, and print what came of it.
 
     Raises:
@@ -101,7 +101,7 @@ def main() -> None:
     except SainError as error:
         console = Console(stderr=True, soft_wrap=True)
         console.print(f"recover: {error}", style="red", markup=False, highlight=False)
-        sys.exit(Outcome.NOTHING)
+        sys.exit(RecoveryOutcome.NOTHING)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The card of a data set: how much there is, of what, in which ranges, and what was left out."""
+"""The card of a data set: counts, ranges, sources, and the pushes that were dropped."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.rows import Dropped
+from sain_bags.transitions.dropped import Dropped
 from sain_core.dataset import SHARD_SIZE, Column, Columns, centres, describe_fields
 from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import MID, TARGET
@@ -32,7 +32,7 @@ EXAMPLES: Final = 3  # of what was dropped, for each reason
 
 @dataclass
 class Spread:
-    """The range of one quantity, and how often it lies where in it; fed bit by bit."""
+    """The range and the histogram of one quantity; values are added shard by shard."""
 
     unit: str
     low: float
@@ -67,8 +67,8 @@ class Spread:
         }
 
 
-class Card:
-    """Counts what is written and what is dropped, as it happens."""
+class DatasetCard:
+    """Counts rows and dropped pushes during a conversion."""
 
     def __init__(self) -> None:
         """Begin with nothing."""
@@ -103,12 +103,12 @@ class Card:
             self._spreads[name].add(values)
 
     def why_none(self) -> str:
-        """Return in words why there is no row."""
+        """Return why there is no row, as text."""
         reasons = ", ".join(f"{count} {reason}" for reason, count in self.dropped.most_common())
         return reasons or "no push was made"
 
     def content(self, identity: dict[str, Any], sources: list[dict[str, Any]]) -> dict[str, Any]:
-        """Return what ``card.json`` holds."""
+        """Return the content of ``card.json``."""
         by_bag = self._counts[Column.BAG_SHA256]
         return {
             **identity,
@@ -131,14 +131,14 @@ class Card:
 
 
 def _occurrences(texts: ndarray) -> dict[str, int]:
-    """Return how often each text (M,) occurs, in the order in which they do first."""
+    """Return how often each text (M,) occurs, in the order of first occurrence."""
     if (texts == texts[0]).all():
         return {str(texts[0]): len(texts)}
     return Counter(texts.tolist())
 
 
 def _quantities(shard: Columns) -> dict[str, ndarray]:
-    """Return what the ranges are of, an array (M,) each."""
+    """Return the values (M,) of each quantity."""
     states = (Column.STATE, Column.NEXT_STATE, Column.PHYSICS_NEXT)
     before, after, physics = (centres(shard[column]) for column in states)  # each (M, N, 2)
     travel = np.linalg.norm(after - before, axis=-1)

@@ -1,4 +1,4 @@
-"""The picture of a data set's card: how its quantities are spread."""
+"""The picture of a data set's card: a histogram of each quantity."""
 
 import json
 from collections.abc import Mapping

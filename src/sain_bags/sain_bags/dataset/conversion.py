@@ -13,10 +13,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from sain_bags.dataset.card import Card
+from sain_bags.dataset.card import DatasetCard
 from sain_bags.dataset.dataset_folder import DatasetFolder
 from sain_bags.dataset.formats import FormatName
-from sain_bags.dataset.formats.shards import Sharding
+from sain_bags.dataset.formats.sharding import Sharding
 from sain_bags.dataset.known_parameters import KnownParameters
 from sain_bags.transitions.messages import MessageReader
 from sain_bags.transitions.numbering import Numbering
@@ -36,7 +36,7 @@ Writing = Callable[[int, int], None]  # rows written in a format other than npz,
 
 @dataclass(frozen=True)
 class ConversionConfig:
-    """What becomes of recordings."""
+    """The settings of a conversion."""
 
     format: FormatName = "npz"
     """Of the data set (docs/formats.md); npz: shards of 1,000 with the keys of `collect`'s."""
@@ -51,7 +51,7 @@ class ConversionConfig:
 
 
 class Converted(NamedTuple):
-    """What a conversion has made."""
+    """The result of a conversion."""
 
     transitions: int
     episodes: int
@@ -85,7 +85,7 @@ def convert(
     sources = find_sources(paths, config.namespace or None)
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
-    card, numbering, parameters = Card(), Numbering(), KnownParameters(sources)
+    card, numbering, parameters = DatasetCard(), Numbering(), KnownParameters(sources)
     with ExitStack() as stack:
 
         def prior() -> Dynamics:
@@ -105,9 +105,9 @@ def convert(
 
 
 def _stored(folder: DatasetFolder, shards: Iterable[Columns]) -> Iterator[Columns]:
-    """Store shards, and yield each when it is stored; the next is made while a disk is waited for.
+    """Store shards and yield each when it is stored; the next is made meanwhile.
 
-    Where something goes wrong, or is stopped, those that were made before are stored first.
+    After an error or a stop, earlier shards are stored first.
     """
     with ThreadPoolExecutor(max_workers=1) as writer:
         waiting: deque[Future[Columns]] = deque()
@@ -123,10 +123,10 @@ def _shards(
     sources: Sequence[Source],
     maker: RowMaker,
     numbering: Numbering,
-    card: Card,
+    card: DatasetCard,
     progress: Progress,
 ) -> Iterator[Columns]:
-    """Stream all recordings as shards, and count on the card what is dropped."""
+    """Stream all recordings as shards, and count dropped pushes on the card."""
     counter = _Counter(sum(source.messages for source in sources), progress)
     sharding = Sharding(SHARD_SIZE)
     for source in sources:
@@ -138,7 +138,7 @@ def _shards(
     yield from counter.pass_on(sharding.rest())
 
 
-def _pushes(source: Source, card: Card, counter: "_Counter") -> Iterator[Paired]:
+def _pushes(source: Source, card: DatasetCard, counter: "_Counter") -> Iterator[Paired]:
     """Stream the pushes of one recording, some at a time."""
     pairing = Pairing(source.has_results, source.has_predictions)
     reader = MessageReader(source.bag.channels)
@@ -167,7 +167,7 @@ def _versions() -> dict[str, str]:
 
 
 class _Counter:
-    """Tells how far the reading has come."""
+    """Reports the progress of a conversion."""
 
     def __init__(self, messages: int, progress: Progress) -> None:
         self._messages, self._progress = messages, progress
@@ -178,7 +178,7 @@ class _Counter:
         self._progress(self._read, self._messages, self._rows)
 
     def pass_on(self, shards: Iterable[Columns]) -> Iterator[Columns]:
-        """Yield shards, and tell of each when the next is asked for."""
+        """Yield shards; report each when the next one is requested."""
         for shard in shards:
             yield shard
             self._rows += len(shard[Column.PUSH_ID])

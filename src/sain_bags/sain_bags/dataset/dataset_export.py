@@ -1,4 +1,4 @@
-"""A data set in another format than its rows were gathered in: written whole, then put in place."""
+"""A data set in a format other than npz: written completely, then moved into place."""
 
 import os
 import shutil
@@ -31,7 +31,7 @@ def export(
         shards: of the rows, by the number of disks.
         parts: the episodes of each part of the split.
         card: of the data set.
-        advance: told how many rows more were written.
+        advance: called with the number of further rows written.
 
     Raises:
         OutputError: the folder cannot be written, or the disk is full.
@@ -51,7 +51,7 @@ def export(
 
 
 def put_in_place(folder: Path, name: FormatName) -> None:
-    """Let what was exported stand where an earlier data set stood; raises `OutputError`."""
+    """Replace an earlier data set by the exported one; raises `OutputError`."""
     clear(folder, name)
     with _writing(folder):
         for path in (folder / EXPORT).iterdir():
@@ -60,7 +60,7 @@ def put_in_place(folder: Path, name: FormatName) -> None:
 
 
 def clear(folder: Path, name: FormatName) -> None:
-    """Remove what was written of a data set in a format; raises `OutputError`."""
+    """Remove the files of a data set in a format; raises `OutputError`."""
     with _writing(folder):
         for pattern in (*MADE[name], f"{DISKS}*"):
             for path in sorted(folder.glob(pattern)):
@@ -84,6 +84,6 @@ def _writing(folder: Path) -> Iterator[None]:
 
 
 def _keep(path: Path) -> None:
-    """Have a file safe on the disk."""
+    """Write a file through to the disk."""
     with path.open("rb") as file:
         os.fsync(file.fileno())

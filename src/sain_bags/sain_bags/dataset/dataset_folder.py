@@ -1,4 +1,4 @@
-"""The folder that a data set is written to: whose it is, and when it is whole.
+"""The folder that a data set is written to.
 
 ``conversion.json`` is written before the first shard and says which conversion the folder belongs
 to; ``card.json`` is written last, and where it stands the data set is whole. Rows of any format
@@ -16,7 +16,7 @@ import numpy as np
 from sain_bags.dataset.dataset_export import clear, export, put_in_place, remove
 from sain_bags.dataset.dataset_split import describe_split, split_episodes
 from sain_bags.dataset.formats import SHARDS, find_format
-from sain_bags.dataset.formats.shards import write_shard
+from sain_bags.dataset.formats.sharding import write_shard
 from sain_core.dataset import Column, Columns, shard_path
 from sain_core.errors import OutputError
 from sain_core.storage import PARTIAL, write_json
@@ -26,14 +26,14 @@ CARD_FILE: Final = "card.json"
 PICTURE_FILE: Final = "card.png"  # drawn from the card
 GATHERED: Final = ".rows"  # folder of the shards until they are written in another format
 
-Content = dict[str, Any]
+CardContent = dict[str, Any]
 
 
 class DatasetFolder:
-    """Takes the shards and the card of one conversion."""
+    """Writes the shards and the card of one conversion."""
 
-    def __init__(self, path: Path, identity: Content, overwrite: bool = False) -> None:
-        """Look at the folder; nothing is written or deleted before the first shard.
+    def __init__(self, path: Path, identity: CardContent, overwrite: bool = False) -> None:
+        """Check the folder; nothing is written or deleted before the first shard.
 
         Args:
             path: a new or empty folder, or that of a conversion.
@@ -60,7 +60,7 @@ class DatasetFolder:
             )
 
     def store(self, columns: Columns) -> Columns:
-        """Write columns as the next shard, or find it written, and return them.
+        """Write columns as the next shard, unless it is there already; return them.
 
         Raises:
             DatasetError: what is there is damaged or differs.
@@ -77,13 +77,13 @@ class DatasetFolder:
         return stored
 
     def finish(
-        self, card: Content, progress: Callable[[int, int], None] = lambda rows, of: None
+        self, card: CardContent, progress: Callable[[int, int], None] = lambda rows, of: None
     ) -> None:
-        """Write the gathered rows in the format, and the card: the data set is whole.
+        """Write the rows in the format, then the card, which completes the data set.
 
         Args:
-            card: all that is told of the data set but its split.
-            progress: told how many rows are written, of how many.
+            card: of the data set, without its split.
+            progress: called with the number of rows written, and of all.
 
         Raises:
             OutputError: the folder cannot be written, or the disk is full.
@@ -119,8 +119,8 @@ class DatasetFolder:
         self._claimed = True
 
 
-def _read_identity(folder: Path) -> Content | None:
-    """Return what the folder says whose it is; None: it is new or empty.
+def _read_identity(folder: Path) -> CardContent | None:
+    """Return the identity of the conversion in a folder; None: the folder is new or empty.
 
     Raises:
         OutputError: it is no folder, or holds what no conversion has made.
@@ -144,6 +144,6 @@ def _read_identity(folder: Path) -> Content | None:
     return content
 
 
-def _difference(found: Content, wanted: Content) -> str:
+def _difference(found: CardContent, wanted: CardContent) -> str:
     name = next(key for key in {**wanted, **found} if found.get(key) != wanted.get(key))
     return f"{name} = {found.get(name)!r}, not {wanted.get(name)!r}"

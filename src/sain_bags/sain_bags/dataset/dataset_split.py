@@ -1,4 +1,4 @@
-"""Which episodes of a data set are to train, to validate and to test on."""
+"""The split of a data set: episodes for training, validation and test."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,7 +13,7 @@ Counts = Mapping[tuple[int, int], int]  # of rows, by number of disks and episod
 
 
 def split_episodes(counts: Counts) -> Episodes:
-    """Split as `sain_model train` does with its defaults; too few episodes are all to train on."""
+    """Split as `sain_model train` does by default; too few episodes are all for training."""
     labels = [episode for _, episode in sorted(counts)]
     try:
         masks = draw_parts(np.arange(len(labels)), SEED, *SHARES.values())
@@ -30,7 +30,7 @@ def split_episodes(counts: Counts) -> Episodes:
 
 
 def describe_split(episodes: Episodes, counts: Counts) -> dict[str, Any]:
-    """Return what a card says of a split; episodes that it does not name are to train on."""
+    """Return the split for the card; episodes that it does not name are for training."""
     rows = {
         part: sum(count for (_, episode), count in counts.items() if episode in episodes[part])
         for part in PARTS

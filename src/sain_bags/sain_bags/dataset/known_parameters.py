@@ -1,7 +1,4 @@
-"""What a recording tells of a world that its scenes do not show: friction.
-
-The simulator says it once an episode, in ``world_parameters``; a robot cannot.
-"""
+"""Friction, which scenes do not show: the simulator records it in ``world_parameters``."""
 
 from collections.abc import Iterator, Sequence
 from typing import Final
@@ -10,32 +7,32 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.transitions.episodes import parent_of
+from sain_bags.transitions.message_fields import WORLD
 from sain_bags.transitions.sources import Source
 from sain_bags.transitions.tables import TableReader
-from sain_bags.transitions.wanted_fields import WORLD
 from sain_core.dataset import FRICTIONS, Column, Columns
 
 UNKNOWN: Final = np.full(len(FRICTIONS), np.nan)
 
 
 class KnownParameters:
-    """The parameters of the episodes that recordings tell of."""
+    """The parameters of the episodes of recordings."""
 
     def __init__(self, sources: Sequence[Source]) -> None:
-        """Look for them; what was told twice and differently is not known.
+        """Read them; values that contradict each other are not known.
 
         Raises:
             DatasetError: a recording is damaged, or its messages are of another definition.
         """
         self._known: dict[tuple[str, int], ndarray] = {}  # by bag and its number of the episode
         for source in sources:
-            for episode, told in _worlds(source):
-                known = self._known.setdefault((source.sha256, episode), told)
-                if not np.array_equal(known, told):
+            for episode, values in _worlds(source):
+                known = self._known.setdefault((source.sha256, episode), values)
+                if not np.array_equal(known, values):
                     self._known[source.sha256, episode] = UNKNOWN
 
     def added_to(self, columns: Columns) -> Columns:
-        """Return columns with those of each row; as they are where no recording tells any."""
+        """Return columns with those of each row; unchanged where no recording has any."""
         if not self._known:
             return columns
         bags, episodes = columns[Column.BAG_SHA256], columns[Column.BAG_EPISODE]
@@ -45,7 +42,7 @@ class KnownParameters:
 
 
 def _worlds(source: Source) -> Iterator[tuple[int, ndarray]]:
-    """Yield the number of each episode that is told of, and its parameters."""
+    """Yield the id of each episode and its parameters."""
     readers = {
         number: TableReader(channel)
         for number, channel in enumerate(source.bag.channels)

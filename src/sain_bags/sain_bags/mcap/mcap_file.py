@@ -41,7 +41,7 @@ MESSAGE: Final = np.dtype(  # a message record up to its data
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A chunk, or messages that stand in the file without one; small, as a bag has thousands."""
+    """A chunk, or messages without a chunk; small, as a bag has thousands of them."""
 
     first: int  # log times of its messages [ns since the epoch]
     last: int
@@ -184,8 +184,8 @@ def _indexed(
     named, owner = named[order], np.concatenate(owners)[order] if owners else np.empty(0)
     places = named["place"].astype(np.int64)
     found = _at(data, places, channels)
-    told = len(found.heads) == len(named) and (np.diff(places) > 0).all()
-    if not told or (found.heads["log_time"] != named["log_time"]).any():
+    fits = len(found.heads) == len(named) and (np.diff(places) > 0).all()
+    if not fits or (found.heads["log_time"] != named["log_time"]).any():
         raise McapError("the index of a chunk does not fit it")
     if (found.heads["channel"] != owner).any():
         raise McapError("the index of a chunk does not fit it")

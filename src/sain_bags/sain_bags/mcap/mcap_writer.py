@@ -1,10 +1,10 @@
-"""Writes one MCAP file, lean enough for thousands of messages a second beside a robot's work.
+"""Writes one MCAP file: thousands of messages a second, at little processor time.
 
 Format: https://mcap.dev/spec. Two things are done otherwise than `mcap`'s own writer does them:
 
-* What describes a channel stands in two chunks: none that is lost takes the channel with it.
-* What a failed write left behind is cut off, so that the file can still be ended and is whole up to
-  there. The statistics tell of what is in the file, never of what should have been.
+* The description of a channel is in two chunks, so that a lost chunk does not lose the channel.
+* The rest of a failed write is cut off, so that the file can still be ended and is whole. The
+  statistics count the messages in the file.
 """
 
 import struct
@@ -34,7 +34,7 @@ from mcap.records import (
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
 
-from sain_bags.mcap.preallocated_file import ReservedFile
+from sain_bags.mcap.preallocated_file import PreallocatedFile
 
 LIBRARY: Final = "sain_bags"
 MESSAGE: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log, publish time
@@ -63,10 +63,10 @@ class Contents:
         return sum(self.counts.values())
 
 
-class LeanWriter:
+class McapWriter:
     """One file in the making. Every method raises `OSError` where the disk fails."""
 
-    def __init__(self, file: ReservedFile, compression: str, chunk_size: int) -> None:
+    def __init__(self, file: PreallocatedFile, compression: str, chunk_size: int) -> None:
         """Begin a file.
 
         Args:

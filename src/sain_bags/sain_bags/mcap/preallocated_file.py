@@ -11,7 +11,7 @@ RESERVE: Final = 1 << 20  # [bytes], a chunk, its index and a long bag's summary
 FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 
 
-class ReservedFile:
+class PreallocatedFile:
     """A new binary file for writing that keeps some space back.
 
     When a write finds the disk full, the space kept back is given up, the write goes on, and
@@ -76,7 +76,7 @@ def free_space(folder: Path) -> int:
     """Return what is left on a folder's disk [bytes].
 
     Raises:
-        OSError: it cannot be told.
+        OSError: it is not known.
     """
     disk = os.statvfs(folder)
     return disk.f_bavail * disk.f_frsize

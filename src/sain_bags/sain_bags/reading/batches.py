@@ -5,7 +5,7 @@ back until that is read, so that nothing but the overlap has to be kept.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -37,16 +37,8 @@ class Batch:
 
     def __getitem__(self, index: ndarray) -> "Batch":
         """Return some of the messages, by a mask or by their places."""
-        return Batch(
-            self.data,
-            self.starts[index],
-            self.sizes[index],
-            self.channels[index],
-            self.log_times[index],
-            self.publish_times[index],
-            self.sequences[index],
-            self.ranks[index],
-        )
+        _, *columns = vars(self).values()
+        return Batch(self.data, *(column[index] for column in columns))
 
     def compact(self) -> "Batch":
         """Return the same messages without the data between them."""
@@ -54,8 +46,7 @@ class Batch:
         bounds = zip(self.starts.tolist(), (self.starts + self.sizes).tolist(), strict=True)
         parts = [self.data[start:end] for start, end in bounds]
         data = np.concatenate(parts) if parts else self.data[:0]
-        rest = (self.channels, self.log_times, self.publish_times, self.sequences, self.ranks)
-        return Batch(data, ends - self.sizes, self.sizes, *rest)
+        return replace(self, data=data, starts=ends - self.sizes)
 
 
 def make_batch(messages: Messages, channels: ndarray, rank: int) -> Batch:

@@ -94,13 +94,13 @@ class Bag:
             numbers = self._statistics[found.file].channel_message_counts
             counts[key] += numbers.get(found.channel.id, 0)
             about[key] = {**about.get(key, {}), **found.channel.metadata}
-        told = self._told_topics()
+        hashes = self._type_hashes()
         return tuple(
             TopicSummary(
                 *key,
                 counts[key],
                 about[key].get("offered_qos_profiles", ""),
-                about[key].get("topic_type_hash") or told.get(key, ""),
+                about[key].get("topic_type_hash") or hashes.get(key, ""),
             )
             for key in sorted(counts)
         )
@@ -211,8 +211,8 @@ class Bag:
                 yield from StreamReader(stream, validate_crcs=True).records
                 check_summary(stream)
 
-    def _told_topics(self) -> dict[tuple[str, str], str]:
-        """Return the hashes of types that ``metadata.yaml`` tells of, by topic and type."""
+    def _type_hashes(self) -> dict[tuple[str, str], str]:
+        """Return the hashes of types in ``metadata.yaml``, by topic and type."""
         listed = self.metadata.get("topics_with_message_count") or []
         topics = [entry.get("topic_metadata", {}) for entry in listed]
         return {

@@ -11,7 +11,7 @@ from sain_bags.reading.reader import Bag
 class TopicTiming:
     """One topic's messages, in the order of the file."""
 
-    rate: float  # [Hz] between the first and the last, 0: it cannot be told
+    rate: float  # [Hz] between the first and the last, 0: not known
     longest_gap: float  # [s] between two messages, 0: there are no two
     missing: int | None  # numbers that its publisher gave and that are not there; None: not known
 
@@ -44,7 +44,7 @@ class _Progress:
         return bool(message.sequence) and message.publish_time == self.published
 
     def _count(self, sequence: int) -> None:
-        # Numbers of several publishers run side by side, and what is missing cannot be told.
+        # Numbers of several publishers run side by side, so that gaps cannot be counted.
         if self.missing is None or sequence <= self.sequence:
             self.missing = None
         else:

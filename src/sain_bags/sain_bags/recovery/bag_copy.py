@@ -8,7 +8,6 @@ import os
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from mcap.records import Attachment, Channel, Metadata, Schema
@@ -119,12 +118,7 @@ class BagCopy:
         """Return the copy."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Remove what was not finished."""
         with contextlib.suppress(OSError):  # what is still to be written is given up
             self._file.close()

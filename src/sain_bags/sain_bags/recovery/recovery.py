@@ -15,17 +15,17 @@ from sain_bags.bag.metadata import METADATA_RECORD, read_record
 from sain_bags.mcap.chunks import MESSAGE_HEAD, OpenedChunk, open_chunk
 from sain_bags.mcap.scanner import Gap, Record, Scanner, is_exact, parse
 from sain_bags.recovery.bag_copy import BagCopy
-from sain_bags.recovery.recovery_report import FileReport, Loss, Outcome, Report
+from sain_bags.recovery.recovery_report import FileReport, Loss, RecoveryOutcome, Report
 from sain_bags.recovery.verified_summary import (
     Sidecar,
-    TrustedSummary,
+    VerifiedSummary,
     complete_sidecar,
     read_sidecar,
-    read_trusted_summary,
+    read_verified_summary,
 )
 from sain_core.errors import DatasetError, OutputError
 
-Advance = Callable[[int], object]  # told how many bytes were gone through
+Advance = Callable[[int], object]  # called with the number of bytes that were read
 
 
 def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Report:
@@ -44,9 +44,9 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
     try:
         with BagCopy(out) as copy:
             files = tuple(_recover_file(path, copy, advance) for path in sidecar.files)
-            sidecar = complete_sidecar(sidecar, files[-1].about, files[-1].said)
+            sidecar = complete_sidecar(sidecar, files[-1].about, files[-1].described_bag)
             report = _report(files, copy, sidecar)
-            if report.outcome != Outcome.NOTHING:
+            if report.outcome != RecoveryOutcome.NOTHING:
                 copy.finish(_custom_data(sidecar, report, source), sidecar.ros_distro)
             return report
     except OutputError:
@@ -69,15 +69,15 @@ def _report(files: tuple[FileReport, ...], copy: BagCopy, sidecar: Sidecar) -> R
 
 
 def _custom_data(sidecar: Sidecar, report: Report, source: Path) -> dict[str, str]:
-    """Whoever opens the new bag should see that it is not all that was recorded."""
-    if report.outcome == Outcome.LOSSLESS:
+    """Return the custom data of the new bag; they state losses."""
+    if report.outcome == RecoveryOutcome.LOSSLESS:
         return dict(sidecar.custom_data)
     return {**sidecar.custom_data, "recovered": f"with losses, from {source.name}"}
 
 
 def _recover_file(path: Path, copy: BagCopy, advance: Advance) -> FileReport:
     with path.open("rb") as stream:
-        summary = read_trusted_summary(stream)
+        summary = read_verified_summary(stream)
         scanner = Scanner(stream)
         salvage = _Salvage(FileReport(path.name, scanner.size), copy, summary)
         place = 0
@@ -91,21 +91,21 @@ def _recover_file(path: Path, copy: BagCopy, advance: Advance) -> FileReport:
 class _Salvage:
     """One file's records on their way into the new bag."""
 
-    def __init__(self, report: FileReport, copy: BagCopy, summary: TrustedSummary | None) -> None:
+    def __init__(self, report: FileReport, copy: BagCopy, summary: VerifiedSummary | None) -> None:
         self._report = report
         self._copy = copy
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._numbers: dict[int, int] = {}  # of channels, here and in the copy
-        self._unchecked: set[int] = set()  # channels whose description no CRC vouches for
+        self._unchecked: set[int] = set()  # channels whose description has no CRC
         self._chunk = 0
         self._last_time: int | None = None
-        self._loss: Loss | None = None  # the latest, while nothing was saved after it
-        self._open: list[Loss] = []  # those of which it is not known yet when they end
+        self._loss: Loss | None = None  # the latest, until a message after it is saved
+        self._open: list[Loss] = []  # those without a message after them so far
         if summary is not None:
             self._declare(list(summary.schemas.values()), list(summary.channels.values()))
             report.expected, report.expected_extras = summary.counts, summary.extras
-            report.said = summary.says
+            report.described_bag = summary.describes_bag
 
     def take(self, found: Record | Gap) -> None:
         """Save a record, or note what is lost."""

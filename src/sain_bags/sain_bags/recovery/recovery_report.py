@@ -6,7 +6,7 @@ from enum import IntEnum
 from typing import Any
 
 
-class Outcome(IntEnum):
+class RecoveryOutcome(IntEnum):
     """How a recovery ended; the exit code."""
 
     LOSSLESS = 0
@@ -42,21 +42,21 @@ class Loss:
 
 @dataclass
 class FileReport:
-    """How one MCAP file fared."""
+    """What was saved and lost of one MCAP file."""
 
     name: str
     size: int  # [bytes]
     chunks: int = 0  # saved
     losses: list[Loss] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)  # messages saved, by topic
-    extras: int = 0  # attachments and metadata seen whole, but for what it says of its bag
+    extras: int = 0  # attachments and metadata found whole, except metadata of its bag
     expected: Mapping[str, int] | None = None  # messages it once had, from an undamaged summary
     expected_extras: int = 0
     ended: bool = False  # the end of its data was found
     matches: bool | None = None  # the CRC of all its data; None: there is none to compare
     unchecked: int = 0  # messages saved that no CRC vouches for
-    about: Mapping[str, Any] = field(default_factory=dict)  # what it says of its bag
-    said: bool = False  # whether it once said something of its bag
+    about: Mapping[str, Any] = field(default_factory=dict)  # metadata of its bag
+    described_bag: bool = False  # whether it once had metadata of its bag
 
     @property
     def damaged(self) -> bool:
@@ -104,12 +104,12 @@ class Report:
         return sum(file.doubtful for file in self.files)
 
     @property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> RecoveryOutcome:
         """Whether nothing was lost, something, or all."""
         all_there = all(file.lossless for file in self.files) or self.counts == self.listed
         if all_there and not self.doubtful and not self.lost:
-            return Outcome.LOSSLESS
-        return Outcome.LOSSY if self.messages else Outcome.NOTHING
+            return RecoveryOutcome.LOSSLESS
+        return RecoveryOutcome.LOSSY if self.messages else RecoveryOutcome.NOTHING
 
     @property
     def missing(self) -> dict[str, int] | None:

@@ -1,4 +1,4 @@
-"""What a damaged bag still says about itself and can be believed, so that losses can be counted."""
+"""The verified summary of a damaged bag, with which losses are counted."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -17,21 +17,21 @@ DEFAULT_DISTRO: Final = "jazzy"
 
 
 @dataclass(frozen=True)
-class TrustedSummary:
+class VerifiedSummary:
     """The end of an MCAP file whose CRC is right."""
 
     schemas: Mapping[int, Schema]
     channels: Mapping[int, Channel]
     counts: Mapping[str, int]  # messages by topic
-    extras: int  # attachments and metadata, but for what it says of its bag
-    says: bool  # whether it says something of its bag
+    extras: int  # attachments and metadata, except metadata of its bag
+    describes_bag: bool  # whether it has metadata of its bag
 
 
-def read_trusted_summary(stream: IO[bytes]) -> TrustedSummary | None:
-    """Return a file's summary, None where there is none or no CRC says that it is undamaged."""
+def read_verified_summary(stream: IO[bytes]) -> VerifiedSummary | None:
+    """Return a file's summary; None where there is none, or no CRC verifies it."""
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
-    statistics, says = None, 0
+    statistics, describes_bag = None, 0
     try:
         footer = check_summary(stream)
         if not footer.summary_start or not footer.summary_crc:
@@ -45,7 +45,7 @@ def read_trusted_summary(stream: IO[bytes]) -> TrustedSummary | None:
             elif isinstance(record, Statistics):
                 statistics = record
             elif isinstance(record, MetadataIndex):
-                says += record.name == METADATA_RECORD
+                describes_bag += record.name == METADATA_RECORD
     except DAMAGE:
         return None
     if statistics is None or not set(statistics.channel_message_counts) <= set(channels):
@@ -53,13 +53,13 @@ def read_trusted_summary(stream: IO[bytes]) -> TrustedSummary | None:
     counts = {channel.topic: 0 for channel in channels.values()}
     for number, count in statistics.channel_message_counts.items():
         counts[channels[number].topic] += count
-    extras = statistics.attachment_count + statistics.metadata_count - says
-    return TrustedSummary(schemas, channels, counts, extras, bool(says))
+    extras = statistics.attachment_count + statistics.metadata_count - describes_bag
+    return VerifiedSummary(schemas, channels, counts, extras, bool(describes_bag))
 
 
 @dataclass(frozen=True)
 class Sidecar:
-    """What ``metadata.yaml`` says, as far as it can be read."""
+    """The content of ``metadata.yaml``, as far as it can be read."""
 
     files: tuple[Path, ...]  # of the bag, in their order
     custom_data: Mapping[str, str] = field(default_factory=dict)
@@ -71,20 +71,20 @@ class Sidecar:
 
 
 def complete_sidecar(sidecar: Sidecar, about: Mapping[str, Any], was_more: bool) -> Sidecar:
-    """Take from what an MCAP file says of its bag what ``metadata.yaml`` does not say any more.
+    """Complete the content of ``metadata.yaml`` from the metadata in an MCAP file.
 
     Args:
-        sidecar: what it says.
-        about: what the file still says.
-        was_more: whether the file once said something.
+        sidecar: content of ``metadata.yaml``.
+        about: metadata that is left in the file.
+        was_more: whether the file once had metadata of its bag.
     """
     if sidecar.is_read:
         return sidecar
     if not about:
-        lost = sidecar.lost or ("what the file said of its bag" if was_more else "")
+        lost = sidecar.lost or ("the metadata of the bag in the file" if was_more else "")
         return replace(sidecar, lost=lost)
     custom_data, ros_distro = _about_bag(about)
-    note = sidecar.note or f"{METADATA_FILE} cannot be read; what the MCAP file says is taken"
+    note = sidecar.note or f"{METADATA_FILE} cannot be read; the MCAP file's metadata are used"
     return replace(sidecar, custom_data=custom_data, ros_distro=ros_distro, lost="", note=note)
 
 

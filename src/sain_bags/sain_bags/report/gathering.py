@@ -15,7 +15,7 @@ from sain_bags.transitions.episodes import (
     collect_episodes,
     parent_of,
 )
-from sain_bags.transitions.wanted_fields import PUSH, WORLD
+from sain_bags.transitions.message_fields import PUSH, WORLD
 from sain_core.errors import DatasetError, InvalidInputError
 
 Progress = Callable[[], object]

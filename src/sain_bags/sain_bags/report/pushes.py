@@ -8,7 +8,7 @@ import numpy as np
 
 from sain_bags.report.frames import Frame
 from sain_bags.report.gathering import Gathered
-from sain_bags.transitions.episodes import Episode, PushRecord
+from sain_bags.transitions.episodes import Episode, RecordedPush
 from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_NAMES, PushLimits, tool_end, tool_start
 from sain_core.scene import POSE, POSITION, TARGET, target_distance
@@ -67,7 +67,7 @@ def unanswered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, An
     for push in gathered.log.sent.values():
         first, last = at_rest.get(push.scene_id), at_rest.get(push.scene_id + 1)
         alone = named.count(push.scene_id) == 1
-        record = PushRecord(
+        record = RecordedPush(
             push_id=push.push_id,
             push=np.array([getattr(push, name) for name in PUSH_NAMES]),
             before=None if first is None else frames[first].scene,
@@ -96,7 +96,7 @@ def _moments(frames: Sequence[Frame], scenes: tuple[int, int], stamps: tuple[int
     return Moments(first, last)
 
 
-def _describe(push: PushRecord, episode: Episode, moments: Moments) -> dict[str, Any]:
+def _describe(push: RecordedPush, episode: Episode, moments: Moments) -> dict[str, Any]:
     plan, comparable = push.plan, push.executed or push.error_code == ErrorCode.UNKNOWN
     actual = push.after if comparable else None
     names = {int(code): code.name.lower().replace("_", " ") for code in ErrorCode}
@@ -128,7 +128,7 @@ def _describe(push: PushRecord, episode: Episode, moments: Moments) -> dict[str,
     }
 
 
-def _outcome(push: PushRecord) -> str:
+def _outcome(push: RecordedPush) -> str:
     if push.executed:
         return "executed"
     return "unanswered" if push.error_code == ErrorCode.UNKNOWN else "refused"
@@ -141,7 +141,7 @@ def target_error(one: Scene | None, other: Scene | None) -> float | None:
     return float(np.linalg.norm(one[TARGET, POSITION] - other[TARGET, POSITION]))
 
 
-def models(pushes: Sequence[PushRecord]) -> dict[str, list[str]]:
+def models(pushes: Sequence[RecordedPush]) -> dict[str, list[str]]:
     """Return the names of the models that predicted these pushes."""
     return {
         "models": sorted({push.plan.dynamics for push in pushes if push.plan}),

@@ -44,7 +44,7 @@ class PlayOptions:
     passage: PassageConfig = field(default_factory=PassageConfig)
 
 
-class Watch:
+class PlaybackClock:
     """Monotonic time, and an end that a signal asks for."""
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ def run(options: PlayOptions, console: Console) -> Played:
     Raises:
         DatasetError: the bag is damaged, or there is nothing in it that can be played.
     """
-    watch, bag = Watch(), Bag(options.bag)
+    watch, bag = PlaybackClock(), Bag(options.bag)
     chosen = choose_topics(bag, options.topics, options.passage.clock > 0.0)
     player = Player(chosen, options.namespace)
     try:
@@ -86,7 +86,7 @@ def run(options: PlayOptions, console: Console) -> Played:
     return played
 
 
-def await_subscribers(player: Player, patience: float, watch: Watch) -> None:
+def await_subscribers(player: Player, patience: float, watch: PlaybackClock) -> None:
     """Wait until every topic has a subscriber, not longer than patience allows [s]."""
     end = watch.now() + patience
     while player.unheard() and watch.now() < end and not watch.wait(LOOK):
@@ -94,7 +94,7 @@ def await_subscribers(player: Player, patience: float, watch: Watch) -> None:
 
 
 def _play_with_bar(
-    passage: Passage, player: Player, watch: Watch, options: PlayOptions, console: Console
+    passage: Passage, player: Player, watch: PlaybackClock, options: PlayOptions, console: Console
 ) -> Played:
     columns = (
         TextColumn("play"),

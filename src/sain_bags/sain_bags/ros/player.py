@@ -101,7 +101,7 @@ class Player(Node):
             self.latched[topic.name] = offer.depth
 
     def _type_hash(self, name: str) -> str:
-        """Return the hash of the type that this node publishes there; empty: it is not told."""
+        """Return the hash of the type that this node publishes there; empty: not known."""
         for info in self.get_publishers_info_by_topic(name):
             if (info.node_name, info.node_namespace) == (self.get_name(), self.get_namespace()):
                 return str(info.topic_type_hash)

@@ -18,7 +18,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from sain_bags.bag.metadata import Topic
 from sain_bags.ros.endpoints import offered_qos, request_profile
-from sain_bags.ros.message_types import MessageType, MessageTypes
+from sain_bags.ros.recordable_types import RecordableType, RecordableTypes
 from sain_bags.writing.gaps import Gaps
 from sain_bags.writing.selection import RequestedQos, Selection, adapt
 from sain_bags.writing.writer import BagWriter
@@ -39,11 +39,11 @@ class Recorded:
     """One topic that is recorded."""
 
     topic: Topic
-    kind: MessageType
+    kind: RecordableType
     gaps: Gaps
     wanted: RequestedQos | None = None
     subscription: Subscription | None = None
-    told: Topic | None = None  # as the bag describes it; None: not yet, its definition is awaited
+    described: Topic | None = None  # as in the bag; None: its definition is awaited
     seen: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=SEEN))
     """The latest messages, by number and time."""
     repeated: frozenset[tuple[int, int]] = frozenset()
@@ -68,7 +68,7 @@ class Recorder(Node):
         self.unusable: dict[str, str] = {}  # topics that cannot be recorded, and why
         self._writer = writer
         self._selection = selection
-        self._types = MessageTypes(self)
+        self._types = RecordableTypes(self)
         self._recorded: dict[str, Recorded] = {}
         self._known_publishers: dict[str, set[bytes]] = {}  # that ever were, by topic
         self._counts: dict[str, int] = {}  # of publishers, when last looked
@@ -103,7 +103,7 @@ class Recorder(Node):
         if is_revision:
             self._next_revision = now + REVISION_PERIOD
         for recorded in self._recorded.values():
-            if recorded.told is None:
+            if recorded.described is None:
                 self._announce(recorded)
         for name, types in self.get_topic_names_and_types():
             if not self._selection.wants(name):
@@ -146,7 +146,7 @@ class Recorder(Node):
 
     def await_definitions(self) -> None:
         """Wait for the answers of nodes that were asked: what came meanwhile is taken then."""
-        awaited = [one.kind.definition for one in self._recorded.values() if one.told is None]
+        awaited = [one.kind.definition for one in self._recorded.values() if one.described is None]
         wait(awaited, ANSWERS_TIME)
         for recorded in self._recorded.values():
             self._announce(recorded)
@@ -158,9 +158,9 @@ class Recorder(Node):
         definition = recorded.kind.definition
         text = "" if definition.exception() else definition.result()
         topic = replace(recorded.topic, definition=text)
-        if topic != recorded.told:
+        if topic != recorded.described:
             self._writer.add_topic(topic)
-            recorded.told = topic
+            recorded.described = topic
 
     def _subscribe(self, recorded: Recorded, wanted: RequestedQos) -> None:
         name, former = recorded.topic.name, recorded.subscription
@@ -185,7 +185,7 @@ class Recorder(Node):
 
     def _take(self, recorded: Recorded) -> int:
         """Write what has come of a topic; return how much that was."""
-        if recorded.told is None or recorded.subscription is None:
+        if recorded.described is None or recorded.subscription is None:
             return 0
         name, gaps, write = recorded.topic.name, recorded.gaps, self._writer.write
         saw, repeated = recorded.seen.append, recorded.repeated

@@ -1,6 +1,6 @@
-"""Asks nodes for the definitions of the types that they publish.
+"""Requests from nodes the definitions of the types that they publish.
 
-Every node of ROS 2 Jazzy and later answers on ``<node>/get_type_description``, unless told not to.
+Every node of ROS 2 Jazzy and later answers on ``<node>/get_type_description`` by default.
 """
 
 import time
@@ -17,8 +17,8 @@ from sain_core.errors import InvalidInputError
 PATIENCE: Final = 4.0  # [s]
 ONCE: Final = 0.5  # [s], for one answer
 LOOK: Final = 0.02  # [s], between two looks for the publisher's node
-UNKNOWN: Final = "_NODE_NAME_UNKNOWN_"  # of a node that rmw has not heard of yet
-NAME: Final = "_recorder_asking"  # hidden
+UNKNOWN: Final = "_NODE_NAME_UNKNOWN_"  # of a node that rmw has not discovered yet
+NAME: Final = "_recorder_type_client"  # hidden
 
 
 def ask_definition(topic: str, publisher: TopicEndpointInfo, of: Node) -> str:
@@ -63,7 +63,7 @@ def _ask(node: Node, topic: str, publisher: TopicEndpointInfo) -> str:
 
 
 def _find_owner(node: Node, topic: str, publisher: TopicEndpointInfo, deadline: float) -> str:
-    """Return the full name of a publisher's node, which is heard of later than the publisher."""
+    """Return the full name of a publisher's node, which is discovered later than the publisher."""
     found = publisher
     while found.node_name == UNKNOWN and time.monotonic() < deadline:
         time.sleep(LOOK)

@@ -44,7 +44,7 @@ class _TypeSupport(ctypes.Structure):
     )
 
 
-def stand_in(type_name: str, type_hash: str) -> type:
+def type_support_stub(type_name: str, type_hash: str) -> type:
     """Return a class to subscribe with to raw messages of a type that is not installed.
 
     Args:

@@ -1,1 +1,1 @@
-"""Messages become rows: pushes paired by id. May import `reading`."""
+"""ChannelMessages become rows: pushes paired by id. May import `reading`."""

@@ -1,25 +1,75 @@
 """Pushes whose messages are contiguous: nothing about another push lies between them.
 
 Nearly all pushes of a recording are. They are paired as columns, which is several times faster
-than message by message and gives the same rows (docs/decisions/0011-one-pairing.md).
+than message by message and gives the same rows (docs/decisions/0022-one-pairing.md).
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
 from sain_bags.transitions.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
-from sain_bags.transitions.messages import Messages
+from sain_bags.transitions.message_fields import PUSH
+from sain_bags.transitions.messages import ChannelMessages
 from sain_bags.transitions.paired_pushes import NONE, OK, PairedPushes
 from sain_bags.transitions.tables import Message
-from sain_bags.transitions.wanted_fields import PUSH
 
 ANY_EPISODE = 0  # in a goal: it holds for all
 
-Stretch = tuple[PairedPushes, ndarray, Messages | None]  # spots (R,) of last messages; goals
+
+class PushStretch(NamedTuple):
+    """Contiguous pushes and the goals between them, without any other message."""
+
+    pushes: PairedPushes  # without goals
+    spots: ndarray  # (R,) of the last message of each push
+    goals: ChannelMessages | None
+
+    def given(self) -> list[tuple[int, Message]]:
+        """Return the episode of each goal and the goal, in their order."""
+        if self.goals is None:
+            return []
+        rows = np.arange(len(self.goals.spots))
+        (episodes,) = self.goals.lists(rows, "episode_id")
+        return list(zip(episodes, self.goals.places(rows), strict=True))
+
+    def with_goals(self, earlier: Mapping[int, Message]) -> PairedPushes:
+        """Return the pushes, each with the latest goal of its episode, or else the latest for any.
+
+        Args:
+            earlier: the latest goals before the stretch, by episode.
+        """
+        found = [goal for _, goal in self.given()]
+        episodes = self.pushes.episodes
+        chosen = self._latest(episodes)
+        general = self._latest(np.full_like(episodes, ANY_EPISODE))
+        for episode in np.unique(episodes[chosen == NONE]).tolist():
+            if episode in earlier:
+                chosen[(episodes == episode) & (chosen == NONE)] = len(found)
+                found.append(earlier[episode])
+        chosen = np.where(chosen == NONE, general, chosen)
+        if ANY_EPISODE in earlier:
+            chosen[chosen == NONE] = len(found)
+            found.append(earlier[ANY_EPISODE])
+        return replace(self.pushes, goals=found, goal_of=chosen)
+
+    def _latest(self, episodes: ndarray) -> ndarray:
+        """Return which goal was the latest for an episode (R,) before each push."""
+        goals, spots = self.goals, self.spots
+        if goals is None or not len(goals.spots):
+            return np.full(len(episodes), NONE)
+        named = goals.table.columns["episode_id"]
+        _, codes = np.unique(np.concatenate([named, episodes]), return_inverse=True)
+        goal_codes, push_codes = codes[: len(named)], codes[len(named) :]
+        most = int(max(goals.spots[-1], spots[-1])) + 1
+        keys = goal_codes * most + goals.spots  # by episode, then by time
+        order = np.argsort(keys)
+        place = np.searchsorted(keys[order], push_codes * most + spots) - 1
+        found = order[place]  # place -1 is no goal's: the comparison below finds it out
+        return np.where((place >= 0) & (goal_codes[found] == push_codes), found, NONE)
 
 
 @dataclass(frozen=True)
@@ -29,27 +79,26 @@ class Contiguous:
     covered: ndarray  # (messages,) which belong to these pushes or are goals
     spots: ndarray  # (R,) of the last message of each push
     pushes: PairedPushes
-    goals: Messages | None
+    goals: ChannelMessages | None
 
-    def stretches(self, others: ndarray) -> list[Stretch]:
+    def stretches(self, others: ndarray) -> list[PushStretch]:
         """Divide pushes and goals at the spots of other messages; one stretch more than others."""
         goal_spots = self.goals.spots if self.goals else others[:0]
         push_ends = [0, *np.searchsorted(self.spots, others).tolist(), len(self.spots)]
         goal_ends = [0, *np.searchsorted(goal_spots, others).tolist(), len(goal_spots)]
+        ends = zip(pairwise(push_ends), pairwise(goal_ends), strict=True)
         return [
-            (
+            PushStretch(
                 self.pushes.part(slice(first, last)),
                 self.spots[first:last],
-                _part(self.goals, slice(begin, end)),
+                self.goals and self.goals.part(slice(begin, end)),
             )
-            for (first, last), (begin, end) in zip(
-                pairwise(push_ends), pairwise(goal_ends), strict=True
-            )
+            for (first, last), (begin, end) in ends
         ]
 
 
 def find_contiguous(
-    messages: Sequence[Messages],
+    messages: Sequence[ChannelMessages],
     count: int,
     known: Callable[[ndarray], ndarray],
     with_predictions: bool,
@@ -101,68 +150,7 @@ def find_contiguous(
     return Contiguous(covered, spots[ends[right] - 1], pushes, goals)
 
 
-def with_goals(
-    pushes: PairedPushes, spots: ndarray, goals: Messages | None, earlier: Mapping[int, Message]
-) -> PairedPushes:
-    """Give each push the latest goal of its episode, or else the latest for any.
-
-    Args:
-        pushes: without goals.
-        spots: (R,) of the last message of each push.
-        goals: those between the pushes.
-        earlier: the latest before them, by episode.
-    """
-    found: list[Message] = [goal for _, goal in goals_by_episode(goals)]
-    episodes = pushes.episodes
-    chosen = _latest(goals, episodes, spots)
-    general = _latest(goals, np.full_like(episodes, ANY_EPISODE), spots)
-    for episode in np.unique(episodes[chosen == NONE]).tolist():
-        if episode in earlier:
-            chosen[(episodes == episode) & (chosen == NONE)] = len(found)
-            found.append(earlier[episode])
-    chosen = np.where(chosen == NONE, general, chosen)
-    if ANY_EPISODE in earlier:
-        chosen[chosen == NONE] = len(found)
-        found.append(earlier[ANY_EPISODE])
-    return replace(pushes, goals=found, goal_of=chosen)
-
-
-def goals_by_episode(goals: Messages | None) -> list[tuple[int, Message]]:
-    """Return the episode of each goal and the goal, in their order."""
-    if goals is None:
-        return []
-    rows = np.arange(len(goals.spots))
-    return list(zip(*goals.lists(rows, "episode_id"), goals.places(rows), strict=True))
-
-
-def _part(messages: Messages | None, chosen: slice) -> Messages | None:
-    if messages is None:
-        return None
-    rows = np.arange(len(messages.spots))[chosen]
-    return replace(
-        messages,
-        table=messages.table.take(rows),
-        spots=messages.spots[chosen],
-        times=messages.times[chosen],
-    )
-
-
-def _latest(goals: Messages | None, episodes: ndarray, spots: ndarray) -> ndarray:
-    """Return which goal was the latest for each episode (R,) before a spot (R,)."""
-    if goals is None or not len(goals.spots):
-        return np.full(len(episodes), NONE)
-    named = goals.table.columns["episode_id"]
-    _, codes = np.unique(np.concatenate([named, episodes]), return_inverse=True)
-    goal_codes, push_codes = codes[: len(named)], codes[len(named) :]
-    most = int(max(goals.spots[-1], spots[-1])) + 1
-    keys = goal_codes * most + goals.spots  # by episode, then by time
-    order = np.argsort(keys)
-    place = np.searchsorted(keys[order], push_codes * most + spots) - 1
-    found = order[place]  # place -1 is no goal's: the comparison below finds it out
-    return np.where((place >= 0) & (goal_codes[found] == push_codes), found, NONE)
-
-
-def _rows(messages: Messages, firsts: ndarray, right: ndarray) -> ndarray:
+def _rows(messages: ChannelMessages, firsts: ndarray, right: ndarray) -> ndarray:
     """Return the row of each run's message of one kind; where there are two, none is right."""
     run = np.searchsorted(firsts, messages.spots, side="right") - 1
     right &= np.bincount(run, minlength=len(firsts)) <= 1
@@ -171,7 +159,9 @@ def _rows(messages: Messages, firsts: ndarray, right: ndarray) -> ndarray:
     return rows
 
 
-def _executed(kinds: Mapping[str, Messages], rows: Mapping[str, ndarray], ids: ndarray) -> ndarray:
+def _executed(
+    kinds: Mapping[str, ChannelMessages], rows: Mapping[str, ndarray], ids: ndarray
+) -> ndarray:
     """Return which runs have the result of an executed push that repeats the push as sent."""
     results, columns = rows[PUSH_RESULT], kinds[PUSH_RESULT].table.columns
     right = (results != NONE) & (columns["error_code"][results] == OK)

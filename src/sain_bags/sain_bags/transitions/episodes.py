@@ -4,7 +4,7 @@ Everything is paired by the ids that the messages carry; time stamps pair nothin
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Final
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from sain_bags.reading.reader import Bag, Received
 from sain_core.errors import DatasetError, ErrorCode, InvalidInputError
 from sain_core.push import PUSH_NAMES
+from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, Table, target_distance
 from sain_core.types import Points, PushArray, Pushes, Scene, Scenes
 from sain_core.wire import decode_disks, decode_goal, decode_plan, decode_push
@@ -42,8 +43,8 @@ class PlanRecord:
 
 
 @dataclass(frozen=True)
-class PushRecord:
-    """One push and all that is known about it."""
+class RecordedPush:
+    """A push as a recording has it: executed, refused, or without a result."""
 
     push_id: int
     push: PushArray  # (3,)
@@ -70,6 +71,14 @@ class PushRecord:
             return None
         return np.asarray(self.plan.predicted[0])
 
+    @property
+    def record(self) -> PushRecord | None:
+        """The record of a push that was executed; None: it was not, or a scene is missing."""
+        if not self.executed or self.before is None or self.after is None:
+            return None
+        time = self.plan.planning_time if self.plan else 0.0
+        return PushRecord(self.push, self.before, self.predicted, self.physics, self.after, time)
+
 
 @dataclass(frozen=True)
 class Episode:
@@ -81,14 +90,19 @@ class Episode:
     goal: Points | None  # (2,), None: none was given
     tolerance: float  # [m]
     max_pushes: int  # 0: no limit
-    pushes: tuple[PushRecord, ...]
+    pushes: tuple[RecordedPush, ...]
     plans: tuple[PlanRecord, ...]
     interval: tuple[int, int]  # [ns since the epoch], first and last message received
 
     @property
-    def executed(self) -> tuple[PushRecord, ...]:
+    def executed(self) -> tuple[RecordedPush, ...]:
         """The pushes that were carried out."""
         return tuple(push for push in self.pushes if push.executed)
+
+    @property
+    def records(self) -> tuple[PushRecord, ...]:
+        """The records of the pushes that were executed and have both scenes."""
+        return tuple(push.record for push in self.pushes if push.record is not None)
 
     @property
     def final_distance(self) -> float:
@@ -191,13 +205,13 @@ def _episode(number: int, draft: _Draft, goal: Any, physics: dict[int, Any]) -> 
     )
 
 
-def _push(result: Any, plans: dict[int, PlanRecord], physics: dict[int, Any]) -> PushRecord:
+def _push(result: Any, plans: dict[int, PlanRecord], physics: dict[int, Any]) -> RecordedPush:
     executed = result.error_code == ErrorCode.OK
     predicted = physics.get(result.push_id)
     if predicted is not None and predicted.error_code != ErrorCode.OK:
         predicted = None
     push = result.push
-    return PushRecord(
+    return RecordedPush(
         push_id=result.push_id,
         # One that was refused may hold anything, also NaN.
         push=decode_push(push) if executed else np.array([getattr(push, n) for n in PUSH_NAMES]),
@@ -216,19 +230,9 @@ def _push(result: Any, plans: dict[int, PlanRecord], physics: dict[int, Any]) ->
 
 def _plan(message: Any) -> PlanRecord:
     pushes, predicted = decode_plan(message)
-    return PlanRecord(
-        plan_id=message.plan_id,
-        push_id=message.push_id,
-        status=message.status,
-        error_code=message.error_code,
-        error_message=message.error_message,
-        dynamics=message.dynamics,
-        fallback=message.fallback,
-        pushes=pushes,
-        predicted=predicted,
-        goal_distance=message.goal_distance,
-        planning_time=message.planning_time,
-    )
+    decoded: dict[str, Any] = {"pushes": pushes, "predicted": predicted}
+    names = [field.name for field in fields(PlanRecord) if field.name not in decoded]
+    return PlanRecord(**{name: getattr(message, name) for name in names}, **decoded)
 
 
 def _choose(found: tuple[str, ...], wanted: str | None, bag: Bag) -> str:

@@ -10,22 +10,27 @@ from numpy import ndarray
 from sain_bags.reading.bag_files import BagChannel
 from sain_bags.reading.batches import Batch
 from sain_bags.transitions.episodes import SCENE
-from sain_bags.transitions.tables import Message, Table, TableReader
-from sain_bags.transitions.wanted_fields import FIELDS
+from sain_bags.transitions.message_fields import FIELDS
+from sain_bags.transitions.tables import Message, MessageTable, TableReader
 
 
 @dataclass(frozen=True)
-class Messages:
+class ChannelMessages:
     """The messages of one channel in a batch."""
 
     kind: str
-    table: Table
+    table: MessageTable
     spots: ndarray  # (M,) their places in the batch
     times: ndarray  # (M,) [ns since the epoch], received
 
     def lists(self, rows: ndarray, *names: str) -> list[list[int]]:
         """Return columns of some messages as Python's own numbers."""
         return [self.table.columns[name][rows].tolist() for name in names]
+
+    def part(self, chosen: slice) -> "ChannelMessages":
+        """Return some of the messages, one after the other."""
+        table = self.table.take(np.arange(len(self.spots))[chosen])
+        return ChannelMessages(self.kind, table, self.spots[chosen], self.times[chosen])
 
     def places(self, rows: ndarray) -> list[Message]:
         """Return where some messages are."""
@@ -40,7 +45,7 @@ class MessageReader:
         self._channels = channels
         self._readers: dict[int, TableReader] = {}
 
-    def read(self, batch: Batch) -> list[Messages]:
+    def read(self, batch: Batch) -> list[ChannelMessages]:
         """Return the messages of each channel.
 
         Raises:
@@ -49,7 +54,7 @@ class MessageReader:
         numbers = np.unique(batch.channels).tolist()
         return [self._read(n, batch) for n in numbers if self._channels[n].type in FIELDS]
 
-    def _read(self, number: int, batch: Batch) -> Messages:
+    def _read(self, number: int, batch: Batch) -> ChannelMessages:
         if number not in self._readers:
             self._readers[number] = TableReader(self._channels[number])
         spots = np.flatnonzero(batch.channels == number)
@@ -58,10 +63,10 @@ class MessageReader:
         if kind == SCENE:  # one is kept long after the others of its table: they are not kept
             rows = _first_settled(table)
             table, spots = table.take(rows), spots[rows]
-        return Messages(kind, table, spots, batch.log_times[spots])
+        return ChannelMessages(kind, table, spots, batch.log_times[spots])
 
 
-def _first_settled(table: Table) -> ndarray:
+def _first_settled(table: MessageTable) -> ndarray:
     """Return the rows of the first settled scene of each id; the others repeat it."""
     settled = np.flatnonzero(table.columns["settled"])
     ids = np.stack([table.columns[name][settled] for name in ("episode_id", "scene_id")])

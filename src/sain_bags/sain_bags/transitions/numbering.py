@@ -1,10 +1,10 @@
-"""Where rows stand in a data set that many recordings go into."""
+"""Episode and step of each row in a data set of many recordings."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from sain_bags.transitions.rows import Block
+from sain_bags.transitions.rows import RowBlock
 from sain_core.dataset import Column
 
 
@@ -12,8 +12,8 @@ class Numbering:
     """Counts episodes over all recordings, and the steps of each.
 
     A simulator that is started anew counts its episodes and scenes from 1 again: where a number
-    goes back, another episode has begun. Where scene ids tell of pushes between two rows, steps
-    leave a gap, as they do in a collection that was filtered.
+    goes back, another episode has begun. Where scene ids show pushes between two rows,
+    steps have a gap, as in a filtered collection.
     """
 
     def __init__(self) -> None:
@@ -22,18 +22,18 @@ class Numbering:
         self._step = 0
         self._last: tuple[str, int, int] = ("", 0, 0)  # bag, and its numbers
 
-    def number(self, blocks: Sequence[Block], bag: str) -> Sequence[Block]:
+    def number(self, blocks: Sequence[RowBlock], bag: str) -> Sequence[RowBlock]:
         """Add `episode`, `step` and `bag_sha256` to the next rows; return them."""
         if not blocks:
             return blocks
         order = np.argsort(np.concatenate([block.places for block in blocks]))
         back = np.empty_like(order)
         back[order] = np.arange(len(order))
-        told, scenes = (
+        named, scenes = (
             np.concatenate([block.columns[name] for block in blocks])[order].astype(np.int64)
             for name in (Column.BAG_EPISODE, Column.BAG_SCENE)
         )
-        episodes, steps = self._count(told, scenes, bag)
+        episodes, steps = self._count(named, scenes, bag)
         ends = np.cumsum([len(block.places) for block in blocks])
         for block, places in zip(blocks, np.split(back, ends[:-1]), strict=True):
             block.columns[Column.EPISODE] = episodes[places]

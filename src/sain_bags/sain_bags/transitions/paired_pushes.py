@@ -8,13 +8,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.tables import Disks, Message, Table, gather
-from sain_bags.transitions.wanted_fields import DISKS
-from sain_core.errors import ErrorCode, InvalidInputError
+from sain_bags.transitions.message_fields import DISKS
+from sain_bags.transitions.tables import Disks, Message, MessageTable, gather
+from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_NAMES
-from sain_core.scene import MASS, RADIUS, STATE_NAMES
+from sain_core.scene import STATE_NAMES
 from sain_core.types import Scene
-from sain_core.wire import check_disks, check_fields
 
 OK: Final = int(ErrorCode.OK)
 NONE: Final = -1  # in place of a row
@@ -23,10 +22,12 @@ FROM_SCENES: Final = "scenes"
 GOAL_FIELDS: Final = ("x", "y", "tolerance")
 SECOND: Final = 1_000_000_000  # [ns]
 
-Found = tuple[Table, ndarray]  # messages: the table that they are in, and their rows
+SceneId = tuple[int, int]  # episode_id and scene_id
+
+Found = tuple[MessageTable, ndarray]  # messages: the table that they are in, and their rows
 
 
-class Scenes(NamedTuple):
+class PushScenes(NamedTuple):
     """One scene for each of K pushes."""
 
     disks: Disks
@@ -43,6 +44,31 @@ class Scenes(NamedTuple):
     def one(self, push: int) -> Scene:
         """Return the scene of one push, whatever it holds."""
         return self.take(np.array([push]), int(self.counts[push]))[0]
+
+
+@dataclass(slots=True)
+class PendingPush:
+    """One push while its messages come in; what is None was not found."""
+
+    push_id: int
+    planned_from: SceneId
+    log_time: int  # [ns since the epoch], of the first message about it
+    push: Message | None = None  # needed where there is no result
+    result: Message | None = None
+    code: int = 0  # of the result, 0: there is none
+    episode_id: int = 0  # as the result has it, or the push
+    prediction: Message | None = None
+    before: Message | None = None  # scene, settled; looked for where results are missing
+    after: Message | None = None
+    goal: Message | None = None
+    repeated: bool = False  # its id had been used before
+    ambiguous: bool = False  # another one may be what moved the scene, and there is no result
+    released: bool = False  # messages from now on are too late
+
+    @property
+    def refused(self) -> bool:
+        """Whether a result states that it moved nothing."""
+        return self.result is not None and self.code != OK
 
 
 @dataclass(frozen=True)
@@ -73,7 +99,7 @@ class PairedPushes:
         return FROM_SCENES if self.results is None else FROM_RESULT
 
     @cached_property
-    def before(self) -> Scenes:
+    def before(self) -> PushScenes:
         """The scenes before the pushes."""
         if self.results is not None:
             return _scenes(self.results, "before.")
@@ -81,7 +107,7 @@ class PairedPushes:
         return _scenes(self.scenes[0])
 
     @cached_property
-    def after(self) -> Scenes:
+    def after(self) -> PushScenes:
         """The scenes after the pushes."""
         if self.results is not None:
             return _scenes(self.results, "after.")
@@ -158,47 +184,53 @@ class PairedPushes:
             (self.results[0], self.results[1][chosen]),
         )
 
-    def about(self, push: int) -> str:
-        """Return in words which push it is."""
-        return about(int(self.push_ids[push]), int(self.planned_in[push]))
 
-    def why_senseless(self, push: int) -> str:
-        """Return what is wrong with the scenes, the push or the prediction."""
-        try:
-            before = _possible(self.before.one(push), "scene before")
-            after = _possible(self.after.one(push), "scene after")
-            if len(before) != len(after):
-                raise InvalidInputError(f"{len(before)} disks before the push, {len(after)} after")
-            check_fields(self.actions[push], PUSH_NAMES, "push")
-            if self.predictions is not None and self.predicted[push]:
-                table, rows = self.predictions
-                disks = table.disks[DISKS]
-                count = int(disks.counts[rows[push]])
-                check_disks(disks.scenes(rows[[push]], count)[0], "prediction")
-                raise InvalidInputError(f"{len(before)} disks, {count} in the prediction")
-        except InvalidInputError as error:
-            return str(error)
-        raise AssertionError(f"nothing is wrong with {self.about(push)}")
+def as_columns(pushes: Sequence[PendingPush], places: Sequence[int]) -> PairedPushes:
+    """Return some pushes as columns; either all of them have a result, or none has."""
+    chosen = [pushes[place] for place in places]
+    given = np.array([push.goal is not None for push in chosen])
+    predicted = np.array([push.prediction is not None for push in chosen])
+    predictions = None
+    if predicted.any():
+        table, found = gather(_there([push.prediction for push in chosen]))
+        rows = np.full(len(chosen), NONE)
+        rows[predicted] = found
+        predictions = (table, rows)
+    columns = (
+        np.array([push.push_id for push in chosen], dtype=np.uint64),
+        np.array([push.planned_from[0] for push in chosen], dtype=np.uint64),
+        np.array([push.planned_from[1] for push in chosen], dtype=np.uint64),
+        np.array([push.episode_id for push in chosen], dtype=np.uint64),
+        np.array([push.code for push in chosen], dtype=np.int64),
+        np.array([push.log_time for push in chosen], dtype=np.int64),
+    )
+    goals = _there([push.goal for push in chosen])
+    goal_of = np.where(given, np.cumsum(given) - 1, NONE)
+    if chosen[0].result is not None:
+        results = gather(_there([push.result for push in chosen]))
+        return PairedPushes(
+            np.array(places), *columns, predictions, results, goals=goals, goal_of=goal_of
+        )
+    before, after, sent = (
+        gather(_there([getattr(push, name) for push in chosen]))
+        for name in ("before", "after", "push")
+    )
+    return PairedPushes(
+        np.array(places), *columns, predictions, pushes=sent, scenes=(before, after),
+        goals=goals, goal_of=goal_of,
+    )  # fmt: skip
 
-    def why_no_goal(self, push: int) -> str:
-        """Return what is wrong with the goal."""
-        try:
-            check_fields(self.goal_values[push], GOAL_FIELDS, "goal")
-        except InvalidInputError as error:
-            return str(error)
-        raise AssertionError(f"nothing is wrong with the goal of {self.about(push)}")
+
+def _there(messages: Sequence[Message | None]) -> list[Message]:
+    """Return the messages that are not None."""
+    return [message for message in messages if message is not None]
 
 
-def about(push_id: int, episode: int) -> str:
-    """Return in words which push it is."""
-    return f"push {push_id} of episode {episode}"
-
-
-def _scenes(found: Found, prefix: str = "") -> Scenes:
+def _scenes(found: Found, prefix: str = "") -> PushScenes:
     table, rows = found
     columns, disks = table.columns, table.disks[prefix + DISKS]
     seconds = columns[f"{prefix}header.stamp.sec"][rows].astype(np.int64)
-    return Scenes(
+    return PushScenes(
         disks,
         rows,
         disks.counts[rows],
@@ -211,11 +243,3 @@ def _scenes(found: Found, prefix: str = "") -> Scenes:
 def _numbers(found: Found, names: Sequence[str]) -> ndarray:
     table, rows = found
     return np.stack([table.columns[name][rows].astype(np.float64) for name in names], axis=-1)
-
-
-def _possible(scene: Scene, name: str) -> Scene:
-    check_disks(scene, name)
-    for column in (MASS, RADIUS):
-        if (scene[:, column] <= 0.0).any():
-            raise InvalidInputError(f"{name}: a {STATE_NAMES[column]} is not positive")
-    return scene

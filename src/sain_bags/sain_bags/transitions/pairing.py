@@ -10,54 +10,21 @@ message. Of a message no more than its ids is read here; its table and row are p
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.contiguous import (
-    ANY_EPISODE,
-    find_contiguous,
-    goals_by_episode,
-    with_goals,
-)
+from sain_bags.transitions.contiguous import ANY_EPISODE, PushStretch, find_contiguous
 from sain_bags.transitions.episodes import GOAL, PREDICTION, SCENE
 from sain_bags.transitions.id_ranges import IdRanges
-from sain_bags.transitions.messages import Messages
-from sain_bags.transitions.paired_pushes import NONE, OK, PairedPushes
-from sain_bags.transitions.tables import Message, gather
-from sain_bags.transitions.wanted_fields import PUSH
+from sain_bags.transitions.message_fields import PUSH
+from sain_bags.transitions.messages import ChannelMessages
+from sain_bags.transitions.paired_pushes import NONE, OK, PairedPushes, PendingPush, SceneId
+from sain_bags.transitions.tables import Message
 
 WINDOW: Final = 1000  # pushes that wait, scenes and predictions that are kept for pushes to come
 SHORT: Final = 16  # contiguous pushes that are faster paired one by one
-
-SceneId = tuple[int, int]  # episode_id and scene_id
-
-
-@dataclass(slots=True)
-class PendingPush:
-    """One push while its messages come in; what is None was not found."""
-
-    push_id: int
-    planned_from: SceneId
-    log_time: int  # [ns since the epoch], of the first message about it
-    push: Message | None = None  # needed where there is no result
-    result: Message | None = None
-    code: int = 0  # of the result, 0: there is none
-    episode_id: int = 0  # as the result has it, or the push
-    prediction: Message | None = None
-    before: Message | None = None  # scene, settled; looked for where results are missing
-    after: Message | None = None
-    goal: Message | None = None
-    repeated: bool = False  # its id had been used before
-    ambiguous: bool = False  # another one may be what moved the scene, and there is no result
-    released: bool = False  # messages from now on are too late
-
-    @property
-    def refused(self) -> bool:
-        """Whether a result states that it moved nothing."""
-        return self.result is not None and self.code != OK
 
 
 Paired = list[PendingPush] | PairedPushes  # in the order of the pushes
@@ -79,7 +46,7 @@ class Pairing:
         self._refused, self._done = IdRanges(), IdRanges()  # push ids; one may be in both
         self.late_predictions = 0  # that came when their push was no longer waiting
 
-    def read(self, messages: Sequence[Messages], count: int) -> None:
+    def read(self, messages: Sequence[ChannelMessages], count: int) -> None:
         """Pair the messages of a batch, by channel; `count` is how many the batch has."""
         found = find_contiguous(messages, count, self.knows, self._predictions)
         turns = np.full(count, NONE)  # which of `calls` a message belongs to
@@ -91,10 +58,10 @@ class Pairing:
         others = np.flatnonzero(turns != NONE)
         stretches = iter(found.stretches(others) if found else ())
         for turn in turns[others].tolist():
-            self._read_stretch(next(stretches, None))
+            self.contiguous(next(stretches, None))
             method, arguments = calls[turn]
             method(*next(arguments))
-        self._read_stretch(next(stretches, None))
+        self.contiguous(next(stretches, None))
 
     def ready(self) -> list[Paired]:
         """Return the pushes that have become complete since the last call, in their order."""
@@ -114,7 +81,7 @@ class Pairing:
         return self._refused.holds(numbers) | self._done.holds(numbers) | np.isin(numbers, kept)
 
     def _calls(
-        self, messages: Messages, rows: ndarray
+        self, messages: ChannelMessages, rows: ndarray
     ) -> tuple[Callable[..., None], Iterator[tuple[Any, ...]]]:
         """Return the method that reads messages of a kind, and its arguments for some of them."""
         places, lists = messages.places(rows), messages.lists
@@ -199,42 +166,39 @@ class Pairing:
         """Read that a goal was given."""
         self._goals[episode] = message
 
-    def contiguous(self, pushes: PairedPushes, spots: ndarray, goals: Messages | None) -> None:
-        """Pair executed pushes at once, with goals in between; none of their ids has occurred."""
-        if self._waiting or len(pushes) < SHORT:  # where a push waits, they wait behind it
-            self._one_by_one(pushes, spots, goals)
+    def contiguous(self, stretch: PushStretch | None) -> None:
+        """Pair executed pushes at once; none of their ids has occurred."""
+        if stretch is None:
             return
-        self._ready.append(with_goals(pushes, spots, goals, self._goals))
-        self._goals.update(goals_by_episode(goals))
+        if self._waiting or len(stretch.pushes) < SHORT:  # where a push waits, they wait behind it
+            self._one_by_one(stretch)
+            return
+        pushes = stretch.with_goals(self._goals)
+        self._ready.append(pushes)
+        self._goals.update(stretch.given())
         self._done.add_all(pushes.push_ids)
-        self._executed.append(np.stack([pushes.planned_in, pushes.planned_from]))
-        while sum(scenes.shape[1] for scenes in self._executed) - self._executed[0].shape[1] > (
-            self._window
-        ):
+        self._executed.append(np.stack([pushes.planned_in, pushes.planned_from], axis=-1))
+        while sum(map(len, self._executed)) - len(self._executed[0]) > self._window:
             self._executed.popleft()
 
-    def _read_stretch(self, stretch: tuple[PairedPushes, ndarray, Messages | None] | None) -> None:
-        if stretch is not None:
-            self.contiguous(*stretch)
-
-    def _one_by_one(self, pushes: PairedPushes, spots: ndarray, goals: Messages | None) -> None:
+    def _one_by_one(self, stretch: PushStretch) -> None:
+        pushes, goals = stretch.pushes, deque(stretch.given())
+        goal_spots = stretch.goals.spots if stretch.goals else np.empty(0)
+        given = np.searchsorted(goal_spots, stretch.spots).tolist()  # goals before each push
         assert pushes.results is not None
-        goal_spots = goals.spots.tolist() if goals else ()
-        given = deque(zip(goals_by_episode(goals), goal_spots, strict=True))
         table, rows = pushes.results
-        for push, (row, spot) in enumerate(zip(rows.tolist(), spots.tolist(), strict=True)):
-            while given and given[0][1] < spot:
-                self.goal(*given.popleft()[0])
+        for push, row in enumerate(rows.tolist()):
+            while len(goals) > len(goal_spots) - given[push]:
+                self.goal(*goals.popleft())
             planned = int(pushes.planned_in[push]), int(pushes.planned_from[push])
-            pending = self._wait(
-                PendingPush(int(pushes.push_ids[push]), planned, int(pushes.times[push]))
-            )
+            number, time = int(pushes.push_ids[push]), int(pushes.times[push])
+            pending = self._wait(PendingPush(number, planned, time))
             pending.result, pending.code = (table, row), OK
             pending.episode_id = int(pushes.episodes[push])
             if pushes.predictions is not None:
                 pending.prediction = (pushes.predictions[0], int(pushes.predictions[1][push]))
             self._release_complete()
-        for goal, _ in given:
+        for goal in goals:
             self.goal(*goal)
 
     def _wait(self, push: PendingPush) -> PendingPush:
@@ -278,54 +242,11 @@ class Pairing:
         if push.result is None:
             push.episode_id = push.planned_from[0]
             rivals = (one for one in self._rivals.get(push.planned_from, ()) if one is not push)
-            executed = any(
-                bool((np.array(push.planned_from) == scenes.T).all(axis=1).any())
-                for scenes in self._executed
-            )
+            planned = np.array(push.planned_from)
+            executed = any((one == planned).all(axis=1).any() for one in self._executed)
             push.ambiguous = executed or not all(rival.refused for rival in rivals)
         push.goal = self._goals.get(push.episode_id) or self._goals.get(ANY_EPISODE)
         self._pass_on(push)
-
-
-def as_columns(pushes: Sequence[PendingPush], places: Sequence[int]) -> PairedPushes:
-    """Return some pushes as columns; either all of them have a result, or none has."""
-    chosen = [pushes[place] for place in places]
-    given = np.array([push.goal is not None for push in chosen])
-    predicted = np.array([push.prediction is not None for push in chosen])
-    predictions = None
-    if predicted.any():
-        table, found = gather(_there([push.prediction for push in chosen]))
-        rows = np.full(len(chosen), NONE)
-        rows[predicted] = found
-        predictions = (table, rows)
-    columns = (
-        np.array([push.push_id for push in chosen], dtype=np.uint64),
-        np.array([push.planned_from[0] for push in chosen], dtype=np.uint64),
-        np.array([push.planned_from[1] for push in chosen], dtype=np.uint64),
-        np.array([push.episode_id for push in chosen], dtype=np.uint64),
-        np.array([push.code for push in chosen], dtype=np.int64),
-        np.array([push.log_time for push in chosen], dtype=np.int64),
-    )
-    goals = _there([push.goal for push in chosen])
-    goal_of = np.where(given, np.cumsum(given) - 1, NONE)
-    if chosen[0].result is not None:
-        results = gather(_there([push.result for push in chosen]))
-        return PairedPushes(
-            np.array(places), *columns, predictions, results, goals=goals, goal_of=goal_of
-        )
-    before, after, sent = (
-        gather(_there([getattr(push, name) for push in chosen]))
-        for name in ("before", "after", "push")
-    )
-    return PairedPushes(
-        np.array(places), *columns, predictions, pushes=sent, scenes=(before, after),
-        goals=goals, goal_of=goal_of,
-    )  # fmt: skip
-
-
-def _there(messages: Sequence[Message | None]) -> list[Message]:
-    """Return the messages that are not None."""
-    return [message for message in messages if message is not None]
 
 
 def _keep(kept: "OrderedDict[Any, Any]", key: Any, value: Any, most: int) -> None:

@@ -1,4 +1,4 @@
-"""Pushes of a recording as rows of a data set, by the thousand; and why a push is none."""
+"""Pushes of a recording as rows of a data set, a batch at a time."""
 
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
@@ -6,11 +6,23 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.paired_pushes import OK, PairedPushes, about
-from sain_bags.transitions.pairing import Paired, PendingPush, as_columns
+from sain_bags.transitions.dropped import (
+    NOT_MOVED,
+    SENSELESS,
+    UNPREDICTED,
+    UNSETTLED,
+    Dropped,
+    drop,
+    no_detail,
+    why_no_goal,
+    why_no_row,
+    why_senseless,
+)
+from sain_bags.transitions.paired_pushes import PairedPushes, PendingPush, as_columns
+from sain_bags.transitions.pairing import Paired
 from sain_core.dataset import MOVED, Column
 from sain_core.dynamics import Dynamics
-from sain_core.errors import ErrorCode, SainError
+from sain_core.errors import SainError
 from sain_core.push import check_predictable
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET, check_scenes
 from sain_core.types import Pushes, Scenes
@@ -18,25 +30,8 @@ from sain_core.wire import MIN_DISKS
 
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction
 
-# Why a push is no row.
-REFUSED: Final = "refused"
-REPEATED: Final = "push id used before"
-UNANSWERED: Final = "no result, and no settled scenes around it"
-AMBIGUOUS: Final = "no result, and another push from the same scene"
-UNSETTLED: Final = "scene before or after not settled"
-SENSELESS: Final = "makes no sense"
-UNPREDICTED: Final = "not predicted, and the prior cannot"
-NOT_MOVED: Final = "target moved by less than 2 mm"
 
-
-class Dropped(NamedTuple):
-    """A push that is no row, and why."""
-
-    reason: str
-    detail: str
-
-
-class Block(NamedTuple):
+class RowBlock(NamedTuple):
     """Rows whose scenes have one number of disks."""
 
     places: ndarray  # (M,) of their pushes among those that were given
@@ -44,7 +39,7 @@ class Block(NamedTuple):
 
 
 class RowMaker:
-    """Makes rows of pushes, or says why one is none."""
+    """Makes rows of pushes, or returns why a push is no row."""
 
     def __init__(
         self,
@@ -53,12 +48,12 @@ class RowMaker:
         moved_only: bool = False,
         keep_unsettled: bool = False,
     ) -> None:
-        """Filter so, and predict with this prior, made when it is needed first, what is not."""
+        """Store the settings; the prior is made when a push without a prediction comes."""
         self._make_prior, self._prior_name = prior, prior_name
         self._prior: Dynamics | None = None
         self._moved_only, self._keep_unsettled = moved_only, keep_unsettled
 
-    def rows(self, pushes: Paired) -> tuple[list[Block], list[Dropped]]:
+    def rows(self, pushes: Paired) -> tuple[list[RowBlock], list[Dropped]]:
         """Return the rows of pushes, by numbers of disks, and those that are none, in order."""
         dropped: dict[int, Dropped] = {}
         if isinstance(pushes, PairedPushes):
@@ -69,51 +64,53 @@ class RowMaker:
                 blocks += self._blocks(as_columns(pushes, places), dropped)
         return _merged(blocks), [dropped[place] for place in sorted(dropped)]
 
-    def _blocks(self, pushes: PairedPushes, dropped: dict[int, Dropped]) -> list[Block]:
+    def _blocks(self, pushes: PairedPushes, dropped: dict[int, Dropped]) -> list[RowBlock]:
         before, after = pushes.before, pushes.after
         left = np.ones(len(pushes), dtype=bool)
         if not self._keep_unsettled:
             left &= before.settled & after.settled
-            _drop(pushes, np.flatnonzero(~left), UNSETTLED, _no_detail, dropped)
+            drop(pushes, np.flatnonzero(~left), UNSETTLED, no_detail, dropped)
         alike = (before.counts == after.counts) & (before.counts >= MIN_DISKS)
-        _drop(pushes, np.flatnonzero(left & ~alike), SENSELESS, pushes.why_senseless, dropped)
+        drop(pushes, np.flatnonzero(left & ~alike), SENSELESS, why_senseless, dropped)
         left &= alike
         return [
             self._block(pushes, np.flatnonzero(left & (before.counts == count)), dropped)
             for count in np.unique(before.counts[left])
         ]
 
-    def _block(self, pushes: PairedPushes, chosen: ndarray, dropped: dict[int, Dropped]) -> Block:
+    def _block(
+        self, pushes: PairedPushes, chosen: ndarray, dropped: dict[int, Dropped]
+    ) -> RowBlock:
         """Return the rows of pushes (M,) whose scenes have one number of disks N."""
         count = int(pushes.before.counts[chosen[0]])
         before, after = pushes.before.take(chosen, count), pushes.after.take(chosen, count)
         physics, predicted = pushes.physics(chosen, count), pushes.predicted[chosen]
         kept = np.ones(len(chosen), dtype=bool)
 
-        def keep(right: ndarray, reason: str, why: Callable[[int], str]) -> None:
-            _drop(pushes, chosen[kept & ~right], reason, why, dropped)
+        def keep(right: ndarray, reason: str, why: Callable[[PairedPushes, int], str]) -> None:
+            drop(pushes, chosen[kept & ~right], reason, why, dropped)
             np.logical_and(kept, right, out=kept)
 
         sensible = _possible(before) & _possible(after)
         sensible &= np.isfinite(pushes.actions[chosen]).all(axis=-1)
         sensible &= np.isfinite(physics).all(axis=(1, 2)) | ~predicted
-        keep(sensible, SENSELESS, pushes.why_senseless)
+        keep(sensible, SENSELESS, why_senseless)
         lacking = np.flatnonzero(kept & ~predicted)
         if len(lacking):
             computed, reasons = self._predict(before[lacking], pushes.actions[chosen[lacking]])
             physics[lacking] = computed
             why = {int(chosen[lacking[place]]): reason for place, reason in reasons.items()}
-            keep(~np.isin(chosen, list(why)), UNPREDICTED, why.__getitem__)
+            keep(~np.isin(chosen, list(why)), UNPREDICTED, lambda _, push: why[push])
         finite = np.isfinite(pushes.goal_values).all(axis=-1) | ~pushes.given
-        keep(finite[chosen], SENSELESS, pushes.why_no_goal)
+        keep(finite[chosen], SENSELESS, why_no_goal)
         if self._moved_only:
-            keep(_moved(before, after), NOT_MOVED, _no_detail)
+            keep(_moved(before, after), NOT_MOVED, no_detail)
         if not kept.all():
             chosen, before, after, physics = (
                 array[kept] for array in (chosen, before, after, physics)
             )
         columns = _scene_columns(before, after, physics) | self._push_columns(pushes, chosen)
-        return Block(pushes.places[chosen], columns)
+        return RowBlock(pushes.places[chosen], columns)
 
     def _push_columns(self, pushes: PairedPushes, chosen: ndarray) -> dict[str, ndarray]:
         computed = COMPUTED + self._prior_name
@@ -135,7 +132,7 @@ class RowMaker:
         }
 
     def _predict(self, scenes: Scenes, pushes: Pushes) -> tuple[Scenes, dict[int, str]]:
-        """Return what the prior predicts (M, N, 8), and for which it cannot, with the reason."""
+        """Return the prior's predictions (M, N, 8), and the reason for each that it cannot make."""
         if self._prior is None:
             self._prior = self._make_prior()
         reasons: dict[int, str] = {}
@@ -156,44 +153,14 @@ class RowMaker:
 
 
 def _by_source(pushes: Sequence[PendingPush], dropped: dict[int, Dropped]) -> list[list[int]]:
-    """Return the places of pushes that may be rows: with scenes from messages, and from results."""
+    """Return the places of pushes that may be rows, by the source of their scenes."""
     chosen: dict[bool, list[int]] = {}
     for place, push in enumerate(pushes):
-        if (found := _dismissed(push)) is not None:
+        if (found := why_no_row(push)) is not None:
             dropped[place] = found
         else:
             chosen.setdefault(push.result is None, []).append(place)
     return list(chosen.values())
-
-
-def _dismissed(push: PendingPush) -> Dropped | None:
-    """Return why a push is no row; None: it may be one."""
-    named = about(push.push_id, push.planned_from[0])
-    if push.result is not None and push.code != OK:
-        table, row = push.result
-        message = table.columns["error_message"][row]
-        return Dropped(REFUSED, f"{named}: {_code_name(push.code)}: {message}")
-    if push.repeated:
-        return Dropped(REPEATED, named)
-    if push.ambiguous:
-        return Dropped(AMBIGUOUS, named)
-    if push.result is None and (push.before is None or push.after is None):
-        return Dropped(UNANSWERED, named)
-    return None
-
-
-def _drop(
-    pushes: PairedPushes,
-    chosen: ndarray,
-    reason: str,
-    why: Callable[[int], str],
-    dropped: dict[int, Dropped],
-) -> None:
-    """Note of some pushes that they are no rows, and why."""
-    for push in chosen.tolist():
-        detail = why(push)
-        named = f"{pushes.about(push)}: {detail}" if detail else pushes.about(push)
-        dropped[int(pushes.places[push])] = Dropped(reason, named)
 
 
 def _possible(scenes: Scenes) -> ndarray:
@@ -220,13 +187,9 @@ def _scene_columns(before: Scenes, after: Scenes, physics: Scenes) -> dict[str, 
     }
 
 
-def _no_detail(_: int) -> str:
-    return ""
-
-
-def _merged(blocks: list[Block]) -> list[Block]:
+def _merged(blocks: list[RowBlock]) -> list[RowBlock]:
     """Return blocks of rows in their order, one for each number of disks."""
-    merged: dict[int, Block] = {}
+    merged: dict[int, RowBlock] = {}
     for block in blocks:
         disks = block.columns[Column.MASSES].shape[1]
         if disks in merged:
@@ -237,11 +200,7 @@ def _merged(blocks: list[Block]) -> list[Block]:
                 name: np.concatenate([first[name], column])[order]
                 for name, column in block.columns.items()
             }
-            merged[disks] = Block(places[order], columns)
+            merged[disks] = RowBlock(places[order], columns)
         else:
             merged[disks] = block
     return [block for block in merged.values() if len(block.places)]
-
-
-def _code_name(code: int) -> str:
-    return ErrorCode(code).name if code in set(ErrorCode) else f"error {code}"

@@ -1,4 +1,4 @@
-"""The recordings that a data set is made from: found, checked for what is needed, and named."""
+"""The recordings that a data set is made from."""
 
 import hashlib
 from collections.abc import Collection, Sequence
@@ -9,7 +9,7 @@ from typing import Any, Final
 from sain_bags.bag.metadata import METADATA_FILE
 from sain_bags.reading.reader import Bag
 from sain_bags.transitions.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE, parent_of
-from sain_bags.transitions.wanted_fields import PUSH
+from sain_bags.transitions.message_fields import PUSH
 from sain_core.errors import DatasetError
 
 ALWAYS: Final = frozenset({PUSH, PUSH_RESULT, PREDICTION, GOAL})
@@ -17,7 +17,7 @@ ALWAYS: Final = frozenset({PUSH, PUSH_RESULT, PREDICTION, GOAL})
 
 @dataclass(frozen=True)
 class Source:
-    """One graph's part of one recording."""
+    """The messages of one graph in one recording."""
 
     bag: Bag
     namespace: str
@@ -26,22 +26,22 @@ class Source:
 
     @property
     def has_results(self) -> bool:
-        """Whether any push is answered."""
+        """Whether any push has a result."""
         return self.counts[PUSH_RESULT] > 0
 
     @property
     def has_predictions(self) -> bool:
-        """Whether any push is predicted."""
+        """Whether any push has a prediction."""
         return self.counts[PREDICTION] > 0
 
     @property
     def needs_scenes(self) -> bool:
-        """Whether there are pushes without a result: the scenes around them tell what happened."""
+        """Whether there are pushes without a result, which need the scenes around them."""
         return self.counts[PUSH] > self.counts[PUSH_RESULT]
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The topics to read: scenes, often thousands a second, only where they must be."""
+        """The topics to read: scenes, often thousands a second, only where they are needed."""
         types = ALWAYS | {SCENE} if self.needs_scenes else ALWAYS
         return tuple(
             topic.name
@@ -55,7 +55,7 @@ class Source:
         return sum(topic.messages for topic in self.bag.topics if topic.name in self.topics)
 
     def describe(self) -> dict[str, Any]:
-        """Return what a card says about it."""
+        """Return its entry in a card."""
         return {
             "path": str(self.bag.path),
             "sha256": self.sha256,

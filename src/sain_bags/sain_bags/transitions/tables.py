@@ -1,4 +1,4 @@
-"""The graph's messages as columns: of each type, the fields that rows are made of.
+"""The graph's messages as columns: the fields of each type that rows need.
 
 Whatever else a type has, and in whatever order, does not matter: it is read as the bag describes
 it.
@@ -15,7 +15,7 @@ from numpy import ndarray
 from sain_bags.bag.layouts import Layout, find_layout
 from sain_bags.reading.bag_files import BagChannel
 from sain_bags.reading.batches import Batch
-from sain_bags.transitions.wanted_fields import (
+from sain_bags.transitions.message_fields import (
     DISKS,
     FIELDS,
     all_paths,
@@ -49,7 +49,7 @@ class Disks:
 
 
 @dataclass(frozen=True)
-class Table:
+class MessageTable:
     """Messages of one type; entry i of each column is of the i-th."""
 
     columns: dict[str, ndarray]  # (M,) by path
@@ -59,16 +59,16 @@ class Table:
         """Return how many messages there are."""
         return len(next(iter(self.columns.values())))
 
-    def take(self, rows: ndarray) -> "Table":
+    def take(self, rows: ndarray) -> "MessageTable":
         """Return some messages, and nothing of the others."""
         columns = {name: column[rows] for name, column in self.columns.items()}
-        return Table(columns, {name: disks.take(rows) for name, disks in self.disks.items()})
+        return MessageTable(columns, {name: disks.take(rows) for name, disks in self.disks.items()})
 
 
-Message = tuple[Table, int]  # a message: the table that it is in, and its row
+Message = tuple[MessageTable, int]  # a message: the table that it is in, and its row
 
 
-def join_tables(tables: Sequence[Table]) -> Table:
+def join_tables(tables: Sequence[MessageTable]) -> MessageTable:
     """Return the messages of several tables of one type, one after the other."""
     if len(tables) == 1:
         return tables[0]
@@ -86,10 +86,10 @@ def join_tables(tables: Sequence[Table]) -> Table:
             np.concatenate([part.firsts for part in parts]) + shifts,
             np.concatenate([part.counts for part in parts]),
         )
-    return Table(columns, disks)
+    return MessageTable(columns, disks)
 
 
-def gather(messages: Sequence[Message]) -> tuple[Table, ndarray]:
+def gather(messages: Sequence[Message]) -> tuple[MessageTable, ndarray]:
     """Return one table that holds messages of several, and their rows in it."""
     tables = {id(table): table for table, _ in messages}
     rows = np.array([row for _, row in messages], dtype=np.int64)
@@ -116,7 +116,7 @@ class TableReader:
         for path in self._wanted:
             check_path(self._types, channel.type, path)
 
-    def read(self, batch: Batch) -> Table:
+    def read(self, batch: Batch) -> MessageTable:
         """Return messages, which are all of this channel, as columns.
 
         Raises:
@@ -148,7 +148,7 @@ class TableReader:
 
 
 class _Builder:
-    """Takes messages layout by layout, and gives them back in their order."""
+    """Collects messages layout by layout, and returns them in their order."""
 
     def __init__(self, fields: Sequence[str], count: int) -> None:
         self._count = count
@@ -161,7 +161,7 @@ class _Builder:
         self._counts = {name: np.zeros(count, dtype=np.int64) for name in self._parts}
 
     def fill(self, layout: Layout, rows: ndarray, messages: ndarray) -> tuple[ndarray, ndarray]:
-        """Take the messages that a layout fits; return the others."""
+        """Read the messages that a layout fits; return the others."""
         fitting = layout.fits(messages)
         if fitting.all():
             self._take(layout, rows, messages)
@@ -170,8 +170,8 @@ class _Builder:
             self._take(layout, rows[fitting], messages[fitting])
         return rows[~fitting], messages[~fitting]
 
-    def table(self) -> Table:
-        """Return all that was taken."""
+    def table(self) -> MessageTable:
+        """Return all messages that were read."""
         disks = {
             name: Disks(
                 np.concatenate(parts) if parts else np.empty((0, STATE_SIZE)),
@@ -180,7 +180,7 @@ class _Builder:
             )
             for name, parts in self._parts.items()
         }
-        return Table(self._columns, disks)
+        return MessageTable(self._columns, disks)
 
     def _take(self, layout: Layout, rows: ndarray, messages: ndarray) -> None:
         for name in self._names:

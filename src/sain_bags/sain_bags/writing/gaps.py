@@ -1,4 +1,4 @@
-"""Messages that never came, counted from the numbers that publishers give theirs."""
+"""Lost messages, counted from the publishers' sequence numbers."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -8,7 +8,7 @@ MISSING_KEY: Final = "missing_messages"  # in a bag's custom data
 
 
 class Gaps:
-    """Counts what is missing of one topic.
+    """Counts the lost messages of one topic.
 
     Each publisher numbers its messages from 1, and a message does not tell whose it is. What one
     publisher's numbers leave out is missing for certain. Numbers of several run side by side; a
@@ -17,7 +17,7 @@ class Gaps:
     """
 
     def __init__(self, count_publishers: Callable[[], int] = lambda: 1) -> None:
-        """Ask for the number of publishers that ever were where it matters."""
+        """Store the function that returns the number of publishers so far."""
         self.missing = 0
         self.is_known = True  # the middleware does give numbers
         self._count_publishers = count_publishers
@@ -26,11 +26,11 @@ class Gaps:
 
     @property
     def is_exact(self) -> bool:
-        """Whether just so many are missing, and not at least so many."""
+        """Whether the count is exact, not a lower bound."""
         return self._publishers == 1
 
     def saw(self, sequence: int) -> None:
-        """Take note of a message; 0: it has no number."""
+        """Count a message by its sequence number; 0: it has none."""
         last = self._last
         if len(last) == 1 and sequence == last[0] + 1:
             last[0] = sequence
@@ -40,7 +40,7 @@ class Gaps:
             self._place(sequence)
 
     def text(self) -> str:
-        """Return what is missing in a word."""
+        """Return the count of missing messages as text."""
         if not self.is_known:
             return "?"
         return str(self.missing) if self.is_exact else f">= {self.missing}"
@@ -62,13 +62,13 @@ class Gaps:
 
 
 def describe_gaps(gaps: Mapping[str, Gaps]) -> str:
-    """Return what a recording says about what is missing: topics and counts, in JSON."""
+    """Return the missing messages as a recording stores them: topics and counts, in JSON."""
     missing = {name: gap.text() for name, gap in gaps.items() if gap.missing or not gap.is_known}
     return json.dumps(dict(sorted(missing.items())))
 
 
 def read_gaps(custom_data: Mapping[str, str]) -> dict[str, str] | None:
-    """Return what is missing of each topic as a recording says; None where it does not say."""
+    """Return the missing messages of each topic that a recording states; None: it states none."""
     try:
         return {str(k): str(v) for k, v in json.loads(custom_data[MISSING_KEY]).items()}
     except (KeyError, ValueError, AttributeError):

@@ -1,10 +1,9 @@
-"""What a recorder says while it records, and when it ends."""
+"""The status that a recorder prints while it records and at the end."""
 
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from rich.console import Console
@@ -19,7 +18,7 @@ LIVE_PERIOD: Final = 0.5  # [s] between looks on a terminal
 
 @dataclass(frozen=True)
 class RecordingStatus:
-    """How far a recording is."""
+    """The progress of a recording."""
 
     seconds: float
     messages: int
@@ -33,7 +32,7 @@ class RecordingStatus:
     def of(
         cls, writer: BagWriter, gaps: Mapping[str, Gaps], unusable: int, seconds: float
     ) -> "RecordingStatus":
-        """Look at a recording."""
+        """Return the status of a recording."""
         counts = writer.counts
         missing = tuple((name, gap.text()) for name, gap in gaps.items() if gap.missing)
         return cls(
@@ -41,8 +40,8 @@ class RecordingStatus:
             sum(counts.values()),
             len(counts),
             unusable,
-            writer.parts.size,
-            len(writer.parts),
+            writer.split_files.size,
+            len(writer.split_files),
             missing,
         )
 
@@ -60,13 +59,13 @@ class RecordingStatus:
         return "  ".join(parts)
 
     def gaps(self) -> str:
-        """Return what is missing, in words."""
+        """Return the missing messages as text."""
         if not self.missing:
             return "none missing"
         return "missing: " + ", ".join(f"{count} of {name}" for name, count in self.missing)
 
     def final(self, out: Path, size: int) -> str:
-        """Return what is said of a recording that ended, of this size [bytes]."""
+        """Return the last line for a recording of this size [bytes]."""
         files = f" in {self.files} files" if self.files > 1 else ""
         unusable = f"; {self.unusable} topics could not be" if self.unusable else ""
         return (
@@ -76,10 +75,10 @@ class RecordingStatus:
 
 
 class StatusDisplay:
-    """Shows the status: one line that changes on a terminal, a line now and then elsewhere."""
+    """Shows the status: one live line on a terminal, a line at intervals elsewhere."""
 
     def __init__(self, console: Console, period: float) -> None:
-        """Show it on a console; off a terminal every so often [s], 0: never."""
+        """Show it on a console; without a terminal at this period [s], 0: never."""
         self._console = console
         live = console.is_terminal
         self._live = Live(console=console, auto_refresh=False, transient=True) if live else None
@@ -88,7 +87,7 @@ class StatusDisplay:
         self._messages = 0
 
     def show(self, status: Callable[[], RecordingStatus]) -> None:
-        """Show the status if it is time to."""
+        """Show the status when the period is over."""
         now = time.monotonic()
         passed = now - self._shown_at
         if not self._period or passed < self._period:
@@ -107,12 +106,7 @@ class StatusDisplay:
             self._live.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Leave the terminal as it was."""
         if self._live is not None:
             self._live.stop()

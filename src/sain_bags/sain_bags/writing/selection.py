@@ -1,4 +1,4 @@
-"""Which topics a recorder takes, and how it asks for them."""
+"""The topics that a recorder subscribes to, and the quality of service that it requests."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ SERVICE_EVENT: Final = "/_service_event"  # ends the names of the topics of serv
 
 @dataclass(frozen=True)
 class RequestedQos:
-    """What a recorder asks of a topic's publishers."""
+    """The quality of service that a recorder requests."""
 
     reliable: bool
     transient_local: bool
@@ -25,9 +25,9 @@ class Selection:
     hidden: bool = False  # also those that are hidden
 
     def wants(self, topic: str) -> bool:
-        """Tell whether to record a topic.
+        """Return whether to record a topic.
 
-        One that was chosen, or any that is not hidden; service calls are, and are wanted too.
+        A chosen one, or any that is not hidden; service calls are hidden and recorded too.
         """
         if self.chosen:
             return topic in self.chosen
@@ -35,7 +35,7 @@ class Selection:
 
 
 def is_hidden(topic: str) -> bool:
-    """Tell whether a topic is hidden: a part of its name starts with an underscore."""
+    """Return whether a topic is hidden: a part of its name starts with an underscore."""
     return any(part.startswith("_") for part in topic.split("/"))
 
 

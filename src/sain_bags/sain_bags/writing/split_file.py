@@ -1,4 +1,4 @@
-"""One file of a bag in the making."""
+"""One file of a bag that is being written."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -11,17 +11,17 @@ from sain_bags.bag.metadata import (
     bag_metadata,
     metadata_record,
 )
-from sain_bags.mcap.mcap_writer import LeanWriter
-from sain_bags.mcap.preallocated_file import ReservedFile
+from sain_bags.mcap.mcap_writer import McapWriter
+from sain_bags.mcap.preallocated_file import PreallocatedFile
 
 
-class Part:
-    """A file that knows topics by name. Every method raises `OSError` where the disk fails."""
+class SplitFile:
+    """A file that is written by topic. Every method raises `OSError` where the disk fails."""
 
     def __init__(
         self, path: Path, compression: str, chunk_size: int, about: Mapping[str, str], ros: str
     ) -> None:
-        """Create the file, and say in it at once what the bag is about.
+        """Create the file with the metadata of the bag.
 
         Args:
             path: of the file; must not exist.
@@ -32,8 +32,8 @@ class Part:
         """
         self.name = path.name
         self._ros = ros
-        self._file = ReservedFile(path)
-        self._mcap = LeanWriter(self._file, compression, chunk_size)
+        self._file = PreallocatedFile(path)
+        self._mcap = McapWriter(self._file, compression, chunk_size)
         self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[str, int] = {}
         self.write = self._mcap.add_message  # (channel, sequence, received, published, data)
@@ -43,12 +43,12 @@ class Part:
 
     @property
     def full(self) -> bool:
-        """Whether the disk was found full: time to finish."""
+        """Whether the disk is full, so that the file must be ended."""
         return self._file.full
 
     @property
     def size(self) -> int:
-        """Of what was written and what waits to be [bytes]."""
+        """Written and waiting [bytes]."""
         return self._mcap.size
 
     @property
@@ -64,7 +64,7 @@ class Part:
 
     @property
     def summary(self) -> FileSummary:
-        """What ``metadata.yaml`` says about the file."""
+        """The file's entry in ``metadata.yaml``."""
         contents = self._mcap.contents
         return FileSummary(self.name, Span(contents.start, contents.end, contents.messages))
 

@@ -10,15 +10,14 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from sain_bags.bag.metadata import Topic, bag_metadata, write_metadata
 from sain_bags.mcap.integrity import RESCUE
 from sain_bags.mcap.preallocated_file import free_space, removed_on_error
 from sain_bags.writing.latched import Held, Latched
-from sain_bags.writing.split_file import Part
-from sain_bags.writing.split_files import Parts
+from sain_bags.writing.split_file import SplitFile
+from sain_bags.writing.split_files import SplitFiles
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError, OutputError
 
@@ -66,15 +65,15 @@ class BagWriter:
         self._config = config
         self._ros_distro = ros_distro
         self._topics: dict[str, Topic] = {}
-        self._channels: dict[str, int] = {}  # in the part
+        self._channels: dict[str, int] = {}  # in the file
         self._counts: dict[str, int] = {}
         self._latched = Latched()
-        self.parts = Parts()
-        self._part_start = 0  # [ns since the epoch], its first message; 0: it has none yet
+        self.split_files = SplitFiles()
+        self._file_start = 0  # [ns since the epoch], its first message; 0: it has none yet
         self._flush_at: float | None = None  # by `time.monotonic`; None: just flushed
         self._closed = False
-        self._part = self._create()
-        self.parts.add(self._part)
+        self._file = self._create()
+        self.split_files.add(self._file)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -82,11 +81,11 @@ class BagWriter:
         return dict(self._counts)
 
     def add_topic(self, topic: Topic) -> None:
-        """Announce a topic, or say more about one: the offered profiles of later publishers."""
+        """Add a topic, or update it with the offered profiles of later publishers."""
         self._topics[topic.name] = topic
         self._counts.setdefault(topic.name, 0)
         self._latched.add(topic)
-        self._channels[topic.name] = self._part.channel(topic)
+        self._channels[topic.name] = self._file.channel(topic)
 
     def write(
         self,
@@ -114,12 +113,12 @@ class BagWriter:
         published = published or received
         sequence &= WORD
         try:
-            if self._is_part_done(received):
+            if self._is_file_done(received):
                 self._split(received)
-            self._part.write(self._channels[topic], sequence, received, published, data)
+            self._file.write(self._channels[topic], sequence, received, published, data)
         except OSError as error:
             raise self._error(error) from error
-        self._part_start = self._part_start or received
+        self._file_start = self._file_start or received
         self._counts[topic] += 1
         held = self._latched.of(topic)
         if held is not None:
@@ -127,7 +126,7 @@ class BagWriter:
         self.flush_if_due()
 
     def flush_if_due(self) -> None:
-        """Flush if what waits must not wait longer; call this also while nothing comes.
+        """Flush when the flush period is over; call this also while no message comes.
 
         Raises:
             OutputError: as `flush`.
@@ -136,7 +135,7 @@ class BagWriter:
         self._flush_at = now + period if self._flush_at is None else self._flush_at
         if now >= self._flush_at:
             self.flush()
-        elif self._part.full:
+        elif self._file.full:
             self._check()
 
     def flush(self) -> None:
@@ -147,7 +146,7 @@ class BagWriter:
         """
         self._flush_at = None
         try:
-            self._part.end_chunk()
+            self._file.end_chunk()
             self._check()
         except OSError as error:
             raise self._error(error) from error
@@ -161,10 +160,10 @@ class BagWriter:
         if self._closed:
             return
         self._closed = True
-        self.parts.finish_last(self._topics.values(), self.custom_data)
-        failures = self.parts.close()
+        self.split_files.finish_last(self._topics.values(), self.custom_data)
+        failures = self.split_files.close()
         try:
-            if self.parts.are_whole:
+            if self.split_files.are_whole:
                 write_metadata(self.folder, self._metadata())
         except OSError as error:
             failures.append(error)
@@ -177,48 +176,45 @@ class BagWriter:
         """Return the writer."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Make the bag whole, also after an error elsewhere: what was recorded is true."""
+    def __exit__(self, *_: object) -> None:
+        """Make the bag whole, also after an error elsewhere: what was recorded is valid."""
         self.close()
 
-    def _is_part_done(self, received: int) -> bool:
+    def _is_file_done(self, received: int) -> bool:
         config = self._config
-        if not self._part_start or not (config.split_size or config.split_duration):
+        if not self._file_start or not (config.split_size or config.split_duration):
             return False
-        if config.split_size and self._part.size >= config.split_size:
+        if config.split_size and self._file.size >= config.split_size:
             return True
-        age = 1e-9 * (received - self._part_start)
+        age = 1e-9 * (received - self._file_start)
         return 0.0 < config.split_duration <= age
 
     def _split(self, received: int) -> None:
         """Begin another file, which repeats what latched topics hold; end this one meanwhile."""
-        part = self._begin_part()
-        self.parts.finish_last(self._topics.values(), self.custom_data)
-        self.parts.add(part)
-        self._part, self._part_start, self._flush_at = part, 0, None
-        self._channels = {name: part.channel(topic) for name, topic in self._topics.items()}
+        file = self._begin_file()
+        self.split_files.finish_last(self._topics.values(), self.custom_data)
+        self.split_files.add(file)
+        self._file, self._file_start, self._flush_at = file, 0, None
+        self._channels = {name: file.channel(topic) for name, topic in self._topics.items()}
         for topic, held in self._latched:
-            part.write(self._channels[topic], held.sequence, received, held.published, held.data)
+            file.write(self._channels[topic], held.sequence, received, held.published, held.data)
 
-    def _begin_part(self) -> Part:
-        path = self.folder / f"{self.folder.name}_{len(self.parts)}.mcap"
+    def _begin_file(self) -> SplitFile:
+        path = self.folder / f"{self.folder.name}_{len(self.split_files)}.mcap"
         config = self._config
-        return Part(path, config.compression, config.chunk_size, self.custom_data, self._ros_distro)
+        return SplitFile(
+            path, config.compression, config.chunk_size, self.custom_data, self._ros_distro
+        )
 
     def _metadata(self) -> dict[str, object]:
-        counts = self.parts.counts(self._topics)
+        counts = self.split_files.counts(self._topics)
         topics = [(topic, counts[name]) for name, topic in self._topics.items()]
-        return bag_metadata(self.parts.summaries, topics, self.custom_data, self._ros_distro)
+        return bag_metadata(self.split_files.summaries, topics, self.custom_data, self._ros_distro)
 
     def _check(self) -> None:
-        if self._part.full:
+        if self._file.full:
             raise OutputError(f"no space left for the bag {self.folder}: nothing more is recorded")
-        self.parts.check()
+        self.split_files.check()
         self._check_free_space()
 
     def _check_free_space(self) -> None:
@@ -229,13 +225,13 @@ class BagWriter:
                 f" {least / 1e6:,.1f} MB must stay free (--bag.min-free-space)"
             )
 
-    def _create(self) -> Part:
+    def _create(self) -> SplitFile:
         folder = self.folder
         try:
             folder.mkdir(parents=True)
             with removed_on_error(folder):
                 self._check_free_space()
-                return self._begin_part()
+                return self._begin_file()
         except FileExistsError as error:
             raise OutputError(
                 f"{folder} exists; a bag is never overwritten, choose another"
@@ -246,5 +242,5 @@ class BagWriter:
     def _error(self, error: OSError) -> OutputError:
         if isinstance(error, OutputError):
             return error
-        rescue = f"; {RESCUE}" if self._closed and not self.parts.are_whole else ""
+        rescue = f"; {RESCUE}" if self._closed and not self.split_files.are_whole else ""
         return OutputError(f"cannot write the bag {self.folder}: {error.strerror or error}{rescue}")

@@ -28,10 +28,11 @@ def register(shape: Shape) -> None:
     """Let a shape be found by its name in this process.
 
     Raises:
-        ConfigError: its name already belongs to another shape.
+        ConfigError: another shape or footprint has its name.
     """
-    if _shapes.setdefault(shape.name, shape) != shape:
+    if _all.get(shape.name, shape) != shape:
         raise ConfigError(f"two shapes have the name {shape.name!r}; rename one of them")
+    _shapes[shape.name] = shape
     _footprints.setdefault(shape.footprint, shape)
 
 

@@ -23,13 +23,14 @@ from sain_core.command_line import describe_options
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
 from sain_core.storage import write_whole
-from sain_eval.loop.controllers import controller_maker
-from sain_eval.loop.evaluation import Job, run_jobs
+from sain_eval.loop.controllers import agent_maker
+from sain_eval.loop.evaluation import EpisodeJob, run_jobs
 from sain_eval.loop.files import output_folder
 from sain_eval.loop.journal import Journal
-from sain_eval.loop.report import HEADER, markdown_table, table_cells
+from sain_eval.loop.report import HEADER, results_table, table_cells
 from sain_eval.loop.results import SceneRecord, summarise, write_results
 from sain_eval.scenes.scenarios import SCENARIOS
+from sain_mppi.loop.settings import AgentConfig
 from sain_mppi.search.config import PlannerConfig
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 
@@ -106,6 +107,11 @@ class Evaluate(Config):
         except ValueError as error:
             raise ConfigError(f"tolerances are {self.tolerances!r}; numbers are needed") from error
 
+    @property
+    def agent(self) -> AgentConfig:
+        """How agents decide: what is not chosen here is as in the planner's node."""
+        return AgentConfig(history=self.history, planner=self.planner)
+
     def settings(self) -> dict[str, object]:
         """Return what a record depends on besides scenario, seed and controller."""
         settings: dict[str, object] = {
@@ -117,16 +123,15 @@ class Evaluate(Config):
             settings["truth"] = dataclasses.asdict(self.truth)
         return settings
 
-    def jobs(self, done: set[tuple[str, int, str]]) -> list[Job]:
+    def jobs(self, done: set[tuple[str, int, str]]) -> list[EpisodeJob]:
         """Return the episodes that are still to be run, scene by scene."""
         return [
-            Job(
+            EpisodeJob(
                 scenario,
                 seed,
                 controller,
                 self.tolerance_values,
-                self.planner,
-                self.history,
+                self.agent,
                 self._picture(scenario, seed, controller),
                 self.truth,
             )
@@ -158,7 +163,7 @@ def evaluate(options: Evaluate, command: str, console: Console) -> list[SceneRec
         CheckpointError: a controller's model cannot be loaded.
     """
     for name in options.controller_names:
-        controller_maker(name, options.planner)  # a bad name should not wait for its first scene
+        agent_maker(name, options.agent)  # a bad name should not wait for its first scene
     journal = Journal(output_folder(options.out), options.settings())
     jobs = options.jobs(journal.done)
     if len(jobs) < len(journal.done):
@@ -171,7 +176,7 @@ def evaluate(options: Evaluate, command: str, console: Console) -> list[SceneRec
     kept = [record for record in journal.records if options.wants(record)]
     config = {**dataclasses.asdict(options), "out": str(options.out)}
     write_results(options.out, kept, config, command)
-    write_whole(options.out / TABLE_FILE, markdown_table(summarise(kept)).encode())
+    write_whole(options.out / TABLE_FILE, results_table(summarise(kept)).encode())
     return kept
 
 

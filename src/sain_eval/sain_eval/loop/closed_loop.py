@@ -1,20 +1,20 @@
-"""An episode without ROS: look, decide, push with the simulated arm, look again."""
+"""An episode without ROS: the agent decides, the simulated arm pushes."""
 
 from dataclasses import dataclass
 
-from sain_core.errors import BlockedError, SainError, UnreachableError
-from sain_core.feasibility import Feasibility
-from sain_core.scene import is_settled, target_distance
-from sain_core.seeding import generator
+from sain_core.errors import ErrorCode, SainError
+from sain_core.push_record import PushRecord
+from sain_core.scene import POSITION, is_settled
 from sain_core.types import Scene
-from sain_eval.loop.controllers import Controller, Decision
-from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
+from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenarios import ScenarioScene
-from sain_mppi.search.goal import goal_reached
+from sain_mppi.loop.agent import Agent
+from sain_mppi.loop.decision import PushDecision, Task
+from sain_mppi.loop.goal_tracker import LOOK_AGAIN
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 
-MAX_REFUSALS = 10  # in a row: then the controller gives up
+EPISODE = 1  # its id; the agent is new in each
 
 
 @dataclass(frozen=True)
@@ -26,91 +26,47 @@ class EpisodeOutcome:
     refusals: int
     failure: str  # why it ended short of the tightest tolerance; empty when it did not
     fallen: bool  # a disk left the table
+    fallbacks: int = 0  # pushes that physics planned because the model failed
 
 
 def run_episode(
     case: ScenarioScene,
-    controller: Controller,
+    agent: Agent,
     tolerance: float,
     world_config: WorldConfig | None = None,
 ) -> EpisodeOutcome:
-    """Play one scene with a controller until the target is within tolerance [m] or time is up."""
+    """Play one scene with an agent until the target is within tolerance [m], or it stops."""
     config = world_config or WorldConfig()
     with World(case.parameters(), config) as world:
-        scene = world.reset(case.disks)
-        return _Episode(case, controller, tolerance, world, config.feasibility).play(scene)
-
-
-class _Episode:
-    def __init__(
-        self,
-        case: ScenarioScene,
-        controller: Controller,
-        tolerance: float,
-        world: World,
-        feasibility: Feasibility,
-    ) -> None:
-        self.case, self.controller, self.tolerance, self.world = case, controller, tolerance, world
-        self.table = feasibility.table
-        self.pushes: list[PushRecord] = []
-        self.refusals = self.refusals_in_a_row = 0
-
-    def play(self, scene: Scene) -> EpisodeOutcome:
-        start, failure = scene, ""
-        while not goal_reached(scene, self.case.goal, self.tolerance):
-            failure = self._obstacle(scene)
-            if failure:
+        scene = start = world.reset(case.disks)
+        stop = agent.aim(Task(1, EPISODE, case.goal, tolerance, case.max_pushes))
+        pushes: list[PushRecord] = []
+        refusals = fallbacks = 0
+        failure = "" if stop is None else stop.failure
+        while not failure:
+            agent.see(scene, EPISODE, len(pushes) + 1, bool(is_settled(scene)))
+            decision = agent.act()
+            if not isinstance(decision, PushDecision):
+                failure = decision.failure if decision else "the scene did not settle"
                 break
             try:
-                decision = self._decide(scene)
-                if decision.push is None:
-                    failure = "the controller stopped"
-                    break
-                scene = self._push(scene, decision)
+                after = world.push(decision.push).after
             except SainError as error:
-                failure = f"{type(error).__name__}: {error}"
-                break
-        record = EpisodeRecord(
-            self.case.goal, self.tolerance, tuple(self.pushes), start, self.case.shapes
-        )
-        return EpisodeOutcome(record, scene, self.refusals, failure, self._fallen(scene))
+                refusals += 1
+                agent.answered(decision.push_id, error.code)
+                if error.code in LOOK_AGAIN:  # there is no other scene to come
+                    failure = f"{type(error).__name__}: {error}"
+                continue
+            agent.learn(EPISODE, scene, decision.push, after)
+            agent.answered(decision.push_id, ErrorCode.OK)
+            pushes.append(_record(decision, scene, after))
+            fallbacks += decision.failure is not None
+            scene = after
+    record = EpisodeRecord(case.goal, tolerance, tuple(pushes), start, case.shapes)
+    fallen = bool(~config.feasibility.table.contains(scene[:, POSITION]).all())
+    return EpisodeOutcome(record, scene, refusals, failure, fallen, fallbacks)
 
-    def _decide(self, scene: Scene) -> Decision:
-        """Ask the controller; each try draws from a stream of its own."""
-        tries = len(self.pushes) + self.refusals
-        random = generator(self.case.seed, "decide", self.case.scenario, tries)
-        return self.controller.decide(scene, self.case.goal, random)
 
-    def _push(self, scene: Scene, decision: Decision) -> Scene:
-        assert decision.push is not None
-        try:
-            after = self.world.push(decision.push).after
-        except (BlockedError, UnreachableError):
-            self.refusals += 1
-            self.refusals_in_a_row += 1
-            self.controller.refused(decision.push)
-            return scene
-        self.refusals_in_a_row = 0
-        self.controller.observed(scene, decision.push, after)
-        self.pushes.append(
-            PushRecord(
-                decision.push, scene, decision.predicted, None, after, decision.planning_time
-            )
-        )
-        return after
-
-    def _obstacle(self, scene: Scene) -> str:
-        """Say why the episode cannot go on, or nothing."""
-        if self._fallen(scene):
-            return "a disk left the table"
-        if not is_settled(scene):
-            return "the scene did not settle"
-        if len(self.pushes) >= self.case.max_pushes:
-            left = 1e3 * float(target_distance(scene, self.case.goal))
-            return f"{self.case.max_pushes} pushes left the target {left:.0f} mm from the goal"
-        if self.refusals_in_a_row >= MAX_REFUSALS:
-            return f"{MAX_REFUSALS} pushes in a row were refused"
-        return ""
-
-    def _fallen(self, scene: Scene) -> bool:
-        return bool(~self.table.contains(scene[:, :2]).all())
+def _record(decision: PushDecision, before: Scene, after: Scene) -> PushRecord:
+    time = 0.0 if decision.plan is None else decision.plan.times.total
+    return PushRecord(decision.push, before, decision.predicted, None, after, time)

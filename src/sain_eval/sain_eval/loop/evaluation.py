@@ -10,41 +10,50 @@ from pathlib import Path
 
 from sain_core.drawing.figures import write_png
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
-from sain_eval.loop.controllers import ControllerMaker, controller_maker
+from sain_eval.loop.controllers import AgentMaker, agent_maker
 from sain_eval.loop.results import SceneRecord, scene_records
 from sain_eval.plots.pictures import draw_episode
-from sain_eval.scenes.scenarios import SCENARIOS
-from sain_mppi.search.config import PlannerConfig
+from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_mppi.loop.settings import AgentConfig
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 @dataclass(frozen=True)
-class Job:
+class EpisodeJob:
     """One episode to run."""
 
     scenario: str
     seed: int
     controller: str
     tolerances: tuple[float, ...]  # [m]; the controller plays to the tightest
-    planner: PlannerConfig
-    history: bool = True  # whether a model is told the episode's earlier pushes
+    agent: AgentConfig = AgentConfig()
     picture: Path | None = None  # where to draw it
     truth: TruthConfig = RANDOMISED_TRUTH
 
+    def case(self) -> ScenarioScene:
+        """Return the scene to solve, in its world."""
+        return SCENARIOS[self.scenario].scene(self.seed).within(self.truth)
 
-def run_job(job: Job) -> list[SceneRecord]:
+
+def play(job: EpisodeJob) -> EpisodeOutcome:
+    """Run one episode to the tightest tolerance."""
+    case = job.case()
+    agent = _maker(job.controller, job.agent)(case)
+    return run_episode(case, agent, min(job.tolerances))
+
+
+def run_job(job: EpisodeJob) -> list[SceneRecord]:
     """Run one episode and judge it at each tolerance."""
-    case = SCENARIOS[job.scenario].scene(job.seed).within(job.truth)
-    controller = _maker(job.controller, job.planner, job.history)(case)
-    outcome = run_episode(case, controller, min(job.tolerances))
+    outcome = play(job)
     if job.picture is not None:
-        _draw(job, outcome, job.picture)
-    return scene_records(case, job.controller, outcome, job.tolerances)
+        title = f"{job.scenario}, scene {job.seed}, {job.controller}"
+        write_png(draw_episode(outcome.record, title), job.picture)
+    return scene_records(job.case(), job.controller, outcome, job.tolerances)
 
 
-def run_jobs(jobs: Sequence[Job], workers: int) -> Iterator[list[SceneRecord]]:
+def run_jobs(jobs: Sequence[EpisodeJob], workers: int) -> Iterator[list[SceneRecord]]:
     """Run all jobs over worker processes and yield their records as they come.
 
     With one worker they run in this process, in order.
@@ -70,11 +79,6 @@ def run_jobs(jobs: Sequence[Job], workers: int) -> Iterator[list[SceneRecord]]:
 
 
 @cache
-def _maker(controller: str, planner: PlannerConfig, history: bool) -> ControllerMaker:
+def _maker(controller: str, config: AgentConfig) -> AgentMaker:
     """Load each model once in a process."""
-    return controller_maker(controller, planner, learns=history)
-
-
-def _draw(job: Job, outcome: EpisodeOutcome, path: Path) -> None:
-    title = f"{job.scenario}, scene {job.seed}, {job.controller}"
-    write_png(draw_episode(outcome.record, title), path)
+    return agent_maker(controller, config)

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import Any, Final
 
+from sain_model.evaluation.markdown import markdown_table
+
 HEADER: Final = (
     "scenario",
     "controller",
@@ -15,10 +17,9 @@ HEADER: Final = (
 )
 
 
-def markdown_table(summary: Sequence[dict[str, Any]]) -> str:
+def results_table(summary: Sequence[dict[str, Any]]) -> str:
     """Return the summary as a markdown table, a line for each row of `results.summarise`."""
-    lines = [_line(HEADER), _line(["---"] * len(HEADER))]
-    return "\n".join([*lines, *(_line(table_cells(row)) for row in summary)]) + "\n"
+    return markdown_table(HEADER, map(table_cells, summary))
 
 
 def table_cells(row: dict[str, Any]) -> list[str]:
@@ -40,7 +41,3 @@ def _scaled(value: float | None, factor: float, unit: str, digits: int = 1) -> s
     if value is None or value == 0.0:
         return "-"
     return f"{factor * value:.{digits}f} {unit}"
-
-
-def _line(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cells) + " |"

@@ -39,6 +39,7 @@ class SceneRecord:
     mid_errors: tuple[float, ...]  # [m]
     refusals: int
     failure: str  # empty for a success
+    fallbacks: int = 0  # pushes that physics planned because the model failed
 
     @property
     def group(self) -> tuple[str, str, float]:
@@ -74,6 +75,7 @@ def _judge(
         mid_errors=tuple(e for push in made if (e := push.mid_error) is not None),
         refusals=outcome.refusals,
         failure="" if reached is not None else outcome.failure,
+        fallbacks=outcome.fallbacks,
     )
 
 
@@ -102,6 +104,7 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
         "target_error": _mean(errors),
         "mid_error": _mean(mid_errors),
         "refusals": sum(record.refusals for record in records),
+        "fallbacks": sum(record.fallbacks for record in records),
     }
 
 

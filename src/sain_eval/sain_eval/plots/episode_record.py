@@ -2,49 +2,12 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.scene import MID, POSITION, TARGET, Table, is_settled, target_distance
-from sain_core.types import PushArray, Scene
-
-
-@dataclass(frozen=True)
-class PushRecord:
-    """One push: what was decided, expected and found."""
-
-    push: PushArray  # (3,)
-    before: Scene  # (N, 8), settled
-    predicted: Scene | None  # (N, 8), what the planner's model expected
-    physics: Scene | None  # (N, 8), what the nominal world expected, f_p
-    after: Scene  # (N, 8), settled
-    planning_time: float = 0.0  # [s]
-
-    def error(self, disk: int) -> float | None:
-        """Return how far [m] the prediction put a disk from where it came to rest."""
-        return _apart(self.predicted, self.after, disk)
-
-    @property
-    def target_error(self) -> float | None:
-        """Prediction error [m] of the target."""
-        return self.error(TARGET)
-
-    @property
-    def mid_error(self) -> float | None:
-        """Prediction error [m] of the mid disk."""
-        return self.error(MID)
-
-    @property
-    def physics_error(self) -> float | None:
-        """Prediction error [m] of the target, by physics alone."""
-        return _apart(self.physics, self.after, TARGET)
-
-
-def _apart(predicted: Scene | None, after: Scene, disk: int) -> float | None:
-    if predicted is None:
-        return None
-    return float(np.linalg.norm(predicted[disk, POSITION] - after[disk, POSITION]))
+from sain_core.push_record import PushRecord
+from sain_core.scene import POSITION, Table, is_settled, target_distance
+from sain_core.types import Scene
 
 
 @dataclass(frozen=True)

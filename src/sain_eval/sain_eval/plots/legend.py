@@ -24,6 +24,8 @@ MARKS: Final[dict[str, tuple[str, str, dict[str, Any]]]] = {  # marker, colour, 
     "predicted by physics": ("s", PALETTE.physics, {}),
     "predicted by the planner": ("D", PALETTE.predicted, {"markersize": 6} | HOLLOW),
     "90 % region": ("o", PALETTE.predicted, HOLLOW),
+    "other sequence, cheapest": ("_", PALETTE.goal, {"markersize": 14}),
+    "other sequence, dearest": ("_", PALETTE.alarm, {"markersize": 14}),
 }
 
 

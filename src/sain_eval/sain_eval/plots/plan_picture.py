@@ -4,13 +4,11 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from sain_core.drawing.figures import TEXT
 from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.push import tool_end, tool_start
@@ -23,7 +21,9 @@ from sain_mppi.search.goal import Goal
 from sain_mppi.search.result import PlanResult
 
 MARGIN: Final = 0.06  # [m] of a disk about its centre
-COSTS: Final = LinearSegmentedColormap.from_list("costs", [PALETTE.goal, "#d8b13c", PALETTE.alarm])
+COSTS: Final = LinearSegmentedColormap.from_list(
+    "costs", [PALETTE.goal, PALETTE.learned, PALETTE.alarm]
+)
 
 
 def draw_plan(
@@ -79,10 +79,7 @@ def _draw_disk(axes: Axes, scene: Scene, disk: int, alpha: float) -> None:
     axes.add_patch(patch)
 
 
-def draw_plan_legend(figure: Figure, columns: int = 4) -> None:
-    """Explain the marks of `draw_plan` along the bottom of a figure, and its scale of costs."""
+def draw_plan_legend(figure: Figure, columns: int = 3) -> None:
+    """Explain the marks of `draw_plan` along the bottom of a figure."""
     names = ["table", "reachable area", "mid disk", "target", "goal", "push", "90 % region"]
-    draw_legend(figure, names, columns)
-    bar = figure.colorbar(ScalarMappable(cmap=COSTS), ax=figure.axes, fraction=0.03, pad=0.01)
-    bar.set_ticks([0.0, 1.0], labels=["lowest", "highest"], fontsize=TEXT - 1, rotation=90)
-    bar.set_label("cost of the other sequences", fontsize=TEXT)
+    draw_legend(figure, [*names, "other sequence, cheapest", "other sequence, dearest"], columns)

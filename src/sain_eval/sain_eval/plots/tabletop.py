@@ -1,6 +1,6 @@
 """What every picture from above stands on: the view in metres, the table, the arm and its reach."""
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -64,4 +64,5 @@ def draw_table(axes: Axes, feasibility: Feasibility) -> None:
     for patch in (top, ring, base):
         axes.add_patch(patch)
     ring.set_clip_path(top)
-    axes.text(0.0, 0.0, "arm", ha="center", va="center", fontsize=8, color=PALETTE.soft, zorder=2)
+    style: dict[str, Any] = {"fontsize": 8, "color": PALETTE.soft, "clip_on": True}
+    axes.text(0.0, 0.0, "arm", zorder=2, ha="center", va="center", **style)

@@ -12,12 +12,13 @@ from numpy import ndarray
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.feasibility import Feasibility
 from sain_core.push import push_direction, tool_end, tool_start
+from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, RADIUS, TARGET, unit
 from sain_core.shapes.disk import DISK
 from sain_core.shapes.registry import get_shape
 from sain_core.shapes.shape import Shape
 from sain_core.types import Points, Scene
-from sain_eval.plots.episode_record import EpisodeRecord, PushRecord
+from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.plots.tabletop import BASE_RADIUS, draw_table, frame_view
 
 SHOWN_MOVE: Final = 0.01  # [m], a disk that moved less is not drawn again

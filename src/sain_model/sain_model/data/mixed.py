@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
-from sain_core.dataset import draw_parts
+from sain_core.dataset import Column, draw_parts
 from sain_core.errors import DatasetError
 from sain_core.types import Mask
 from sain_model.data.dataset import (
@@ -107,9 +107,9 @@ def _disks(part: Dataset) -> int:
 def _by_count(path: Path) -> list[Dataset]:
     """Return what a folder holds, by the number of disks."""
     shards = list(read_shards(path).values())
-    counts = sorted({shard["state"].shape[1] for shard in shards})
+    counts = sorted({shard[Column.STATE].shape[1] for shard in shards})
     return [
-        from_shards(path, [shard for shard in shards if shard["state"].shape[1] == count])
+        from_shards(path, [shard for shard in shards if shard[Column.STATE].shape[1] == count])
         for count in counts
     ]
 

@@ -1,100 +1,147 @@
-"""From a job to a decision: the planner, its model and the physics behind it, put together."""
+"""The agent: what decides, push after push, in the graph, in evaluations and in examples alike."""
 
-from dataclasses import dataclass, replace
-from time import monotonic
-from typing import Final
+import time
+from collections.abc import Callable
+from dataclasses import replace
 
 from sain_core.dynamics import RolloutModel
-from sain_core.errors import SainError
-from sain_core.feasibility import Feasibility
+from sain_core.errors import CancelledError, SainError
 from sain_core.history import PushHistory
+from sain_core.push import push_ids
+from sain_core.scene import check_on_table
 from sain_core.seeding import generator
-from sain_mppi.loop.fallback import FallbackRollout
-from sain_mppi.loop.goal_tracker import Job, Task
-from sain_mppi.loop.progress_monitor import Replanner
-from sain_mppi.planner import Planner
-from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.result import PlanResult
-
-MODEL_SHARE: Final = 0.8  # of the time for a plan: if the model is silent so long, physics plans
+from sain_core.types import PushArray, Scene
+from sain_mppi.loop.decision import Decider, PlanJob, PushDecision, Stop, StopReason, Task, View
+from sain_mppi.loop.goal_tracker import GoalTracker
+from sain_mppi.loop.memory import EpisodeMemory
+from sain_mppi.loop.planning import PlanningDecider
+from sain_mppi.loop.settings import AgentConfig
 
 
-@dataclass(frozen=True)
-class Decision:
-    """What to push, and what the plan rests on.
+class Agent:
+    """Brings the target to one goal after another.
 
-    Attributes:
-        job: what was decided on.
-        result: the plan.
-        failure: why the model was not used; None: it was.
+    Goals, scenes and results go in; pushes and stops come out. `act` does a whole decision. A
+    caller that must not wait calls `next`, has `decide` and `complete` run on a worker thread, and
+    hands the decision to `conclude`. All other methods belong to the caller's own thread.
     """
-
-    job: Job
-    result: PlanResult
-    failure: SainError | None
-
-
-class Decider:
-    """Plans one job after another. All but `cancel` belongs to one thread."""
 
     def __init__(
         self,
-        model: RolloutModel,
-        physics: RolloutModel,
-        config: PlannerConfig,
-        feasibility: Feasibility,
-        seed: int,
+        decider: Decider,
+        config: AgentConfig,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Plan with this model, and with physics while it fails."""
-        self._model = FallbackRollout(model, physics)
-        self._planner = Replanner(Planner(self._model, config, feasibility))
-        self._time = config.deadline
-        self._seed = seed
-        self._episode: tuple[Task, int] | None = None
+        """Let this decider choose the pushes. Begin without a goal and without a scene."""
+        self._decider = decider
+        self._config = config
+        self._clock = clock
+        self._tracker = GoalTracker(config.goal_tracker, config.feasibility.table, clock)
+        self._memory = EpisodeMemory()
+        self._push_ids = push_ids()
+        self._running: PlanJob | None = None
 
-    def decide(self, job: Job, history: PushHistory | None = None) -> Decision:
-        """Plan a job; the same seed, job and history give the same plan.
+    @property
+    def pushes(self) -> int:
+        """Pushes sent for the goal, without refused ones."""
+        return self._tracker.pushes
 
-        Args:
-            job: what to decide on.
-            history: the earlier pushes of the episode; None: not known.
+    def aim(self, task: Task) -> Stop | None:
+        """Follow a new goal, from scratch; return why it cannot be served, if so."""
+        try:
+            self._tracker.aim(task)
+        except SainError as error:
+            return Stop(task, StopReason.FAILED, error=error)
+        return None
+
+    def see(self, scene: Scene, episode_id: int, scene_id: int, settled: bool) -> None:
+        """Take note of a scene (N, 8), with the ids by which a push names it."""
+        self._tracker.see(View(scene, episode_id, scene_id, settled, self._clock()))
+
+    def learn(self, episode_id: int, scene: Scene, push: PushArray, next_scene: Scene) -> None:
+        """Take note that a push (3,), whoever sent it, led from one scene (N, 8) to another.
 
         Raises:
-            CancelledError: `cancel` was called.
-            NoPushError, NoProgressError, UnreachableError: there is no push to make.
-            SainError: a scene that cannot exist, or a disk off the table.
+            InvalidInputError: it cannot be; nothing is learned from it.
         """
-        started = monotonic()
-        episode = job.task, job.view.episode_id
-        if episode != self._episode:
-            self._planner.reset()
-            self._episode = episode
-        self._model.inform(history or PushHistory.empty(len(job.view.scene)))
-        self._model.until(started + MODEL_SHARE * self._time if self._time else None)
-        names = (job.task.goal_id, *job.view.key, job.attempt)
-        random = generator(self._seed, "plan", *names)
-        deadline = started + self._time if self._time else None
-        result = self._planner.plan(job.view.scene, job.task.goal, random, deadline)
-        return Decision(job, result, self._model.failure)
+        self._memory.add(episode_id, scene, push, next_scene)
 
-    def complete(self, decision: Decision) -> Decision:
-        """Return the latest decision with what its push need not wait for: the model's regions."""
-        if decision.failure is not None:
-            return decision
-        result = self._planner.complete(decision.job.view.scene, decision.result)
-        return replace(decision, result=result)
+    def answered(self, push_id: int, code: int) -> bool:
+        """Take note that a push was executed (OK) or refused; tell if an own one was refused.
 
-    def refused(self, decision: Decision, for_itself: bool) -> None:
-        """Take note that a decision's push was refused, for itself or for its scene."""
-        if for_itself:
-            self._planner.refuse(decision.result.push)
-        else:
-            self._planner.reset()
+        Call `learn` first, so that the next plan includes the push.
+        """
+        return self._tracker.answered(push_id, code)
 
-    def begin(self) -> None:
-        """Make ready for a new job."""
-        self._model.begin()
+    def next(self) -> PlanJob | Stop | None:
+        """Return what is to be decided now, or why no push follows; None: there is nothing to do.
+
+        While a job is being decided, there is nothing else to do. It is cancelled here once its
+        goal or scene is past.
+        """
+        if self._running is not None:
+            if not self._tracker.wants(self._running):
+                self._running.cancelled.set()
+            return None
+        job = self._tracker.next_job()
+        if job is None:
+            return None
+        if stop := self._tracker.stop(job):
+            return stop
+        self._running = replace(job, history=self._history(job.view))
+        return self._running
+
+    def decide(self, job: PlanJob) -> PushDecision | Stop | None:
+        """Decide on a job; None: it was cancelled. May take long."""
+        try:
+            check_on_table(job.view.scene, self._config.feasibility.table)
+            random = generator(self._config.seed, "plan", *job.stream)
+            decision = self._decider.decide(job, random)
+            self._config.feasibility.limits.check(decision.push)  # nothing else is ever sent
+        except CancelledError:
+            return None
+        except SainError as error:
+            return Stop(job.task, StopReason.FAILED, job, error)
+        return decision
+
+    def conclude(self, decision: PushDecision | Stop | None) -> PushDecision | Stop | None:
+        """End the running job; return its decision, with the push counted as sent.
+
+        None: it is no longer wanted, and there is nothing to send.
+        """
+        job, self._running = self._running, None
+        if decision is None or job is None or not self._tracker.wants(job):
+            return None
+        if isinstance(decision, PushDecision):
+            decision = replace(decision, push_id=next(self._push_ids))
+            self._tracker.sent(decision.push_id, decision.push)
+        return decision
+
+    def complete(self, decision: PushDecision) -> PushDecision:
+        """Return the latest decision with what its push need not wait for. May take long."""
+        return self._decider.complete(decision)
+
+    def act(self) -> PushDecision | Stop | None:
+        """Decide what is to be decided now, all at once; None: there is nothing to do."""
+        job = self.next()
+        if not isinstance(job, PlanJob):
+            return job
+        decision = self.conclude(self.decide(job))
+        return self.complete(decision) if isinstance(decision, PushDecision) else decision
 
     def cancel(self) -> None:
-        """Let the job under way end soon. For any thread."""
-        self._model.cancel()
+        """Let the running job end soon. For any thread."""
+        running = self._running
+        if running is not None:
+            running.cancelled.set()
+
+    def _history(self, view: View) -> PushHistory:
+        if not self._config.history:
+            return PushHistory.empty(len(view.scene))
+        return self._memory.of(view.episode_id, len(view.scene))
+
+
+def planning_agent(model: RolloutModel, physics: RolloutModel, config: AgentConfig) -> Agent:
+    """Return an agent that plans with a model, and with physics while the model fails."""
+    decider = PlanningDecider(model, physics, config.planner, config.feasibility)
+    return Agent(decider, config)

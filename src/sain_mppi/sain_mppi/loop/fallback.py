@@ -34,32 +34,29 @@ class FallbackRollout:
         """Ask this model, or else this physics."""
         self._models = model, physics
         self._model = model
-        self._physics: RolloutModel | None = physics  # None: not yet told of the pushes
+        self._physics: RolloutModel | None = physics  # None: without the history so far
         self._history: PushHistory | None = None
         self._cancelled = Event()
         self.failure: SainError | None = None
 
-    def inform(self, history: PushHistory) -> None:
-        """Let model and physics learn from the episode's earlier pushes, and from no others.
+    def begin(
+        self, history: PushHistory, until: float | None = None, cancelled: Event | None = None
+    ) -> None:
+        """Begin a new plan: the model gets another chance.
 
-        Physics is told when it is asked: inferring a friction that nobody uses takes its time.
+        Physics learns from the history when it is asked: inferring a friction takes time.
+
+        Args:
+            history: the episode's earlier pushes, which model and physics learn from.
+            until: a model that has not answered by this `time.monotonic` fails; None: no limit.
+            cancelled: once it is set, the plan ends with `CancelledError`.
         """
-        self._model = informed_rollout(self._models[0], history)
-        self._history, self._physics = history, None
-
-    def until(self, moment: float | None) -> None:
-        """Let the model fail where it has not answered by this `time.monotonic`."""
-        if isinstance(self._model, Impatient):
-            self._model.until(moment)
-
-    def begin(self) -> None:
-        """Begin a new plan: the model gets another chance."""
         self.failure = None
-        self._cancelled.clear()
-
-    def cancel(self) -> None:
-        """Let the plan that is being made end with `CancelledError`. For any thread."""
-        self._cancelled.set()
+        self._cancelled = cancelled or Event()
+        self._history, self._physics = history, None
+        self._model = informed_rollout(self._models[0], history)
+        if isinstance(self._model, Impatient):
+            self._model.until(until)
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
         """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8)."""

@@ -6,21 +6,21 @@ The bookkeeping of goals, scenes and refusals; no sampling and no middleware her
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum, auto
 from typing import Final
 
 from sain_core.config import Config, option
-from sain_core.errors import ErrorCode
+from sain_core.errors import ErrorCode, NoPushError
 from sain_core.scene import Table
-from sain_core.types import Scene
-from sain_mppi.search.goal import Goal, check_goal, check_tolerance, goal_reached
+from sain_core.types import PushArray
+from sain_mppi.loop.decision import PlanJob, Stop, StopReason, Task, View
+from sain_mppi.search.goal import check_goal, check_tolerance, goal_reached
 
 LOOK_AGAIN: Final = (ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE)
 """Refusals that say that the scene was not the current one: the next scene to arrive is."""
 
 
 @dataclass(frozen=True)
-class PursuitConfig(Config):
+class GoalTrackerConfig(Config):
     """How long a planner keeps trying."""
 
     max_refusals: int = option(
@@ -42,57 +42,12 @@ class PursuitConfig(Config):
     )
 
 
-@dataclass(frozen=True)
-class Task:
-    """A goal as it was given. Episode 0: any. No pushes: no limit."""
-
-    goal_id: int
-    episode_id: int
-    goal: Goal
-    tolerance: float
-    max_pushes: int
-
-
-@dataclass(frozen=True)
-class View:
-    """A scene (N, 8) as it arrived, with the names a push gives it, and when [s, monotonic]."""
-
-    scene: Scene
-    episode_id: int
-    scene_id: int
-    settled: bool
-    received: float
-
-    @property
-    def key(self) -> tuple[int, int]:
-        """What a push names the scene by."""
-        return self.episode_id, self.scene_id
-
-
-class Verdict(Enum):
-    """What a scene means for a goal."""
-
-    PLAN = auto()
-    REACHED = auto()
-    EXHAUSTED = auto()
-    GIVE_UP = auto()
-
-
-@dataclass(frozen=True)
-class Job:
-    """One scene to decide on, for one goal; the attempt counts refusals from that scene."""
-
-    task: Task
-    view: View
-    attempt: int
-
-
-class Pursuit:
+class GoalTracker:
     """Follows one goal at a time. Each settled scene is decided on once, unless it is refused."""
 
     def __init__(
         self,
-        config: PursuitConfig,
+        config: GoalTrackerConfig,
         table: Table,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -102,13 +57,15 @@ class Pursuit:
         self._clock = clock
         self.task: Task | None = None
         self.view: View | None = None
+        self.pushes = 0
+        self._refused: tuple[PushArray, ...] = ()  # from this scene
         self._decided: tuple[int, int] | None = None
         self._awaited: tuple[int, float] | None = None  # push id and when it was sent
-        self._unanswered: set[int] = set()
+        self._unanswered: dict[int, PushArray] = {}
         self._latest: int | None = None  # push, of the task's
         self._arrived: tuple[tuple[int, int], float] | None = None  # a settled scene, and when
-        self._attempt = 0
-        self.pushes = 0
+        self._session = 0
+        self._start: View | None = None  # of the session
 
     def aim(self, task: Task) -> None:
         """Follow a new goal, from scratch.
@@ -116,7 +73,7 @@ class Pursuit:
         Raises:
             SainError: a goal that cannot be served; there is none to follow then.
         """
-        self.task, self.pushes, self._attempt = None, 0, 0
+        self.task, self.pushes, self._refused, self._start = None, 0, (), None
         self._decided, self._awaited, self._latest = None, None, None
         self._unanswered.clear()
         check_goal(task.goal, self._table)
@@ -126,14 +83,14 @@ class Pursuit:
     def see(self, view: View) -> None:
         """Take note of a scene."""
         if self.view is None or view.key != self.view.key:
-            self._attempt, self._awaited = 0, None
+            self._refused, self._awaited = (), None
         elif self._overdue():
             self._decided, self._awaited = None, None
         if view.settled and (self._arrived is None or self._arrived[0] != view.key):
             self._arrived = (view.key, self._clock())
         self.view = view
 
-    def next_job(self) -> Job | None:
+    def next_job(self) -> PlanJob | None:
         """Return what is to be decided now, if anything; it is not returned again."""
         task, view = self.task, self.view
         if task is None or view is None or not view.settled or view.key == self._decided:
@@ -141,48 +98,54 @@ class Pursuit:
         if task.episode_id not in (0, view.episode_id) or self._result_is_under_way():
             return None
         self._decided = view.key
-        return Job(task, view, self._attempt)
+        if self._start is None or self._start.episode_id != view.episode_id:
+            self._start = view
+            self._session += 1
+        start = self._start.scene
+        return PlanJob(task, view, start, self._session, self.pushes, self._refused)
 
-    def verdict(self, job: Job) -> Verdict:
-        """Tell what a job calls for."""
-        if goal_reached(job.view.scene, job.task.goal, job.task.tolerance):
-            return Verdict.REACHED
-        if job.task.max_pushes and self.pushes >= job.task.max_pushes:
-            return Verdict.EXHAUSTED
-        if job.attempt >= self._config.max_refusals:
-            return Verdict.GIVE_UP
-        return Verdict.PLAN
+    def stop(self, job: PlanJob) -> Stop | None:
+        """Return why a job needs no decision; None: it needs one."""
+        task = job.task
+        if goal_reached(job.view.scene, task.goal, task.tolerance):
+            return Stop(task, StopReason.REACHED, job)
+        if task.max_pushes and self.pushes >= task.max_pushes:
+            return Stop(task, StopReason.EXHAUSTED, job)
+        count = len(job.refused)
+        if count >= self._config.max_refusals:
+            error = NoPushError(f"{count} pushes in a row were refused from this scene")
+            return Stop(task, StopReason.FAILED, job, error)
+        return None
 
-    def wants(self, job: Job) -> bool:
+    def wants(self, job: PlanJob) -> bool:
         """Tell whether a job is still about the current goal and scene."""
         return self.task is job.task and self.view is not None and self.view.key == job.view.key
 
-    def sent(self, push_id: int) -> None:
-        """Take note that a push was sent."""
+    def sent(self, push_id: int, push: PushArray) -> None:
+        """Take note that a push (3,) was sent."""
         self._awaited = (push_id, self._clock())
-        self._unanswered.add(push_id)
+        self._unanswered[push_id] = push
         self._latest = push_id
         self.pushes += 1
 
     def answered(self, push_id: int, code: int) -> bool:
-        """Take note of what became of a push; tell whether it is to be replaced by another.
+        """Take note of what became of a push; tell whether it was sent for this goal and refused.
 
         A push refused for its scene waits for the next scene to arrive, others for nothing.
         """
-        if push_id not in self._unanswered:
-            return False  # another planner's
-        self._unanswered.discard(push_id)
-        if code == ErrorCode.OK:
+        push = self._unanswered.pop(push_id, None)
+        if push is None or code == ErrorCode.OK:
             return False
         self.pushes -= 1
-        if self._awaited is None or self._awaited[0] != push_id:
-            return False  # of a scene that is past
-        self._awaited = None
-        self._decided = None
-        if code in LOOK_AGAIN:
+        awaited = self._awaited is not None and self._awaited[0] == push_id
+        if awaited:
+            self._awaited = self._decided = None
+        if awaited and code not in LOOK_AGAIN:
+            self._refused = (*self._refused, push)
+            return True
+        self._start = None  # nothing that was planned holds any more
+        if awaited:
             self.view = None
-            return False
-        self._attempt += 1
         return True
 
     def _result_is_under_way(self) -> bool:

@@ -1,71 +1,91 @@
-"""Push after push towards one goal: plans, looks how they come out, and plans wider or gives up."""
+"""Whether pushes lead where they should: what was predicted against what happened."""
 
-from dataclasses import replace
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
-from sain_core.errors import NoProgressError
-from sain_core.scene import target_distance
-from sain_core.types import PushArray, Scene
-from sain_mppi.planner import Planner
-from sain_mppi.search.cost import resting_cost
-from sain_mppi.search.goal import Goal
-from sain_mppi.search.progress import Progress
-from sain_mppi.search.result import PlanResult
+from sain_core.scene import MID, POSITION, TARGET
+from sain_core.types import Scalars, Scene
+from sain_mppi.search.config import ProgressConfig
+
+NEARER: Final = 0.99  # of the best so far: a resting cost below this share is progress
 
 
-class Replanner:
-    """A planner that takes note of what its last push led to."""
+@dataclass(frozen=True)
+class LastPush:
+    """What became of the last push that was planned, for all N disks."""
 
-    def __init__(self, planner: Planner) -> None:
-        """Watch over this planner, whose settings say how."""
-        self.planner = planner
+    errors: Scalars  # (N,) [m], from the predicted place to the observed one
+    expected: Scalars  # (N,) [m], errors up to these are no surprise
+
+    @property
+    def surprising(self) -> bool:
+        """Whether mid disk or target is where it was not expected."""
+        return bool((self.errors > self.expected)[[MID, TARGET]].any())
+
+
+class ProgressMonitor:
+    """Follows one goal: compares each scene with the predicted one and with the best so far."""
+
+    def __init__(self, config: ProgressConfig) -> None:
+        """Begin without a past."""
+        self._config = config
         self.reset()
 
     def reset(self) -> None:
-        """Forget the last plan and how pushes came out."""
-        self.planner.reset()
-        self._goal: Goal | None = None
-        self._progress = Progress(self.planner.config.progress)
+        """Forget how pushes came out."""
+        self._before: Scene | None = None
+        self._expected: Scene | None = None
+        self._regions: Scalars | None = None
+        self._best = np.inf
+        self.without = 0  # pushes in a row without progress
+        self.last: LastPush | None = None
 
-    def refuse(self, push: PushArray) -> None:
-        """Take note that the last plan's push was refused: nothing has moved."""
-        self.planner.refuse(push)
+    def expect(self, scene: Scene, predicted: Scene, regions: Scalars | None = None) -> None:
+        """Take note of the scene (N, 8) to which a push from another scene (N, 8) should lead.
 
-    def plan(
-        self,
-        scene: Scene,
-        goal: Goal,
-        generator: np.random.Generator,
-        deadline: float | None = None,
-    ) -> PlanResult:
-        """Plan as `Planner.plan` does; wider after a surprise and when nothing gets better.
-
-        Raises:
-            NoProgressError: so many pushes brought nothing that it is no use going on.
-            SainError: as `Planner.plan` raises.
+        `regions` (N,) [m] are the radii of the regions that should hold the disks, where known.
+        An error inside its region does not trigger wider planning.
         """
-        if self._goal is None or not np.array_equal(goal, self._goal):
-            self._goal, self._progress = goal.copy(), Progress(self.planner.config.progress)
-        planner, progress = self.planner, self._progress
-        rest = resting_cost(scene, goal, planner.config.weights, planner.feasibility)
-        progress.look(scene, rest)
-        if progress.hopeless:
-            left = 1e3 * float(target_distance(scene, goal))
-            raise NoProgressError(
-                f"{progress.without} pushes in a row brought nothing, the target is {left:.0f} mm"
-                " from the goal; choose another goal, move a disk, or send the goal again"
+        self._before, self._expected, self._regions = scene.copy(), predicted.copy(), regions
+
+    def look(self, scene: Scene, rest_cost: float) -> None:
+        """Take note of the present scene (N, 8), and of what it would cost to do nothing."""
+        before, expected = self._before, self._expected
+        self.last = None
+        pushed = before is not None and not np.array_equal(scene, before)
+        if pushed and expected is not None and before is not None:
+            if scene.shape == expected.shape:
+                self.last = self._compare(before, expected, scene)
+            self.without += 1
+        if rest_cost < NEARER * self._best:
+            self.without, self._best = 0, rest_cost
+
+    def _compare(self, before: Scene, expected: Scene, scene: Scene) -> LastPush:
+        errors = np.linalg.norm((scene - expected)[:, POSITION], axis=1)
+        way = np.linalg.norm((expected - before)[:, POSITION], axis=1)
+        band = np.maximum(self._config.surprise, self._config.surprise_share * way)
+        if self._regions is not None:
+            band = np.maximum(band, self._regions)
+        return LastPush(errors, band)
+
+    @property
+    def concern(self) -> str:
+        """Why to plan wider than usual; empty: there is no reason to."""
+        last = self.last
+        if last is not None and last.surprising:
+            worst = int(np.argmax((last.errors / last.expected)[: TARGET + 1]))
+            return (
+                f"{('mid disk', 'target')[worst]} {1e3 * last.errors[worst]:.0f} mm from where it"
+                f" should be, {1e3 * last.expected[worst]:.0f} mm were expected"
             )
-        result = planner.plan(scene, goal, generator, deadline, progress.concern)
-        progress.expect(scene, result.predicted[0])
-        return replace(result, last=progress.last)
+        if self.without >= self._config.stalled_after:
+            return f"{self.without} pushes brought nothing"
+        return ""
 
-    def complete(self, scene: Scene, result: PlanResult) -> PlanResult:
-        """Return the plan just made with the model's regions; its push need not wait for this.
-
-        An error within them will be no surprise.
-        """
-        result = self.planner.complete(scene, result)
-        if result.regions is not None:
-            self._progress.expect(scene, result.predicted[0], result.regions[0])
-        return result
+    @property
+    def hopeless(self) -> bool:
+        """Whether there is no point in going on."""
+        most = self._config.give_up_after
+        return most > 0 and self.without >= most

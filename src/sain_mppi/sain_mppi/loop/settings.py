@@ -1,10 +1,10 @@
-"""All settings of the planner's node."""
+"""All settings of the agent and of the planner's node."""
 
 from dataclasses import dataclass
 
 from sain_core.config import Config, option
 from sain_core.feasibility import Feasibility
-from sain_mppi.loop.goal_tracker import PursuitConfig
+from sain_mppi.loop.goal_tracker import GoalTrackerConfig
 from sain_mppi.search.config import PlannerConfig
 
 SERVICE = "service"
@@ -12,16 +12,23 @@ IN_PROCESS = "in_process"
 
 
 @dataclass(frozen=True)
-class MppiConfig(Config):
+class AgentConfig(Config):
+    """How the agent decides, wherever it runs."""
+
+    prior: str = option("planar", "the physics to fall back on: its name")
+    seed: int = option(0, "the same seed and scenes give the same plans", minimum=0)
+    history: bool = option(True, "let the model learn from the episode's earlier pushes")
+    planner: PlannerConfig = PlannerConfig()
+    goal_tracker: GoalTrackerConfig = GoalTrackerConfig()
+    feasibility: Feasibility = Feasibility()
+
+
+@dataclass(frozen=True)
+class MppiConfig(AgentConfig):
     """What the planner's node plans with."""
 
     dynamics: str = option(SERVICE, "where the model runs", choices=(SERVICE, IN_PROCESS))
     model: str = option("sain", "the model, when in process: its name, or a checkpoint's path")
-    prior: str = option("planar", "the physics to fall back on: its name")
     model_timeout: float = option(
         2.0, "longest wait for an answer of the model", unit="s", minimum=0.01, maximum=600.0
     )
-    seed: int = option(0, "the same seed and scenes give the same plans", minimum=0)
-    planner: PlannerConfig = PlannerConfig()
-    pursuit: PursuitConfig = PursuitConfig()
-    feasibility: Feasibility = Feasibility()

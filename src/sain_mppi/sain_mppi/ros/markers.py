@@ -3,22 +3,20 @@
 RViz and Foxglove show them side by side with the simulator's disks.
 """
 
-from math import cos, sin
 from typing import Final
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Pose, Vector3
+from geometry_msgs.msg import Point, Vector3
 from jaxtyping import Float
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core.drawing.palette import PALETTE, rgba
-from sain_core.ros.codec import header
+from sain_core.ros.markers import Colour, make_marker, make_pose
 from sain_core.scene import DISK_HEIGHT, MID, RADIUS, TARGET, THETA, X, Y
 from sain_core.types import Points, Scene
-from sain_mppi.loop.agent import Decision
-from sain_mppi.loop.goal_tracker import Task
+from sain_mppi.loop.decision import PushDecision, Task
 from sain_mppi.search.result import Shown
 
 LINE_WIDTH: Final = 0.006  # [m]
@@ -32,14 +30,15 @@ REGION_COLOUR: Final = (0.96, 0.76, 0.20, 0.35)
 CHEAP: Final = np.array([0.20, 0.60, 0.35, 0.6])
 DEAR: Final = np.array([0.75, 0.25, 0.20, 0.15])
 
-Colour = tuple[float, float, float, float]
 State = Float[np.ndarray, "8"]
 
 
-def plan_markers(decision: Decision, stamp: Time) -> MarkerArray:
+def plan_markers(decision: PushDecision, stamp: Time) -> MarkerArray:
     """Return the goal and, for mid disk and target, the way that the plan expects."""
-    job, result = decision.job, decision.result
+    job, result = decision.job, decision.plan
     array = goal_markers(job.task, stamp)
+    if result is None:
+        return array
     array.markers.append(_others(job.view.scene, result.others, stamp))
     for disk, colour in PATH_COLOURS.items():
         array.markers.append(_path(disk, result.way(job.view.scene, disk), colour, stamp))
@@ -51,17 +50,15 @@ def plan_markers(decision: Decision, stamp: Time) -> MarkerArray:
 
 def goal_markers(task: Task, stamp: Time) -> MarkerArray:
     """Return the goal as a flat disk, as wide as the tolerance allows."""
-    marker = _marker("goal", 0, Marker.CYLINDER, GOAL_COLOUR, stamp)
+    marker = make_marker("goal", 0, Marker.CYLINDER, GOAL_COLOUR, stamp)
     x, y = task.goal.tolist()
-    marker.pose = Pose(position=Point(x=x, y=y, z=GOAL_HEIGHT / 2))
-    marker.pose.orientation.w = 1.0
+    marker.pose = make_pose(x, y, GOAL_HEIGHT / 2)
     marker.scale = Vector3(x=2 * task.tolerance, y=2 * task.tolerance, z=GOAL_HEIGHT)
     return MarkerArray(markers=[marker])
 
 
 def _path(disk: int, way: Points, colour: Colour, stamp: Time) -> Marker:
-    marker = _marker("path", disk, Marker.LINE_STRIP, colour, stamp)
-    marker.pose.orientation.w = 1.0
+    marker = make_marker("path", disk, Marker.LINE_STRIP, colour, stamp)
     marker.scale = Vector3(x=LINE_WIDTH)
     marker.points = [Point(x=x, y=y, z=DISK_HEIGHT) for x, y in way.tolist()]
     return marker
@@ -69,8 +66,7 @@ def _path(disk: int, way: Points, colour: Colour, stamp: Time) -> Marker:
 
 def _others(scene: Scene, others: Shown, stamp: Time) -> Marker:
     """Return where other sequences lead the target, from green (cheap) to a pale red (dear)."""
-    marker = _marker("others", 0, Marker.LINE_LIST, (0.0, 0.0, 0.0, 1.0), stamp)
-    marker.pose.orientation.w = 1.0
+    marker = make_marker("others", 0, Marker.LINE_LIST, (0.0, 0.0, 0.0, 1.0), stamp)
     marker.scale = Vector3(x=THIN_LINE)
     count, horizon = others.predicted.shape[:2]
     if not count:
@@ -88,33 +84,19 @@ def _others(scene: Scene, others: Shown, stamp: Time) -> Marker:
 
 def _ghost(disk: int, state: State, colour: Colour, stamp: Time) -> Marker:
     """Return a disk where it should be after the push."""
-    marker = _marker("ghost", disk, Marker.CYLINDER, (*colour[:3], GHOST_ALPHA), stamp)
+    marker = make_marker("ghost", disk, Marker.CYLINDER, (*colour[:3], GHOST_ALPHA), stamp)
     x, y, heading, radius = state[[X, Y, THETA, RADIUS]].tolist()
-    marker.pose = Pose(position=Point(x=x, y=y, z=DISK_HEIGHT / 2))
-    marker.pose.orientation.z, marker.pose.orientation.w = sin(heading / 2), cos(heading / 2)
+    marker.pose = make_pose(x, y, DISK_HEIGHT / 2, heading)
     marker.scale = Vector3(x=2 * radius, y=2 * radius, z=DISK_HEIGHT)
     return marker
 
 
 def _region(disk: int, state: State, radius: float, stamp: Time) -> Marker:
     """Return the region that should hold a disk's centre after the push; none where unknown."""
-    marker = _marker("region", disk, Marker.CYLINDER, REGION_COLOUR, stamp)
+    marker = make_marker("region", disk, Marker.CYLINDER, REGION_COLOUR, stamp)
     if radius <= 0.0:
         marker.action = Marker.DELETE
     x, y = state[[X, Y]].tolist()
-    marker.pose = Pose(position=Point(x=x, y=y, z=DISK_HEIGHT + LINE_WIDTH))
-    marker.pose.orientation.w = 1.0
+    marker.pose = make_pose(x, y, DISK_HEIGHT + LINE_WIDTH)
     marker.scale = Vector3(x=2 * radius, y=2 * radius, z=GOAL_HEIGHT)
     return marker
-
-
-def _marker(group: str, number: int, kind: int, colour: Colour, stamp: Time) -> Marker:
-    red, green, blue, alpha = colour
-    return Marker(
-        header=header(stamp),
-        ns=group,
-        id=number,
-        type=kind,
-        action=Marker.ADD,
-        color=ColorRGBA(r=red, g=green, b=blue, a=alpha),
-    )

@@ -5,20 +5,20 @@ from time import monotonic
 from typing import Final
 
 import numpy as np
+from builtin_interfaces.msg import Time
 
-from sain_core.errors import ErrorCode, SainError, error_reply
+from sain_core.errors import ErrorCode, error_reply
 from sain_core.ros import codec
-from sain_core.scene import POSITION, target_distance
-from sain_interfaces.msg import Plan
-from sain_mppi.loop.agent import Decision
-from sain_mppi.loop.goal_tracker import Job, Task, Verdict
+from sain_core.scene import POSITION
+from sain_interfaces.msg import Plan, Push
+from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, StopReason, Task
 from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.result import PlanResult
 
 STATUS: Final = {
-    Verdict.PLAN: Plan.PUSH,
-    Verdict.REACHED: Plan.REACHED,
-    Verdict.EXHAUSTED: Plan.EXHAUSTED,
-    Verdict.GIVE_UP: Plan.NO_PUSH,
+    StopReason.REACHED: Plan.REACHED,
+    StopReason.EXHAUSTED: Plan.EXHAUSTED,
+    StopReason.FAILED: Plan.NO_PUSH,
 }
 SAID: Final = {
     Plan.PUSH: "pushing",
@@ -27,50 +27,69 @@ SAID: Final = {
 }
 
 
-def plan_of_decision(decision: Decision, push_id: int, model: str, config: PlannerConfig) -> Plan:
+def push_message(decision: PushDecision, stamp: Time, source: str) -> Push:
+    """Return the push of a decision."""
+    episode_id, scene_id = decision.job.view.key
+    return codec.encode_push(
+        decision.push,
+        stamp=stamp,
+        push_id=decision.push_id,
+        episode_id=episode_id,
+        scene_id=scene_id,
+        source=source,
+    )
+
+
+def plan_of_decision(decision: PushDecision, model: str, config: PlannerConfig) -> Plan:
     """Return the plan whose first push is sent."""
-    result = decision.result
-    plan = plan_of_job(decision.job, Plan.PUSH)
-    plan.push_id = push_id
+    plan = _empty_plan(decision.job.task, Plan.PUSH, decision.failure)
+    _fill_job(plan, decision.job)
+    plan.push_id = decision.push_id
     plan.dynamics = model
     plan.fallback = decision.failure is not None
-    if decision.failure is not None:
-        plan.error_code, plan.error_message = error_reply(decision.failure)
-    plan.samples, plan.rounds = config.samples, result.rounds
-    codec.fill_plan(plan, result.pushes, result.predicted)
-    plan.cost, plan.effective_samples = result.cost, result.effective_samples
-    plan.rest_cost, plan.concern = result.rest_cost, result.concern
-    plan.algorithm, plan.rollouts = config.algorithm, result.samples
-    plan.cost_terms, plan.cost_values = list(result.terms), array("d", result.terms.values())
-    times = result.times
-    plan.search_time, plan.rollout_time, plan.cost_time = times.total, times.rollout, times.cost
-    plan.deadline = config.deadline
-    if result.last is not None:
-        plan.last_errors = codec.encode_floats(result.last.errors)
-        plan.last_expected = codec.encode_floats(result.last.expected)
-    plan.other_costs = codec.encode_floats(result.others.costs)
-    places = result.others.predicted[..., POSITION]
-    plan.other_places = array("f", places.astype(np.float32).tobytes())
+    plan.concern = decision.concern
+    if decision.plan is not None:
+        _fill_result(plan, decision.plan)
+    plan.samples, plan.algorithm, plan.deadline = config.samples, config.algorithm, config.deadline
+    if decision.last is not None:
+        plan.last_errors = codec.encode_floats(decision.last.errors)
+        plan.last_expected = codec.encode_floats(decision.last.expected)
     return plan
 
 
-def plan_of_job(job: Job, status: int, error: SainError | None = None) -> Plan:
-    """Return a plan that sends no push (yet), and why."""
-    plan = plan_of_task(job.task, status, error)
-    plan.episode_id, plan.scene_id = job.view.key
-    plan.disks = len(job.view.scene)
-    plan.goal_distance = float(target_distance(job.view.scene, job.task.goal))
-    plan.planning_time = monotonic() - job.view.received
+def plan_of_stop(stop: Stop) -> Plan:
+    """Return a plan that sends no push, and why."""
+    plan = _empty_plan(stop.task, STATUS[stop.reason], stop.error)
+    if stop.job is not None:
+        _fill_job(plan, stop.job)
     return plan
 
 
-def plan_of_task(task: Task, status: int, error: SainError | None = None) -> Plan:
-    """Return a plan for a goal without a scene."""
+def _empty_plan(task: Task, status: int, error: BaseException | None) -> Plan:
     plan = Plan(goal_id=task.goal_id, episode_id=task.episode_id, status=status)
     plan.error_code, plan.error_message = (
         (int(ErrorCode.OK), "") if error is None else error_reply(error)
     )
     return plan
+
+
+def _fill_job(plan: Plan, job: PlanJob) -> None:
+    plan.episode_id, plan.scene_id = job.view.key
+    plan.disks = len(job.view.scene)
+    plan.goal_distance = job.distance
+    plan.planning_time = monotonic() - job.view.received
+
+
+def _fill_result(plan: Plan, result: PlanResult) -> None:
+    codec.fill_plan(plan, result.pushes, result.predicted)
+    plan.cost, plan.effective_samples = result.cost, result.effective_samples
+    plan.rest_cost, plan.rounds, plan.rollouts = result.rest_cost, result.rounds, result.samples
+    plan.cost_terms, plan.cost_values = list(result.terms), array("d", result.terms.values())
+    times = result.times
+    plan.search_time, plan.rollout_time, plan.cost_time = times.total, times.rollout, times.cost
+    plan.other_costs = codec.encode_floats(result.others.costs)
+    places = result.others.predicted[..., POSITION]
+    plan.other_places = array("f", places.astype(np.float32).tobytes())
 
 
 def summary(plan: Plan) -> dict[str, str]:

@@ -31,6 +31,10 @@ class RemoteRollout:
         """Whether a model serves, as far as this node has seen."""
         return bool(self._client.service_is_ready())
 
+    def wait_until_ready(self, timeout_s: float) -> bool:
+        """Wait until a model serves, for so long [s]; tell whether one does."""
+        return bool(self._client.wait_for_service(timeout_s))
+
     def with_history(self, history: PushHistory) -> Self:
         """Send these earlier pushes of the episode along from now on; return itself."""
         self._history = history

@@ -9,7 +9,6 @@ from sain_core.config import Config, option
 from sain_core.push import PaperGrid
 from sain_core.types import Scalars
 from sain_mppi.search.cost import CostWeights
-from sain_mppi.search.progress import ProgressConfig
 from sain_mppi.search.sampling import NoiseConfig
 
 MPPI_ROUNDS: Final = "mppi_rounds"
@@ -63,6 +62,27 @@ class GradientConfig(Config):
     def rates(self) -> Scalars:
         """Return the lengths of the steps that are tried, (R,)."""
         return np.geomspace(self.longest, self.shortest, self.tries)
+
+
+@dataclass(frozen=True)
+class ProgressConfig(Config):
+    """When plans are made wider, and when there is no point in going on."""
+
+    surprise: float = option(
+        0.01,
+        "error of a predicted place that is none, however short the way",
+        unit="m",
+        minimum=0.0,
+    )
+    surprise_share: float = option(
+        0.3, "the same as a share of the predicted way, where that is more", minimum=0.0
+    )
+    stalled_after: int = option(
+        3, "pushes in a row without progress after which plans are wider", minimum=1
+    )
+    give_up_after: int = option(
+        12, "pushes in a row without progress after which there are no more; 0: never", minimum=0
+    )
 
 
 @dataclass(frozen=True)

@@ -7,18 +7,18 @@ import numpy as np
 from sain_core.types import PredictedScenes, PushSequences, Scalars, Scenes
 from sain_mppi.search.result import Shown
 
-ELITES: Final = 16  # sequences that the next plan may begin from
+MOST_ELITES: Final = 16  # sequences that the next plan may begin from
 
 Terms = dict[str, Scalars]
 
 
-class Finds:
+class Elites:
     """The best sequences in order, and what the very best leads to and costs."""
 
     def __init__(self, horizon: int, shown: int) -> None:
         """Begin with nothing; keep so many sequences to be shown."""
         self.cost = np.inf
-        self.elites: PushSequences = np.empty((0, horizon, 3))
+        self.sequences: PushSequences = np.empty((0, horizon, 3))
         self.terms: dict[str, float] = {}
         self._predicted: Scenes | None = None
         self._costs: Scalars = np.empty(0)  # of the elites
@@ -41,11 +41,11 @@ class Finds:
     ) -> None:
         """Keep what is worth it of some sequences."""
         self._shown.append(Shown.of(predicted, costs, self._count))
-        best = np.argsort(costs, kind="stable")[:ELITES]
+        best = np.argsort(costs, kind="stable")[:MOST_ELITES]
         best = best[np.isfinite(costs[best])]
         every = np.concatenate([self._costs, costs[best]])
-        order = np.argsort(every, kind="stable")[:ELITES]
-        self.elites = np.concatenate([self.elites, sequences[best]])[order]
+        order = np.argsort(every, kind="stable")[:MOST_ELITES]
+        self.sequences = np.concatenate([self.sequences, sequences[best]])[order]
         self._costs = every[order]
         if len(best) and costs[best[0]] < self.cost:
             self._note(predicted, costs, terms, int(best[0]))
@@ -54,8 +54,8 @@ class Finds:
         self, sequences: PushSequences, predicted: PredictedScenes, costs: Scalars, terms: Terms
     ) -> None:
         """Take the first of some sequences for the best, whatever it costs."""
-        self.elites = np.concatenate([sequences[:1], self.elites])[:ELITES]
-        self._costs = np.concatenate([costs[:1], self._costs])[:ELITES]
+        self.sequences = np.concatenate([sequences[:1], self.sequences])[:MOST_ELITES]
+        self._costs = np.concatenate([costs[:1], self._costs])[:MOST_ELITES]
         self._note(predicted, costs, terms, 0)
 
     def _note(self, predicted: PredictedScenes, costs: Scalars, terms: Terms, row: int) -> None:

@@ -10,7 +10,6 @@ from numpy import ndarray
 
 from sain_core.scene import POSITION
 from sain_core.types import PredictedScenes, PushArray, Pushes, Scalars, Scene, Scenes
-from sain_mppi.search.progress import LastPush
 
 
 @dataclass(frozen=True)
@@ -70,8 +69,6 @@ class PlanResult:
     times: Times
     others: Shown
     regions: Float[ndarray, "H N"] | None = None  # [m], radii that should hold each disk
-    concern: str = ""  # why it was looked for further about than usual; empty: it was not
-    last: LastPush | None = None  # what became of the push before; None: there was none
 
     @property
     def push(self) -> PushArray:

@@ -1,7 +1,6 @@
 """One plan's search: rolls out what an algorithm tries, costs it, and keeps the best."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -22,7 +21,7 @@ from sain_core.types import (
 )
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.cost import cost_terms, make_rollout, resting_cost, total_cost
-from sain_mppi.search.elites import Finds
+from sain_mppi.search.elites import Elites
 from sain_mppi.search.feasible_mask import permitted
 from sain_mppi.search.goal import Goal
 from sain_mppi.search.pacing import Pacing
@@ -30,36 +29,36 @@ from sain_mppi.search.result import PlanResult, Times
 from sain_mppi.search.weights import cost_spread, effective_samples, softmin_weights
 
 
-@dataclass(frozen=True)
-class Problem:
-    """What a plan is for.
-
-    Attributes:
-        scene: (N, 8), where it starts.
-        goal: (2,), for the target.
-        feasibility: what the arm can do.
-        refused: (3,) each, pushes that were refused from this scene.
-        deadline: `time.monotonic` at which the plan is wanted; None: whenever.
-    """
-
-    scene: Scene
-    goal: Goal
-    feasibility: Feasibility
-    refused: Sequence[PushArray] = ()
-    deadline: float | None = None
-
-
 class Search:
     """What algorithms see: which pushes are permitted, what sequences cost, when to stop."""
 
-    def __init__(self, model: RolloutModel, config: PlannerConfig, problem: Problem) -> None:
-        """Begin with nothing found."""
-        self.model, self.config, self.problem = model, config, problem
-        self.scene, self.goal, self.feasibility = problem.scene, problem.goal, problem.feasibility
-        self.finds = Finds(config.horizon, config.shown)
+    def __init__(
+        self,
+        model: RolloutModel,
+        config: PlannerConfig,
+        feasibility: Feasibility,
+        scene: Scene,
+        goal: Goal,
+        refused: Sequence[PushArray] = (),
+        deadline: float | None = None,
+    ) -> None:
+        """Begin with nothing found.
+
+        Args:
+            model: predicts.
+            config: how to plan.
+            feasibility: what the arm can do.
+            scene: (N, 8), where the plan starts.
+            goal: (2,), for the target.
+            refused: (3,) each, pushes that were refused from this scene.
+            deadline: `time.monotonic` at which the plan is wanted; None: whenever.
+        """
+        self.model, self.config, self.feasibility = model, config, feasibility
+        self.scene, self.goal, self.refused = scene, goal, refused
+        self.elites = Elites(config.horizon, config.shown)
         self.effective = 0.0
         self.samples = self.rounds = 0
-        self._pacing = Pacing(problem.deadline)
+        self._pacing = Pacing(deadline)
         self._rollout_time = self._cost_time = 0.0
         self._began = perf_counter()
         self.rest_cost = resting_cost(
@@ -69,7 +68,7 @@ class Search:
     @property
     def improves(self) -> bool:
         """Whether the best sequence so far is better than doing nothing."""
-        return bool(self.finds.cost < self.rest_cost)
+        return bool(self.elites.cost < self.rest_cost)
 
     @property
     def over(self) -> bool:
@@ -80,12 +79,12 @@ class Search:
     def where(self) -> str:
         """The situation, for messages."""
         x, y = self.scene[MID, POSITION]
-        refused = f", {len(self.problem.refused)} refused before" if self.problem.refused else ""
+        refused = f", {len(self.refused)} refused before" if self.refused else ""
         return f"from here: mid disk at ({x:.3f}, {y:.3f}) m{refused}"
 
     def permitted(self, pushes: Pushes) -> Mask:
         """Tell which pushes (B, 3) touch the mid disk, can be carried out, and were not refused."""
-        return permitted(self.scene, pushes, self.feasibility, self.problem.refused)
+        return permitted(self.scene, pushes, self.feasibility, self.refused)
 
     def evaluate(self, sequences: PushSequences) -> Scalars:
         """Roll out sequences (K, H, 3) and return what they cost (K,); their first pushes must be
@@ -127,23 +126,23 @@ class Search:
         predicted = self._rollout(sequence[None])
         costs, terms = self._costs(sequence[None], predicted)
         if np.isfinite(costs[0]):
-            self.finds.prefer(sequence[None], predicted, costs, terms)
+            self.elites.prefer(sequence[None], predicted, costs, terms)
 
     def result(self) -> PlanResult:
         """Return the best sequence as the plan; something must have been evaluated."""
-        finds = self.finds
+        elites = self.elites
         total = perf_counter() - self._began
         return PlanResult(
-            finds.elites[0],
-            finds.predicted,
-            finds.cost,
+            elites.sequences[0],
+            elites.predicted,
+            elites.cost,
             self.rest_cost,
-            finds.terms,
+            elites.terms,
             self.effective,
             self.samples,
             self.rounds,
             Times(total, self._rollout_time, self._cost_time),
-            finds.shown,
+            elites.shown,
         )
 
     def _regions(self, sequences: PushSequences, predicted: PredictedScenes) -> Radii | None:
@@ -158,7 +157,7 @@ class Search:
             tried = sequences[part]
             predicted = self._rollout(tried)
             costs[part], terms = self._costs(tried, predicted)
-            self.finds.add(tried, predicted, costs[part], terms)
+            self.elites.add(tried, predicted, costs[part], terms)
             self.samples += len(tried)
         return costs
 

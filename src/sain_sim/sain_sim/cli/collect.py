@@ -19,7 +19,7 @@ from rich.progress import (
 
 from sain_core.errors import SainError
 from sain_sim.collecting.collect import CollectConfig, Collected, collect
-from sain_sim.collecting.push_counts import Tally
+from sain_sim.collecting.push_counts import PushCounts
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -49,25 +49,27 @@ def main(arguments: list[str] | None = None) -> int:
     minutes = (time.perf_counter() - begun) / 60
     folder = escape(str(config.out))
     console.print(f"{done.transitions} transitions in {folder} ({minutes:.1f} min)")
-    for line in account(done.tally, config):
+    for line in account(done.counts, config):
         console.print(line, highlight=False, soft_wrap=True)
     return 0
 
 
-def account(tally: Tally, config: CollectConfig) -> list[str]:
+def account(counts: PushCounts, config: CollectConfig) -> list[str]:
     """Return in words what became of the pushes that were drawn."""
     kept = "kept" if not config.episode.moved_only else "left out"
     lines = [
-        f"{tally.drawn} pushes drawn in {tally.episodes} episodes: {tally.unreachable} out of"
-        f" reach, {tally.blocked} blocked by another disk, {tally.refused} refused otherwise,"
-        f" {tally.edge} ended at the table's edge or still moving, {tally.valid} valid",
-        f"of these {tally.moved} moved the target by 2 mm or more; {kept}: {tally.missed} that"
-        f" missed it, {tally.short} that moved it by less",
+        f"{counts.drawn} pushes drawn in {counts.episodes} episodes: {counts.unreachable} out of"
+        f" reach, {counts.blocked} blocked by another disk, {counts.refused} refused otherwise,"
+        f" {counts.edge} ended at the table's edge or still moving, {counts.valid} valid",
+        f"of these {counts.moved} moved the target by 2 mm or more; {kept}: {counts.missed} that"
+        f" missed it, {counts.short} that moved it by less",
     ]
-    if tally.stuck:
-        lines.append(f"{tally.stuck} episodes ended early: no push that was tried was possible")
-    if tally.episodes < config.episodes:
-        lines.append(f"nothing is written of the pushes of {config.episodes - tally.episodes} more")
+    if counts.stuck:
+        lines.append(f"{counts.stuck} episodes ended early: no push that was tried was possible")
+    if counts.episodes < config.episodes:
+        lines.append(
+            f"nothing is written of the pushes of {config.episodes - counts.episodes} more"
+        )
     return lines
 
 

@@ -16,8 +16,8 @@ from sain_core.dataset import SHARD_SIZE, Column, Row, describe_fields
 from sain_core.errors import DatasetError
 from sain_core.storage import write_json
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
-from sain_sim.collecting.push_counts import Journal, Tally
-from sain_sim.collecting.ray_workers import RayCrew, ray_cluster
+from sain_sim.collecting.push_counts import CollectionJournal, PushCounts
+from sain_sim.collecting.ray_workers import RayPool, ray_cluster
 from sain_sim.collecting.shards import (
     full_shards,
     last_transition,
@@ -25,7 +25,7 @@ from sain_sim.collecting.shards import (
     remove_leftovers,
     write_shard,
 )
-from sain_sim.collecting.workers import ProcessCrew, in_order
+from sain_sim.collecting.workers import ProcessPool, in_order
 
 IDENTITY_FILE: Final = "collection.json"
 CARD_FILE: Final = "card.json"
@@ -55,7 +55,7 @@ class Collected(NamedTuple):
     """What a folder holds when its collection is done."""
 
     transitions: int
-    tally: Tally  # of all pushes that were drawn
+    counts: PushCounts  # of all pushes that were drawn
 
 
 def collect(
@@ -80,9 +80,12 @@ def collect(
     last = last_transition(folder, shards - 1) if shards else (0, -1)
     waiting: list[Row] = []
     progress(last[0], shards * SHARD_SIZE)
-    with closing(Journal(folder, last[0])) as journal, closing(_run(config, last[0])) as results:
+    with (
+        closing(CollectionJournal(folder, last[0])) as journal,
+        closing(_run(config, last[0])) as results,
+    ):
         for episode, result in enumerate(results, start=last[0]):
-            journal.add(episode, result.tally)
+            journal.add(episode, result.counts)
             waiting += [row for row in result.transitions if _place(row) > last]
             while len(waiting) >= SHARD_SIZE:
                 write_shard(folder, shards, waiting[:SHARD_SIZE])
@@ -105,11 +108,11 @@ def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, No
     if config.ray:
         with (
             ray_cluster(config.ray, config.workers) as ray,
-            closing(RayCrew(ray, config.workers, *settings)) as actors,
+            closing(RayPool(ray, config.workers, *settings)) as actors,
         ):
             yield from in_order(actors, episodes)
     elif config.workers > 1:
-        with closing(ProcessCrew(config.workers, *settings)) as processes:
+        with closing(ProcessPool(config.workers, *settings)) as processes:
             yield from in_order(processes, episodes)
     else:
         with closing(EpisodeRunner(*settings)) as runner:
@@ -163,7 +166,7 @@ def _summary(config: CollectConfig, done: Collected) -> dict[str, Any]:
         "episodes": config.episodes,
         "transitions": len(data[Column.EPISODE]),
         "moved": int(data[Column.MOVED].sum()),
-        "tally": {"drawn": done.tally.drawn, "valid": done.tally.valid, **asdict(done.tally)},
+        "tally": {"drawn": done.counts.drawn, "valid": done.counts.valid, **asdict(done.counts)},
         "shard_size": SHARD_SIZE,
         "fields": describe_fields(data),
     }

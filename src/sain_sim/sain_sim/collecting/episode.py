@@ -19,11 +19,11 @@ from sain_core.seeding import generator
 from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
 from sain_core.shapes.registry import built_shapes, footprint_names
 from sain_core.types import PushArray
-from sain_sim.collecting.push_counts import Tally
+from sain_sim.collecting.push_counts import PushCounts
 from sain_sim.episodes.samplers import CircleSampler, GridSampler, PushSampler
 from sain_sim.episodes.start import StartConfig, draw_start, wholly_on
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
-from sain_sim.world.outcome import PushOutcome
+from sain_sim.world.outcome import StrokeOutcome
 from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
 from sain_sim.world.world import World, WorldConfig
@@ -71,7 +71,7 @@ class EpisodeResult(NamedTuple):
     """What an episode gave."""
 
     transitions: list[Row]  # in order; with the 2 mm filter only those that pass it
-    tally: Tally  # of all pushes that were drawn
+    counts: PushCounts  # of all pushes that were drawn
 
 
 class EpisodeRunner:
@@ -99,35 +99,35 @@ class EpisodeRunner:
         parameters = draw_parameters(random, self._config)
         table = self._world_config.feasibility.table
         self._world.reset(draw_start(random, parameters, StartConfig(), table), parameters)
-        tally, kept = Tally(episodes=1), []
+        counts, kept = PushCounts(episodes=1), []
         with ExitStack() as stack:
             floor = None
             if episode < self._config.floor_episodes:
                 floor = stack.enter_context(BulletPrior(TRUE, self._world_config, parameters))
-            for step, (push, outcome) in enumerate(self._pushes(random, tally)):
-                moved = _count(outcome, tally)
+            for step, (push, outcome) in enumerate(self._pushes(random, counts)):
+                moved = _count(outcome, counts)
                 if moved or not self._config.moved_only:
                     kept.append(self._row(episode, step, push, outcome, moved, floor))
-        return EpisodeResult(kept, tally)
+        return EpisodeResult(kept, counts)
 
     def _pushes(
-        self, random: np.random.Generator, tally: Tally
-    ) -> Iterator[tuple[PushArray, PushOutcome]]:
+        self, random: np.random.Generator, counts: PushCounts
+    ) -> Iterator[tuple[PushArray, StrokeOutcome]]:
         """Carry out pushes until there are enough, none is possible, or a disk leaves the table."""
         table = self._world_config.feasibility.table
         for _ in range(self._config.pushes):
-            done = self._push(random, tally)
+            done = self._push(random, counts)
             if done is None:
-                tally.stuck += 1
+                counts.stuck += 1
                 return
             if not done[1].settled or not wholly_on(done[1].after, table):
-                tally.edge += 1
+                counts.edge += 1
                 return  # what happens at the edge is not in a plane
             yield done
 
     def _push(
-        self, random: np.random.Generator, tally: Tally
-    ) -> tuple[PushArray, PushOutcome] | None:
+        self, random: np.random.Generator, counts: PushCounts
+    ) -> tuple[PushArray, StrokeOutcome] | None:
         """Draw pushes until one can be carried out; None when none could."""
         scene = self._world.observe()
         for _ in range(self._config.tries):
@@ -135,7 +135,7 @@ class EpisodeRunner:
             try:
                 return push, self._world.push(push)
             except SainError as error:  # unreachable or blocked: draw another
-                tally.refuse(error)
+                counts.refuse(error)
         return None
 
     def _row(
@@ -143,7 +143,7 @@ class EpisodeRunner:
         episode: int,
         step: int,
         push: PushArray,
-        outcome: PushOutcome,
+        outcome: StrokeOutcome,
         moved: bool,
         floor: BulletPrior | None,
     ) -> Row:
@@ -180,13 +180,13 @@ class EpisodeRunner:
         self._shadow.close()
 
 
-def _count(outcome: PushOutcome, tally: Tally) -> bool:
+def _count(outcome: StrokeOutcome, counts: PushCounts) -> bool:
     """Count a push that was carried out; tell whether it moved the target by 2 mm."""
     way = outcome.after[TARGET, POSITION] - outcome.before[TARGET, POSITION]
     travel = float(np.linalg.norm(way))
-    tally.moved += travel >= MOVED
-    tally.missed += travel < MISSED
-    tally.short += MISSED <= travel < MOVED
+    counts.moved += travel >= MOVED
+    counts.missed += travel < MISSED
+    counts.short += MISSED <= travel < MOVED
     return travel >= MOVED
 
 

@@ -13,7 +13,7 @@ JOURNAL_FILE: Final = "episodes.jsonl"
 
 
 @dataclass
-class Tally:
+class PushCounts:
     """Counts of pushes; each push that was drawn is in one of the groups, and in one only."""
 
     episodes: int = 0
@@ -51,7 +51,7 @@ class Tally:
         return type(self)(*(getattr(self, name) + getattr(other, name) for name in names))
 
 
-class Journal:
+class CollectionJournal:
     """A line for each episode in ``episodes.jsonl``, so that a killed collection knows its counts.
 
     A line is written when its episode is done, before the shards that hold its transitions are
@@ -66,19 +66,19 @@ class Journal:
         """
         self._path = folder / JOURNAL_FILE
         known = [line for line in _lines(self._path) if line["episode"] < first]
-        self.total = sum((_tally(line) for line in known), Tally())
+        self.total = sum((_counts(line) for line in known), PushCounts())
         text = "".join(json.dumps(line) + "\n" for line in known)
         write_whole(self._path, text.encode())
         self._file: BinaryIO = self._path.open("ab", buffering=0)
 
-    def add(self, episode: int, tally: Tally) -> None:
+    def add(self, episode: int, counts: PushCounts) -> None:
         """Write down what became of an episode's pushes.
 
         Raises:
             OutputError: the disk is full.
         """
-        self.total += tally
-        line = json.dumps({"episode": episode, **asdict(tally)}).encode() + b"\n"
+        self.total += counts
+        line = json.dumps({"episode": episode, **asdict(counts)}).encode() + b"\n"
         try:
             if self._file.write(line) != len(line):
                 raise OutputError(f"cannot write {self._path}: the disk is full")
@@ -104,5 +104,5 @@ def _lines(path: Path) -> Iterable[dict[str, Any]]:
         yield content
 
 
-def _tally(line: dict[str, Any]) -> Tally:
-    return Tally(**{item.name: int(line.get(item.name, 0)) for item in fields(Tally)})
+def _counts(line: dict[str, Any]) -> PushCounts:
+    return PushCounts(**{item.name: int(line.get(item.name, 0)) for item in fields(PushCounts)})

@@ -19,6 +19,7 @@ import sain_core
 import sain_sim
 from sain_core.errors import ConfigError, SainError
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
+from sain_sim.collecting.workers import WorkerPool
 
 LOCAL: Final = "local"
 AUTO: Final = "auto"
@@ -158,7 +159,7 @@ class RayRunner(EpisodeRunner):
         return software()
 
 
-class RayCrew:
+class RayPool(WorkerPool):
     """Actors of a cluster, one CPU each; one that dies is replaced and its episode run again."""
 
     def __init__(self, ray: ModuleType, size: int, seed: int, config: EpisodeConfig) -> None:
@@ -167,11 +168,10 @@ class RayCrew:
         Raises:
             ConfigError: a machine of the cluster has other software, whose bytes could differ.
         """
-        self.size = size
+        super().__init__(size)
         self._ray = ray
         remote = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=RETRIES)(RayRunner)
-        self._idle: list[Any] = [remote.remote(seed, config) for _ in range(size)]
-        self._busy: dict[Any, tuple[Any, int]] = {}  # by reference: an actor and its episode
+        self._idle += [remote.remote(seed, config) for _ in range(size)]
         own = software()
         for found in self._get([actor.software.remote() for actor in self._idle]):
             if found != own:
@@ -180,22 +180,13 @@ class RayCrew:
                     " software the same seed may give other bytes"
                 )
 
-    @property
-    def free(self) -> int:
-        """How many workers have nothing to do."""
-        return len(self._idle)
-
     def begin(self, episode: int) -> None:
-        """Hand an episode to a worker that is free."""
+        """Give an episode to an actor that is free."""
         actor = self._idle.pop()
         self._busy[actor.run.remote(episode)] = (actor, episode)
 
     def finished(self) -> list[tuple[int, EpisodeResult]]:
-        """Wait until there are episodes that have ended, and return them.
-
-        Raises:
-            SainError: an episode cannot be run, or the cluster is gone.
-        """
+        """Wait for an actor that has ended its episode; see `WorkerPool`."""
         ready, _ = self._ray.wait(list(self._busy), num_returns=1)
         results = []
         for reference in ready:
@@ -217,5 +208,5 @@ class RayCrew:
 
     def close(self) -> None:
         """End the actors, also in the middle of an episode."""
-        for actor in [*self._idle, *(actor for actor, _ in self._busy.values())]:
+        for actor in self._workers:
             self._ray.kill(actor)

@@ -1,17 +1,18 @@
-"""Who runs the episodes of a collection: this process, processes beside it, or a Ray cluster.
+"""Pools of workers that run the episodes of a collection.
 
-Whoever runs them, they come back in order: what is written does not depend on it.
+Results come back in order, so that what is written does not depend on the pool.
 """
 
 import logging
 import multiprocessing
 import signal
 import sys
+from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import suppress
 from multiprocessing import connection
-from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Final, NamedTuple
 
 from sain_core.errors import SainError
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
@@ -22,39 +23,50 @@ LIVES: Final = 3  # workers that an episode may cost before the collection stops
 log = logging.getLogger(__name__)
 
 
-@runtime_checkable
-class Crew(Protocol):
+class WorkerPool(ABC):
     """Workers, each of which runs one episode at a time."""
 
-    size: int
+    def __init__(self, size: int) -> None:
+        """Begin without workers; there are to be so many."""
+        self.size = size
+        self._idle: list[Any] = []
+        self._busy: dict[Any, tuple[Any, int]] = {}  # by what is waited for: worker and episode
 
     @property
     def free(self) -> int:
         """How many workers have nothing to do."""
-        ...
+        return len(self._idle)
 
+    @property
+    def _workers(self) -> list[Any]:
+        return [*self._idle, *(worker for worker, _ in self._busy.values())]
+
+    @abstractmethod
     def begin(self, episode: int) -> None:
-        """Hand an episode to a worker that is free."""
-        ...
+        """Give an episode to a worker that is free."""
 
+    @abstractmethod
     def finished(self) -> list[tuple[int, EpisodeResult]]:
         """Wait until there are episodes that have ended, and return them.
 
         Raises:
-            SainError: one cannot be run.
+            SainError: one cannot be run, or ends every worker that tries.
         """
-        ...
+
+    @abstractmethod
+    def close(self) -> None:
+        """End the workers, also in the middle of an episode."""
 
 
-def in_order(crew: Crew, episodes: range) -> Iterator[EpisodeResult]:
-    """Have a crew run episodes; yield what they gave in order."""
+def in_order(pool: WorkerPool, episodes: range) -> Iterator[EpisodeResult]:
+    """Run episodes on a pool; yield their results in order."""
     waiting = deque(episodes)
     done: dict[int, EpisodeResult] = {}
     for wanted in episodes:
         while wanted not in done:
-            while waiting and crew.free and waiting[0] < wanted + AHEAD * crew.size:
-                crew.begin(waiting.popleft())
-            done.update(crew.finished())
+            while waiting and pool.free and waiting[0] < wanted + AHEAD * pool.size:
+                pool.begin(waiting.popleft())
+            done.update(pool.finished())
         yield done.pop(wanted)
 
 
@@ -63,7 +75,7 @@ class _Worker(NamedTuple):
     pipe: connection.Connection
 
 
-class ProcessCrew:
+class ProcessPool(WorkerPool):
     """Processes of this machine; one that dies is replaced and its episode is run again."""
 
     def __init__(self, size: int, seed: int, config: EpisodeConfig) -> None:
@@ -74,33 +86,21 @@ class ProcessCrew:
             seed: of the collection.
             config: what its episodes are like.
         """
-        self.size = size
+        super().__init__(size)
         self._context = multiprocessing.get_context("spawn")
         self._arguments = (seed, config)
-        self._idle: list[_Worker] = []
-        self._busy: dict[Any, tuple[_Worker, int]] = {}  # by pipe: a worker and its episode
         self._deaths: Counter[int] = Counter()
-        for _ in range(size):
-            self._idle.append(self._start())
-
-    @property
-    def free(self) -> int:
-        """How many workers have nothing to do."""
-        return len(self._idle)
+        self._idle += [self._start() for _ in range(size)]
 
     def begin(self, episode: int) -> None:
-        """Hand an episode to a worker that is free."""
+        """Give an episode to a process that is free."""
         worker = self._idle.pop()
         self._busy[worker.pipe] = (worker, episode)
         with suppress(BrokenPipeError):  # it died while idle: `finished` will see
             worker.pipe.send(episode)
 
     def finished(self) -> list[tuple[int, EpisodeResult]]:
-        """Wait until there are episodes that have ended, and return them.
-
-        Raises:
-            SainError: an episode cannot be run, or ends every process that tries.
-        """
+        """Wait for processes that have ended an episode; see `WorkerPool`."""
         results = []
         for pipe in connection.wait(list(self._busy)):
             worker, episode = self._busy.pop(pipe)
@@ -141,7 +141,7 @@ class ProcessCrew:
         """End the processes, also in the middle of an episode."""
         for worker, _ in self._busy.values():
             worker.process.terminate()
-        for worker in [*self._idle, *(worker for worker, _ in self._busy.values())]:
+        for worker in self._workers:
             worker.pipe.close()  # ends the idle ones
             worker.process.join()
 

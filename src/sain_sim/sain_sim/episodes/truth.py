@@ -1,4 +1,4 @@
-"""Which world plays reality: the paper's randomised one, or a rough lab."""
+"""The world that stands for reality: the paper's randomised one, or a rough one."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -24,23 +24,23 @@ ROUGH: Final = "rough"
 TRUTHS: Final = (RANDOMISED, ROUGH)
 ALL: Final = "all"
 NONE: Final = "none"
-VARIED_FRICTION: Final = "friction"  # not one of "all": it hides, it is not structure
+VARIED_FRICTION: Final = "friction"  # not part of "all": friction hides, it is not structure
 KNOWN_EFFECTS: Final = (*EFFECTS, VARIED_FRICTION)
 
 
 @dataclass(frozen=True)
 class TruthConfig(Config):
-    """The world that pushes are tried in.
+    """The world that executes the pushes.
 
-    A rough world is one lab: its table, the make of its disks and its arm stay the same from
-    episode to episode, and so does the friction; masses and radii are drawn for each.
+    A rough world is one lab: table, make of the disks, arm and friction stay the same in all
+    episodes. Masses and radii are drawn for each.
     """
 
-    world: str = option(RANDOMISED, "the paper's, or a lab with rough edges", choices=TRUTHS)
+    world: str = option(RANDOMISED, "the paper's world, or a rough one", choices=TRUTHS)
     effects: str = option(
-        ALL, f"of a rough world: all, none, or some with commas of {', '.join(KNOWN_EFFECTS)}"
+        ALL, f"effects of a rough world: all, none, or a list of {', '.join(KNOWN_EFFECTS)}"
     )
-    lab: int = option(0, "which rough world; same number, same lab", minimum=0)
+    lab: int = option(0, "number of the rough world", minimum=0)
 
     def __post_init__(self) -> None:
         """Check the fields, and that every effect is one."""

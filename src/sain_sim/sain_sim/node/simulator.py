@@ -4,14 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 
-from sain_core.config import Config, option
+from sain_core.config import option
 from sain_core.shapes.disk import DISK_SHAPES, THREE_FEET
 from sain_core.types import PushArray, Scene
 from sain_sim.episodes.start import WORLDS, draw_episode
-from sain_sim.episodes.truth import ALL, KNOWN_EFFECTS, TruthConfig
+from sain_sim.episodes.truth import TruthConfig
 from sain_sim.node.pacing import Pacer
 from sain_sim.rendering.window import Window
-from sain_sim.world.outcome import PushOutcome, Sample
+from sain_sim.world.outcome import Sample, StrokeOutcome
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.shadow import BulletPrior
 from sain_sim.world.workcell import WorldConfig
@@ -21,26 +21,26 @@ SHADOW_MODEL = "bullet_nominal"
 
 
 @dataclass(frozen=True)
-class SimulatorConfig(Config):
+class SimulatorConfig(TruthConfig):
     """What is simulated, and how it is displayed."""
 
     world: str = option(
         "randomised", "which world draws the parameters that a reset does not give", choices=WORLDS
     )
-    lab: int = option(0, "number of the rough world", minimum=0)
-    effects: str = option(
-        ALL, f"of a rough world: all, none, or some with commas of {', '.join(KNOWN_EFFECTS)}"
-    )
-    seed: int = option(0, "of the episode that the simulator starts with", minimum=0)
-    disk_shape: str = option(THREE_FEET, "how disks are built", choices=DISK_SHAPES)
+    seed: int = option(0, "seed of the first episode", minimum=0)
+    disk_shape: str = option(THREE_FEET, "shape of the disks", choices=DISK_SHAPES)
     real_time_factor: float = option(
-        0.0, "simulated by real time; 0: as fast as possible", minimum=0.0, maximum=100.0
+        0.0, "simulated time over wall time; 0: as fast as possible", minimum=0.0, maximum=100.0
     )
     state_rate: float = option(
-        30.0, "scenes a simulated second while moving", unit="Hz", minimum=0.1, maximum=240.0
+        30.0, "scenes per simulated second during a push", unit="Hz", minimum=0.1, maximum=240.0
     )
     idle_rate: float = option(
-        2.0, "settled scenes a second, for late joiners", unit="Hz", minimum=0.1, maximum=100.0
+        2.0,
+        "settled scenes per second, for subscribers that join late",
+        unit="Hz",
+        minimum=0.1,
+        maximum=100.0,
     )
     gui: bool = option(False, "show the world in a window (needs a display)")
     shadow: bool = option(True, "predict each push with the nominal world")
@@ -54,17 +54,12 @@ class SimulatorConfig(Config):
     )
     bullet: WorldConfig = WorldConfig()
 
-    def __post_init__(self) -> None:
-        """Check the fields, and that every effect is one."""
-        super().__post_init__()
-        TruthConfig(effects=self.effects)
-
 
 @dataclass(frozen=True)
 class Pushed:
     """An executed push: its outcome, the world after it, and its wall time [s]."""
 
-    outcome: PushOutcome
+    outcome: StrokeOutcome
     sample: Sample
     wall_time: float
 

@@ -1,16 +1,14 @@
 """What RViz and other viewers draw: table, disks, tool, labels."""
 
-from math import cos, sin
 from typing import Final
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
-from std_msgs.msg import ColorRGBA
+from geometry_msgs.msg import Point, Vector3
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.push import TOOL_RADIUS
-from sain_core.ros.codec import header
+from sain_core.ros.markers import make_marker, make_pose
 from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, Table, X, Y
 from sain_core.shapes.registry import get_shape
 from sain_core.shapes.shape import Shape, Solid
@@ -41,9 +39,9 @@ def scene_markers(
 
 
 def _table(table: Table, stamp: Time) -> Marker:
-    marker = _marker("table", 0, Marker.CUBE, TABLE_COLOUR, stamp)
+    marker = make_marker("table", 0, Marker.CUBE, TABLE_COLOUR, stamp)
     centre = ((table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2)
-    marker.pose = _pose(*centre, -TABLE_THICKNESS / 2)
+    marker.pose = make_pose(*centre, -TABLE_THICKNESS / 2)
     marker.scale = Vector3(
         x=table.x_max - table.x_min, y=table.y_max - table.y_min, z=TABLE_THICKNESS
     )
@@ -51,16 +49,16 @@ def _table(table: Table, stamp: Time) -> Marker:
 
 
 def _tool(sample: Sample, stamp: Time) -> Marker:
-    marker = _marker("tool", 0, Marker.CYLINDER, TOOL_COLOUR, stamp)
+    marker = make_marker("tool", 0, Marker.CYLINDER, TOOL_COLOUR, stamp)
     x, y, z = sample.tool.tolist()
-    marker.pose = _pose(x, y, z + TOOL_LENGTH / 2)
+    marker.pose = make_pose(x, y, z + TOOL_LENGTH / 2)
     marker.scale = Vector3(x=2 * TOOL_RADIUS, y=2 * TOOL_RADIUS, z=TOOL_LENGTH)
     return marker
 
 
 def _disk(disk: int, row: list[float], shape: Shape, stamp: Time) -> Marker:
-    marker = _marker("disks", disk, SOLIDS[shape.solid], rgba(PALETTE.disk(disk)), stamp)
-    marker.pose = _pose(row[X], row[Y], DISK_HEIGHT / 2, row[THETA])
+    marker = make_marker("disks", disk, SOLIDS[shape.solid], rgba(PALETTE.disk(disk)), stamp)
+    marker.pose = make_pose(row[X], row[Y], DISK_HEIGHT / 2, row[THETA])
     width = 2 * row[RADIUS]
     marker.scale = Vector3(x=width, y=width, z=DISK_HEIGHT)
     if shape.solid is Solid.PRISM:
@@ -71,27 +69,8 @@ def _disk(disk: int, row: list[float], shape: Shape, stamp: Time) -> Marker:
 
 
 def _label(disk: int, row: list[float], stamp: Time) -> Marker:
-    marker = _marker("labels", disk, Marker.TEXT_VIEW_FACING, LABEL_COLOUR, stamp)
-    marker.pose = _pose(row[X], row[Y], DISK_HEIGHT + LABEL_HEIGHT)
+    marker = make_marker("labels", disk, Marker.TEXT_VIEW_FACING, LABEL_COLOUR, stamp)
+    marker.pose = make_pose(row[X], row[Y], DISK_HEIGHT + LABEL_HEIGHT)
     marker.scale = Vector3(z=LABEL_HEIGHT)
     marker.text = LABELS[disk] if disk < len(LABELS) else f"disk {disk}"
     return marker
-
-
-def _marker(
-    group: str, number: int, kind: int, colour: tuple[float, float, float, float], stamp: Time
-) -> Marker:
-    red, green, blue, alpha = colour
-    return Marker(
-        header=header(stamp),
-        ns=group,
-        id=number,
-        type=kind,
-        action=Marker.ADD,
-        color=ColorRGBA(r=red, g=green, b=blue, a=alpha),
-    )
-
-
-def _pose(x: float, y: float, z: float, yaw: float = 0.0) -> Pose:
-    turn = Quaternion(z=sin(yaw / 2), w=cos(yaw / 2))
-    return Pose(position=Point(x=x, y=y, z=z), orientation=turn)

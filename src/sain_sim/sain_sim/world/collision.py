@@ -36,7 +36,7 @@ class Build(NamedTuple):
     mass_offset: Pair = CENTRED  # [m], centre of mass in the body's frame
 
 
-class Block(NamedTuple):
+class Slab(NamedTuple):
     """A part of a body that has the body's outline."""
 
     radius: float  # [m]
@@ -55,28 +55,28 @@ def unseen_shape(client: Client) -> int:
 
 def collision_shape(client: Client, build: Build) -> int:
     """Create the collision shape of a body with its origin in the body's centre of mass."""
-    blocks, feet = _blocks(build), _feet(build)
-    kind, more = _primitive(client, build.shape, blocks, len(feet))
+    slabs, feet = _slabs(build), _feet(build)
+    kind, more = _primitive(client, build.shape, slabs, len(feet))
     collision: int = client.createCollisionShapeArray(
-        shapeTypes=[kind] * len(blocks) + [client.GEOM_SPHERE] * len(feet),
-        radii=[block.radius for block in blocks] + [FOOT_RADIUS] * len(feet),
-        lengths=[block.height for block in blocks] + [0.0] * len(feet),
-        halfExtents=[[block.radius, block.radius, block.height / 2] for block in blocks]
+        shapeTypes=[kind] * len(slabs) + [client.GEOM_SPHERE] * len(feet),
+        radii=[slab.radius for slab in slabs] + [FOOT_RADIUS] * len(feet),
+        lengths=[slab.height for slab in slabs] + [0.0] * len(feet),
+        halfExtents=[[slab.radius, slab.radius, slab.height / 2] for slab in slabs]
         + [[0.0, 0.0, 0.0]] * len(feet),
-        collisionFramePositions=[block.middle for block in blocks] + feet,
+        collisionFramePositions=[slab.middle for slab in slabs] + feet,
         **more,
     )
     return collision
 
 
-def _blocks(build: Build) -> list[Block]:
-    """Return the rim and the core of a body on feet, or the one block of a flat body."""
+def _slabs(build: Build) -> list[Slab]:
+    """Return the rim and the core of a body on feet, or the one slab of a flat body."""
     lift = FOOT_RADIUS if build.feet else 0.0  # the feet's lower halves are below the body
     radius, (x, y) = build.radius, build.mass_offset
-    core = Block(radius, DISK_HEIGHT - lift, [0.0 - x, 0.0 - y, lift / 2])
+    core = Slab(radius, DISK_HEIGHT - lift, [0.0 - x, 0.0 - y, lift / 2])
     if not build.feet:
         return [core]
-    rim = Block(radius, RIM_HEIGHT, [0.0 - x, 0.0 - y, 0.0])
+    rim = Slab(radius, RIM_HEIGHT, [0.0 - x, 0.0 - y, 0.0])
     return [rim, core._replace(radius=CORE_SHARE * radius)]
 
 
@@ -89,20 +89,20 @@ def _feet(build: Build) -> list[list[float]]:
 
 
 def _primitive(
-    client: Client, shape: Shape, blocks: list[Block], feet: int
+    client: Client, shape: Shape, slabs: list[Slab], feet: int
 ) -> tuple[int, dict[str, Any]]:
-    """Return Bullet's kind of a shape's blocks, and what else it needs for blocks and feet."""
+    """Return Bullet's kind of a shape's slabs, and what else it needs for slabs and feet."""
     if shape.solid is Solid.CYLINDER:
         return client.GEOM_CYLINDER, {}
     if shape.solid is Solid.BOX:
         return client.GEOM_BOX, {}
     scales = []
-    for block in blocks:  # of a prism of radius 1 m and height DISK_HEIGHT
-        width = block.radius - HULL_MARGIN
-        height = max(block.height - 2 * HULL_MARGIN, THINNEST_HULL)
+    for slab in slabs:  # of a prism of radius 1 m and height DISK_HEIGHT
+        width = slab.radius - HULL_MARGIN
+        height = max(slab.height - 2 * HULL_MARGIN, THINNEST_HULL)
         scales.append([width, width, height / DISK_HEIGHT])
     return client.GEOM_MESH, {
-        "fileNames": [str(_prism(shape).path)] * len(blocks) + [""] * feet,
+        "fileNames": [str(_prism(shape).path)] * len(slabs) + [""] * feet,
         "meshScales": scales + [[1.0, 1.0, 1.0]] * feet,
     }
 

@@ -58,7 +58,7 @@ Observer = Callable[[Sample], None]
 
 
 @dataclass(frozen=True)
-class PushOutcome:
+class StrokeOutcome:
     """An executed push.
 
     Attributes:

@@ -1,7 +1,9 @@
 """One push: table, disks and arm, newly built, and their control steps."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
+
+import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError
@@ -30,7 +32,7 @@ class WorldConfig(Config):
     arm: ArmConfig = ArmConfig()
     feasibility: Feasibility = Feasibility()
     full_motion: bool = option(
-        False, "move the arm also out of contact, instead of setting it to the end of the way"
+        False, "show the arm's ways out of contact too; they take simulated time"
     )
     max_settle_time: float = option(
         3.0, "longest wait for disks to settle", unit="s", minimum=0.1, maximum=60.0
@@ -149,26 +151,22 @@ class Workcell:
         )
 
     def perform(self, route: Route, watches: Watches, guarded: bool) -> None:
-        """Lower, push, wait, lift.
+        """Push and wait until the disks are still; show the arm's ways through the air, if wished.
 
-        The tool waits at the end of the push until the disks are settled. Leaving out the motion
-        without contact therefore changes almost nothing.
+        The tool waits where the push ended. Its ways through the air are shown and not simulated:
+        the disks end in the same bytes with and without them.
 
         Raises:
             BlockedError: when guarded, at the step in which the tool touches another disk.
         """
         if self._config.full_motion:
-            self._follow(route.approach, "approach", watches, guarded)
-            self._follow(route.lower, "approach", watches, guarded)
-        else:
-            self.arm.place(route.stroke[0])
+            self._show(np.concatenate([route.approach, route.lower]), "approach", watches)
+        self.arm.place(route.stroke[0])
         self._follow(route.stroke, "push", watches, guarded)
         self.settle("settle", watches, guarded)
         if self._config.full_motion:
-            self._follow(route.lift, "lift", watches, guarded)
-            self.settle("settle", watches, guarded)
-        else:
-            self.arm.place(route.lift[-1])
+            self._show(route.lift, "lift", watches)
+        self.arm.place(route.lift[-1])
 
     def settle(self, phase: str, watches: Watches, guarded: bool) -> None:
         """Step until two tests in a row find the disks settled, or for the longest wait."""
@@ -185,6 +183,21 @@ class Workcell:
         for _ in self.arm.follow(joints):
             self._step(phase, watches, guarded)
 
+    def _show(self, joints: Joints, phase: str, watches: Watches) -> None:
+        """Let time pass and the watches see the arm along joints (T, 7), without simulating it."""
+        speeds = np.diff(joints, axis=0) / self._config.motion.time_step
+        for place, speed in zip(joints[1:], speeds, strict=True):
+            self.steps += 1
+            if due := self._due(watches):
+                tip = self.arm.kinematics.tips(place)
+                moved = {"joint_positions": place, "joint_velocities": speed}
+                seen = replace(self.sample(phase), **moved, tool=tip, commanded_tool=tip)
+                for watch in due:
+                    watch.observer(seen)
+
+    def _due(self, watches: Watches) -> list[Watch]:
+        return [watch for watch in watches if self.steps % watch.every == 0]
+
     def _step(self, phase: str, watches: Watches, guarded: bool) -> None:
         self.stage.before_step()
         if self.arm.spring is not None:
@@ -195,7 +208,7 @@ class Workcell:
             raise BlockedError(
                 f"the tool would come to touch disk {disk}; only the mid disk may be touched"
             )
-        if watches and (due := [watch for watch in watches if self.steps % watch.every == 0]):
+        if watches and (due := self._due(watches)):
             sample = self.sample(phase)
             for watch in due:
                 watch.observer(sample)

@@ -12,7 +12,7 @@ from sain_sim.arm.client import Client, Closeable
 from sain_sim.arm.kinematics import Joints
 from sain_sim.arm.panda import ArmConfig, PandaModel
 from sain_sim.world.bodies import resting
-from sain_sim.world.outcome import Observer, PushOutcome, Sample, Stroke, is_idle
+from sain_sim.world.outcome import Observer, Sample, Stroke, StrokeOutcome, is_idle
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.refusals import check_gap, check_reach, check_same_disks
 from sain_sim.world.workcell import Origin, Route, Watch, Watches, Workcell, WorldConfig
@@ -150,7 +150,9 @@ class World(Closeable):
         route = None if is_idle(push) else self._route(stroke)
         return stroke, route
 
-    def push(self, push: PushArray, on_step: Observer | None = None, every: int = 1) -> PushOutcome:
+    def push(
+        self, push: PushArray, on_step: Observer | None = None, every: int = 1
+    ) -> StrokeOutcome:
         """Execute one push (3,) and wait until the scene is settled.
 
         Args:
@@ -166,12 +168,12 @@ class World(Closeable):
         _, route = self._plan(push)
         if route is None:
             scene = self.observe()
-            return PushOutcome(scene, scene.copy(), 0.0, True, self._cell.stage.fallen())
+            return StrokeOutcome(scene, scene.copy(), 0.0, True, self._cell.stage.fallen())
         return self._perform(route, self._watches(on_step, every), guarded=True)
 
     def carry_out(
         self, stroke: Stroke, on_step: Observer | None = None, every: int = 1, guarded: bool = True
-    ) -> PushOutcome:
+    ) -> StrokeOutcome:
         """Move the tool along a stroke, without the checks of `push`.
 
         Args:
@@ -186,7 +188,7 @@ class World(Closeable):
         """
         return self._perform(self._route(stroke), self._watches(on_step, every), guarded)
 
-    def _perform(self, route: Route, watches: Watches, guarded: bool) -> PushOutcome:
+    def _perform(self, route: Route, watches: Watches, guarded: bool) -> StrokeOutcome:
         before, origin = self.observe(), self._cell.now
         if guarded and watches:  # look ahead
             self._attempt(origin, route, (), guarded)
@@ -195,7 +197,7 @@ class World(Closeable):
         duration = (self._cell.steps - self._steps) * self.config.motion.time_step
         self._steps = self._cell.steps
         stage = self._cell.stage
-        return PushOutcome(before, self.observe(), duration, stage.still(), stage.fallen())
+        return StrokeOutcome(before, self.observe(), duration, stage.still(), stage.fallen())
 
     def _attempt(self, origin: Origin, route: Route, watches: Watches, guarded: bool) -> None:
         """Execute a route in a new workcell; when it is blocked, restore the origin."""

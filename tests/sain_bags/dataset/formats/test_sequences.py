@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sain_bags.dataset.formats.rows import StoredRows, goal_distance, reached
-from sain_bags.dataset.formats.shards import Columns
+from sain_bags.dataset.formats.sharding import Columns
+from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
 from sain_core.dataset import shard_path
 from sain_core.storage import write_arrays
 

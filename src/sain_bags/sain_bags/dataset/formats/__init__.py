@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final, Literal
 
-from sain_bags.dataset.formats.rows import StoredRows
+from sain_bags.dataset.formats.stored_rows import StoredRows
 from sain_core.dataset import PARTS, SHARD_PATTERN
 from sain_core.errors import ConfigError
 
@@ -27,7 +27,7 @@ MADE: Final[dict[FormatName, tuple[str, ...]]] = {  # patterns of what a data se
 
 
 def find_format(name: FormatName) -> Write | None:
-    """Return what writes a format; None: rows are gathered in it anyway.
+    """Return the function that writes a format; None for npz, which shards already are.
 
     Raises:
         ConfigError: its library is not installed.

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from numpy import ndarray
 
-from sain_bags.dataset.formats.rows import StoredRows, goal_distance, reached
+from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
 from sain_core.dataset import PARTS, Column, Columns
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
@@ -100,7 +100,7 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
 
 
 def _frames(columns: Columns) -> Columns:
-    """Return what a frame holds, by LeRobot's keys."""
+    """Return the columns of a frame, by LeRobot's keys."""
     frames = {
         RENAMED.get(key, key): _signed(values)
         for key, values in columns.items()

@@ -21,7 +21,7 @@ from minari.data_collector import EpisodeBuffer
 from minari.dataset.minari_storage import MinariStorage
 from numpy import ndarray
 
-from sain_bags.dataset.formats.rows import StoredRows, goal_distance, reached
+from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
 from sain_core.dataset import PARTS, Column, Columns
 from sain_core.push import PUSH_NAMES, PushLimits
 
@@ -46,7 +46,7 @@ def write(rows: StoredRows, folder: Path) -> None:
 
 
 def _pushes(ranges: dict[str, Any]) -> Box:
-    """Return the space of pushes: what the limits allow, and what was recorded beyond them."""
+    """Return the space of pushes: the limits, extended by recorded pushes beyond them."""
     limits = PushLimits()
     low = np.array([-np.pi, -limits.max_angle, 0.0])
     high = np.array([np.pi, limits.max_angle, limits.max_length])
@@ -86,7 +86,7 @@ def _episode(columns: Columns) -> EpisodeBuffer:
 
 
 def _after_nothing(values: ndarray) -> ndarray | list[str]:
-    """Return values after one that says nothing: NaN, 0, false or an empty text."""
+    """Return values behind one without a meaning: NaN, 0, false or an empty text."""
     nothing = np.full_like(values[:1], np.nan if values.dtype.kind == "f" else 0)
     if values.dtype.kind == "U":
         return ["", *values.tolist()]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sain_bags.transitions.rows import Block
+from sain_bags.transitions.rows import RowBlock
 from sain_core.dataset import RECORDED, SHARD_SIZE, Column, Columns, shard_path
 from sain_core.errors import DatasetError
 from sain_core.storage import read_arrays, write_arrays
@@ -15,12 +15,12 @@ class Sharding:
     """Gathers rows into shards, each of scenes with one number of disks."""
 
     def __init__(self, size: int = SHARD_SIZE) -> None:
-        """Begin with nothing; a shard is full with so many rows."""
+        """Begin empty; a shard has `size` rows."""
         self._size = size
         self._waiting: dict[int, list[Columns]] = {}  # by number of disks
 
-    def add(self, blocks: Sequence[Block]) -> list[Columns]:
-        """Take more rows; return the shards that are full by them, in the order of that."""
+    def add(self, blocks: Sequence[RowBlock]) -> list[Columns]:
+        """Add rows; return the shards that they complete, in order of completion."""
         full: list[tuple[int, Columns]] = []
         for block in blocks:
             disks = block.columns[Column.MASSES].shape[1]
@@ -36,7 +36,7 @@ class Sharding:
         return [columns for _, columns in sorted(full, key=lambda shard: shard[0])]
 
     def rest(self) -> Iterator[Columns]:
-        """Yield what has not filled a shard."""
+        """Yield the incomplete shards."""
         for disks in sorted(self._waiting):
             rows = _joined(self._waiting[disks])
             if _length(rows):
@@ -80,7 +80,7 @@ def _cut(columns: Columns, rows: slice) -> Columns:
 
 
 def _tidy(columns: Columns, rows: slice) -> Columns:
-    """Return some rows with their keys in order, and texts no wider than the longest of them."""
+    """Return some rows with columns in order, and texts as wide as the longest of them."""
     tidy = {}
     for name in map(str, RECORDED):
         column = columns[name][rows]

@@ -1,4 +1,4 @@
-"""What a format is written from: gathered rows with one number of disks, streamed from disk."""
+"""The rows that a format is written from: one number of disks, streamed from disk."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ class StoredRows:
     shards: tuple[Path, ...]
     parts: dict[str, frozenset[int]]  # of the split: the episodes of each
     card: dict[str, Any]  # of the data set
-    advance: Callable[[int], None] = field(default=lambda rows: None)  # told how many were read
+    advance: Callable[[int], None] = field(default=lambda rows: None)  # called with rows read
 
     def chunks(self, part: str) -> Iterator[Columns]:
         """Stream the rows of a part of the split, at most a shard's at a time."""
@@ -37,7 +37,7 @@ class StoredRows:
                 yield {key: values[mask] for key, values in columns.items()}
 
     def sequences(self, part: str) -> Iterator[Columns]:
-        """Stream unbroken sequences of pushes: what other formats take for an episode.
+        """Stream unbroken sequences of pushes: the episodes of other formats.
 
         An episode is broken where a push between two others is no row, where a disk lies 2 mm or
         more from where the push before had left it, and after a push that reached the goal.
@@ -62,12 +62,12 @@ def goal_distance(columns: Columns) -> ndarray:
 
 
 def reached(columns: Columns) -> ndarray:
-    """Tell which pushes (M,) left the target within the tolerance of its goal."""
+    """Return which pushes (M,) left the target within the tolerance of its goal."""
     return np.asarray(goal_distance(columns) <= columns[Column.TOLERANCE])
 
 
 def _begins(before: Columns | None, chunk: Columns) -> ndarray:
-    """Tell which rows (M,) do not go on from the row before them."""
+    """Return which rows (M,) do not continue the row before them."""
     last = chunk if before is None else before
     earlier = {key: np.concatenate([last[key][-1:], chunk[key][:-1]]) for key in chunk}
     moved = centres(chunk[Column.STATE]) - centres(earlier[Column.NEXT_STATE])  # (M, N, 2)

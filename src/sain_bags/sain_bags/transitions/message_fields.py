@@ -1,4 +1,4 @@
-"""Which fields of the graph's messages rows are made of, and whether a bag's messages have them."""
+"""The fields of the graph's messages that rows need, and the check that a bag has them."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -36,7 +36,7 @@ TEXTS: Final = frozenset({"model", "error_message"})
 
 
 def channel_types(channel: BagChannel) -> MessageTypes:
-    """Return the types that a channel's messages are described by.
+    """Return the message types that a channel's schema describes.
 
     Raises:
         DatasetError: they are not CDR, or described in another way.
@@ -60,7 +60,7 @@ def all_paths(fields: Sequence[str]) -> list[str]:
 
 
 def check_path(types: MessageTypes, name: str, path: str) -> None:
-    """Raise `DatasetError` unless a message has a field, and it is of the kind that is needed."""
+    """Raise `DatasetError` unless a message has a field of the needed type."""
     kind = name
     for step in path.split("."):
         found = {entry.name: entry.type for entry in types.get(kind, ())}

@@ -1,0 +1,161 @@
+"""What goes into the agent and what comes out of it."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from enum import Enum, auto
+from threading import Event
+
+import numpy as np
+
+from sain_core.errors import SainError
+from sain_core.history import PushHistory
+from sain_core.scene import MASS, POSITION, RADIUS, target_distance
+from sain_core.types import PushArray, Scene
+from sain_mppi.loop.progress_monitor import LastPush
+from sain_mppi.search.goal import Goal
+from sain_mppi.search.result import PlanResult
+
+STREAM_DECIMALS = 6  # of the numbers that name a random stream: 1 um, far above rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A goal as it was given. Episode 0: any. No pushes: no limit."""
+
+    goal_id: int
+    episode_id: int
+    goal: Goal
+    tolerance: float  # [m]
+    max_pushes: int
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A scene (N, 8) as it arrived, with the ids that a push gives it, and when [s]."""
+
+    scene: Scene
+    episode_id: int
+    scene_id: int
+    settled: bool
+    received: float
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """The ids by which a push names the scene."""
+        return self.episode_id, self.scene_id
+
+
+@dataclass(frozen=True, eq=False)
+class PlanJob:
+    """One settled scene to decide on, for one goal.
+
+    Attributes:
+        task: the goal.
+        view: the scene.
+        start: (N, 8), the first scene that was decided on in this session.
+        session: a number that changes with goal and episode, and after a refusal for the scene:
+            what a decider keeps from job to job holds within one session.
+        pushes: sent for this goal before, without refused ones.
+        refused: (3,) each, pushes that were refused from this scene.
+        history: the episode's earlier pushes.
+        cancelled: set once the decision is no longer wanted.
+    """
+
+    task: Task
+    view: View
+    start: Scene
+    session: int
+    pushes: int
+    refused: tuple[PushArray, ...] = ()
+    history: PushHistory = field(default_factory=PushHistory.empty)
+    cancelled: Event = field(default_factory=Event)
+
+    @property
+    def distance(self) -> float:
+        """The distance [m] from the target to the goal."""
+        return float(target_distance(self.view.scene, self.task.goal))
+
+    @property
+    def stream(self) -> tuple[str, int, int]:
+        """The name of the job's random stream below the agent's seed.
+
+        It is made of the goal, the disks at the session's start, and the numbers of pushes and
+        refusals since. It holds no id from the wire: whoever plays the same episode draws the same.
+        """
+        disks = self.start[:, [*range(POSITION.stop), MASS, RADIUS]]
+        words = np.concatenate([self.task.goal, disks.ravel()]).round(STREAM_DECIMALS) + 0.0
+        return words.tobytes().hex(), self.pushes, len(self.refused)
+
+
+@dataclass(frozen=True, eq=False)
+class PushDecision:
+    """A push to carry out, and what it rests on.
+
+    Attributes:
+        job: what was decided on.
+        push: (3,).
+        plan: the plan that the push begins; None: it was not planned.
+        failure: why physics planned in place of the model; None: the model did.
+        concern: why the plan is wider than usual; empty: it is not.
+        last: what became of the push before; None: there was none, or nobody compares.
+        push_id: of the push, once the agent counts it as sent.
+    """
+
+    job: PlanJob
+    push: PushArray
+    plan: PlanResult | None = None
+    failure: SainError | None = None
+    concern: str = ""
+    last: LastPush | None = None
+    push_id: int = 0
+
+    @property
+    def predicted(self) -> Scene | None:
+        """The scene (N, 8) after the push, as predicted."""
+        return None if self.plan is None else self.plan.predicted[0]
+
+
+class StopReason(Enum):
+    """Why the agent sends no push."""
+
+    REACHED = auto()
+    EXHAUSTED = auto()
+    FAILED = auto()
+
+
+@dataclass(frozen=True, eq=False)
+class Stop:
+    """No push, and why: the goal is reached, the pushes are used up, or there is an error.
+
+    `job` is what was decided on; None: the goal itself cannot be served.
+    """
+
+    task: Task
+    reason: StopReason
+    job: PlanJob | None = None
+    error: SainError | None = None
+
+    @property
+    def failure(self) -> str:
+        """Why the goal was not reached; empty: it was."""
+        if self.reason is StopReason.EXHAUSTED and self.job is not None:
+            left = f"{1e3 * self.job.distance:.0f} mm from the goal"
+            return f"{self.task.max_pushes} pushes left the target {left}"
+        return "" if self.error is None else f"{type(self.error).__name__}: {self.error}"
+
+
+class Decider(ABC):
+    """Chooses the push for one job after another. All its methods belong to one thread."""
+
+    @abstractmethod
+    def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
+        """Choose a push; the same jobs and generators give the same pushes.
+
+        Raises:
+            CancelledError: the job was cancelled.
+            SainError: there is no push to make, and why.
+        """
+
+    def complete(self, decision: PushDecision) -> PushDecision:
+        """Return the latest decision with what its push need not wait for."""
+        return decision

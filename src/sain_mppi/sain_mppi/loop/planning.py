@@ -1,0 +1,90 @@
+"""From a job to a push: the planner, its model, the physics behind it, and the progress."""
+
+from dataclasses import replace
+from time import monotonic
+from typing import Final
+
+import numpy as np
+
+from sain_core.dynamics import RolloutModel
+from sain_core.errors import NoProgressError
+from sain_core.feasibility import Feasibility
+from sain_mppi.loop.decision import Decider, PlanJob, PushDecision
+from sain_mppi.loop.fallback import FallbackRollout
+from sain_mppi.loop.progress_monitor import ProgressMonitor
+from sain_mppi.planner import Planner
+from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.cost import resting_cost
+
+MODEL_SHARE: Final = 0.8  # of the time for a plan: a model that is silent so long is late
+
+
+class PlanningDecider(Decider):
+    """Plans with a model, with physics while the model fails, and wider after a surprise."""
+
+    def __init__(
+        self,
+        model: RolloutModel,
+        physics: RolloutModel,
+        config: PlannerConfig,
+        feasibility: Feasibility,
+    ) -> None:
+        """Plan with this model, or else with this physics."""
+        self._model = FallbackRollout(model, physics)
+        self._planner = Planner(self._model, config, feasibility)
+        self._monitor = ProgressMonitor(config.progress)
+        self._config, self._feasibility = config, feasibility
+        self._session: int | None = None
+
+    def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
+        """Plan from the job's scene and take the first push.
+
+        Raises:
+            CancelledError: the job was cancelled.
+            NoPushError, NoProgressError, UnreachableError: there is no push to make.
+            SainError: a scene that cannot exist, or a disk off the table.
+        """
+        started, time = monotonic(), self._config.deadline
+        if job.session != self._session:
+            self._planner.reset()
+            self._monitor.reset()
+            self._session = job.session
+        self._model.begin(
+            job.history, started + MODEL_SHARE * time if time else None, job.cancelled
+        )
+        scene, goal = job.view.scene, job.task.goal
+        self._look(job)
+        concern = self._monitor.concern
+        plan = self._planner.plan(
+            scene,
+            goal,
+            generator,
+            deadline=started + time if time else None,
+            wide=bool(concern),
+            refused=job.refused,
+        )
+        self._monitor.expect(scene, plan.predicted[0])
+        failure, last = self._model.failure, self._monitor.last
+        return PushDecision(job, plan.push, plan, failure, concern, last)
+
+    def _look(self, job: PlanJob) -> None:
+        """Compare the scene with what was expected; raise when it is no use going on."""
+        scene, monitor = job.view.scene, self._monitor
+        weights = self._config.weights
+        monitor.look(scene, resting_cost(scene, job.task.goal, weights, self._feasibility))
+        if monitor.hopeless:
+            raise NoProgressError(
+                f"{monitor.without} pushes in a row brought nothing, the target is"
+                f" {1e3 * job.distance:.0f} mm from the goal; choose another goal, move a disk, or"
+                " send the goal again"
+            )
+
+    def complete(self, decision: PushDecision) -> PushDecision:
+        """Return the latest decision with the model's regions, where it has any."""
+        scene, plan = decision.job.view.scene, decision.plan
+        if plan is None or decision.failure is not None:
+            return decision
+        plan = self._planner.complete(scene, plan)
+        if plan.regions is not None:
+            self._monitor.expect(scene, plan.predicted[0], plan.regions[0])
+        return replace(decision, plan=plan)
