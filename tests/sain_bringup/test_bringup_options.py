@@ -42,6 +42,7 @@ def test_seeds_count_up() -> None:
         ({"episodes": 0}, "--episodes is 0; it must be at least 1"),
         ({"tolerance": 0.0}, r"--tolerance is 0.0 m; it must be above 0 and at most 0.2 m"),
         ({"tolerance": float("nan")}, "--tolerance is nan"),
+        ({"model": "plannar"}, r"model 'plannar' is unknown \(did you mean 'planar'\?\)"),
         ({"seed": -1}, "--seed is -1; it must not be negative"),
         ({"timeout": 0.0}, "--timeout is 0.0 s; it must be positive"),
         ({"params_file": Path("missing.yaml")}, r"--params-file missing.yaml: No such file"),

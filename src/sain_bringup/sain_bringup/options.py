@@ -13,6 +13,7 @@ import tyro
 import yaml
 
 from sain_core.errors import ConfigError, OutputError
+from sain_core.plugins import check_model_name
 from sain_eval.scenes.scenarios import SCENARIOS
 
 RECORDINGS: Final = Path("bags")
@@ -96,6 +97,7 @@ def check_options(options: ClosedLoopOptions) -> None:
         ConfigError: naming the option, its value and what is allowed.
     """
     episode_plans(options)
+    check_model_name(options.model)
     if not 0.0 < options.tolerance <= LARGEST_TOLERANCE:
         raise ConfigError(
             f"--tolerance is {options.tolerance} m; it must be above 0 and at most"
