@@ -39,6 +39,9 @@ def main() -> int:
     """Run the benchmarks that are named, or all of them."""
     found = {module.name for module in pkgutil.iter_modules(benchmarks.__path__)}
     known = sorted(found - HELPERS - ON_DATA)
+    if {"-h", "--help"} & set(sys.argv[1:]):
+        print(__doc__, f"Names: {', '.join(known)}", sep="\n")
+        return 0
     names = sys.argv[1:] or known
     unknown = [name for name in names if name not in known]
     if unknown:

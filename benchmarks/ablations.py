@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.progress import track
 
 from sain_core.errors import ConfigError
-from sain_eval.cli import evaluate as evaluate_cli
+from sain_eval.commands import evaluate
 from sain_model.evaluation.markdown import markdown_table
 from sain_model.evaluation.metrics import bootstrap_over_episodes
 from sain_mppi.search.config import PlannerConfig
@@ -89,7 +89,8 @@ def play(name: str, options: Options) -> list[dict[str, Any]]:
     arguments = ["--out", str(out), "--scenario", options.scenario, "--controllers", controller]
     arguments += ["--scenes", str(options.scenes), "--workers", str(options.workers)]
     arguments += ["--world", options.world, "--tolerances", ",".join(map(str, TOLERANCES))]
-    evaluate_cli.main(arguments + settings(VARIANTS.get(name, {}), options.samples))
+    if code := evaluate(arguments + settings(VARIANTS.get(name, {}), options.samples)):
+        raise SystemExit(code)
     records: list[dict[str, Any]] = json.loads((out / "results.json").read_text())["scenes"]
     return records
 

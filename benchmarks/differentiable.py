@@ -20,7 +20,8 @@ from sain_core.types import Scene
 from sain_model.compute.threads import settle_threads
 from sain_model.dynamics.sain import LEARNED, SainDynamics
 from sain_model.network.feature_kernels import GAP_SCALE, PLACE_SCALE
-from sain_model.network.features import PUSH_FRAME, make_features, relation_ends
+from sain_model.network.features import make_features, relation_ends
+from sain_model.network.settings import PUSH_FRAME
 
 KINDS: Final = 3  # first columns of the disks' features: they are the same all the way
 

@@ -24,7 +24,6 @@ from rich.console import Console
 
 from sain_core.scene import TARGET
 from sain_core.storage import write_json
-from sain_model.data.batches import BOOTSTRAP, ORDER
 from sain_model.data.dataset import (
     Dataset,
     Split,
@@ -38,8 +37,10 @@ from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
 from sain_model.network.feature_kernels import RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork, ensemble
+from sain_model.network.settings import BOOTSTRAP, ORDER
 from sain_model.training.interval_fit import fit_intervals
-from sain_model.training.push_training import Trainer, TrainingConfig, prior_and_filter
+from sain_model.training.push_training import Trainer, prior_and_filter
+from sain_model.training.settings import TrainingConfig
 
 PATIENCES = (3, 5, 10, 20)
 BATCHES = (64, 256, 1024, 4096)

@@ -25,8 +25,8 @@ from sain_core.types import Scalars
 from sain_model.cli.evaluate import unseen
 from sain_model.data.dataset import Dataset, Split, load_transitions
 from sain_model.data.mixed import load_datasets, split_datasets
-from sain_model.dynamics.load import SHIPPED
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import SHIPPED
 from sain_model.evaluation.coverage import measure_intervals
 from sain_model.evaluation.history_errors import earlier_friction, predict_with_history
 from sain_model.evaluation.markdown import markdown_table

@@ -27,7 +27,8 @@ from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.torch_network import TorchNetwork
-from sain_model.serving.server import ModelServer, ServingConfig
+from sain_model.serving.server import ModelServer
+from sain_model.serving.settings import ServingConfig
 
 SAMPLES, HORIZON, BATCH = 1024, 15, 1024
 SIZE = 1024  # of the square matrices that show the machine's peak

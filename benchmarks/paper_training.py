@@ -30,12 +30,12 @@ from sain_core.dynamics import Dynamics
 from sain_core.storage import write_whole
 from sain_model.data.dataset import Split, limit_training, load_transitions, split_by_episode
 from sain_model.data.examples import Examples, make_examples
-from sain_model.dynamics.load import load_prior
 from sain_model.dynamics.loss import mixed_loss
-from sain_model.network.features import PUSH_FRAME
-from sain_model.network.interaction_network import NetworkConfig
+from sain_model.dynamics.priors import load_prior
+from sain_model.network.settings import PUSH_FRAME, NetworkConfig
 from sain_model.training.options import PAPER
-from sain_model.training.push_training import NOTHING, Trainer, TrainingConfig
+from sain_model.training.push_training import Trainer
+from sain_model.training.settings import NOTHING, TrainingConfig
 from sain_model.training.training_state import LossHistory
 
 TARGET = 180.0  # [s]

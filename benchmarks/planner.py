@@ -40,7 +40,8 @@ from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scene
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
-from sain_model.dynamics.sain import IDENTITY, SainDynamics
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import IDENTITY
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import MPPI, PlannerConfig
 from sain_mppi.search.result import PlanResult

@@ -32,10 +32,10 @@ from sain_model.data.dataset import (
     load_transitions,
     split_by_episode,
 )
-from sain_model.dynamics.correction_network import CorrectionNetworkConfig
-from sain_model.dynamics.load import PLANAR, PLANAR_AXES, load_planar, load_prior
 from sain_model.dynamics.parameter_correction import ParameterCorrection
-from sain_model.dynamics.sain import IDENTITY, SainDynamics
+from sain_model.dynamics.priors import load_planar, load_prior
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import IDENTITY, PLANAR, PLANAR_AXES, CorrectionNetworkConfig
 from sain_model.evaluation.markdown import markdown_table
 from sain_model.evaluation.metrics import (
     FLOOR,
@@ -45,16 +45,12 @@ from sain_model.evaluation.metrics import (
     position_errors,
     ratio_over_episodes,
 )
-from sain_model.network.features import PUSH_FRAME, WORLD_FRAME
-from sain_model.network.interaction_network import NetworkConfig
+from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_axes import AXES
-from sain_model.training.correction_training import (
-    CorrectionTrainingConfig,
-    make_trainers,
-    train_members,
-)
-from sain_model.training.push_training import Trainer, TrainingConfig
+from sain_model.training.correction_training import make_trainers, train_members
+from sain_model.training.push_training import Trainer
+from sain_model.training.settings import CorrectionTrainingConfig, TrainingConfig
 from sain_sim.world.shadow import MEASURED, BulletPrior
 
 FRICTIONS = np.arange(0.06, 0.245, 0.01)  # tried for the prior whose friction is fitted

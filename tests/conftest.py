@@ -2,18 +2,26 @@
 
 import os
 import sys
-from collections.abc import Iterator
-from functools import partial
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pytest
 from beartype import BeartypeConf, FrozenDict, beartype
 from hypothesis import settings
 from jaxtyping import install_import_hook
+
+from tests.workers import (  # noqa: F401 - these are hooks
+    pytest_collection_modifyitems,
+    pytest_xdist_auto_num_workers,
+    pytest_xdist_make_scheduler,
+)
+
+if TYPE_CHECKING:
+    from tests.graph import Graph
 
 PACKAGES = (
     "sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval", "sain_bringup",
@@ -36,16 +44,29 @@ def checked_modules(package: str) -> list[str]:
     ]
 
 
-def switch_checks_on() -> None:
-    """Check shapes with jaxtyping and types with beartype; an int will do for a float.
+# An int will do for a float. Methods are decorated one by one, so that beartype cannot know what
+# their `Self` is; and numpy gives a scalar where an array would have no dimensions.
+ACCEPTED = FrozenDict({Self: object, np.ndarray: np.ndarray | np.generic})
+CHECKS = BeartypeConf(is_pep484_tower=True, hint_overrides=ACCEPTED)
 
-    Methods are decorated one by one, so that beartype cannot know what their `Self` is; and numpy
-    gives a scalar where an array would have no dimensions.
-    """
-    accepted = FrozenDict({Self: object, np.ndarray: np.ndarray | np.generic})
-    conf = BeartypeConf(is_pep484_tower=True, hint_overrides=accepted)
+
+def checked_when_called(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Check types with beartype. Making a check takes 3 ms, and most functions are never called."""
+    check: Callable[..., Any] | None = None
+
+    def call(*args: Any, **kwargs: Any) -> Any:
+        nonlocal check
+        if check is None:
+            check = beartype(function, conf=CHECKS)
+        return check(*args, **kwargs)
+
+    return call
+
+
+def switch_checks_on() -> None:
+    """Check shapes with jaxtyping and types with beartype."""
     checker = ModuleType("sain_type_checker")
-    checker.check = partial(beartype, conf=conf)  # type: ignore[attr-defined]
+    checker.check = checked_when_called  # type: ignore[attr-defined]
     sys.modules[checker.__name__] = checker
     modules = [name for package in PACKAGES for name in checked_modules(package)]
     install_import_hook(modules, "sain_type_checker.check")
@@ -71,3 +92,13 @@ def ros_domain() -> Iterator[int]:
             os.environ.pop(name, None)
         else:
             os.environ[name] = value
+
+
+@pytest.fixture
+def graph(ros_domain: int) -> Iterator["Graph"]:
+    """A graph with nobody in it but a bystander."""
+    from tests.graph import Graph  # not before the domain is set, nor where no test needs ROS
+
+    graph = Graph(ros_domain)
+    yield graph
+    graph.close()

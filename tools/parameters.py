@@ -8,8 +8,8 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from sain_core.config import Config
-from sain_model.serving.server import ServingConfig
+from sain_core.config import Config, show_value
+from sain_model.serving.settings import ServingConfig
 from sain_mppi.loop.settings import MppiConfig
 from sain_sim.node.simulator import SimulatorConfig
 
@@ -72,16 +72,7 @@ def row(item: dataclasses.Field[object], value: object) -> tuple[str, str, str, 
     unit = f" [{about['unit']}]" if about.get("unit") else ""
     meaning = about.get("description", "").replace("|", "\\|")
     meaning = f"*live*: {meaning}" if about.get("live") else meaning
-    return f"`{item.name}`", f"`{shown(value)}`", allowed(about), meaning + unit
-
-
-def shown(value: object) -> str:
-    """Return a default as YAML has it."""
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(shown, value))}]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"`{item.name}`", f"`{show_value(value)}`", allowed(about), meaning + unit
 
 
 def allowed(about: dict[str, object]) -> str:
@@ -92,8 +83,8 @@ def allowed(about: dict[str, object]) -> str:
     if low is None and high is None:
         return ""
     if high is None:
-        return f">= {shown(low)}"
-    return f"<= {shown(high)}" if low is None else f"[{shown(low)}, {shown(high)}]"
+        return f">= {show_value(low)}"
+    return f"<= {show_value(high)}" if low is None else f"[{show_value(low)}, {show_value(high)}]"
 
 
 if __name__ == "__main__":

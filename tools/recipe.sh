@@ -23,7 +23,7 @@ environment_recipe() {
 
 # With --symlink-install Python files are used where they stand; these are the files that are not.
 workspace_recipe() {
-  environment_recipe | cksum
+  { echo "$root $(ros_kind)" && cat "$root"/requirements/ros.in "$root"/requirements/lock-*-ros.txt; } | cksum
   cd "$root/src" || return
   find . -type f \( -name package.xml -o -name setup.py -o -name setup.cfg -o -name CMakeLists.txt \
     -o -path './*/resource/*' -o -name '*.msg' -o -name '*.srv' \) -exec sha256sum {} + | sort -k 2

@@ -24,7 +24,7 @@ set_up() {
   package_count=$(find "$root/src" -mindepth 2 -maxdepth 2 -name package.xml | wc -l)
   if ! environment_is_ready; then
     makes_environment=yes
-    usual_seconds=75
+    usual_seconds=65
     if [[ -f $venv/recipe ]]; then
       say "$(paint 1 "The requirements changed"): bringing $venv up to date."
     else
@@ -145,7 +145,7 @@ make_venv() {
   local flags=()
   if [[ $(ros_kind) == system ]]; then flags=(--system-site-packages); fi
   rm -rf "$venv"
-  "$python" -m venv "${flags[@]}" "$venv"
+  "$python" -m venv "${flags[@]}" "$venv" && install -r "$root/requirements/pip.txt"
 }
 
 # Python compiles what it imports when it first does; compiling all of it here would only take time.
@@ -218,10 +218,12 @@ build_workspace() {
     underlay=(-u PYTHONPATH -u COLCON_PREFIX_PATH AMENT_PREFIX_PATH="$venv" CMAKE_PREFIX_PATH="$venv"
       LD_LIBRARY_PATH="$(wheel_libraries)" _ROS_WHEELS_BOOTSTRAP_COMPLETE=1)
   fi
-  # Executables get the interpreter that runs colcon, so that has to be the environment's.
+  # Executables get the interpreter that runs colcon, so that has to be the environment's. Make gets a job
+  # for each core, whatever else keeps them busy: PyTorch is unpacked meanwhile.
   PATH=$venv/bin:$PATH
-  env "${underlay[@]}" PYTHONUNBUFFERED=1 "$venv/bin/python" "$(command -v colcon)" --log-base log build \
-    --symlink-install --event-handlers console_direct+ "${selection[@]}" --cmake-args -DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$venv/bin/python" &&
+  env "${underlay[@]}" PYTHONUNBUFFERED=1 MAKEFLAGS="-j$(nproc)" "$venv/bin/python" "$(command -v colcon)" \
+    --log-base log build --symlink-install --event-handlers console_direct+ "${selection[@]}" \
+    --cmake-args -DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$venv/bin/python" &&
     write_activation && echo "$recipe" >install/recipe
 }
 

@@ -35,12 +35,12 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "record = sain_bags.ros.record:main",
-            "play = sain_bags.ros.play:main",
-            "info = sain_bags.cli.info:main",
-            "recover = sain_bags.cli.recover:main",
-            "report = sain_bags.cli.report:main",
-            "to_dataset = sain_bags.cli.to_dataset:main",
+            "record = sain_bags.commands:record",
+            "play = sain_bags.commands:play",
+            "info = sain_bags.commands:info",
+            "recover = sain_bags.commands:recover",
+            "report = sain_bags.commands:report",
+            "to_dataset = sain_bags.commands:to_dataset",
         ],
     },
 )

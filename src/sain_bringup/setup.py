@@ -22,9 +22,9 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "closed_loop = sain_bringup.ros.closed_loop:main",
-            "push = sain_bringup.ros.push:main",
-            "watch = sain_bringup.ros.watch:main",
+            "closed_loop = sain_bringup.commands:closed_loop",
+            "push = sain_bringup.commands:push",
+            "watch = sain_bringup.commands:watch",
         ],
     },
 )

@@ -14,6 +14,6 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "matplotlib", "numpy", "tyro"],
+    install_requires=["jaxtyping", "matplotlib", "numpy", "rich", "tyro"],
     zip_safe=False,
 )

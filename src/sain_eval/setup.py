@@ -18,8 +18,8 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "evaluate = sain_eval.cli.evaluate:main",
-            "calibrate = sain_eval.cli.calibrate:main",
+            "evaluate = sain_eval.commands:evaluate",
+            "calibrate = sain_eval.commands:calibrate",
         ],
     },
 )

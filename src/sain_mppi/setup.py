@@ -18,7 +18,7 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "mppi_node = sain_mppi.ros.mppi_node:main",
+            "mppi_node = sain_mppi.commands:mppi_node",
         ],
     },
 )

@@ -14,13 +14,13 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "numpy", "pybullet", "rich", "tyro"],
+    install_requires=["jaxtyping", "numpy", "pybullet", "rich"],
     extras_require={"ray": ["ray"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "sim_node = sain_sim.ros.sim_node:main",
-            "collect = sain_sim.cli.collect:main",
+            "sim_node = sain_sim.commands:sim_node",
+            "collect = sain_sim.commands:collect",
         ],
         "sain.dynamics": [
             "bullet = sain_sim.world.bullet:load_bullet",

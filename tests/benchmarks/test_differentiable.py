@@ -12,8 +12,10 @@ from sain_core.errors import InvalidInputError
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSE, POSITION, THETA, make_scene, wrap_angle
 from sain_core.types import Pushes, PushSequences, Scene, Scenes
-from sain_model.dynamics.sain import IDENTITY, SainDynamics
-from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import IDENTITY
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.paths import ROOT
 from tests.sain_model.rolling import make_episodes
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "my_model"
+EXAMPLE = ROOT / "examples" / "my_model"
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,8 @@ def test_a_network_learns_on_top_of_it_and_is_loaded_again(
     assert (card["prior"], card["prior_config"], card["kind"]) == ("my_model", {}, "residual")
     lines = (
         "import sys; from sain_core.plugins import load_dynamics;"
-        " from sain_core.conformance import check_dynamics; sain = load_dynamics(sys.argv[1]);"
+        " from sain_core.model_checks.conformance import check_dynamics;"
+        " sain = load_dynamics(sys.argv[1]);"
         " print(type(sain.prior).__name__); check_dynamics(sain)"
     )
     checkpoint = str(out / "sain.safetensors")

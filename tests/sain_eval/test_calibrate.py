@@ -8,8 +8,8 @@ import pytest
 from sain_core.errors import DatasetError
 from sain_core.push import PushLimits
 from sain_core.scene import Table, X, make_scene, unit
+from sain_eval import commands
 from sain_eval.calibrate import FREE, START, CalibrationConfig, calibrate, on_table
-from sain_eval.cli import calibrate as calibrate_cli
 from sain_model.data.dataset import load_transitions
 from sain_model.physics.planar import PlanarPrior
 
@@ -52,7 +52,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_parameters_are_fitted_and_judged_on_other_episodes(dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "report"
     options = ["--evaluations", "250", "--fit-share", "0.5"]
-    assert calibrate_cli.main([str(dataset), "--out", str(out), *options]) == 0
+    assert commands.calibrate([str(dataset), "--out", str(out), *options]) == 0
     report = json.loads((out / "calibration.json").read_text())
     assert set(report["fitted"]) == set(FREE)
     judged = report["accuracy"]["target_moved"]
@@ -82,5 +82,5 @@ def test_without_the_true_friction_nothing_can_be_fitted(dataset: Path) -> None:
 
 def test_a_missing_data_set_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     missing = tmp_path / "none.npz"
-    assert calibrate_cli.main([str(missing), "--out", str(tmp_path)]) == 1
+    assert commands.calibrate([str(missing), "--out", str(tmp_path)]) == 1
     assert "does not exist" in " ".join(capsys.readouterr().err.split())

@@ -5,7 +5,9 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
 
-SOURCE = Path(__file__).resolve().parents[2] / "src"
+from tests.paths import ROOT
+
+SOURCE = ROOT / "src"
 PACKAGES = tuple(sorted(path.parent.name for path in SOURCE.glob("*/package.xml")))
 PYTHON_PACKAGES = tuple(name for name in PACKAGES if (SOURCE / name / "setup.py").exists())
 

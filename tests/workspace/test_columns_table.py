@@ -1,7 +1,8 @@
 import runpy
-from pathlib import Path
 
-TOOL = Path(__file__).parents[2] / "tools" / "columns.py"
+from tests.paths import ROOT
+
+TOOL = ROOT / "tools" / "columns.py"
 
 
 def test_the_table_of_columns_is_current() -> None:

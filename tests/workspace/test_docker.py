@@ -1,14 +1,14 @@
 """The compose file: one service a node, each of which exists and can talk to the others."""
 
 import re
-from pathlib import Path
 
 import pytest
 import yaml
 
+from tests.paths import ROOT
 from tests.workspace.source_tree import PYTHON_PACKAGES, console_scripts
 
-DOCKER = Path(__file__).resolve().parents[2] / "docker"
+DOCKER = ROOT / "docker"
 SERVICES = yaml.safe_load((DOCKER / "compose.yaml").read_text())["services"]
 NODES = {
     ("sain_sim", "sim_node"),

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.paths import ROOT
 from tests.workspace.source_tree import PYTHON_PACKAGES, SOURCE, console_scripts
 
-ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted(
     path
     for path in [

@@ -1,7 +1,8 @@
 import runpy
-from pathlib import Path
 
-TOOL = Path(__file__).parents[2] / "tools" / "parameters.py"
+from tests.paths import ROOT
+
+TOOL = ROOT / "tools" / "parameters.py"
 
 
 def test_the_page_about_parameters_is_current() -> None:

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
-PROSE = runpy.run_path(str(Path(__file__).parents[2] / "tools" / "prose.py"))
+from tests.paths import ROOT
+
+PROSE = runpy.run_path(str(ROOT / "tools" / "prose.py"))
 GOOD = "A push names its scene. The simulator executes each id at most once."
 LONG = " ".join(["word"] * 26) + "."
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.paths import ROOT
 from tests.workspace.source_tree import PYTHON_PACKAGES, requirements_of
 
-REQUIREMENTS = Path(__file__).resolve().parents[2] / "requirements"
+REQUIREMENTS = ROOT / "requirements"
 LOCKS = {kind: REQUIREMENTS / f"lock-3.11-{kind}.txt" for kind in ("ros", "python")}
 
 

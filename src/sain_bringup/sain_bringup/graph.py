@@ -29,7 +29,7 @@ class GraphConfig:
 
 
 def graph_commands(config: GraphConfig) -> dict[str, list[str]]:
-    """Return the command of each process, by its name, in the order to start them in.
+    """Return the command of each process, by its name; the one that starts slowest comes first.
 
     Raises:
         ConfigError: a package of the graph is not installed.
@@ -45,8 +45,8 @@ def graph_commands(config: GraphConfig) -> dict[str, list[str]]:
     recorder = ["--out", str(config.bag), "--custom-data"]
     recorder += [f"{key}={value}" for key, value in config.custom_data]
     return {
-        RECORDER: _command(config, "sain_bags", "record", {}, recorder),
         MODEL: _command(config, "sain_model", "model_node", {"model": config.model}),
+        RECORDER: _command(config, "sain_bags", "record", {}, recorder),
         SIMULATOR: _command(config, "sain_sim", "sim_node", simulator),
         PLANNER: _command(config, "sain_mppi", "mppi_node", planner),
     }

@@ -15,7 +15,8 @@ from numpy import ndarray
 from PIL import Image, ImageDraw, ImageFont
 
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.episodes import SCENE, Episode
+from sain_bags.transitions.recorded_episodes import SCENE, Episode
+from sain_bringup.options import NAMESPACE_KEY
 from sain_core.config import Config, option
 from sain_core.scene import target_distance
 from sain_core.types import Points, Scene
@@ -65,7 +66,10 @@ def episode_moments(bag: Bag, episode: Episode) -> list[Moment]:
     """Return everything that was seen of an episode, joints and disks of the same instant."""
     joints: dict[int, Float[ndarray, "7"]] = {}  # by time stamp [ns]
     scenes: dict[int, Scene] = {}
+    namespace = bag.custom_data.get(NAMESPACE_KEY, "")
     for received in bag.messages(types=(JOINTS, SCENE)):
+        if not received.topic.startswith(f"{namespace}/"):
+            continue  # of another graph
         message = received.message
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         if received.type == JOINTS:

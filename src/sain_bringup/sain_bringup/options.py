@@ -1,4 +1,4 @@
-"""What the closed loop can be asked for, and the checks that come before anything starts."""
+"""Options of this package's commands, and the checks before any process starts."""
 
 import difflib
 import os
@@ -12,45 +12,97 @@ from typing import Annotated, Final
 import tyro
 import yaml
 
+from sain_core.config import Config, option
 from sain_core.errors import ConfigError, OutputError
 from sain_core.plugins import check_model_name
 from sain_eval.scenes.scenarios import SCENARIOS
 
 RECORDINGS: Final = Path("bags")
+NAMESPACE_KEY: Final = "namespace"  # of a bag's custom data: of the graph that made it
+EPISODES_KEY: Final = "episodes"  # of a bag's custom data: "scenario:seed scenario:seed ..."
 DEMO: Final = (("anywhere", 3), ("paper", 1))
-LARGEST_TOLERANCE: Final = 0.20  # [m]
 
 
 @dataclass(frozen=True)
-class ClosedLoopOptions:
+class ClosedLoopOptions(Config):
     """Run the closed loop on the whole graph: simulator, model, planner and recorder.
 
-    Starts the four as processes of their own, plays episodes, and writes a recording, a top view
+    Starts the four as separate processes, plays episodes, and writes a recording, a top view
     of each episode, a moving picture and a summary. Without options it plays the demo: three
     `anywhere` episodes and one `paper` episode, each to 2 cm.
     """
 
-    episodes: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
-    """Episodes to play; by default 1 of a chosen scenario."""
-    scenario: str | None = None
-    """paper, paper_shift, paper_cube, anywhere, clutter, anywhere_cube or anywhere_rubber; by
-    default the demo's."""
-    seed: int = 0
-    """Of the first episode; the next one has the next seed."""
-    tolerance: float = 0.02
-    """How near the goal is near enough [m]."""
-    model: str = "sain"
-    """What predicts: a name (sain, planar, identity) or the path of a checkpoint."""
-    out: Path | None = None
-    """Folder to make for the results; by default bags/closed_loop-<date>-<time>."""
-    gui: bool = False
-    """Show the simulator's window, in real time."""
-    video: bool = True
-    """Render the moving picture at the end."""
-    params_file: Path | None = None
-    """ROS parameters for the nodes (YAML), on top of their defaults."""
-    timeout: float = 60.0
-    """Longest wait for the graph to start, or for anything to happen in an episode [s]."""
+    episodes: Annotated[int | None, tyro.conf.arg(metavar="N")] = option(
+        None, "episodes to play; by default 1 of a chosen scenario", minimum=1
+    )
+    scenario: str | None = option(
+        None, f"one of {', '.join(SCENARIOS)}; by default those of the demo"
+    )
+    seed: int = option(0, "seed of the first episode; the next one has the next seed", minimum=0)
+    tolerance: float = option(
+        0.02,
+        "largest distance from the goal that counts as reached",
+        unit="m",
+        minimum=1e-4,
+        maximum=0.2,
+    )
+    model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
+    out: Path | None = option(
+        None, "folder to make for the results; by default bags/closed_loop-<date>-<time>"
+    )
+    gui: bool = option(False, "show the simulator's window, in real time")
+    video: bool = option(True, "render the moving picture at the end")
+    params_file: Path | None = option(
+        None, "ROS parameters for the nodes (YAML), on top of their defaults"
+    )
+    timeout: float = option(
+        60.0,
+        "longest wait for the graph to start, or for an event in an episode",
+        unit="s",
+        minimum=0.1,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, the model's name, the scenario and the file of parameters."""
+        super().__post_init__()
+        check_model_name(self.model)
+        if self.scenario is not None and self.scenario not in SCENARIOS:
+            near = difflib.get_close_matches(self.scenario, SCENARIOS, n=1)
+            hint = f" (did you mean {near[0]!r}?)" if near else ""
+            known = ", ".join(SCENARIOS)
+            raise ConfigError(f"--scenario is {self.scenario!r}{hint}; allowed: {known}")
+        if self.params_file is not None:
+            _check_parameter_file(self.params_file)
+
+
+@dataclass(frozen=True)
+class PushOptions(Config):
+    """Send one push to the simulator and print what became of it.
+
+    Exits with 0 when the push was carried out, and with the error code of the refusal when not.
+    """
+
+    location: float = option(
+        0.0,
+        "heading from the contact point on the mid disk's rim to its centre; 0: along +x",
+        unit="rad",
+    )
+    angle: float = option(
+        0.0, "direction of travel relative to the location, -pi/4 to pi/4", unit="rad"
+    )
+    length: float = option(0.1, "travel of the tool, 0 to 0.15", unit="m")
+    timeout: float = option(10.0, "longest wait for the simulator", unit="s", minimum=0.0)
+
+
+@dataclass(frozen=True)
+class WatchOptions(Config):
+    """Print the messages of a topic, or list the topics when none is given."""
+
+    topic: Annotated[str, tyro.conf.Positional] = option(
+        "", "for example scene, push_result or /clock"
+    )
+    count: int = option(0, "end after so many messages; 0: at Ctrl-C", minimum=0)
+    timeout: float = option(10.0, "longest wait for topics to appear", unit="s", minimum=0.0)
 
 
 @dataclass(frozen=True)
@@ -62,24 +114,11 @@ class EpisodePlan:
 
 
 def episode_plans(options: ClosedLoopOptions) -> tuple[EpisodePlan, ...]:
-    """Return the episodes to play.
-
-    Raises:
-        ConfigError: no such scenario, or fewer than one episode.
-    """
+    """Return the episodes to play."""
     if options.scenario is None and options.episodes is None:
         wanted = [name for name, count in DEMO for _ in range(count)]
     else:
-        wanted = [options.scenario or DEMO[0][0]] * (
-            1 if options.episodes is None else options.episodes
-        )
-    for name in wanted:
-        if name not in SCENARIOS:
-            near = difflib.get_close_matches(name, SCENARIOS, n=1)
-            hint = f" (did you mean {near[0]!r}?)" if near else ""
-            raise ConfigError(f"scenario {name!r} is unknown{hint}; known: {', '.join(SCENARIOS)}")
-    if not wanted:
-        raise ConfigError(f"--episodes is {options.episodes}; it must be at least 1")
+        wanted = [options.scenario or DEMO[0][0]] * (options.episodes or 1)
     return tuple(EpisodePlan(name, options.seed + number) for number, name in enumerate(wanted))
 
 
@@ -88,27 +127,6 @@ def describe(plans: Sequence[EpisodePlan], options: ClosedLoopOptions) -> str:
     counts = Counter(plan.scenario for plan in plans)
     what = ", ".join(f"{count} × {name}" for name, count in counts.items())
     return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}"
-
-
-def check_options(options: ClosedLoopOptions) -> None:
-    """Check everything that can be checked before a process starts.
-
-    Raises:
-        ConfigError: naming the option, its value and what is allowed.
-    """
-    episode_plans(options)
-    check_model_name(options.model)
-    if not 0.0 < options.tolerance <= LARGEST_TOLERANCE:
-        raise ConfigError(
-            f"--tolerance is {options.tolerance} m; it must be above 0 and at most"
-            f" {LARGEST_TOLERANCE} m"
-        )
-    if options.seed < 0:
-        raise ConfigError(f"--seed is {options.seed}; it must not be negative")
-    if not options.timeout > 0.0:
-        raise ConfigError(f"--timeout is {options.timeout} s; it must be positive")
-    if options.params_file is not None:
-        _check_parameter_file(options.params_file)
 
 
 def make_output_folder(options: ClosedLoopOptions) -> Path:

@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -21,6 +21,7 @@ from sain_core.errors import OutputError, SainError
 CHILD: Final = Path(__file__).with_name("child.py")
 POLL: Final = 0.02  # [s]
 LAST_LINES: Final = 12
+READY: Final = b": ready: "  # in the log line of a node that has started
 
 
 class ProcessDiedError(SainError):
@@ -45,6 +46,11 @@ class Child:
     process: "subprocess.Popen[bytes]"
     log: Path
     patient: bool  # it has a file to close: not hurried before the others are gone
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether a node has logged that it is."""
+        return READY in self.log.read_bytes()
 
     def last_lines(self, count: int = LAST_LINES) -> str:
         """Return the end of its log."""
@@ -108,6 +114,10 @@ class Supervisor:
         except OSError as error:
             raise OutputError(f"cannot start {name} with its log {log}: {error}") from error
         self._children.append(Child(name, process, log, patient))
+
+    def starting(self, names: Collection[str]) -> list[str]:
+        """Return which of these processes have not logged that they are ready."""
+        return [one.name for one in self._children if one.name in names and not one.is_ready]
 
     def check(self) -> None:
         """Raise when a process has died.

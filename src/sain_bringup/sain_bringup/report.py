@@ -5,15 +5,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.table import Table
+from rich.text import Text
 
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.episodes import Episode, read_episodes
+from sain_bags.transitions.recorded_episodes import Episode, read_episodes
+from sain_bringup.options import EPISODES_KEY, NAMESPACE_KEY
+from sain_core.fitting_table import FittingTable
 from sain_core.storage import write_json
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenarios import SCENARIOS
-
-EPISODES_KEY = "episodes"  # of the bag's custom data: "scenario:seed scenario:seed ..."
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,8 @@ class PlayedEpisode:
 
 def played_episodes(bag: Bag) -> tuple[PlayedEpisode, ...]:
     """Return the episodes of a bag that had a goal, named as the bag says."""
-    with_goal = [episode for episode in read_episodes(bag) if episode.goal is not None]
+    episodes = read_episodes(bag, bag.custom_data.get(NAMESPACE_KEY))
+    with_goal = [episode for episode in episodes if episode.goal is not None]
     names = bag.custom_data.get(EPISODES_KEY, "").split()
     played = []
     for number, episode in enumerate(with_goal):
@@ -98,13 +99,13 @@ def write_summary(path: Path, bag: Bag, summaries: tuple[EpisodeSummary, ...]) -
     write_json(path, content)
 
 
-def summary_table(summaries: tuple[EpisodeSummary, ...]) -> Table:
+def summary_table(summaries: tuple[EpisodeSummary, ...]) -> FittingTable:
     """Return the summary as a table for people; errors are of the target, mean over pushes."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+    table = FittingTable()
     table.add_column("Episode")
     for name in ("Pushes", "Distance", "Planning", "Model error", "Physics error"):
         table.add_column(name, justify="right")
-    table.add_column("")
+    table.add_column("Goal")
     for summary in summaries:
         table.add_row(
             f"{summary.scenario} {summary.seed}",
@@ -113,7 +114,7 @@ def summary_table(summaries: tuple[EpisodeSummary, ...]) -> Table:
             _scaled(summary.planning_time, "ms", 0),
             _scaled(summary.model_error, "mm", 1),
             _scaled(summary.physics_error, "mm", 1),
-            "[green]reached[/]" if summary.success else "[red]not reached[/]",
+            Text("reached", "green") if summary.success else Text("not reached", "red"),
         )
     return table
 

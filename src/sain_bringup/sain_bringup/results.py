@@ -43,8 +43,18 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
         with display.stage("rendering the moving picture", "moving picture rendered"):
             render_movie(folder / "closed_loop.gif", bag, choose_episode(played), display)
     display.console.print()
-    display.console.print(summary_table(summaries))
+    display.console.print(summary_table(summaries), soft_wrap=True)
+    display.console.print("\nWritten, to be opened in this order:")
+    for path in written_files(folder):
+        display.console.print(f"  {path}", markup=False, highlight=False, soft_wrap=True)
     return bool(summaries) and all(summary.success for summary in summaries)
+
+
+def written_files(folder: Path) -> list[Path]:
+    """Return what a run has written, the report page first, the bag and the logs last."""
+    files = [path for path in sorted(folder.iterdir()) if path.is_file()]
+    files.sort(key=lambda path: (path.suffix != ".html", path.suffix != ".gif"))
+    return [*files, *(path for path in sorted(folder.iterdir()) if path.is_dir())]
 
 
 def draw_pictures(folder: Path, played: tuple[PlayedEpisode, ...]) -> list[Path]:

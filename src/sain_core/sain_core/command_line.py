@@ -1,9 +1,120 @@
-"""Settings on the command line: `--help` says of each what its `option` says."""
+"""Command lines: how every executable reads its arguments, helps, fails and is interrupted.
 
-from dataclasses import fields, is_dataclass
-from typing import Annotated, get_type_hints
+A package declares its executables in ``commands.py``, each as a `Command` or a `NodeCommand`. The
+module that does the work is imported after the arguments are checked. So help and errors come at
+once, and Ctrl-C during the imports ends the process without a traceback.
+"""
 
-import tyro
+import io
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr
+from dataclasses import dataclass, fields, is_dataclass
+from importlib import import_module
+from typing import Annotated, Any, Final, Literal, get_type_hints
+
+from sain_core.config import describe_values
+from sain_core.errors import ConfigError, SainError
+
+INTERRUPTED: Final = 130  # exit code after Ctrl-C
+WRONG_USAGE: Final = 2  # exit code after an argument that is not allowed
+
+
+@dataclass(frozen=True)
+class Command:
+    """The entry point of an executable.
+
+    Attributes:
+        name: package and executable, as after ``ros2 run``.
+        options: ``module:name`` of the dataclass of its options, or of a function that returns
+            one for the given arguments. Its docstring is the text of the help.
+        work: ``module:name`` of a function of the options and a console; it returns the exit code,
+            or None for 0.
+        resumes: what the same command continues from after Ctrl-C; "": it starts again.
+        ros: whether it accepts ``--ros-args``.
+        prefixes: whether nested settings are called ``--group.name``; otherwise ``--name``.
+    """
+
+    name: str
+    options: str
+    work: str
+    resumes: str = ""
+    ros: bool = False
+    prefixes: bool = False
+
+    def __call__(self, arguments: list[str] | None = None) -> int:
+        """Run it with these arguments, or those of the process; return its exit code."""
+        with silent_interrupts(arguments is None):
+            given = sys.argv[1:] if arguments is None else arguments
+            own = split_ros_arguments(given)[0] if self.ros else given
+            try:
+                options = read_options(
+                    load(self.options), f"ros2 run {self.name}", own, self.prefixes
+                )
+            except SainError as error:
+                return self._fail(error, WRONG_USAGE if isinstance(error, ConfigError) else 1)
+            work = load(self.work)
+        return self._run(work, options)
+
+    def _run(self, work: Callable[..., int | None], options: Any) -> int:
+        from rich.console import Console
+
+        try:
+            return work(options, Console()) or 0
+        except SainError as error:
+            return self._fail(error, 1)
+        except KeyboardInterrupt:
+            if self.resumes:
+                sys.stderr.write(
+                    f"stopped; the same command continues from the last whole {self.resumes}\n"
+                )
+            return INTERRUPTED
+
+    def _fail(self, error: SainError, code: int) -> int:
+        from rich.console import Console
+
+        console = Console(stderr=True, soft_wrap=True)
+        name = self.name.rpartition(" ")[2]
+        console.print(f"{name}: {error}", style="red", markup=False, highlight=False)
+        return code
+
+
+def read_options(options: Any, program: str, arguments: list[str], prefixes: bool = False) -> Any:
+    """Return what arguments ask for.
+
+    Args:
+        options: a dataclass, or a function that returns one for the arguments.
+        program: the name in the help.
+        arguments: without those for ROS.
+        prefixes: whether nested settings are called ``--group.name``.
+
+    Raises:
+        ConfigError: a value that is not allowed.
+        SystemExit: after help, or after an argument that cannot be read.
+    """
+    import tyro
+
+    kind = options if isinstance(options, type) else options(arguments)
+    describe_options(kind)
+    output = io.StringIO()
+    try:
+        with redirect_stderr(output):
+            return tyro.cli(
+                kind,
+                prog=program,
+                args=arguments,
+                config=() if prefixes else (tyro.conf.OmitArgPrefixes,),
+            )
+    except SystemExit as end:
+        cause: BaseException | None = end
+        while cause is not None and not isinstance(cause, ConfigError):
+            cause = cause.__cause__ or cause.__context__
+        if cause is not None:  # tyro has put it into a frame, with the name of the class
+            raise ConfigError(_name_argument(str(cause), kind, prefixes)) from cause
+        sys.stderr.write(output.getvalue())
+        raise
 
 
 def describe_options(settings: type) -> None:
@@ -12,13 +123,72 @@ def describe_options(settings: type) -> None:
     They stand in the fields' metadata, where it does not look; it does look at annotations.
     Meant for entry points: the annotations of the class itself are changed.
     """
-    hints = get_type_hints(settings, include_extras=True)
+    import tyro
+
+    bare, hints = get_type_hints(settings), get_type_hints(settings, include_extras=True)
     for item in fields(settings):
-        if isinstance(item.type, type) and is_dataclass(item.type):
-            describe_options(item.type)
+        kind = hints[item.name]
+        if isinstance(nested := bare[item.name], type) and is_dataclass(nested):
+            describe_options(nested)
         elif description := item.metadata.get("description"):
-            unit = f" [{item.metadata['unit']}]" if item.metadata.get("unit") else ""
-            text = description[:1].upper() + description[1:] + unit
-            settings.__annotations__[item.name] = Annotated[
-                hints[item.name], tyro.conf.arg(help=text)
-            ]
+            choices = item.metadata.get("choices")
+            allowed = "" if choices else describe_values(item.metadata)
+            notes = " ".join(filter(None, (allowed, item.metadata.get("unit"))))
+            text = description[:1].upper() + description[1:] + (f" [{notes}]" if notes else "")
+            if choices and kind is str:
+                kind = Literal[tuple(choices)]
+            settings.__annotations__[item.name] = Annotated[kind, tyro.conf.arg(help=text)]
+
+
+def split_ros_arguments(arguments: list[str]) -> tuple[list[str], list[str]]:
+    """Return the arguments of the program and those for ROS: from ``--ros-args`` up to ``--``."""
+    own: list[str] = []
+    ros: list[str] = []
+    target = own
+    for argument in arguments:
+        if argument == "--ros-args":
+            target = ros
+        elif argument == "--" and target is ros:
+            target = own
+        else:
+            target.append(argument)
+    return own, ros
+
+
+def _name_argument(message: str, options: type, prefixes: bool) -> str:
+    """Return the message of a `Config` with the argument's name in place of the field's."""
+    kind, dot, rest = message.partition(".")
+    group = _group_of(kind, options)
+    if not dot or group is None:
+        return message
+    name, _, problem = rest.partition(" ")
+    return f"--{group if prefixes else ''}{name} {problem}".replace("_", "-", name.count("_"))
+
+
+def _group_of(kind: str, options: type, prefix: str = "") -> str | None:
+    """Return the prefix of the arguments of a class of settings, by the name of that class."""
+    if options.__name__ == kind:
+        return prefix
+    hints = get_type_hints(options).items()
+    nested = {name: hint for name, hint in hints if isinstance(hint, type) and is_dataclass(hint)}
+    found = (_group_of(kind, hint, f"{prefix}{name}.") for name, hint in nested.items())
+    return next((group for group in found if group is not None), None)
+
+
+def load(path: str) -> Any:
+    """Import a module and return what it calls so, given as ``module:name``."""
+    module, _, name = path.partition(":")
+    return getattr(import_module(module), name)
+
+
+@contextmanager
+def silent_interrupts(active: bool) -> Iterator[None]:
+    """Let Ctrl-C end the process at once: imports may swallow or rewrite `KeyboardInterrupt`."""
+    if not active:
+        yield
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

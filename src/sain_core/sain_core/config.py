@@ -10,7 +10,8 @@ default stands in one place only.
 """
 
 import dataclasses
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, field
 from math import isfinite
 from typing import Any, TypeVar
 
@@ -31,7 +32,14 @@ def option(
 ) -> T:
     """Declare a field of a `Config` with its unit, meaning and allowed values.
 
-    A `live` one is a ROS parameter that may be changed while its node runs.
+    Args:
+        default: its value when none is given; `required` declares a field without one.
+        description: its meaning.
+        unit: of the value.
+        minimum: smallest value that is allowed.
+        maximum: largest value that is allowed.
+        choices: all values that are allowed.
+        live: whether, as a ROS parameter, it may be changed while its node runs.
     """
     about = {
         "description": description,
@@ -42,6 +50,34 @@ def option(
         "live": live,
     }
     return field(default=default, metadata=about)
+
+
+def required(description: str) -> Any:
+    """Declare a field without a default; it comes before those with one."""
+    return option(MISSING, description)
+
+
+def describe_values(about: Mapping[str, Any]) -> str:
+    """Return which values a field allows, from its metadata: ``a, b`` or ``1 to 5``; or ""."""
+    if about.get("choices"):
+        return ", ".join(map(str, about["choices"]))
+    low, high = about.get("minimum"), about.get("maximum")
+    if low is None and high is None:
+        return ""
+    if high is None:
+        return f"at least {show_value(low)}"
+    return (
+        f"at most {show_value(high)}" if low is None else f"{show_value(low)} to {show_value(high)}"
+    )
+
+
+def show_value(value: object) -> str:
+    """Return a value as YAML has it."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(show_value, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ from typing import Any, Final
 import numpy as np
 from scipy.optimize import minimize
 
-from sain_core.config import Config, option
 from sain_core.errors import DatasetError
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, X, Y
 from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars, Scenes
+from sain_eval.calibration_settings import CalibrationConfig
 from sain_model.data.dataset import Dataset
 from sain_model.evaluation.metrics import position_errors, target_moved
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
@@ -58,28 +58,6 @@ START: Final = PlanarConfig(
 AXES_START: Final = replace(START, axes_yield=0.7)
 
 Progress = Callable[[int, float], None]  # evaluations so far, lowest cost
-
-
-@dataclass(frozen=True)
-class CalibrationConfig(Config):
-    """How the parameters are fitted."""
-
-    fit_share: float = option(
-        0.25, "share of the episodes to fit on; the others judge", minimum=0.05, maximum=0.9
-    )
-    evaluations: int = option(600, "most evaluations of the prior on them", minimum=1)
-    seed: int = option(0, "decides which episodes are fitted to", minimum=0)
-    axes: bool = option(False, "fit the prior whose friction knows the world's axes")
-
-    @property
-    def free(self) -> dict[str, tuple[float, float, float]]:
-        """What is fitted: step, smallest and largest value of each parameter."""
-        return AXES_FREE if self.axes else FREE
-
-    @property
-    def start(self) -> PlanarConfig:
-        """What the parameters are before."""
-        return AXES_START if self.axes else START
 
 
 @dataclass(frozen=True)
@@ -136,8 +114,8 @@ def calibrate(
     if not len(part) or not len(rest):
         raise DatasetError(f"{len(data)} pushes of {len(numbers)} episodes are too few to fit")
     best = _fit(part, config, progress)
-    fitted = {name: float(getattr(best, name)) for name in config.free}
-    return Calibration(best, fitted, len(part), _judge(rest, config.start, best))
+    fitted = {name: float(getattr(best, name)) for name in _free(config)}
+    return Calibration(best, fitted, len(part), _judge(rest, _start(config), best))
 
 
 def on_table(data: Dataset, table: Table) -> Mask:
@@ -155,13 +133,16 @@ def on_table(data: Dataset, table: Table) -> Mask:
 
 def _fit(data: Dataset, config: CalibrationConfig, progress: Progress) -> PlanarConfig:
     """Return the configuration with the lowest cost that Powell's method finds."""
-    steps, lows, highs = (np.array(column) for column in zip(*config.free.values(), strict=True))
-    start = np.array([getattr(config.start, name) for name in config.free])
+    steps, lows, highs = (np.array(column) for column in zip(*_free(config).values(), strict=True))
+    start = np.array([getattr(_start(config), name) for name in _free(config)])
     lowest, count = np.inf, 0
 
     def fitted(scaled: Scalars) -> PlanarConfig:
         values = np.round(np.clip(start + scaled * steps, lows, highs), 4).tolist()
-        return replace(config.start, **dict(zip(config.free, values, strict=True)))
+        return replace(
+            _start(config),
+            **dict(zip(_free(config), values, strict=True)),
+        )
 
     def cost(scaled: Scalars) -> float:
         nonlocal lowest, count
@@ -186,6 +167,16 @@ def _cost(data: Dataset, config: PlanarConfig) -> float:
     off = 1e3 * np.linalg.norm((predicted - data.next_state)[..., POSITION], axis=-1)
     off = np.minimum(off[:, [MID, TARGET]], LARGE)
     return float((np.sqrt(SMALL**2 + off**2) + 0.02 * off**2).mean())
+
+
+def _free(config: CalibrationConfig) -> dict[str, tuple[float, float, float]]:
+    """Return what is fitted: step, smallest and largest value of each parameter."""
+    return AXES_FREE if config.axes else FREE
+
+
+def _start(config: CalibrationConfig) -> PlanarConfig:
+    """Return the parameters before the fit."""
+    return AXES_START if config.axes else START
 
 
 def _judge(

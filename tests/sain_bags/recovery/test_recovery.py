@@ -16,13 +16,13 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from sain_bags import commands
 from sain_bags.bag.metadata import OfferedQos, Topic, read_profiles
-from sain_bags.cli import recover as recover_cli
 from sain_bags.cli.recover import describe
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import RecoveryOutcome
-from sain_bags.transitions.episodes import read_episodes
+from sain_bags.transitions.recorded_episodes import read_episodes
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import DatasetError, OutputError
 from sain_core.seeding import generator
@@ -312,13 +312,10 @@ def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
 
 
 def test_the_command_tells_its_outcome_by_its_exit_code(
-    zstd_bag: Original, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+    zstd_bag: Original, tmp_path: Path, capsys: Any
 ) -> None:
     def exit_code(source: Path, name: str) -> Any:
-        monkeypatch.setattr("sys.argv", ["recover", str(source), "--out", str(tmp_path / name)])
-        with pytest.raises(SystemExit) as stop:
-            recover_cli.main()
-        return stop.value.code
+        return commands.recover([str(source), "--out", str(tmp_path / name)])
 
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(zstd_bag.content[: zstd_bag.ends[3][0]])

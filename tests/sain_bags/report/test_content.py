@@ -1,49 +1,20 @@
 """What a page is made of, without a browser: what is gathered from a bag, and how it is written."""
 
-import json
-import re
-import subprocess
-import sys
-from collections.abc import Callable
-from dataclasses import fields
-from html.parser import HTMLParser
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.console import Console
 
-from sain_bags.cli.report import ReportOptions, default_path, run
 from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import read_timings
-from sain_bags.report.content import read_content
 from sain_bags.report.frames import Frame, Frames, frame_times
-from sain_bags.report.gathering import Limits
 from sain_bags.report.timeline import BINS, Lane, read_lanes
-from sain_bags.report.writing import render_page
-from sain_core.drawing.palette import DARK, PALETTE
-from sain_core.errors import DatasetError, OutputError
 from sain_core.scene import STATE_NAMES
 from tests.sain_bags.conftest import resting_scene
+from tests.sain_bags.report.contents import content
 from tests.sain_bags.shown import STEPS, Show, recorded, shown_scenes
-
-
-@pytest.fixture
-def bag(record: Callable[..., object], tmp_path: Path) -> Path:
-    """Two episodes, of two and three disks; the second with a push that was refused."""
-    recording = record(custom_data={"episodes": "anywhere:4 clutter:5", "seed": "7"})
-    show = Show(recording)
-    show.episode(1, 2, [0.05, 0.03])
-    show.episode(2, 3, [0.02, 0.04], refused=1)
-    recording.writer.close()
-    return tmp_path / "bag"
-
-
-def content(folder: Path, **limits: int) -> dict:
-    return read_content(Bag(folder), Limits(**limits)).data
 
 
 def scene_message(scene_id=1, settled=False, x=0.3, stamp=0, disks=2):
@@ -271,54 +242,6 @@ def test_an_empty_bag_has_a_page(record, tmp_path):
     assert data["bag"]["messages"] == 0 and data["notice"] == "This recording has no messages."
 
 
-def test_same_bag_same_page(bag):
-    assert render_page(content(bag)) == render_page(content(bag))
-
-
-class Parts(HTMLParser):
-    """The tags of a page, and what stands in its scripts."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.scripts: list[str] = []
-        self.feed(page)
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append(tag)
-        if tag == "script":
-            self.scripts.append("")
-
-    def handle_data(self, data):
-        if self.tags and self.tags[-1] == "script" and self.cdata_elem == "script":
-            self.scripts[-1] += data
-
-
-@given(st.text(), st.sampled_from(["</script>", "<!--<script>", "]]>", "\u2028", "@@data@@"]))
-def test_no_text_gets_out_of_its_script(text, end):
-    data = {"bag": {"name": text + end}, "custom": [[end + text, end]]}
-    parts = Parts(render_page(data))
-    assert parts.tags.count("script") == 2 and "img" not in parts.tags
-    assert json.loads(parts.scripts[0]) == data
-
-
-def test_nothing_in_the_page_is_from_elsewhere(bag):
-    page = render_page(content(bag)).replace("http://www.w3.org/2000/svg", "")
-    assert "http:" not in page and "https:" not in page and "url(#on-table)" in page
-    assert "import(" not in page and "fetch(" not in page and "innerHTML" not in page
-
-
-def test_the_page_has_every_colour_of_the_palette(bag):
-    style = render_page(content(bag))
-    light, dark = style[: style.index("@media")], style[style.index("@media") :]
-    for palette, part in ((PALETTE, light), (DARK, dark)):
-        for field in fields(palette):
-            name, colour = field.name.replace("_", "-"), getattr(palette, field.name)
-            assert f"--{name}: {colour};" in part
-    used = set(re.findall(r"var\(--([\w-]+)", style))
-    assert used <= set(re.findall(r"--([\w-]+):", style)) | {"done", "pixel"}
-
-
 def test_an_episode_in_which_nothing_happened_is_left_out_and_named(record, tmp_path):
     recording = record()
     recording.scene(1, 1, resting_scene(0.5))
@@ -345,36 +268,6 @@ def test_a_bag_without_pushes_says_so(record, tmp_path):
     only_refused.writer.close()
     notice = content(tmp_path / "refused")["notice"]
     assert notice == "No push was executed in this recording: 1 refused."
-
-
-def test_the_page_is_written_beside_the_bag(bag, tmp_path):
-    quiet = Console(quiet=True)
-    assert run(ReportOptions(bag), quiet) == default_path(bag) == tmp_path / "report.html"
-    assert not list(tmp_path.glob("*.partial"))
-    with pytest.raises(OutputError, match=r"report\.html exists; --overwrite replaces it"):
-        run(ReportOptions(bag), quiet)
-    run(ReportOptions(bag, overwrite=True), quiet)
-    with pytest.raises(OutputError, match="is a folder"):
-        run(ReportOptions(bag, tmp_path), quiet)
-    assert default_path(bag / "bag_0.mcap") == bag / "bag_0.html"
-
-
-@pytest.mark.parametrize("place", [0.2, 0.5, 0.8])
-def test_damage_is_told_and_nothing_is_written(bag, tmp_path, place):
-    file = bag / "bag_0.mcap"
-    whole = bytearray(file.read_bytes())
-    whole[int(place * len(whole))] ^= 16
-    file.write_bytes(whole)
-    with pytest.raises(DatasetError, match="damaged or not whole"):
-        run(ReportOptions(bag, tmp_path / "page.html"), Console(quiet=True))
-    assert not (tmp_path / "page.html").exists()
-
-
-def test_the_command_fails_with_one_line(tmp_path):
-    command = [sys.executable, "-m", "sain_bags.cli.report", str(tmp_path / "none")]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 1
-    assert done.stderr == f"report: no bag at {tmp_path / 'none'}\n"
 
 
 def test_what_a_split_repeats_is_counted_once():

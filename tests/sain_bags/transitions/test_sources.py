@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sain_bags.cli import to_dataset as to_dataset_cli
+from sain_bags import commands
 from sain_bags.dataset.conversion import ConversionConfig, convert
 from sain_bags.transitions.sources import find_sources
 from sain_core.errors import DatasetError
@@ -154,12 +154,12 @@ def test_no_flipped_bit_makes_a_wrong_row(record: Start, tmp_path: Path) -> None
 def test_the_command_says_what_it_did(record: Start, tmp_path: Path, capfd: Any) -> None:
     bag = drive(record, still=(0,))
     arguments = [str(bag), "--out", str(tmp_path / "out"), "--moved-only"]
-    assert to_dataset_cli.main(arguments) == 0
+    assert commands.to_dataset(arguments) == 0
     said = capfd.readouterr().err
     assert "1 transitions of 1 episodes in" in said
     assert (tmp_path / "out" / "card.png").read_bytes().startswith(b"\x89PNG")
     assert "left out: 2 target moved by less than 2 mm" in said
-    assert to_dataset_cli.main([str(bag), "--out", str(tmp_path / "out")]) == 1
+    assert commands.to_dataset([str(bag), "--out", str(tmp_path / "out")]) == 1
     assert "moved_only = True, not False" in capfd.readouterr().err
-    assert to_dataset_cli.main(["--out", str(tmp_path / "new")]) == 1
+    assert commands.to_dataset(["--out", str(tmp_path / "new")]) == 1
     assert "no recording is given" in capfd.readouterr().err

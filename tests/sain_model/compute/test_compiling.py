@@ -14,7 +14,8 @@ from sain_model.cli.kernels import compile_kernels
 from sain_model.compute.compiling import CONSTANTS, CORE_CONSTANTS, sources_hash
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network import sain_kernels
-from sain_model.network.interaction_network import NetworkConfig, new_network
+from sain_model.network.interaction_network import new_network
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics import planar_kernels
 from sain_model.physics.planar import PlanarPrior
 

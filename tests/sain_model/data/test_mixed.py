@@ -8,8 +8,7 @@ import torch
 
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_SIZE, X, Y
-from sain_model.cli.evaluate import main as evaluate
-from sain_model.cli.train import main as train
+from sain_model.commands import evaluate, train
 from sain_model.data.dataset import (
     Dataset,
     Split,
@@ -19,7 +18,8 @@ from sain_model.data.dataset import (
 )
 from sain_model.data.examples import make_examples, training_examples
 from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
-from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 

@@ -14,9 +14,10 @@ from sain_core.errors import CheckpointError, ConfigError, OutputError
 from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.checkpoint import ModelCard, card_path, load_checkpoint, save_checkpoint
-from sain_model.dynamics.load import load_prior, prior_settings
+from sain_model.dynamics.priors import load_prior, prior_settings
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]

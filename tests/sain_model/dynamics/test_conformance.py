@@ -5,14 +5,16 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sain_core.conformance import check_dynamics
 from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.model_checks.conformance import check_dynamics
 from sain_core.plugins import load_dynamics
-from sain_model.dynamics.correction_network import CorrectionEnsemble, CorrectionNetworkConfig
+from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.recurrent import PhysicsChain
-from sain_model.dynamics.sain import IDENTITY, SainDynamics
-from sain_model.network.interaction_network import ON_STATE, NetworkConfig, new_network
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import IDENTITY, CorrectionNetworkConfig
+from sain_model.network.interaction_network import new_network
+from sain_model.network.settings import ON_STATE, NetworkConfig
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
 

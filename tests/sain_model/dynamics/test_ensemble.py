@@ -14,20 +14,17 @@ from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH
 from sain_core.scene import MASS
 from sain_core.types import Pushes, Scenes
-from sain_model.data.batches import BOOTSTRAP, ORDER, Batches
+from sain_model.data.batches import Batches
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
-from sain_model.dynamics.load import prior_settings
+from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.network.interaction_network import (
-    InteractionNetwork,
-    NetworkConfig,
-    ensemble,
-    new_network,
-)
+from sain_model.network.interaction_network import InteractionNetwork, ensemble, new_network
+from sain_model.network.settings import BOOTSTRAP, ORDER, NetworkConfig
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.push_training import Trainer, TrainingConfig
+from sain_model.training.push_training import Trainer
+from sain_model.training.settings import TrainingConfig
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 SMALL = NetworkConfig(hidden=16, message=8)

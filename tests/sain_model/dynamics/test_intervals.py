@@ -9,8 +9,7 @@ import pytest
 
 from sain_core.errors import CheckpointError, ConfigError
 from sain_core.plugins import load_dynamics
-from sain_model.cli import evaluate as evaluate_cli
-from sain_model.cli import train as train_cli
+from sain_model import commands
 from sain_model.data.dataset import load_transitions
 from sain_model.dynamics.checkpoint import card_path
 from sain_model.dynamics.intervals import IntervalConfig, Intervals
@@ -72,7 +71,7 @@ def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
     dataset: Path, tmp_path: Path
 ) -> None:
     options = ["--epochs", "3", "--hidden", "8", "--members", "2", "--validation", "0.3"]
-    assert train_cli.main([str(dataset), "--out", str(tmp_path), *options]) == 0
+    assert commands.train([str(dataset), "--out", str(tmp_path), *options]) == 0
     path = tmp_path / "sain.safetensors"
     card = json.loads(card_path(path).read_text())
     sain = load_dynamics(str(path))
@@ -80,7 +79,7 @@ def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
     assert json.loads(json.dumps(asdict(sain.intervals))) == card["intervals"]
     report = tmp_path / "errors.json"
     checkpoint = ["--checkpoint", str(path), "--out", str(report)]
-    assert evaluate_cli.main([str(dataset), *checkpoint]) == 0
+    assert commands.evaluate([str(dataset), *checkpoint]) == 0
     found = json.loads(report.read_text())["intervals"]["SAIN"]
     assert found == card["errors"]["intervals"]["SAIN"]
     parts = found["target"]["parts"]

@@ -12,7 +12,7 @@ from sain_core.errors import CheckpointError
 from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH
 from sain_core.scene import POSITION, TARGET
-from sain_model.cli import train_correction as correction_cli
+from sain_model import commands
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import (
     CORRECTION_ARCHITECTURE,
@@ -20,20 +20,18 @@ from sain_model.dynamics.checkpoint import (
     card_path,
     save_checkpoint,
 )
-from sain_model.dynamics.correction_network import CorrectionEnsemble, CorrectionNetworkConfig
-from sain_model.dynamics.load import PLANAR_AXES, load_planar
+from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.physics_gradient import conditioned_moves, moves
+from sain_model.dynamics.priors import load_planar
+from sain_model.dynamics.settings import PLANAR_AXES, CorrectionNetworkConfig
 from sain_model.physics import corrections as told
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_axes import AXES
-from sain_model.serving.server import ModelServer, ServingConfig
-from sain_model.training.correction_training import (
-    CorrectionTrainer,
-    CorrectionTrainingConfig,
-    make_trainers,
-    train_members,
-)
+from sain_model.serving.server import ModelServer
+from sain_model.serving.settings import ServingConfig
+from sain_model.training.correction_training import CorrectionTrainer, make_trainers, train_members
+from sain_model.training.settings import CorrectionTrainingConfig
 
 SMALL = CorrectionNetworkConfig(hidden=16, message=8)
 OPTIONS = ["--steps", "6", "--epochs", "2", "--hidden", "8", "--validation", "0.2", "--test", "0.2"]
@@ -137,7 +135,7 @@ def test_members_differ_and_are_averaged(laboratory, tmp_path) -> None:
 
 def test_the_command_writes_a_checkpoint_that_is_a_dynamics(dataset, tmp_path, capsys) -> None:
     arguments = [str(dataset), "--out", str(tmp_path), *OPTIONS, "--members", "2"]
-    assert correction_cli.main(arguments) == 0
+    assert commands.train_correction(arguments) == 0
     path = tmp_path / "correction.safetensors"
     sain = load_dynamics(str(path))
     assert isinstance(sain, ParameterCorrection) and len(sain.networks) == 2
@@ -151,23 +149,28 @@ def test_the_command_writes_a_checkpoint_that_is_a_dynamics(dataset, tmp_path, c
     path.write_bytes(path.read_bytes()[:-8])
     with pytest.raises(CheckpointError, match="SHA-256"):
         load_dynamics(str(path))
-    assert correction_cli.main([*arguments, "--prior", "identity"]) == 1
+    assert commands.train_correction([*arguments, "--prior", "identity"]) == 1
     assert "parameters of 'identity' cannot be corrected" in capsys.readouterr().err
 
 
 def test_without_held_out_episodes_nothing_is_trained(dataset, tmp_path, capsys) -> None:
-    assert correction_cli.main([str(dataset), "--out", str(tmp_path), *OPTIONS, "--test", "0"]) == 1
+    assert (
+        commands.train_correction([str(dataset), "--out", str(tmp_path), *OPTIONS, "--test", "0"])
+        == 1
+    )
     assert "errors need held-out episodes; give --test above 0" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 
 def test_settings_are_written_when_a_state_was_accepted(dataset, tmp_path) -> None:
     arguments = [str(dataset), "--out", str(tmp_path), *OPTIONS]
-    assert correction_cli.main(arguments) == 0
+    assert commands.train_correction(arguments) == 0
     settings = tmp_path / "config.json"
     assert json.loads(settings.read_text())["training"]["learning_rate"] == 2e-3
     kept = settings.read_bytes()
-    assert correction_cli.main([*arguments, "--learning-rate", "1e-3"]) == 1  # of another training
+    assert (
+        commands.train_correction([*arguments, "--learning-rate", "1e-3"]) == 1
+    )  # of another training
     assert settings.read_bytes() == kept
 
 

@@ -12,24 +12,28 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSE, POSITION, TARGET, wrap_angle
 from sain_model.data.dataset import Dataset, Split, split_by_episode
 from sain_model.data.windows import make_windows
-from sain_model.dynamics.loss import LossConfig
 from sain_model.dynamics.recurrent import PhysicsChain
-from sain_model.dynamics.rollout_inputs import DIFFERENCES, GRADIENTS, NO_GRADIENT, SHIFT
-from sain_model.dynamics.rollouts import (
+from sain_model.dynamics.rollouts import roll, rollout_loss
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import (
     CHAINS,
     CORRECTED,
+    DIFFERENCES,
+    GRADIENTS,
+    NO_GRADIENT,
     PHYSICS,
+    SHIFT,
+    LossConfig,
     RolloutConfig,
-    roll,
-    rollout_loss,
 )
-from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.open_loop import roll_out
-from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.push_training import Trainer, TrainingConfig
+from sain_model.training.push_training import Trainer
 from sain_model.training.rollout_training import RolloutTrainer, make_lessons
+from sain_model.training.settings import TrainingConfig
 from tests.sain_model.rolling import load_episodes
 
 SMALL = NetworkConfig(hidden=16, message=8)

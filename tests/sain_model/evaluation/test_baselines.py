@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from sain_core import plugins
-from sain_model.cli import evaluate as evaluate_cli
+from sain_model import commands
 from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.evaluation.baselines import AT_ONCE, Followed, followed, open_models, refusals
 from sain_model.network.interaction_network import InteractionNetwork
@@ -57,7 +57,7 @@ def foreign(monkeypatch: pytest.MonkeyPatch) -> list[Foreign]:
 def test_it_is_physics_beside_the_others(tmp_path: Path, foreign: list[Foreign]) -> None:
     folder, out = make_episodes(tmp_path / "data"), tmp_path / "errors.json"
     arguments = [str(folder), "--baselines", "foreign", "planar_axes", "--out", str(out)]
-    assert evaluate_cli.main([*arguments, "--open-loop", "1", "3"]) == 0
+    assert commands.evaluate([*arguments, "--open-loop", "1", "3"]) == 0
     report = json.loads(out.read_text())
     assert list(report["refused"]) == ["foreign"] and report["refused"]["foreign"] > 0
     for step in ("1", "3"):
@@ -77,7 +77,7 @@ def test_what_is_not_installed_is_refused_before_anything_is_evaluated(
 ) -> None:
     folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
     arguments = [str(folder), "--baselines", "foreign", "forein", "--out", str(out)]
-    assert evaluate_cli.main(arguments) == 1
+    assert commands.evaluate(arguments) == 1
     said = " ".join(capsys.readouterr().err.split())
     assert (
         "model 'forein' is unknown (did you mean 'foreign'?); known: foreign, planar_axes" in said
@@ -93,7 +93,7 @@ def test_the_simulators_own_offer_is_rolled_out(
     monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
     folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
     arguments = [str(folder), "--baselines", "bullet", "bullet_measured", "--out", str(out)]
-    assert evaluate_cli.main([*arguments, "--open-loop", "1", "2"]) == 0
+    assert commands.evaluate([*arguments, "--open-loop", "1", "2"]) == 0
     report = json.loads(out.read_text())
     assert set(report["refused"]) == {"bullet", "bullet_measured"}
     for step, windows in (("1", 24), ("2", 20)):

@@ -11,8 +11,8 @@ from sain_core.errors import CheckpointError, DatasetError
 from sain_core.history import PushHistory
 from sain_core.plugins import load_dynamics
 from sain_core.scene import POSITION, TARGET
+from sain_model import commands
 from sain_model.cli import evaluate as evaluate_cli
-from sain_model.cli import train as train_cli
 from sain_model.data.dataset import Dataset, split_by_episode
 from sain_model.dynamics.checkpoint import ModelCard
 from sain_model.dynamics.recurrent import PhysicsChain
@@ -21,7 +21,8 @@ from sain_model.evaluation.open_loop import MEASURED, predict_open_loop, roll_ou
 from sain_model.evaluation.open_loop_errors import errors_after, ratios
 from sain_model.evaluation.open_loop_report import report_open_loop
 from sain_model.physics.planar import PlanarPrior
-from sain_model.serving.server import ModelServer, ServingConfig
+from sain_model.serving.server import ModelServer
+from sain_model.serving.settings import ServingConfig
 from tests.sain_model.rolling import EPISODES, PUSHES, load_episodes, make_episodes, truth
 
 OPTIONS = ["--epochs", "2", "--hidden", "8", "--message", "4", "--test", "0.3"]
@@ -116,7 +117,7 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
     }
     paths = {kind: tmp_path / kind / "sain.safetensors" for kind in kinds}
     for kind, more in kinds.items():
-        assert train_cli.main([str(folder), "--out", str(tmp_path / kind), *OPTIONS, *more]) == 0
+        assert commands.train([str(folder), "--out", str(tmp_path / kind), *OPTIONS, *more]) == 0
         card = json.loads(paths[kind].with_suffix(".json").read_text())
         sain = load_dynamics(str(paths[kind]))
         assert isinstance(sain, SainDynamics)
@@ -135,7 +136,7 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
     arguments = ["--checkpoint", str(paths["residual"]), "--learned", str(paths["learned"])]
     arguments += ["--recurrent", str(paths["recurrent"]), "--out", str(out)]
     arguments += ["--beside", "planar_axes", str(paths["recurrent"])]
-    assert evaluate_cli.main([str(folder), *arguments, "--open-loop", "1", "5"]) == 0
+    assert commands.evaluate([str(folder), *arguments, "--open-loop", "1", "5"]) == 0
     report = json.loads(out.read_text())
     rows = report["open_loop"]["5"]["errors"]["all"]
     assert {"learned only", "residual SAIN", "recurrent SAIN", "no motion"} <= set(rows)
@@ -152,7 +153,7 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
 def test_a_model_on_the_priors_own_chain_is_loaded_as_such(tmp_path: Path) -> None:
     folder = make_episodes(tmp_path / "data")
     more = ["--steps-ahead", "2", "--rollout-epochs", "1", "--chain", "physics"]
-    assert train_cli.main([str(folder), "--out", str(tmp_path), *OPTIONS, *more]) == 0
+    assert commands.train([str(folder), "--out", str(tmp_path), *OPTIONS, *more]) == 0
     path = tmp_path / "sain.safetensors"
     assert type(load_dynamics(str(path))) is PhysicsChain
     card = json.loads(path.with_suffix(".json").read_text())

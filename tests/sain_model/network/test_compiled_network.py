@@ -18,7 +18,8 @@ from sain_core.types import Pushes, Scenes
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.compiled_network import CompiledNetwork
-from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.network.torch_network import TorchNetwork
 from sain_model.physics.planar import PlanarPrior
 

@@ -10,17 +10,18 @@ from sain_core.errors import CheckpointError, DatasetError
 from sain_core.plugins import load_dynamics
 from sain_core.push import rotate_pushes
 from sain_core.scene import POSITION, TARGET, rotate_scenes
-from sain_model.cli import train as train_cli
+from sain_model import commands
 from sain_model.data.dataset import limit_training, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import load_checkpoint
-from sain_model.dynamics.loss import LossConfig
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import LossConfig
 from sain_model.evaluation.prediction_errors import measure
 from sain_model.network.feature_kernels import DISK_FEATURES, PLACE_FEATURES
-from sain_model.network.features import PUSH_FRAME, WORLD_FRAME, make_features
-from sain_model.network.interaction_network import NetworkConfig
+from sain_model.network.features import make_features
+from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.push_training import Trainer, TrainingConfig
+from sain_model.training.push_training import Trainer
+from sain_model.training.settings import TrainingConfig
 
 
 def downhill(dataset: Path):
@@ -65,7 +66,7 @@ def test_what_pulls_along_the_world_is_learned_in_its_frame_alone(dataset, tmp_p
 def test_a_checkpoint_knows_what_its_network_sees(dataset, tmp_path, random_pushes) -> None:
     arguments = [str(dataset), "--out", str(tmp_path), "--features", "world"]
     arguments += ["--epochs", "2", "--validation", "0.2", "--transitions", "40"]
-    assert train_cli.main(arguments) == 0
+    assert commands.train(arguments) == 0
     path = tmp_path / "sain.safetensors"
     network, card, _ = load_checkpoint(path)
     assert network.config.features == "world" and card.data["transitions"]["train"] == 40

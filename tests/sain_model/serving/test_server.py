@@ -20,7 +20,8 @@ from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.serving.latency import RECENT, ServiceRecord
 from sain_model.serving.live import LiveModel
-from sain_model.serving.server import ModelServer, ServingConfig
+from sain_model.serving.server import ModelServer
+from sain_model.serving.settings import ServingConfig
 
 SCENE = make_scene(
     np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.scene import unit
+from sain_model import commands
 from sain_model.cli import train as train_cli
 from sain_model.cli.evaluate import unseen
 from sain_model.data.dataset import Dataset, load_transitions
@@ -24,7 +25,7 @@ LEARN = ("--epochs", "20", "--batch", "16", "--learning-rate", "0.01")
 
 
 def run(*arguments: object) -> int:
-    return train_cli.main([str(argument) for argument in arguments])
+    return commands.train([str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from sain_core.errors import CheckpointError, DatasetError
-from sain_model.cli import learning_curve as learning_curve_cli
+from sain_model import commands
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
-from sain_model.network.interaction_network import NetworkConfig
+from sain_model.network.settings import NetworkConfig
 from sain_model.training.learning_curve import Point, learning_curve
-from sain_model.training.push_training import TrainingConfig
+from sain_model.training.settings import TrainingConfig
 
 SIZES = (20, 60)
 STEPS = 8
@@ -63,14 +63,14 @@ def test_without_held_out_episodes_nothing_is_trained(dataset: Path, tmp_path: P
     split = split_by_episode(load_transitions(dataset), 0, 0.2, 0.0)
     with pytest.raises(DatasetError, match="errors need held-out episodes; give --test above 0"):
         learning_curve(split, SMALL, SIZES, STEPS, tmp_path)
-    assert learning_curve_cli.main([str(dataset), "--out", str(tmp_path), "--test", "0"]) == 1
+    assert commands.learning_curve([str(dataset), "--out", str(tmp_path), "--test", "0"]) == 1
     assert not list(tmp_path.iterdir())
 
 
 def test_the_command_writes_table_picture_and_figures(dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "curves"
     words = f"{dataset} --out {out} --sizes 20 60 --steps 8 --batch 16 --hidden 8 --layers 1"
-    assert learning_curve_cli.main([*words.split(), "--validation", "0.2"]) == 0
+    assert commands.learning_curve([*words.split(), "--validation", "0.2"]) == 0
     report = json.loads((out / "curves.json").read_text())
     assert report["steps"] == STEPS
     points = [Point(**point) for point in report["points"]]

@@ -8,17 +8,18 @@ import torch
 
 from sain_core.errors import CheckpointError
 from sain_core.plugins import load_dynamics
-from sain_model.cli import evaluate as evaluate_cli
-from sain_model.cli import train as train_cli
+from sain_model import commands
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.data.examples import Examples
-from sain_model.dynamics.loss import LossConfig, mixed_loss
+from sain_model.dynamics.loss import mixed_loss
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import LossConfig
 from sain_model.evaluation.metrics import bootstrap_over_episodes, measure
 from sain_model.evaluation.prediction_errors import evaluate
-from sain_model.network.interaction_network import NetworkConfig
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.push_training import Trainer, TrainingConfig
+from sain_model.training.push_training import Trainer
+from sain_model.training.settings import TrainingConfig
 
 SMALL = NetworkConfig(hidden=32, message=8)
 
@@ -98,7 +99,7 @@ def test_the_loss_is_the_papers() -> None:
 def test_the_command_lines_end_in_a_checkpoint_and_a_report(dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     options = ["--epochs", "2", "--hidden", "8", "--message", "4", "--test", "0.3"]
-    assert train_cli.main([str(dataset), "--out", str(out), *options]) == 0
+    assert commands.train([str(dataset), "--out", str(out), *options]) == 0
     names = {path.name for path in out.iterdir()}
     assert {"sain.safetensors", "sain.json", "loss.png", "config.json"} <= names
     card = json.loads((out / "sain.json").read_text())
@@ -111,12 +112,12 @@ def test_the_command_lines_end_in_a_checkpoint_and_a_report(dataset: Path, tmp_p
 
     learned = tmp_path / "learned"
     assert (
-        train_cli.main([str(dataset), "--out", str(learned), *options, "--prior", "identity"]) == 0
+        commands.train([str(dataset), "--out", str(learned), *options, "--prior", "identity"]) == 0
     )
     report = tmp_path / "errors.json"
     arguments = ["--checkpoint", str(out / "sain.safetensors"), "--out", str(report)]
     arguments += ["--learned", str(learned / "sain.safetensors")]
-    assert evaluate_cli.main([str(dataset), *arguments]) == 0
+    assert commands.evaluate([str(dataset), *arguments]) == 0
     errors = json.loads(report.read_text())
     assert errors["transitions"] == card["data"]["transitions"]["test"]
     assert errors["all"]["SAIN"] == card["errors"]["all"]["SAIN"]
@@ -145,10 +146,10 @@ def test_the_command_lines_end_in_a_checkpoint_and_a_report(dataset: Path, tmp_p
 def test_a_command_line_says_what_is_wrong(
     dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert train_cli.main([str(tmp_path / "none"), "--out", str(tmp_path)]) == 1
+    assert commands.train([str(tmp_path / "none"), "--out", str(tmp_path)]) == 1
     assert "does not exist" in " ".join(capsys.readouterr().err.split())
     missing = str(tmp_path / "m.safetensors")
-    assert evaluate_cli.main([str(dataset), "--checkpoint", missing]) == 1
+    assert commands.evaluate([str(dataset), "--checkpoint", missing]) == 1
     assert "does not exist" in " ".join(capsys.readouterr().err.split())
 
 
@@ -193,5 +194,5 @@ def test_a_residual_can_be_on_the_state_too(split: Split, tmp_path: Path) -> Non
 
 def test_rollouts_are_learned_on_physics_alone(dataset: Path, tmp_path: Path, capsys) -> None:
     words = f"{dataset} --out {tmp_path} --epochs 1 --residual state --steps-ahead 2"
-    assert train_cli.main(words.split()) == 1
+    assert commands.train(words.split()) == 1
     assert "leave --residual state out" in " ".join(capsys.readouterr().err.split())

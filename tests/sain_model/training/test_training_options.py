@@ -15,16 +15,31 @@ import numpy as np
 import pytest
 import torch
 
+from sain_core.command_line import read_options
 from sain_core.errors import ConfigError
-from sain_model.cli import train as train_cli
+from sain_model import commands
 from sain_model.data.batches import Batches
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
-from sain_model.network.interaction_network import NetworkConfig
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.options import LAMBDA, PAPER, PAPER_EPOCHS, PAPER_STEPS, PRESETS
+from sain_model.training.options import (
+    LAMBDA,
+    PAPER,
+    PAPER_EPOCHS,
+    PAPER_STEPS,
+    PRESETS,
+    TrainOptions,
+    train_options,
+)
 from sain_model.training.progress import FOLDER, EventLog
-from sain_model.training.push_training import Trainer, TrainingConfig
-from sain_model.training.training_loop import ADAM, HALVING_EPOCHS, HALVING_STEPS, OptimizerConfig
+from sain_model.training.push_training import Trainer
+from sain_model.training.settings import (
+    ADAM,
+    HALVING_EPOCHS,
+    HALVING_STEPS,
+    OptimizerConfig,
+    TrainingConfig,
+)
 
 SMALL = NetworkConfig(hidden=8, message=4)
 
@@ -94,8 +109,13 @@ def test_only_validated_epochs_can_be_best(split: Split, tmp_path: Path) -> None
     assert third.history.best in (2, 5, 7)
 
 
+def parsed(arguments: list[str]) -> TrainOptions:
+    options: TrainOptions = read_options(train_options, "train", arguments)
+    return options
+
+
 def test_the_papers_settings_are_one_word_and_can_be_changed() -> None:
-    command = train_cli.parse(["data", "--out", "out", "--preset", "paper"])
+    command = parsed(["data", "--out", "out", "--preset", "paper"])
     training = command.training
     assert training == PAPER == PRESETS["paper"]
     assert (training.batch, training.epochs, training.validate_every) == (16, 8000, 500)
@@ -105,9 +125,9 @@ def test_the_papers_settings_are_one_word_and_can_be_changed() -> None:
     )
     assert training.weight_decay == 2 * LAMBDA and not training.loss.robust
     assert training.validation == 0.2
-    changed = train_cli.parse(["d", "--out", "o", "--preset", "paper", "--validation", "0.1"])
+    changed = parsed(["d", "--out", "o", "--preset", "paper", "--validation", "0.1"])
     assert changed.training == replace(PAPER, validation=0.1)
-    assert train_cli.parse(["d", "--out", "o"]).training == TrainingConfig()
+    assert parsed(["d", "--out", "o"]).training == TrainingConfig()
     assert PAPER_STEPS.epochs * PAPER_STEPS.epoch_steps == 8000
     assert PAPER_EPOCHS.optimizer.rate(7999, 8000, 10**7) == 0.125
     with pytest.raises(ConfigError, match=r"OptimizerConfig.schedule is 'linear'"):
@@ -116,7 +136,7 @@ def test_the_papers_settings_are_one_word_and_can_be_changed() -> None:
 
 def test_the_settings_beside_a_checkpoint(dataset: Path, tmp_path: Path) -> None:
     options = ["--preset", "paper-steps", "--epochs", "2", "--epoch-steps", "3", "--hidden", "8"]
-    assert train_cli.main([str(dataset), "--out", str(tmp_path), *options]) == 0
+    assert commands.train([str(dataset), "--out", str(tmp_path), *options]) == 0
     settings = json.loads((tmp_path / "config.json").read_text())
     card = json.loads((tmp_path / "sain.json").read_text())
     assert settings["training"]["batch"] == card["training"]["batch"] == 16
@@ -127,7 +147,7 @@ def test_the_settings_beside_a_checkpoint(dataset: Path, tmp_path: Path) -> None
     assert card["versions"]["torch"] == torch.__version__
     assert card["training"]["epochs_done"] == 2
     before = (tmp_path / "config.json").read_bytes()
-    assert train_cli.main([str(dataset), "--out", str(tmp_path), "--epochs", "3"]) == 1
+    assert commands.train([str(dataset), "--out", str(tmp_path), "--epochs", "3"]) == 1
     assert (tmp_path / "config.json").read_bytes() == before  # of the training that is there
 
 
@@ -148,7 +168,7 @@ def events(folder: Path) -> list[tuple[str, int, float]]:
 
 def test_tensorboard_gets_the_losses(dataset: Path, tmp_path: Path) -> None:
     options = ["--epochs", "3", "--hidden", "8", "--tensorboard"]
-    assert train_cli.main([str(dataset), "--out", str(tmp_path), *options]) == 0
+    assert commands.train([str(dataset), "--out", str(tmp_path), *options]) == 0
     state = torch.load(tmp_path / Trainer.STATE, weights_only=True)
     expected = [
         (f"loss/{name}", epoch, pytest.approx(state[name][epoch - 1]))
@@ -167,11 +187,11 @@ def test_without_tensorboardx_it_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "tensorboardX", None)
     options = ["--epochs", "1", "--hidden", "8"]
-    assert train_cli.main([str(dataset), "--out", str(tmp_path), *options, "--tensorboard"]) == 1
+    assert commands.train([str(dataset), "--out", str(tmp_path), *options, "--tensorboard"]) == 1
     assert "pip install 'sain_model[tensorboard]'" in " ".join(capsys.readouterr().err.split())
     with pytest.raises(ConfigError, match="needs tensorboardX"):
         EventLog(tmp_path, 0)
-    assert train_cli.main([str(dataset), "--out", str(tmp_path), *options]) == 0
+    assert commands.train([str(dataset), "--out", str(tmp_path), *options]) == 0
 
 
 def test_an_ensemble_that_is_killed_in_training_ends_in_the_same_bytes(
@@ -179,9 +199,16 @@ def test_an_ensemble_that_is_killed_in_training_ends_in_the_same_bytes(
 ) -> None:
     options = ["--epochs", "25", "--hidden", "8", "--message", "4", "--batch", "8"]
     options += ["--members", "3", "--history", "earlier"]
-    assert train_cli.main([str(dataset), "--out", str(tmp_path / "whole"), *options]) == 0
+    assert commands.train([str(dataset), "--out", str(tmp_path / "whole"), *options]) == 0
     cut = tmp_path / "cut"
-    command = [sys.executable, "-m", "sain_model.cli.train", str(dataset), "--out", str(cut)]
+    command = [
+        sys.executable,
+        "-c",
+        "from sain_model.commands import train; train()",
+        str(dataset),
+        "--out",
+        str(cut),
+    ]
     child = subprocess.Popen(
         [*command, *options],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
@@ -196,7 +223,7 @@ def test_an_ensemble_that_is_killed_in_training_ends_in_the_same_bytes(
     assert not (cut / "sain.safetensors").exists()
     done = len(torch.load(cut / Trainer.STATE, weights_only=True)["train"])
     assert 1 <= done < 25
-    assert train_cli.main([str(dataset), "--out", str(cut), *options]) == 0
+    assert commands.train([str(dataset), "--out", str(cut), *options]) == 0
     whole = (tmp_path / "whole" / "sain.safetensors").read_bytes()
     assert (cut / "sain.safetensors").read_bytes() == whole
     cards = [json.loads((tmp_path / run / "sain.json").read_text()) for run in ("whole", "cut")]

@@ -166,7 +166,7 @@ def test_sequences_that_the_model_cannot_predict_are_not_chosen(algorithm, scene
     [
         (lambda predicted: np.full_like(predicted, np.nan), "predictions is finite"),
         (lambda predicted: predicted[:, 1:], "shape"),
-        (lambda predicted: predicted + np.eye(8)[MASS], "another scene"),
+        (lambda predicted: predicted + np.eye(8)[MASS], "masses or radii"),
     ],
 )
 def test_an_answer_that_is_none_is_told(algorithm, scene, dynamics, spoil, message):

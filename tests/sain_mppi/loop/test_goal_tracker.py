@@ -81,12 +81,12 @@ def test_a_job_is_unwanted_once_its_goal_or_scene_is_past(tracker: GoalTracker) 
     tracker.aim(TASK)
     tracker.see(view())
     job = job_of(tracker)
-    assert tracker.wants(job)
+    assert tracker.is_current(job)
     tracker.see(view(2))
-    assert not tracker.wants(job)
+    assert not tracker.is_current(job)
     tracker.see(view(1))
     tracker.aim(replace(TASK))
-    assert not tracker.wants(job)
+    assert not tracker.is_current(job)
 
 
 def test_a_job_at_the_goal_without_pushes_left_or_refused_too_often_is_a_stop(
@@ -167,7 +167,7 @@ def test_a_late_refusal_of_a_past_scene_only_counts(tracker: GoalTracker, clock:
     clock.now = 1.0
     job = job_of(tracker)
     assert tracker.answered(10, ErrorCode.STALE_SCENE)
-    assert tracker.wants(job)
+    assert tracker.is_current(job)
     assert tracker.pushes == 0
 
 

@@ -12,10 +12,10 @@ from sain_core.push import PaperGrid
 from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
 from sain_core.seeding import generator
 from sain_core.shapes.disk import THREE_FEET
-from sain_sim.cli.collect import main
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import load_shards
+from sain_sim.commands import collect as main
 from sain_sim.episodes.samplers import GridSampler
 from sain_sim.episodes.start import StartConfig, draw_start
 from sain_sim.world.parameters import RANGES, WIDE, sample_parameters

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from sain_core.errors import SainError
-from sain_sim.cli.collect import main
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult
 from sain_sim.collecting.push_counts import JOURNAL_FILE, PushCounts
 from sain_sim.collecting.workers import AHEAD, LIVES, ProcessPool, WorkerPool, in_order
+from sain_sim.commands import collect as main
 
 SHORT = EpisodeConfig(pushes=3)
 
@@ -135,7 +135,14 @@ def wait_for(done, what: str) -> None:
 def test_a_collection_killed_as_a_whole_goes_on_and_leaves_no_process(whole, tmp_path) -> None:
     _, expected = whole
     arguments = ["--out", str(tmp_path), "--episodes", "5", "--seed", "4", "--pushes", "3"]
-    command = [sys.executable, "-m", "sain_sim.cli.collect", *arguments, "--workers", "2"]
+    command = [
+        sys.executable,
+        "-c",
+        "from sain_sim.commands import collect; collect()",
+        *arguments,
+        "--workers",
+        "2",
+    ]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     journal = tmp_path / JOURNAL_FILE
     wait_for(lambda: journal.exists() and journal.read_text().count("\n") >= 2, "episodes")

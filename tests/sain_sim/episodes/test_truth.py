@@ -6,10 +6,10 @@ import pytest
 
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.seeding import generator
-from sain_sim.cli.collect import main
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import load_shards
+from sain_sim.commands import collect as main
 from sain_sim.episodes.start import draw_episode
 from sain_sim.episodes.truth import TruthConfig
 from sain_sim.world.parameters import FRICTION_RANGE, sample_parameters

@@ -1,39 +1,26 @@
 """``ros2 run sain_bags info``: what a bag holds, and whether it is undamaged."""
 
-import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import tyro
 from rich.console import Console
-from rich.table import Table
+from rich.text import Text
 
+from sain_bags.cli.options import InfoOptions
 from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
-from sain_bags.transitions.episodes import Episode, namespaces, read_episodes
+from sain_bags.transitions.recorded_episodes import Episode, namespaces, read_episodes
 from sain_bags.writing.gaps import read_gaps
-from sain_core.errors import SainError
+from sain_core.fitting_table import FittingTable
 
 
-@dataclass(frozen=True)
-class InfoOptions:
-    """Show what a bag holds: topics, rates, gaps, episodes and pushes."""
-
-    bag: tyro.conf.Positional[Path]
-    """A bag's folder, or its MCAP file."""
-    check: bool = True
-    """Read all of it first and compare every CRC; without, gaps are not counted and large bags are
-    fast."""
-
-
-def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
+def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:
     """Return the bag's topics as a table, with the timings that are known."""
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("Topic", no_wrap=True)
-    table.add_column("Type", style="dim", no_wrap=True)
+    table = FittingTable()
+    table.add_column("Topic")
+    table.add_column("Type")
     for name in ("Messages", "Rate", "Longest gap", "Missing"):
         table.add_column(name, justify="right")
     recorded = read_gaps(bag.custom_data) or {}
@@ -42,7 +29,7 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
         timing = timings.get(topic.name, TopicTiming(mean, 0.0, None))
         table.add_row(
             topic.name,
-            topic.type,
+            Text(topic.type, "dim"),
             f"{topic.messages:,}",
             f"{timing.rate:.1f} Hz" if timing.rate else "-",
             f"{timing.longest_gap:.2f} s" if timing.longest_gap else "-",
@@ -51,15 +38,15 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> Table:
     return table
 
 
-def episode_table(episodes: tuple[Episode, ...]) -> Table:
+def episode_table(episodes: tuple[Episode, ...]) -> FittingTable:
     """Return episodes as a table."""
-    table = Table(box=None, pad_edge=False, header_style="dim")
+    table = FittingTable()
     for name in ("Episode", "Disks", "Pushes", "Refused", "Distance", "Tolerance", "Planning"):
         table.add_column(name, justify="right")
     table.add_column("Goal")
     for episode in episodes:
         times = [plan.planning_time for plan in episode.plans]
-        reached = "[green]reached[/]" if episode.success else "[red]not reached[/]"
+        reached = Text("reached", "green") if episode.success else Text("not reached", "red")
         table.add_row(
             str(episode.episode_id),
             str(len(episode.start)),
@@ -71,6 +58,11 @@ def episode_table(episodes: tuple[Episode, ...]) -> Table:
             "none" if episode.goal is None else reached,
         )
     return table
+
+
+def run(options: InfoOptions, console: Console) -> None:
+    """Print what a bag holds; see `show`."""
+    show(options.bag, console, options.check)
 
 
 def show(path: Path, console: Console, check: bool = True) -> None:
@@ -93,7 +85,7 @@ def show(path: Path, console: Console, check: bool = True) -> None:
         markup=False,
     )
     console.print()
-    console.print(topic_table(bag, timings))
+    console.print(topic_table(bag, timings), soft_wrap=True)
     for namespace in namespaces(bag):
         episodes = read_episodes(bag, namespace)
         pushes = sum(len(episode.executed) for episode in episodes)
@@ -103,7 +95,7 @@ def show(path: Path, console: Console, check: bool = True) -> None:
             f" goal reached in {reached}",
             highlight=False,
         )
-        console.print(episode_table(episodes))
+        console.print(episode_table(episodes), soft_wrap=True)
 
 
 def _missing(counted: int | None, recorded: str | None) -> str:
@@ -115,18 +107,3 @@ def _missing(counted: int | None, recorded: str | None) -> str:
 
 def _millimetres(metres: float) -> str:
     return "-" if np.isnan(metres) else f"{1e3 * metres:.1f} mm"
-
-
-def main() -> None:
-    """Run from the command line."""
-    options = tyro.cli(InfoOptions, prog="ros2 run sain_bags info")
-    try:
-        show(options.bag, Console(), options.check)
-    except SainError as error:
-        console = Console(stderr=True, soft_wrap=True)
-        console.print(f"info: {error}", style="red", markup=False, highlight=False)
-        sys.exit(1)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,34 +1,18 @@
 """``ros2 run sain_bags recover``: a whole bag from what a truncated or damaged one still holds."""
 
-import sys
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import tyro
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
 
+from sain_bags.cli.options import RecoverOptions
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import RecoveryOutcome, Report
 from sain_bags.recovery.verified_summary import read_sidecar
-from sain_core.errors import SainError
 
 LISTED: Final = 20  # losses that are printed one by one
-
-
-@dataclass(frozen=True)
-class RecoverOptions:
-    """Save what is undamaged in a truncated or damaged bag to a new, whole one.
-
-    Exit code: 0 all was saved, 3 something was lost (it says what), 1 nothing could be saved.
-    """
-
-    bag: tyro.conf.Positional[Path]
-    """A bag's folder, also without metadata.yaml, or an MCAP file."""
-    out: Path
-    """Folder to make for the new bag; must not exist."""
 
 
 def describe(report: Report, out: Path) -> list[str]:
@@ -76,7 +60,7 @@ def _loss_lines(report: Report) -> list[str]:
     return lines
 
 
-def run(options: RecoverOptions, console: Console) -> RecoveryOutcome:
+def run(options: RecoverOptions, console: Console) -> int:
     """Recover a bag, showing how far it is, and print what came of it.
 
     Raises:
@@ -88,21 +72,7 @@ def run(options: RecoverOptions, console: Console) -> RecoveryOutcome:
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("recover", total=total)
         report = recover(options.bag, options.out, lambda done: progress.advance(task, done))
+    console.soft_wrap = True
     for line in describe(report, options.out):
         console.print(line, markup=False, highlight=False)
     return report.outcome
-
-
-def main() -> None:
-    """Run from the command line."""
-    options = tyro.cli(RecoverOptions, prog="ros2 run sain_bags recover")
-    try:
-        sys.exit(run(options, Console(soft_wrap=True)))
-    except SainError as error:
-        console = Console(stderr=True, soft_wrap=True)
-        console.print(f"recover: {error}", style="red", markup=False, highlight=False)
-        sys.exit(RecoveryOutcome.NOTHING)
-
-
-if __name__ == "__main__":
-    main()

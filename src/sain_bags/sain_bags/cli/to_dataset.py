@@ -1,58 +1,27 @@
 """``ros2 run sain_bags to_dataset``: recordings become training data."""
 
-import sys
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
-import tyro
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from sain_bags.cli.options import ToDatasetOptions
 from sain_bags.dataset.card_picture import draw_card
-from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
-from sain_core.errors import SainError
+from sain_bags.dataset.conversion import Converted, convert
 
 SHOWN: Final = 50  # messages, between two looks at the bar
 
 
-@dataclass(frozen=True, kw_only=True)
-class ToDatasetOptions:
-    """Turn recordings into transitions to train on; the same command goes on after a stop."""
-
-    bags: tyro.conf.Positional[tuple[Path, ...]]
-    """Bags, MCAP files, or folders with bags below them."""
-    out: Path
-    """A new or empty folder, or that of a conversion."""
-    overwrite: bool = False
-    """Make anew what a conversion made there."""
-    conversion: ConversionConfig = ConversionConfig()
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run from the command line and return the exit code."""
-    options = tyro.cli(
-        ToDatasetOptions,
-        prog="ros2 run sain_bags to_dataset",
-        args=arguments,
-        config=(tyro.conf.OmitArgPrefixes,),
-    )
+def run(options: ToDatasetOptions, _: Console) -> None:
+    """Convert the recordings, and print what became of them."""
     console = Console(stderr=True)
-    try:
-        done = _convert_with_bar(options, console)
-        draw_card(options.out)
-    except SainError as error:
-        console.print(f"[red]error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
-        return 1
-    except KeyboardInterrupt:
-        console.print("stopped; the same command goes on from the last whole shard")
-        return 130
+    done = _convert_with_bar(options, console)
+    draw_card(options.out)
     folder = escape(str(options.out))
     console.print(f"{done.transitions} transitions of {done.episodes} episodes in {folder}")
     for reason, count in done.dropped.items():
         console.print(f"left out: {count} {reason}", highlight=False, soft_wrap=True)
-    return 0
 
 
 def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
@@ -82,7 +51,3 @@ def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
         return convert(
             options.bags, options.out, options.conversion, options.overwrite, read, write
         )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

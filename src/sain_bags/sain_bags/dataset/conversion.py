@@ -23,6 +23,7 @@ from sain_bags.transitions.numbering import Numbering
 from sain_bags.transitions.pairing import Paired, Pairing
 from sain_bags.transitions.rows import RowMaker
 from sain_bags.transitions.sources import Source, find_sources
+from sain_core.config import Config, option
 from sain_core.dataset import SHARD_SIZE, Column, Columns
 from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError
@@ -35,19 +36,25 @@ Writing = Callable[[int, int], None]  # rows written in a format other than npz,
 
 
 @dataclass(frozen=True)
-class ConversionConfig:
+class ConversionConfig(Config):
     """The settings of a conversion."""
 
-    format: FormatName = "npz"
-    """Of the data set (docs/formats.md); npz: shards of 1,000 with the keys of `collect`'s."""
-    prior: str = "planar"
-    """Predicts the pushes that a recording has no prediction of: a name, or a checkpoint's path."""
-    moved_only: bool = False
-    """Keep only transitions whose target moved by 2 mm or more, as the paper does."""
-    keep_unsettled: bool = False
-    """Keep also pushes before or after which something still moved."""
-    namespace: str = ""
-    """Of the graph, for example /sain; needed where a recording holds several."""
+    format: FormatName = option(
+        "npz", "format of the data set (docs/formats.md); npz: the shards that `collect` writes"
+    )
+    prior: str = option(
+        "planar",
+        "predicts the pushes that a recording has no prediction of: a name, or a checkpoint's path",
+    )
+    moved_only: bool = option(
+        False, "keep only transitions whose target moved by 2 mm or more, as the paper does"
+    )
+    keep_unsettled: bool = option(
+        False, "keep also pushes before or after which something still moved"
+    )
+    namespace: str = option(
+        "", "namespace of the graph, such as /sain; needed where a recording holds several"
+    )
 
 
 class Converted(NamedTuple):

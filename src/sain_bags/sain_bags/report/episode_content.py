@@ -8,7 +8,7 @@ import numpy as np
 from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import Gathered
 from sain_bags.report.pushes import answered, models, poses, rounded, unanswered
-from sain_bags.transitions.episodes import Episode
+from sain_bags.transitions.recorded_episodes import Episode
 from sain_core.errors import ConfigError
 from sain_core.scene import MASS, POSE, RADIUS
 from sain_core.shapes.disk import DISK

@@ -7,7 +7,8 @@ from typing import Any, Final
 
 from sain_bags.reading.reader import Bag, Received
 from sain_bags.report.frames import Frame, Frames
-from sain_bags.transitions.episodes import (
+from sain_bags.transitions.message_fields import PUSH, WORLD
+from sain_bags.transitions.recorded_episodes import (
     EPISODE_TYPES,
     PUSH_RESULT,
     SCENE,
@@ -15,7 +16,6 @@ from sain_bags.transitions.episodes import (
     collect_episodes,
     parent_of,
 )
-from sain_bags.transitions.message_fields import PUSH, WORLD
 from sain_core.errors import DatasetError, InvalidInputError
 
 Progress = Callable[[], object]
@@ -32,7 +32,7 @@ class Limits:
 
 @dataclass
 class EpisodeLog:
-    """What is known of an episode beside what `sain_bags.transitions.episodes` makes of it."""
+    """What is known of an episode beside its `Episode`."""
 
     frames: Frames
     scenes: dict[int, tuple[int, int]] = field(default_factory=dict)  # before, after, by push id

@@ -8,7 +8,7 @@ import numpy as np
 
 from sain_bags.report.frames import Frame
 from sain_bags.report.gathering import Gathered
-from sain_bags.transitions.episodes import Episode, RecordedPush
+from sain_bags.transitions.recorded_episodes import Episode, RecordedPush
 from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_NAMES, PushLimits, tool_end, tool_start
 from sain_core.scene import POSE, POSITION, TARGET, target_distance

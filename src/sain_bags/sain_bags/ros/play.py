@@ -1,47 +1,22 @@
 """``ros2 run sain_bags play``: publishes a bag's messages again, byte by byte, in their time."""
 
 import signal
-import sys
 import time
-from dataclasses import dataclass, field
-from pathlib import Path
 from threading import Event as Flag
 from types import FrameType
 from typing import Final
 
-import rclpy
-import tyro
-from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-from sain_bags.playing import CLOCK, Event, Passage, PassageConfig, Played, choose_topics, play
+from sain_bags.cli.options import PlayOptions
+from sain_bags.playing import CLOCK, Event, Passage, Played, choose_topics, play
 from sain_bags.reading.reader import Bag
 from sain_bags.ros.player import Player
-from sain_core.command_line import describe_options
-from sain_core.errors import SainError
+from sain_core.ros.node_main import ros_context
 
 LOOK: Final = 0.02  # [s], between two looks for subscribers
 SHOWN: Final = 0.2  # [s], between two looks at the bar
-
-
-@dataclass(frozen=True)
-class PlayOptions:
-    """Play a bag: publish its messages again as they were recorded, in their time.
-
-    Ctrl-C ends it. Topics are renamed with --ros-args -r /from:=/to.
-    """
-
-    bag: tyro.conf.Positional[Path]
-    """A bag's folder, or its MCAP file."""
-    topics: tuple[str, ...] = ()
-    """Topics to play, with their full names; none: all but /parameter_events."""
-    namespace: str = ""
-    """Put before every topic's name, /clock aside."""
-    wait: float = 1.0
-    """Wait at most so long until every topic has a subscriber [s]."""
-    passage: PassageConfig = field(default_factory=PassageConfig)
 
 
 class PlaybackClock:
@@ -65,12 +40,21 @@ class PlaybackClock:
         self._end.set()
 
 
-def run(options: PlayOptions, console: Console) -> Played:
-    """Play a bag to its end or until a signal comes.
+def run(options: PlayOptions, console: Console) -> None:
+    """Play a bag to its end or until a signal comes, and print what was played.
 
     Raises:
         DatasetError: the bag is damaged, or there is nothing in it that can be played.
     """
+    with ros_context():
+        played = play_bag(options, console)
+    late = f", at most {1e3 * played.late:.1f} ms late" if played.messages else ""
+    state = "Stopped after" if played.stopped else "Played"
+    console.print(f"{state} {played.messages:,} messages{late}", highlight=False)
+
+
+def play_bag(options: PlayOptions, console: Console) -> Played:
+    """Play a bag; rclpy is initialised. Raises as `run`."""
     watch, bag = PlaybackClock(), Bag(options.bag)
     chosen = choose_topics(bag, options.topics, options.passage.clock > 0.0)
     player = Player(chosen, options.namespace)
@@ -119,32 +103,3 @@ def _play_with_bar(
 def _place(event: Event, passage: Passage) -> float:
     """Return how far into the passage an event is [s], in whichever time through it."""
     return event.due % passage.duration if event.due > passage.duration > 0.0 else event.due
-
-
-def main() -> None:
-    """Run from the command line."""
-    describe_options(PassageConfig)
-    console = Console(soft_wrap=True)
-    try:
-        options = tyro.cli(
-            PlayOptions,
-            prog="ros2 run sain_bags play",
-            args=remove_ros_args(sys.argv)[1:],
-            config=(tyro.conf.OmitArgPrefixes,),
-        )
-        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-        played = run(options, console)
-    except SainError as error:
-        Console(stderr=True, soft_wrap=True).print(
-            f"play: {error}", style="red", highlight=False, markup=False
-        )
-        sys.exit(1)
-    finally:
-        rclpy.try_shutdown()
-    late = f", at most {1e3 * played.late:.1f} ms late" if played.messages else ""
-    state = "Stopped after" if played.stopped else "Played"
-    console.print(f"{state} {played.messages:,} messages{late}", highlight=False)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,50 +1,24 @@
 """``ros2 run sain_bags record``: records topics to a bag, those that appear late too."""
 
 import signal
-import sys
 import time
-from dataclasses import dataclass, field
-from pathlib import Path
 from types import FrameType
-from typing import Annotated, Final
+from typing import Final
 
-import rclpy
-import tyro
-from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 from rich.console import Console
 
+from sain_bags.cli.options import RecordOptions
 from sain_bags.ros.recorder import Recorder
 from sain_bags.writing.gaps import MISSING_KEY, describe_gaps
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
 from sain_bags.writing.selection import Selection
-from sain_bags.writing.writer import BagConfig, BagWriter
-from sain_core.errors import ConfigError, SainError
+from sain_bags.writing.writer import BagWriter
+from sain_core.errors import ConfigError
+from sain_core.ros.node_main import ros_context
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed
 DRAIN_TIME: Final = 0.5  # [s], at most, for messages that have come before the stop
 QUIET_PASSES: Final = 5  # without a message: nothing more is on its way
-
-
-@dataclass(frozen=True)
-class RecordOptions:
-    """Record a running graph to a bag (rosbag2 layout, MCAP).
-
-    All topics are recorded, also those that appear later, with the definitions of their messages;
-    service calls where introspection is on. Ctrl-C ends the recording and makes the bag whole.
-    """
-
-    out: Path
-    """Folder to make for the bag; must not exist."""
-    topics: tuple[str, ...] = ()
-    """Topics to record, with their full names; none: all that are not hidden."""
-    include_hidden: bool = False
-    """Record hidden topics, too."""
-    custom_data: Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")] = ()
-    """What the bag should say about itself."""
-    status_period: float = 10.0
-    """Seconds between lines about the state, where no terminal shows it all the time; 0: none."""
-    bag: BagConfig = field(default_factory=BagConfig)
 
 
 def parse_custom_data(pairs: tuple[str, ...]) -> dict[str, str]:
@@ -62,12 +36,19 @@ def parse_custom_data(pairs: tuple[str, ...]) -> dict[str, str]:
     return data
 
 
-def record(options: RecordOptions, console: Console) -> None:
+def run(options: RecordOptions, console: Console) -> None:
     """Record until a signal comes.
 
     Raises:
         OutputError: the bag cannot be made, or the disk ran full; what was recorded is whole.
     """
+    console.soft_wrap = True
+    with ros_context():
+        record(options, console)
+
+
+def record(options: RecordOptions, console: Console) -> None:
+    """Record until a signal comes; rclpy is initialised. Raises as `run`."""
     started = time.monotonic()
     custom_data = parse_custom_data(options.custom_data)
     selection = Selection(frozenset(options.topics), options.include_hidden)
@@ -116,24 +97,3 @@ class _StopSignal:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.came = True
-
-
-def main() -> None:
-    """Run from the command line."""
-    arguments = remove_ros_args(sys.argv)[1:]
-    options = tyro.cli(RecordOptions, prog="ros2 run sain_bags record", args=arguments)
-    console = Console(soft_wrap=True)
-    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        record(options, console)
-    except SainError as error:
-        Console(stderr=True, soft_wrap=True).print(
-            f"record: {error}", style="red", highlight=False, markup=False
-        )
-        sys.exit(1)
-    finally:
-        rclpy.try_shutdown()
-
-
-if __name__ == "__main__":
-    main()

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
 from sain_bags.transitions.message_fields import PUSH
 from sain_bags.transitions.messages import ChannelMessages
-from sain_bags.transitions.paired_pushes import NONE, OK, PairedPushes
+from sain_bags.transitions.paired_pushes import FROM_RESULT, NONE, OK, PairedPushes
+from sain_bags.transitions.recorded_episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
 from sain_bags.transitions.tables import Message
 
 ANY_EPISODE = 0  # in a goal: it holds for all
@@ -135,6 +135,7 @@ def find_contiguous(
     if not right.any():
         return None
     found = rows[PUSH_RESULT][right]
+    results = (kinds[PUSH_RESULT].table, found)
     columns = kinds[PUSH_RESULT].table.columns
     pushes = PairedPushes(
         np.arange(len(found)),
@@ -145,7 +146,8 @@ def find_contiguous(
         columns["error_code"][found].astype(np.int64),
         times[spots[begins[right]]],
         (kinds[PREDICTION].table, rows[PREDICTION][right]) if with_predictions else None,
-        (kinds[PUSH_RESULT].table, found),
+        FROM_RESULT,
+        (results, results, results),
     )
     return Contiguous(covered, spots[ends[right] - 1], pushes, goals)
 

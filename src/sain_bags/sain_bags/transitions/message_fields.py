@@ -5,7 +5,7 @@ from typing import Final
 
 from sain_bags.bag.message_types import MessageTypes, read_types
 from sain_bags.reading.bag_files import BagChannel
-from sain_bags.transitions.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
+from sain_bags.transitions.recorded_episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
 from sain_core.dataset import FRICTIONS
 from sain_core.errors import DatasetError
 from sain_core.push import PUSH_NAMES

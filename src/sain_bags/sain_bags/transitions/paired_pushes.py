@@ -19,6 +19,10 @@ OK: Final = int(ErrorCode.OK)
 NONE: Final = -1  # in place of a row
 FROM_RESULT: Final = "push_result"  # where the scenes of a row are from
 FROM_SCENES: Final = "scenes"
+FIELDS_OF: Final = {  # prefixes of the fields of the push, the scene before and the one after
+    FROM_RESULT: ("push.", "before.", "after."),
+    FROM_SCENES: ("", "", ""),
+}
 GOAL_FIELDS: Final = ("x", "y", "tolerance")
 SECOND: Final = 1_000_000_000  # [ns]
 
@@ -83,9 +87,8 @@ class PairedPushes:
     codes: ndarray  # (K,) of the results; 0: there is none
     times: ndarray  # (K,) [ns since the epoch] of the first message about each
     predictions: Found | None  # rows (K,), `NONE` where there is none; None: there are none at all
-    results: Found | None = None
-    pushes: Found | None = None  # and the scenes before and after, where there are no results
-    scenes: tuple[Found, Found] | None = None
+    source: str  # of the scenes: `FROM_RESULT` or `FROM_SCENES`
+    messages: tuple[Found, Found, Found]  # with push, scene before, scene after; all the results
     goals: Sequence[Message] = ()
     goal_of: ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # (K,) in goals
 
@@ -93,40 +96,27 @@ class PairedPushes:
         """Return how many pushes there are."""
         return len(self.places)
 
-    @property
-    def source(self) -> str:
-        """Where the scenes are from."""
-        return FROM_SCENES if self.results is None else FROM_RESULT
-
     @cached_property
     def before(self) -> PushScenes:
         """The scenes before the pushes."""
-        if self.results is not None:
-            return _scenes(self.results, "before.")
-        assert self.scenes is not None
-        return _scenes(self.scenes[0])
+        return _scenes(self.messages[1], FIELDS_OF[self.source][1])
 
     @cached_property
     def after(self) -> PushScenes:
         """The scenes after the pushes."""
-        if self.results is not None:
-            return _scenes(self.results, "after.")
-        assert self.scenes is not None
-        return _scenes(self.scenes[1])
+        return _scenes(self.messages[2], FIELDS_OF[self.source][2])
 
     @cached_property
     def actions(self) -> ndarray:
         """Location, angle and length of the pushes (K, 3)."""
-        if self.results is not None:
-            return _numbers(self.results, [f"push.{name}" for name in PUSH_NAMES])
-        assert self.pushes is not None
-        return _numbers(self.pushes, PUSH_NAMES)
+        prefix = FIELDS_OF[self.source][0]
+        return _numbers(self.messages[0], [prefix + name for name in PUSH_NAMES])
 
     @cached_property
     def durations(self) -> ndarray:
         """How long the pushes took (K,) [s], simulated."""
-        if self.results is not None:
-            return _numbers(self.results, ["duration"])[:, 0]
+        if self.source == FROM_RESULT:
+            return _numbers(self.messages[0], ["duration"])[:, 0]
         return np.asarray(1e-9 * (self.after.stamps - self.before.stamps))
 
     @cached_property
@@ -170,8 +160,8 @@ class PairedPushes:
         return scenes
 
     def part(self, chosen: slice) -> "PairedPushes":
-        """Return some of the pushes, which have results and no goals yet."""
-        assert self.results is not None
+        """Return some of the pushes, which have no goals yet."""
+        sent, before, after = ((table, rows[chosen]) for table, rows in self.messages)
         return PairedPushes(
             np.arange(len(self.places[chosen])),
             self.push_ids[chosen],
@@ -181,7 +171,8 @@ class PairedPushes:
             self.codes[chosen],
             self.times[chosen],
             self.predictions and (self.predictions[0], self.predictions[1][chosen]),
-            (self.results[0], self.results[1][chosen]),
+            self.source,
+            (sent, before, after),
         )
 
 
@@ -208,17 +199,13 @@ def as_columns(pushes: Sequence[PendingPush], places: Sequence[int]) -> PairedPu
     goal_of = np.where(given, np.cumsum(given) - 1, NONE)
     if chosen[0].result is not None:
         results = gather(_there([push.result for push in chosen]))
-        return PairedPushes(
-            np.array(places), *columns, predictions, results, goals=goals, goal_of=goal_of
-        )
-    before, after, sent = (
-        gather(_there([getattr(push, name) for push in chosen]))
-        for name in ("before", "after", "push")
-    )
-    return PairedPushes(
-        np.array(places), *columns, predictions, pushes=sent, scenes=(before, after),
-        goals=goals, goal_of=goal_of,
-    )  # fmt: skip
+        messages, source = (results, results, results), FROM_RESULT
+    else:
+        sent = gather(_there([push.push for push in chosen]))
+        before = gather(_there([push.before for push in chosen]))
+        after = gather(_there([push.after for push in chosen]))
+        messages, source = (sent, before, after), FROM_SCENES
+    return PairedPushes(np.array(places), *columns, predictions, source, messages, goals, goal_of)
 
 
 def _there(messages: Sequence[Message | None]) -> list[Message]:
@@ -226,7 +213,7 @@ def _there(messages: Sequence[Message | None]) -> list[Message]:
     return [message for message in messages if message is not None]
 
 
-def _scenes(found: Found, prefix: str = "") -> PushScenes:
+def _scenes(found: Found, prefix: str) -> PushScenes:
     table, rows = found
     columns, disks = table.columns, table.disks[prefix + DISKS]
     seconds = columns[f"{prefix}header.stamp.sec"][rows].astype(np.int64)

@@ -16,11 +16,11 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.transitions.contiguous import ANY_EPISODE, PushStretch, find_contiguous
-from sain_bags.transitions.episodes import GOAL, PREDICTION, SCENE
 from sain_bags.transitions.id_ranges import IdRanges
 from sain_bags.transitions.message_fields import PUSH
 from sain_bags.transitions.messages import ChannelMessages
 from sain_bags.transitions.paired_pushes import NONE, OK, PairedPushes, PendingPush, SceneId
+from sain_bags.transitions.recorded_episodes import GOAL, PREDICTION, SCENE
 from sain_bags.transitions.tables import Message
 
 WINDOW: Final = 1000  # pushes that wait, scenes and predictions that are kept for pushes to come
@@ -185,8 +185,7 @@ class Pairing:
         pushes, goals = stretch.pushes, deque(stretch.given())
         goal_spots = stretch.goals.spots if stretch.goals else np.empty(0)
         given = np.searchsorted(goal_spots, stretch.spots).tolist()  # goals before each push
-        assert pushes.results is not None
-        table, rows = pushes.results
+        table, rows = pushes.messages[0]
         for push, row in enumerate(rows.tolist()):
             while len(goals) > len(goal_spots) - given[push]:
                 self.goal(*goals.popleft())

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from sain_bags.bag.metadata import METADATA_FILE
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE, parent_of
 from sain_bags.transitions.message_fields import PUSH
+from sain_bags.transitions.recorded_episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE, parent_of
 from sain_core.errors import DatasetError
 
 ALWAYS: Final = frozenset({PUSH, PUSH_RESULT, PREDICTION, GOAL})

@@ -23,12 +23,10 @@ from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult
 from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
 
 SPIN: Final = 0.02  # [s], also how soon a signal or a dead process is noticed
-DISCOVERY_TIME: Final = 1.0  # [s] for a graph that runs already to be seen at once
-# DDS says every 3 s who is there, should its first words have been lost. A graph of one's own takes
-# longer than that to come up; one that seems to be up sooner is another's.
-SEEN_TIME: Final = 3.5  # [s]
+LOOK: Final = 0.1  # [s] between looks at the graph: each costs some ms
+EARLY: Final = 0.5  # [s] in which no simulator that was just started can publish
 OWNED: Final = ("scene", "push", "goal", "/clock")  # topics with one publisher in a graph
-PREDICTION_TIME: Final = 5.0  # [s] for the nominal world to have its say after the last push
+PREDICTION_TIME: Final = 5.0  # [s] for the nominal world to predict the last push
 SERVER_PARTS: Final = {
     "reset_scene": ResetScene,
     "rollout": Rollout,
@@ -50,12 +48,10 @@ class Director(Node):
             check: called again and again while waiting; raises when the graph is broken.
             timeout: longest wait for any one thing [s].
 
-        Raises:
-            BusyError: another simulator, planner or closed loop is there already.
         """
         super().__init__("closed_loop", namespace=NAMESPACE)
         self._joined = time.monotonic()
-        refuse_peers(self, OWNED, DISCOVERY_TIME)
+        self._next_look = self._joined
         self._check = check
         self._timeout = timeout
         self._events: deque[Plan | PushResult] = deque()
@@ -78,34 +74,40 @@ class Director(Node):
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
 
-    def wait_for_graph(self, tell: Callable[[str], None]) -> str:
-        """Wait until every part is up and connected; return the name of the model that is served.
+    def wait_for_graph(
+        self, starting: Callable[[], list[str]], show: Callable[[str], None]
+    ) -> None:
+        """Wait until every part is up and connected.
 
         Args:
-            tell: is told which processes are waited for, again and again.
+            starting: returns the names of this run's own processes that are not ready. Without it
+                another graph that runs already could pass for this one.
+            show: called with the processes that are waited for, again and again.
 
         Raises:
             GraphTimeoutError: naming what is missing.
-            BusyError: another graph has come to be seen.
+            BusyError: another graph runs already.
         """
+        missing = [Missing(name, name) for name in starting()]
+        next_look = 0.0
 
         def up() -> bool:
-            refuse_rivals(self, OWNED)
-            missing = self._missing()
-            tell(", ".join(dict.fromkeys(part.process for part in missing)))
-            return not missing and time.monotonic() - self._joined > SEEN_TIME
+            nonlocal missing, next_look
+            if (now := time.monotonic()) >= next_look:
+                next_look = now + LOOK
+                if now - self._joined < EARLY:
+                    refuse_peers(self, ("scene", "push", "/clock"), 0.0)
+                missing = [Missing(name, f"{name} is ready") for name in starting()]
+                missing = missing or self._missing()
+                show(", ".join(dict.fromkeys(part.process for part in missing)))
+            return not missing
 
-        def problem() -> str:
-            missing = self._missing()
-            return f"still missing: {', '.join(part.what for part in missing)}"
-
-        self.wait(up, problem)
-        return str(self.call("describe_model", DescribeModel.Request()).model)
+        self.wait(up, lambda: f"still missing: {', '.join(part.what for part in missing)}")
 
     def _missing(self) -> list[Missing]:
         missing = missing_parts(self, self._servers.values())
         if not self._planner_ready:  # what this node sees of the model, the planner may not yet
-            missing.append(Missing(PLANNER, "the planner's word that it sees the model"))
+            missing.append(Missing(PLANNER, "the planner sees the model"))
         return missing
 
     def play(self, case: ScenarioScene, tolerance: float, view: EpisodeView) -> None:
@@ -131,16 +133,20 @@ class Director(Node):
         self._wait_for_predictions()
 
     def wait(self, done: Callable[[], bool], problem: Callable[[], str]) -> None:
-        """Spin until something is so.
+        """Spin until a condition holds.
 
         Raises:
-            GraphTimeoutError: it was not so in time; with the problem in words.
+            GraphTimeoutError: it did not hold in time; with the problem in words.
+            BusyError: another graph publishes the same topics.
         """
         deadline = time.monotonic() + self._timeout
         while not done():
             self._executor.spin_once(timeout_sec=SPIN)
             self._check()
-            if time.monotonic() > deadline:
+            if (now := time.monotonic()) > self._next_look:
+                self._next_look = now + 5.0 * LOOK
+                refuse_rivals(self, OWNED)
+            if now > deadline:
                 raise GraphTimeoutError(f"waited {self._timeout:g} s for the graph; {problem()}")
 
     def call(self, name: str, request: Any) -> Any:

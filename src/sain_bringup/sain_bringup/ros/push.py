@@ -1,49 +1,28 @@
 """``ros2 run sain_bringup push``: one push by hand, and what became of it."""
 
-import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import rclpy
-import tyro
 from rclpy.node import Node
-from rclpy.utilities import remove_ros_args, try_shutdown
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
+from sain_bringup.options import PushOptions
 from sain_core.errors import ErrorCode, SainError
+from sain_core.fitting_table import FittingTable
 from sain_core.push import push_ids
 from sain_core.ros.codec import decode_disks, encode_push
-from sain_core.ros.node_main import INTERRUPTS, NAMESPACE, refuse_start
+from sain_core.ros.node_main import NAMESPACE, ros_context
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import POSITION, THETA
 from sain_core.types import PushArray
 from sain_interfaces.msg import Push, PushResult, Scene
 
-PROGRAM: Final = "ros2 run sain_bringup push"
 DISK_NAMES: Final = ("mid disk", "target")
 SPIN: Final = 0.05  # [s]
-
-
-@dataclass(frozen=True)
-class PushOptions:
-    """Send one push to the simulator and print what became of it.
-
-    Exits with 0 when the push was carried out, and with the error code of the refusal when not.
-    """
-
-    location: float = 0.0
-    """Heading from the contact point on the mid disk's rim to its centre [rad]; 0: along +x."""
-    angle: float = 0.0
-    """Direction of travel relative to the location [rad], within +-pi/4."""
-    length: float = 0.1
-    """Travel of the tool [m], 0 to 0.15."""
-    timeout: float = 10.0
-    """Longest wait for the simulator [s]."""
 
 
 class SilentSimulatorError(SainError):
@@ -110,38 +89,26 @@ def show(result: PushResult, console: Console) -> None:
         console.print(f"[red]{push} was refused[/]: {name}, {escape(result.error_message)}")
         return
     console.print(f"[green]{push} was carried out[/] in {result.duration:.2f} s of simulated time")
-    table = Table("disk", "x [m]", "y [m]", "theta [rad]", "moved [mm]")
+    table = FittingTable()
+    table.add_column("disk")
+    for column in ("x [m]", "y [m]", "theta [rad]", "moved [mm]"):
+        table.add_column(column, justify="right")
     before, after = decode_disks(result.before.disks), decode_disks(result.after.disks)
     moved = 1e3 * np.linalg.norm(after[:, POSITION] - before[:, POSITION], axis=1)
     for disk, row in enumerate(after):
         name = DISK_NAMES[disk] if disk < len(DISK_NAMES) else f"disk {disk}"
         place = [f"{value:.4f}" for value in (*row[POSITION], row[THETA])]
         table.add_row(name, *place, f"{moved[disk]:.1f}")
-    console.print(table)
+    console.print(table, soft_wrap=True)
 
 
-def run(options: PushOptions) -> int:
-    """Send the push; return the exit code."""
-    sender = PushSender(options.timeout)
-    try:
-        result = sender.send(np.array([options.location, options.angle, options.length]))
-    finally:
-        sender.destroy_node()
-    show(result, Console())
+def run(options: PushOptions, console: Console) -> int:
+    """Send the push, print what became of it, and return the exit code."""
+    with ros_context():
+        sender = PushSender(options.timeout)
+        try:
+            result = sender.send(np.array([options.location, options.angle, options.length]))
+        finally:
+            sender.destroy_node()
+    show(result, console)
     return 0 if result.error_code == ErrorCode.OK else int(result.error_code) or 1
-
-
-def main() -> None:
-    """Run from the command line."""
-    options = tyro.cli(PushOptions, prog=PROGRAM, args=remove_ros_args(sys.argv)[1:])
-    code = 1
-    try:
-        rclpy.init(args=sys.argv)
-        code = run(options)
-    except SainError as error:
-        refuse_start("push", error)
-    except INTERRUPTS:
-        code = 130
-    finally:
-        try_shutdown()
-    sys.exit(code)

@@ -1,22 +1,21 @@
-"""``ros2 run sain_bringup watch``: what is said on a topic, or which topics there are."""
+"""``ros2 run sain_bringup watch``: the messages of a topic, or the list of topics."""
 
 import sys
 import time
 from array import array
 from collections.abc import Iterator
-from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
-from typing import Annotated, Any, Final
+from typing import Any, Final
 
 import rclpy
-import tyro
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.utilities import remove_ros_args, try_shutdown
+from rich.console import Console
 
-from sain_core.errors import ConfigError, SainError
-from sain_core.ros.node_main import INTERRUPTS, NAMESPACE, refuse_start
+from sain_bringup.options import WatchOptions
+from sain_core.errors import ConfigError
+from sain_core.ros.node_main import NAMESPACE, ros_context
 
 PROGRAM: Final = "ros2 run sain_bringup watch"
 SPIN: Final = 0.05  # [s]
@@ -24,20 +23,8 @@ QUIET: Final = 1.0  # [s] without a new topic: all are seen
 SHOWN: Final = 12  # numbers of an array
 
 
-@dataclass(frozen=True)
-class WatchOptions:
-    """Print the messages of a topic, or list the topics when none is given."""
-
-    topic: Annotated[str, tyro.conf.Positional] = ""
-    """For example scene, push_result or /clock."""
-    count: int = 0
-    """End after so many messages; 0: go on until Ctrl-C."""
-    timeout: float = 10.0
-    """Longest wait for topics to appear [s]."""
-
-
 class Watcher(Node):
-    """Looks at the graph and takes no part in it."""
+    """Observes the graph and publishes nothing."""
 
     def __init__(self) -> None:
         """Join the graph."""
@@ -148,32 +135,19 @@ def _plain(value: Any) -> str:
     return str(value)
 
 
-def run(options: WatchOptions) -> None:
-    """List the topics, or watch one."""
-    watcher = Watcher()
-    try:
-        if not options.topic:
-            for name, kind in sorted(watcher.all_topics(options.timeout).items()):
-                sys.stdout.write(f"{name}  [{kind}]\n")
-            return
-        watcher.watch(options.topic, options.timeout)
-        while not options.count or watcher.received < options.count:
-            rclpy.spin_once(watcher, timeout_sec=SPIN)
-    finally:
-        watcher.destroy_node()
-
-
-def main() -> None:
-    """Run from the command line."""
-    options = tyro.cli(WatchOptions, prog=PROGRAM, args=remove_ros_args(sys.argv)[1:])
-    code = 0
-    try:
-        rclpy.init(args=sys.argv)
-        run(options)
-    except SainError as error:
-        code = refuse_start("watch", error)
-    except INTERRUPTS:
-        code = 0
-    finally:
-        try_shutdown()
-    sys.exit(code)
+def run(options: WatchOptions, console: Console) -> None:
+    """List the topics, or watch one until its messages have come or Ctrl-C."""
+    with ros_context():
+        watcher = Watcher()
+        try:
+            if not options.topic:
+                for name, kind in sorted(watcher.all_topics(options.timeout).items()):
+                    sys.stdout.write(f"{name}  [{kind}]\n")
+                return
+            watcher.watch(options.topic, options.timeout)
+            while not options.count or watcher.received < options.count:
+                rclpy.spin_once(watcher, timeout_sec=SPIN)
+        except KeyboardInterrupt:
+            pass  # the usual end
+        finally:
+            watcher.destroy_node()

@@ -1,66 +1,69 @@
-"""The main of every node: start, spin, stop, and an exit code that says how it went."""
+"""The main of every node: start, spin, stop, and the exit code."""
 
 import logging
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import NoReturn
 
 import rclpy
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import ok, try_shutdown
 
-from sain_core.errors import SainError
+from sain_core.command_line import INTERRUPTED
+from sain_core.errors import ConfigError, SainError
 
 NAMESPACE = "sain"
 """Where nodes live unless ``--ros-args -r __ns:=/other`` says otherwise."""
 
 RCL_SOURCE = re.compile(r", at /\S+:\d+")
-"""Where in its own source an error of rcl was raised: of no use to who reads it."""
+"""Where in its own source an error of rcl was raised: of no use to the reader."""
 
-INTERRUPTS = (KeyboardInterrupt, ExternalShutdownException, ROSInterruptException)
+INTERRUPTS = (ExternalShutdownException, ROSInterruptException)
 
 
 def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = None) -> int:
-    """Run a node until it is interrupted; return the process's exit code.
+    """Run a node until it is interrupted; return the process's exit code: 130 during its start.
 
-    What is wrong with the settings or the start is told in one line on standard error: 1. An
-    error later on is a defect and leaves its traceback.
+    A mistake in the settings or the start is reported in one line on standard error: 1. An error
+    later on is a defect and leaves its traceback.
     """
-    try:
-        rclpy.init(args=args)
-    except RuntimeError as error:  # the base of rcl's own errors, which rclpy does not export
-        return refuse_start(name, error)
     node = None
-    executor = SingleThreadedExecutor()
+    code = INTERRUPTED
     try:
-        node = make_node()
-        executor.add_node(node)
-        executor.spin()
-    except INTERRUPTS:
+        with ros_context(args, SignalHandlerOptions.ALL):
+            executor = SingleThreadedExecutor()
+            try:
+                node = make_node()
+                executor.add_node(node)
+                code = 0
+                executor.spin()
+            except Exception as error:
+                if ok() and not isinstance(error, INTERRUPTS):
+                    raise
+                # A signal that comes during the start invalidates what is being made: rcl raises.
+            finally:
+                if node is not None:
+                    node.destroy_node()
+                executor.shutdown()
+    except KeyboardInterrupt:
         pass
     except SainError as error:
-        return refuse_start(name, error)
-    except Exception:
-        if ok():
-            raise
-        # A signal that comes during the start invalidates what is being made: rcl raises.
-    finally:
-        if node is not None:
-            node.destroy_node()
-        executor.shutdown()
-        try_shutdown()
-    return 0
+        sys.stderr.write(f"{name}: {' '.join(str(error).split()) or repr(error)}\n")
+        return 1
+    return code
 
 
 def node_main(make_node: Callable[[], Node], name: str) -> NoReturn:
     """Run a node as a process, and end that process.
 
-    Once the node has let go of everything, the interpreter is not taken down piece by piece:
-    with PyTorch loaded that takes a second and more, and whoever said Ctrl-C waits for it.
+    Once the node has released everything, the interpreter is not taken down piece by piece: with
+    PyTorch loaded that takes more than a second.
     """
     code = run_node(make_node, name)
     logging.shutdown()
@@ -69,8 +72,20 @@ def node_main(make_node: Callable[[], Node], name: str) -> NoReturn:
     os._exit(code)
 
 
-def refuse_start(name: str, error: BaseException) -> int:
-    """Say in one line on standard error why a process cannot start; return its exit code."""
-    told = " ".join(str(error).split()) or repr(error)
-    sys.stderr.write(f"{name}: {RCL_SOURCE.sub('', told)}\n")
-    return 1
+@contextmanager
+def ros_context(
+    args: list[str] | None = None, signals: SignalHandlerOptions = SignalHandlerOptions.NO
+) -> Iterator[None]:
+    """Initialise rclpy with these arguments, or the process's, and shut it down at the end.
+
+    Raises:
+        ConfigError: the arguments for ROS cannot be read.
+    """
+    try:
+        rclpy.init(args=args, signal_handler_options=signals)
+    except RuntimeError as error:  # the base of rcl's own errors, which rclpy does not export
+        raise ConfigError(RCL_SOURCE.sub("", str(error))) from error
+    try:
+        yield
+    finally:
+        try_shutdown()

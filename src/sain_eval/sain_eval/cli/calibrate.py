@@ -1,65 +1,23 @@
 """``ros2 run sain_eval calibrate``: fit the planar prior to Bullet with the arm, and report."""
 
-import sys
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Final
+from typing import Final
 
-import tyro
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from sain_core.errors import SainError
 from sain_core.provenance import ros2_command
 from sain_core.storage import write_json, write_whole
-from sain_eval.calibrate import Calibration, CalibrationConfig, calibrate
+from sain_eval.calibrate import Calibration, calibrate
+from sain_eval.cli.options import CalibrateOptions
 from sain_eval.loop.files import output_folder
 from sain_model.data.dataset import Dataset, load_transitions
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 
 PARTS: Final = {"all": "All pushes", "target_moved": "Pushes that moved the target"}
-INTERRUPTED: Final = 130
 
 
-@dataclass(frozen=True)
-class Calibrate:
-    """Fit the planar prior's free parameters to pushes made in Bullet with the arm, and report.
-
-    Give a data set that was collected with --floor-episodes, so that the floor can stand beside
-    the errors, or none to have one collected here.
-    """
-
-    out: Path
-    """Folder for calibration.json and calibration.md; made if need be."""
-    dataset: Annotated[Path | None, tyro.conf.Positional] = None
-    """A shard *.npz or a folder of them; none: collect episodes into OUT/data first."""
-    episodes: int = 200
-    """Episodes to collect when no data set is given."""
-    collection_seed: int = 1000
-    """Of the collection."""
-    workers: int = 1
-    """Processes that collect."""
-    fit: CalibrationConfig = CalibrationConfig()
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command line."""
-    command = tyro.cli(
-        Calibrate, prog="calibrate", args=arguments, config=(tyro.conf.OmitArgPrefixes,)
-    )
-    try:
-        run(command, Console())
-    except SainError as error:
-        Console(stderr=True).print(f"[red]error:[/] {escape(str(error))}", highlight=False)
-        return 1
-    except KeyboardInterrupt:
-        return INTERRUPTED
-    return 0
-
-
-def run(command: Calibrate, console: Console) -> Calibration:
+def run(command: CalibrateOptions, console: Console) -> None:
     """Load or collect, fit, judge and write the report.
 
     Raises:
@@ -74,12 +32,16 @@ def run(command: Calibrate, console: Console) -> Calibration:
             bar.update(task, completed=evaluations, cost=cost)
 
         calibration = calibrate(data, command.fit, advance)
-    text = markdown(calibration, data, _command_line())
+    command_text = ros2_command("sain_eval", "calibrate")
+    text = markdown(calibration, data, command_text)
     write_whole(out / "calibration.md", text.encode())
-    content = {"command": _command_line(), "data_sha256": data.sha256, **calibration.as_dict()}
+    content = {
+        "command": ros2_command("sain_eval", "calibrate"),
+        "data_sha256": data.sha256,
+        **calibration.as_dict(),
+    }
     write_json(out / "calibration.json", content)
     console.print(text, highlight=False, markup=False)
-    return calibration
 
 
 def markdown(calibration: Calibration, data: Dataset, command: str) -> str:
@@ -105,7 +67,7 @@ def markdown(calibration: Calibration, data: Dataset, command: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _data(command: Calibrate, console: Console) -> Dataset:
+def _data(command: CalibrateOptions, console: Console) -> Dataset:
     if command.dataset is not None:
         return load_transitions(command.dataset)
     folder = command.out / "data"
@@ -128,11 +90,3 @@ def _bar(console: Console) -> Progress:
         TimeRemainingColumn(),
         console=console,
     )
-
-
-def _command_line() -> str:
-    return ros2_command("sain_eval", "calibrate")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

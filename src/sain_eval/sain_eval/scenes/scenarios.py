@@ -6,7 +6,7 @@ stands behind the target.
 """
 
 from dataclasses import dataclass, replace
-from typing import Final, Protocol, runtime_checkable
+from typing import Final
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class ScenarioScene:
     scenario: str
     seed: int
     disks: Scene  # (N, 8), at rest
-    friction: float  # between disks and table; no controller is told
+    friction: float  # between disks and table; hidden from all controllers but the oracle
     shapes: tuple[str, ...]  # a footprint for each, as `sain_core.shapes` names them
     goal: Goal  # (2,) [m]
     max_pushes: int = MAX_PUSHES
@@ -55,25 +55,6 @@ class ScenarioScene:
         """Return the simulated world that this scene plays in; `disk_shape` builds its disks."""
         shapes = built_shapes(self.shapes, disk_shape)
         return self.truth.roughen(WorldParameters.of_scene(self.disks, self.friction, shapes))
-
-
-@runtime_checkable
-class Scenario(Protocol):
-    """A named family of scenes."""
-
-    @property
-    def name(self) -> str:
-        """What it is asked for by."""
-        ...
-
-    @property
-    def about(self) -> str:
-        """One line about it."""
-        ...
-
-    def scene(self, seed: int) -> ScenarioScene:
-        """Draw the scene that belongs to a seed, the same on every machine."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -145,7 +126,7 @@ class AnywhereScenario:
         return scene
 
 
-SCENARIOS: Final[dict[str, Scenario]] = {
+SCENARIOS: Final[dict[str, PaperScenario | AnywhereScenario]] = {
     scenario.name: scenario
     for scenario in (
         PaperScenario(),

@@ -1,14 +1,11 @@
 """``ros2 run sain_model evaluate``: prediction errors of all kinds of dynamics."""
 
-import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import torch
-import tyro
 from rich.console import Console
 
 from sain_core.dataset import draw_parts
@@ -18,7 +15,7 @@ from sain_core.provenance import ros2_command
 from sain_core.push import LENGTH
 from sain_core.storage import write_json
 from sain_core.types import Mask
-from sain_model.cli.command import carry_out
+from sain_model.cli.options import EvaluateModelOptions
 from sain_model.data.dataset import Dataset, load_transitions
 from sain_model.data.windows import make_windows
 from sain_model.dynamics.checkpoint import ModelCard, parse_card
@@ -27,46 +24,18 @@ from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.baselines import followed, open_models, refusals
 from sain_model.evaluation.error_table import error_table, history_table, interval_table
 from sain_model.evaluation.metrics import LEARNED
-from sain_model.evaluation.open_loop import NAMES, RECURRENT_SAIN, STEPS
+from sain_model.evaluation.open_loop import NAMES, RECURRENT_SAIN
 from sain_model.evaluation.open_loop_report import report_open_loop
 from sain_model.evaluation.prediction_errors import evaluate
 
 
-@dataclass(frozen=True)
-class EvaluateCommand:
-    """What to evaluate, and on what."""
-
-    dataset: Annotated[Path, tyro.conf.Positional]
-    """A shard *.npz, or a folder of them."""
-    checkpoint: Path | None = None
-    """The checkpoint; without it the one that comes with the package."""
-    learned: Path | None = None
-    """A checkpoint of kind "learned", trained with --prior identity, to stand beside it."""
-    recurrent: Path | None = None
-    """A checkpoint of kind "recurrent", trained with --steps-ahead, to stand beside it."""
-    baselines: Annotated[tuple[str, ...], tyro.conf.arg(aliases=["--beside"])] = ()
-    """More models to compare with: names in the registry of models (bullet is slow), or paths."""
-    open_loop: tuple[int, ...] = STEPS
-    """After how many pushes errors of rollouts are taken; none: no rollouts."""
-    out: Path = Path("evaluation.json")
-    """Where the errors are written; open loops also beside it, as a table and a picture."""
-    seed: int = 0
-    """Of the bootstrap."""
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Report errors of every kind of dynamics, one push and many ahead, on episodes held out."""
-    torch.set_num_threads(1)
-    command = tyro.cli(EvaluateCommand, prog="evaluate", description=main.__doc__, args=arguments)
-    return carry_out(lambda console: run(command, console))
-
-
-def run(command: EvaluateCommand, console: Console) -> None:
+def run(command: EvaluateModelOptions, console: Console) -> None:
     """Evaluate, print a table and write the JSON.
 
     Raises:
         DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
     """
+    torch.set_num_threads(1)
     path = command.checkpoint or shipped_checkpoint()
     sain = load_sain(path)
     learned = load_sain(command.learned) if command.learned else None
@@ -96,7 +65,7 @@ def run(command: EvaluateCommand, console: Console) -> None:
 
 
 def _models(
-    command: EvaluateCommand, sain: SainDynamics, learned: SainDynamics | None
+    command: EvaluateModelOptions, sain: SainDynamics, learned: SainDynamics | None
 ) -> dict[str, Dynamics]:
     """Return the models to roll out, by name."""
     models: dict[str, Dynamics] = {} if learned is None else {LEARNED: learned}
@@ -112,7 +81,7 @@ def _card(model: Dynamics) -> str:
 
 
 def _open_loop(
-    command: EvaluateCommand,
+    command: EvaluateModelOptions,
     held_out: Dataset,
     models: Mapping[str, Dynamics],
     physics: Mapping[str, Dynamics],
@@ -131,10 +100,10 @@ def _open_loop(
 def _show(errors: dict[str, Any], console: Console) -> None:
     """Print errors of single pushes as tables."""
     for part in ("all", "target_moved"):
-        console.print(error_table(errors, part))
-    console.print(history_table(errors))
+        console.print(error_table(errors, part), soft_wrap=True)
+    console.print(history_table(errors), soft_wrap=True)
     for intervals in errors["intervals"].values():
-        console.print(interval_table(intervals))
+        console.print(interval_table(intervals), soft_wrap=True)
     for name, share in errors["reducible_error_removed"].items():
         console.print(f"{name}: {100 * share:.0f} % of the reducible error removed")
     for name, count in errors.get("refused", {}).items():
@@ -176,7 +145,3 @@ def _held_out(data: Dataset, card: ModelCard) -> Mask:
             "the checkpoint learned from all of this data (test 0); evaluate it on other episodes"
         )
     return draw_parts(data.episode, *used)[-1]
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,60 +1,28 @@
 """``ros2 run sain_model learning_curve``: how many transitions a network needs."""
 
-import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Annotated
+from dataclasses import asdict
 
 import torch
-import tyro
 from rich.console import Console
-from rich.table import Table
 
+from sain_core.fitting_table import FittingTable
 from sain_core.provenance import ros2_command
 from sain_core.storage import write_json, write_whole
-from sain_model.cli.command import carry_out
+from sain_model.cli.options import LearningCurveOptions
 from sain_model.data.dataset import load_transitions, split_by_episode
 from sain_model.evaluation.markdown import markdown_table
 from sain_model.training.learning_curve import Point, learning_curve
 from sain_model.training.plots import save_curves
-from sain_model.training.push_training import TrainingConfig
 
 
-@dataclass(frozen=True)
-class LearningCurveCommand:
-    """What to learn from, and how much of it."""
-
-    dataset: Annotated[Path, tyro.conf.Positional]
-    """A shard *.npz, or a folder of them."""
-    out: Path
-    """Folder for curves.json, curves.md, curves.png and the state. Run again to go on."""
-    sizes: tuple[int, ...] = (100, 300, 1000, 3000)
-    """Numbers of transitions to train on."""
-    steps: int = 4000
-    """Steps of the optimiser for every network."""
-    training: TrainingConfig = TrainingConfig()
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Train on more and more transitions, with a prior and without; compare held-out errors."""
-    torch.set_num_threads(1)
-    command = tyro.cli(
-        LearningCurveCommand,
-        prog="learning_curve",
-        description=main.__doc__,
-        args=arguments,
-        config=(tyro.conf.OmitArgPrefixes,),
-    )
-    return carry_out(lambda console: run(command, console), "epoch")
-
-
-def run(command: LearningCurveCommand, console: Console) -> None:
+def run(command: LearningCurveOptions, console: Console) -> None:
     """Train, measure, print the table, write JSON, Markdown and picture.
 
     Raises:
         DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
     """
+    torch.set_num_threads(1)
     config = command.training
     data = load_transitions(command.dataset)
     split = split_by_episode(data, config.seed, config.validation, config.test)
@@ -75,7 +43,7 @@ def run(command: LearningCurveCommand, console: Console) -> None:
     write_json(command.out / "curves.json", report)
     write_whole(command.out / "curves.md", markdown(points).encode())
     save_curves(command.out / "curves.png", points)
-    console.print(_table(points, len(split.test)))
+    console.print(_table(points, len(split.test)), soft_wrap=True)
     console.print(f"written to {command.out}")
 
 
@@ -85,10 +53,9 @@ def markdown(points: list[Point]) -> str:
     return markdown_table(header, rows)
 
 
-def _table(points: list[Point], pushes: int) -> Table:
+def _table(points: list[Point], pushes: int) -> FittingTable:
     header, *rows = _cells(points, _mean)
-    title = f"Target's mean error \\[mm] on {pushes} held-out pushes"
-    table = Table(title=title, title_justify="left")
+    table = FittingTable(f"Target's mean error [mm] on {pushes} held-out pushes")
     for column, name in enumerate(header):
         table.add_column(name, justify="right" if column else "left")
     for row in rows:
@@ -117,7 +84,3 @@ def _mean(point: Point) -> str:
 
 def _interval(point: Point) -> str:
     return f"{point.mean:.2f} [{point.low:.2f}, {point.high:.2f}]"
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,6 +1,5 @@
 """``ros2 run sain_model train``: learn the residual of a prior from collected transitions."""
 
-import sys
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -10,17 +9,16 @@ from rich.console import Console
 
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.storage import write_whole
-from sain_model.cli.command import carry_out
 from sain_model.data.dataset import Dataset, Split, limit_training
 from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
 from sain_model.dynamics.checkpoint import save_checkpoint
 from sain_model.dynamics.load import sain_class
 from sain_model.evaluation.error_table import error_table, gain_line, history_table, interval_table
 from sain_model.evaluation.held_out import held_out_errors
-from sain_model.network.interaction_network import ON_STATE
+from sain_model.network.settings import ON_STATE
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.interval_fit import fit_intervals
-from sain_model.training.options import TrainCommand, parse
+from sain_model.training.options import TrainOptions, check_parent
 from sain_model.training.plots import save_loss_curve
 from sain_model.training.progress import EpochBar, EventLog
 from sain_model.training.push_training import Trainer, prior_and_filter
@@ -29,24 +27,27 @@ from sain_model.training.training_card import Learned, make_card, settings_text
 from sain_model.training.training_state import LossHistory
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Train the interaction network on the residual of a prior, or go on with a checkpoint."""
+def run(command: TrainOptions, console: Console) -> None:
+    """Train; see `train`."""
     torch.set_num_threads(1)
-    return carry_out(lambda console: train(parse(arguments, main.__doc__), console), "epoch")
+    train(command, console)
 
 
-def train(command: TrainCommand, console: Console) -> Path:
+def train(command: TrainOptions, console: Console) -> Path:
     """Train, evaluate on the held-out episodes, write everything; return the checkpoint's path.
 
     Raises:
         DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
     """
     config = command.training
+    parent = Parent.load(command.parent) if command.parent else None
+    if parent:
+        parent.check_settings(config)
+        check_parent(command)
     data = load_datasets(command.dataset)
     split = split_datasets(data, config.seed, config.validation, config.test)
     if config.transitions:
         split = limit_training(split, config.transitions)
-    parent = Parent.load(command.parent) if command.parent else None
     if parent:
         parent.check_data(data)
     learned = learn(command, data, split, console, parent)
@@ -58,10 +59,10 @@ def train(command: TrainCommand, console: Console) -> Path:
     path = command.out / f"{command.name}.safetensors"
     save_checkpoint(path, sain.network, card)
     for part in ("all", "target_moved"):
-        console.print(error_table(errors, part))
-    console.print(history_table(errors))
+        console.print(error_table(errors, part), soft_wrap=True)
+    console.print(history_table(errors), soft_wrap=True)
     for intervals in errors["intervals"].values():
-        console.print(interval_table(intervals))
+        console.print(interval_table(intervals), soft_wrap=True)
     if parent:
         console.print(gain_line(errors["fine_tuning"], parent.name, errors["held_out"]))
     if history.best < 0:
@@ -73,7 +74,7 @@ def train(command: TrainCommand, console: Console) -> Path:
 
 
 def learn(
-    command: TrainCommand,
+    command: TrainOptions,
     data: Dataset | MixedDataset,
     split: Split | MixedSplit,
     console: Console,
@@ -112,7 +113,7 @@ def learn(
     return Learned(replace(sain, intervals=intervals), trainer.history, after, parent)
 
 
-def _run(trainer: Trainer, command: TrainCommand, console: Console) -> None:
+def _run(trainer: Trainer, command: TrainOptions, console: Console) -> None:
     """Train to the end while the terminal, and TensorBoard where it is asked for, show it."""
     with ExitStack() as stack:
         followers = []
@@ -126,7 +127,3 @@ def _run(trainer: Trainer, command: TrainCommand, console: Console) -> None:
                 follow(epoch, history)
 
         trainer.run(advance)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,20 +1,18 @@
 """``ros2 run sain_model train_correction``: learn to correct the planar prior's parameters."""
 
 import json
-import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import torch
-import tyro
 from rich.console import Console
 from rich.progress import Progress
 
 from sain_core.provenance import ros2_command
 from sain_core.storage import write_whole
-from sain_model.cli.command import carry_out
+from sain_model.cli.options import TrainCorrectionOptions
 from sain_model.data.dataset import (
     Split,
     check_held_out,
@@ -28,55 +26,21 @@ from sain_model.dynamics.checkpoint import (
     ModelCard,
     save_checkpoint,
 )
-from sain_model.dynamics.load import PLANAR_AXES, load_planar
 from sain_model.dynamics.parameter_correction import ParameterCorrection
+from sain_model.dynamics.priors import load_planar
 from sain_model.evaluation.metrics import measure
-from sain_model.training.correction_training import (
-    CorrectionTrainingConfig,
-    make_trainers,
-    train_members,
-)
+from sain_model.training.correction_training import make_trainers, train_members
 from sain_model.training.training_card import environment
 from sain_model.training.training_state import LossHistory
 
 
-@dataclass(frozen=True)
-class TrainCorrectionCommand:
-    """What to learn from, and where to."""
-
-    dataset: Annotated[Path, tyro.conf.Positional]
-    """A shard *.npz, or a folder of them."""
-    out: Path
-    """Folder for checkpoint, card and settings. Run again to go on after a stop."""
-    name: str = "correction"
-    """Name of the checkpoint."""
-    prior: str = PLANAR_AXES
-    """Prior whose parameters are corrected: planar or planar_axes."""
-    prior_friction: float = 0.12
-    """Friction that it assumes."""
-    transitions: int = 0
-    """Learn from so many transitions only; 0: from all."""
-    validation: float = 0.1
-    """Share of the episodes that choose the best epoch."""
-    test: float = 0.15
-    """Share of the episodes held out."""
-    training: CorrectionTrainingConfig = CorrectionTrainingConfig()
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Train networks that correct the parameters of the planar prior for one laboratory."""
+def run(command: TrainCorrectionOptions, console: Console) -> None:
+    """Train; see `train_correction`."""
     torch.set_num_threads(1)
-    command = tyro.cli(
-        TrainCorrectionCommand,
-        prog="train_correction",
-        description=main.__doc__,
-        args=arguments,
-        config=(tyro.conf.OmitArgPrefixes,),
-    )
-    return carry_out(lambda console: train_correction(command, console), "epoch")
+    train_correction(command, console)
 
 
-def train_correction(command: TrainCorrectionCommand, console: Console) -> Path:
+def train_correction(command: TrainCorrectionOptions, console: Console) -> Path:
     """Train, evaluate on the held-out episodes, write everything; return the checkpoint's path.
 
     Raises:
@@ -113,7 +77,7 @@ def train_correction(command: TrainCorrectionCommand, console: Console) -> Path:
 
 
 def correction_card(
-    command: TrainCorrectionCommand,
+    command: TrainCorrectionOptions,
     sha256: str,
     split: Split,
     histories: list[LossHistory],
@@ -144,7 +108,3 @@ def correction_card(
         command=ros2_command("sain_model", "train_correction"),
         architecture=CORRECTION_ARCHITECTURE,
     )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -2,8 +2,6 @@
 
 from typing import Final
 
-import torch
-
 from sain_core.errors import ConfigError
 
 AUTO: Final = "auto"
@@ -20,6 +18,8 @@ def choose_device(wanted: str) -> str:
     """
     if wanted not in DEVICES:
         raise ConfigError(f"device is {wanted!r}; allowed: {', '.join(DEVICES)}")
+    import torch  # takes a second, which nothing that only names devices should wait
+
     found = torch.cuda.is_available()
     if wanted == CUDA and not found:
         raise ConfigError("device is 'cuda', but PyTorch finds no GPU; 'auto' would take the CPU")

@@ -1,7 +1,6 @@
 """In which order the members of an ensemble see the data: a function of seed and epoch alone."""
 
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 import torch
@@ -10,9 +9,7 @@ from numpy import ndarray
 from torch import Tensor
 
 from sain_core.seeding import generator
-
-ORDER: Final = "order"  # every member sees all of the data, in an order of its own
-BOOTSTRAP: Final = "bootstrap"  # every member sees episodes drawn with replacement
+from sain_model.network.settings import BOOTSTRAP, ORDER
 
 
 class Batches:

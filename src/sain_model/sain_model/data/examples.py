@@ -18,7 +18,7 @@ from sain_model.data.dataset import Dataset
 from sain_model.data.mixed import MixedDataset
 from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE
 from sain_model.network.features import make_features, relation_ends, true_residual
-from sain_model.network.interaction_network import ON_PHYSICS, NetworkConfig
+from sain_model.network.settings import ON_PHYSICS, NetworkConfig
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import step_knowing
 

@@ -22,7 +22,8 @@ from sain_core.errors import CheckpointError, ConfigError
 from sain_core.storage import write_whole
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.network.feature_kernels import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
-from sain_model.network.interaction_network import InteractionNetwork, NetworkConfig
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 
 OLD_ARCHITECTURES: Final = {"network-inside-physics": "parameter-correction"}
 OLD_ROLLOUT_SETTINGS: Final = {
@@ -192,7 +193,7 @@ def parse_card(path: Path, text: str) -> ModelCard:
     """Return the card with this JSON text."""
     try:
         return ModelCard(**_with_new_names(json.loads(text)))
-    except (ValueError, TypeError, AttributeError) as error:
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
 
 

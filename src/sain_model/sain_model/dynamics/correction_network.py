@@ -1,13 +1,12 @@
 """The network that corrects physical parameters, and the residual of the prediction."""
 
-from dataclasses import dataclass
 from typing import Final
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from sain_core.config import Config, option
+from sain_model.dynamics.settings import CorrectionNetworkConfig
 from sain_model.network.feature_kernels import (
     DISK_FEATURES,
     GAP_AFTER,
@@ -24,21 +23,6 @@ BEFORE: Final = slice(DISK_FEATURES, DISK_FEATURES + 2)  # a disk's place in the
 AFTER: Final = slice(DISK_FEATURES + 2, DISK_FEATURES + 4)
 MAP_SCALE: Final = 2.0  # of the map's part in DRAG
 MAP_FINENESS: Final = 3.0  # its first layer starts out so much steeper than usual
-
-
-@dataclass(frozen=True)
-class CorrectionNetworkConfig(Config):
-    """The size of the network."""
-
-    hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
-    message: int = option(
-        32, "width of the message from one disk to another", minimum=1, maximum=1024
-    )
-    layers: int = option(2, "hidden layers of each part", minimum=1, maximum=6)
-    places: int = option(
-        5, "places on a disk's way where the map of the table is read; 0: no map", minimum=0
-    )
-    members: int = option(1, "networks whose predictions are averaged", minimum=1, maximum=32)
 
 
 class CorrectionNetwork(nn.Module):

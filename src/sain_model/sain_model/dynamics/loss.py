@@ -1,23 +1,11 @@
 """The mixed loss of the paper's Algorithm 1, line 17."""
 
-from dataclasses import dataclass
-
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from sain_core.config import Config, option
 from sain_model.data.examples import Examples
-
-
-@dataclass(frozen=True)
-class LossConfig(Config):
-    """The mixed loss of Algorithm 1, line 17, each term in units of a scale."""
-
-    robust: bool = option(True, "Huber's loss: beyond a scale an error counts linearly")
-    position_scale: float = option(0.001, "of position errors", unit="m", minimum=1e-6)
-    velocity_scale: float = option(0.1, "of velocity errors", unit="m/s", minimum=1e-6)
-    heading_scale: float = option(0.05, "of errors of sin and cos of the heading", minimum=1e-6)
+from sain_model.dynamics.settings import LossConfig
 
 
 def mixed_loss(

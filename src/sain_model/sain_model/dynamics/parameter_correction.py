@@ -20,7 +20,8 @@ from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.physics_gradient import moves
-from sain_model.network.features import WORLD_FRAME, apply_residual, make_features
+from sain_model.network.features import apply_residual, make_features
+from sain_model.network.settings import WORLD_FRAME
 from sain_model.physics.corrections import Corrections
 from sain_model.physics.planar import PlanarPrior
 

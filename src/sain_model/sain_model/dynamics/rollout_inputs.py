@@ -19,12 +19,9 @@ from torch import Tensor
 
 from sain_core.scene import POSE, THETA, wrap_angle
 from sain_core.types import Pushes, Scenes
+from sain_model.dynamics.settings import DIFFERENCES
 from sain_model.network.features import make_features
 
-NO_GRADIENT: Final = "none"
-SHIFT: Final = "shift"
-DIFFERENCES: Final = "differences"
-GRADIENTS: Final = (NO_GRADIENT, SHIFT, DIFFERENCES)
 STEPS: Final = (2e-4, 2e-4, 2e-3)  # [m, m, rad], of the finite differences: well above rounding
 
 Physics = Callable[[Scenes, Pushes, ndarray], Scenes]  # scenes, pushes, rows of the batch -> next

@@ -1,62 +1,23 @@
 """Rollouts of a network on a prior that it can learn from: the paper's equations 3 to 5."""
 
-from dataclasses import dataclass
-from typing import Final
-
 import numpy as np
 import torch
 from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
-from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics
 from sain_core.push import LENGTH, LOCATION
 from sain_core.scene import POSE
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.compute.threads import settle_threads
 from sain_model.data.windows import Windows
-from sain_model.dynamics.loss import LossConfig
-from sain_model.dynamics.rollout_inputs import DIFFERENCES, GRADIENTS, NO_GRADIENT, Physics, see
+from sain_model.dynamics.rollout_inputs import Physics, see
+from sain_model.dynamics.settings import NO_GRADIENT, PHYSICS, LossConfig, RolloutConfig
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.planar import step_knowing
 
-CORRECTED: Final = "corrected"  # s-bar_{t+1} = f_p(s-hat_t, a_t)
-PHYSICS: Final = "physics"  # s-bar_{t+1} = f_p(s-bar_t, a_t): equation 3 to the letter
-CHAINS: Final = (CORRECTED, PHYSICS)
-
 PushFrictions = Float[ndarray, "W T"]  # the friction that the prior is conditioned on
-
-
-@dataclass(frozen=True)
-class RolloutConfig(Config):
-    """How a network that has learned from single pushes goes on to learn from rollouts."""
-
-    steps_ahead: int = option(
-        1, "pushes of a rollout; 1: learn from single pushes alone", minimum=1, maximum=100
-    )
-    chain: str = option(
-        CORRECTED,
-        "what the prior goes on from: the corrected scene, or its own as in equation 3",
-        choices=CHAINS,
-    )
-    gradient: str = option(
-        DIFFERENCES,
-        "how a loss reaches earlier steps: not at all, by shifting later scenes, or by finite"
-        " differences of the prior",
-        choices=GRADIENTS,
-    )
-    rollout_epochs: int = option(12, "passes over the windows", minimum=1)
-    rollout_batch: int = option(64, "windows in a step of the optimiser", minimum=1)
-    rollout_learning_rate: float = option(
-        1e-3, "at the start; falls to 0 along a cosine", minimum=1e-7
-    )
-    max_grad_norm: float = option(1.0, "norm to which longer gradients are cut", minimum=1e-6)
-
-    @property
-    def wanted(self) -> bool:
-        """Whether there is anything to learn from rollouts."""
-        return self.steps_ahead > 1
 
 
 def roll(

@@ -19,15 +19,16 @@ from sain_model.compute.batch_checks import check_batch
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
 from sain_model.dynamics.intervals import Intervals, Prediction
+from sain_model.dynamics.settings import IDENTITY
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.features import make_features
-from sain_model.network.interaction_network import ON_STATE, InteractionNetwork
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import ON_STATE
 from sain_model.network.torch_network import TorchNetwork
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
 from sain_model.physics.planar import PlanarPrior, step_knowing
 
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
-IDENTITY: Final = "identity"
 RESIDUAL: Final = "residual"  # Fig. 1c, equation 2
 RECURRENT: Final = "recurrent"  # Fig. 1d, equations 3 and 4: trained on its own rollouts
 KINDS: Final = (LEARNED, RESIDUAL, RECURRENT)

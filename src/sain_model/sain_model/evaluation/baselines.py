@@ -14,8 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from sain_core.dynamics import Dynamics
+from sain_core.model_checks.response_check import answering, check_step
 from sain_core.plugins import load_dynamics
-from sain_core.response_check import answering, check_step
 from sain_core.types import Pushes, Scenes
 from sain_model.evaluation.open_loop import CarriesState
 

@@ -2,14 +2,14 @@
 
 from typing import Any
 
-from rich.table import Table
+from sain_core.fitting_table import FittingTable
 
 PARTS = {"all": "all pushes", "target_moved": "pushes that moved the target"}
 
 
-def error_table(errors: dict[str, Any], part: str) -> Table:
+def error_table(errors: dict[str, Any], part: str) -> FittingTable:
     """Return one part of what `prediction_errors.evaluate` returns as a table."""
-    table = Table(title=f"Error after one push in mm, {PARTS[part]}", title_justify="left")
+    table = FittingTable(f"Error after one push in mm, {PARTS[part]}")
     table.add_column("prediction")
     for column in ("pushes", "target", "95 %", "median", "p95", "mid disk"):
         table.add_column(column, justify="right")
@@ -26,11 +26,10 @@ def error_table(errors: dict[str, Any], part: str) -> Table:
     return table
 
 
-def history_table(errors: dict[str, Any]) -> Table:
+def history_table(errors: dict[str, Any]) -> FittingTable:
     """Return the mean target errors by the number of earlier pushes, and the shares removed."""
-    table = Table(
-        title="Target error \\[mm] by earlier pushes, share of the reducible error removed",
-        title_justify="left",
+    table = FittingTable(
+        "Target error [mm] by earlier pushes, share of the reducible error removed"
     )
     table.add_column("prediction")
     groups = errors["by_history"]
@@ -50,17 +49,16 @@ def gain_line(gain: dict[str, Any], parent: str, part: str) -> str:
     )
 
 
-def interval_table(intervals: dict[str, Any]) -> Table:
+def interval_table(intervals: dict[str, Any]) -> FittingTable:
     """Return what `coverage.measure_intervals` found of the target as a table."""
     ranks = intervals["target"]["rank_correlation"]
     told = ", ".join(f"{name} {rank:.2f}" for name, rank in ranks.items() if rank is not None)
-    table = Table(
-        title=f"{100 * intervals['level']:.0f} % regions of the target; {intervals['members']}"
-        f" members; rank correlation with the error: {told}",
-        title_justify="left",
+    table = FittingTable(
+        f"{100 * intervals['level']:.0f} % regions of the target; {intervals['members']}"
+        f" members; rank correlation with the error: {told}"
     )
     table.add_column("pushes")
-    for column in ("number", "held \\[%]", "95 %", "error \\[mm]", "spread", "radius"):
+    for column in ("number", "held [%]", "95 %", "error [mm]", "spread", "radius"):
         table.add_column(column, justify="right")
     for name, part in intervals["target"]["parts"].items():
         table.add_row(

@@ -18,6 +18,7 @@ from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
+from sain_model.dynamics.settings import STEPS
 from sain_model.evaluation.history_errors import earlier_friction, earlier_pushes
 from sain_model.evaluation.metrics import BULLET, FLOOR, LEARNED, MEASURED, NO_MOTION, NOMINAL
 from sain_model.evaluation.open_loop_errors import mean_target_errors
@@ -29,7 +30,6 @@ TRUE_FRICTION: Final = "planar, true friction"
 RESIDUAL_SAIN: Final = "residual SAIN"
 RECURRENT_SAIN: Final = "recurrent SAIN"
 NAMES: Final = {RESIDUAL: RESIDUAL_SAIN, RECURRENT: RECURRENT_SAIN}  # of a model's kind
-STEPS: Final = (1, 5, 15)
 
 Rollouts = Float[ndarray, "W T N 8"]
 

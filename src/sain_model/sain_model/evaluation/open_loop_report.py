@@ -7,15 +7,11 @@ from typing import Any, Final
 from sain_core.dynamics import Dynamics
 from sain_core.storage import write_whole
 from sain_model.data.dataset import Dataset
+from sain_model.dynamics.settings import STEPS
 from sain_model.evaluation.baselines import refusals
 from sain_model.evaluation.markdown import markdown_table
 from sain_model.evaluation.metrics import FLOOR, LEARNED, NO_MOTION
-from sain_model.evaluation.open_loop import (
-    STEPS,
-    TRUE_FRICTION,
-    OpenLoop,
-    predict_open_loop,
-)
+from sain_model.evaluation.open_loop import TRUE_FRICTION, OpenLoop, predict_open_loop
 from sain_model.evaluation.open_loop_errors import errors_after, ratios
 from sain_model.evaluation.open_loop_plot import save_open_loop_plot
 

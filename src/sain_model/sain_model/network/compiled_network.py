@@ -10,10 +10,10 @@ from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scene
 from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.network.feature_kernels import LANES
-from sain_model.network.features import WORLD_FRAME
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.network_kernels import TILE, Weights
 from sain_model.network.sain_kernels import correct_block, roll_out_block
+from sain_model.network.settings import WORLD_FRAME
 from sain_model.physics.planar import PlanarPrior
 
 

@@ -4,7 +4,6 @@
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from jaxtyping import Float
@@ -21,10 +20,7 @@ from sain_model.network.feature_kernels import (
     NetworkWork,
     write_features,
 )
-
-PUSH_FRAME: Final = "push"
-WORLD_FRAME: Final = "world"  # the same, and where on the table and how turned things are
-FRAMES: Final = (PUSH_FRAME, WORLD_FRAME)
+from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME
 
 Residual = Float[ndarray, "B N 3"]  # dx, dy [m] along the push frame's axes, dtheta [rad]
 

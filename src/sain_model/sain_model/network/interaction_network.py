@@ -1,14 +1,12 @@
 """The interaction network of the paper's section II-C: f_rel over pairs, f_dyn over disks."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Final
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from sain_core.config import Config, option
 from sain_core.seeding import generator
 from sain_model.network.feature_kernels import (
     GAP_AFTER,
@@ -16,44 +14,12 @@ from sain_model.network.feature_kernels import (
     RELATION_FEATURES,
     TURN_SCALE,
 )
-from sain_model.network.features import FRAMES, PUSH_FRAME, count_disk_features
 from sain_model.network.members import make_perceptron, zero_last_layer
+from sain_model.network.settings import NetworkConfig
 
 OUTPUTS = 3  # dx, dy, dtheta
-ON_PHYSICS: Final = "physics"
-ON_STATE: Final = "state"
-RESIDUALS: Final = (ON_PHYSICS, ON_STATE)  # the two readings of the paper's "residual"
 CHUNK = 512  # pushes at a time in an ensemble: what all its members make of them fits the cache
 POSITION_UNIT = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE
-
-
-@dataclass(frozen=True)
-class NetworkConfig(Config):
-    """The size of the network."""
-
-    hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
-    message: int = option(
-        32, "width of the message from one disk to another", minimum=1, maximum=1024
-    )
-    layers: int = option(2, "hidden layers of f_rel and of f_dyn", minimum=1, maximum=6)
-    features: str = option(
-        PUSH_FRAME,
-        "frame of the features: that of the push, or that of the world too",
-        choices=FRAMES,
-    )
-    residual: str = option(
-        ON_PHYSICS,
-        "what the residual is added to: the prior's prediction, or the scene before the push",
-        choices=RESIDUALS,
-    )
-    members: int = option(
-        1, "networks in the ensemble, each with weights of its own", minimum=1, maximum=64
-    )
-
-    @property
-    def disk_features(self) -> int:
-        """The number of features of each disk."""
-        return count_disk_features(self.features)
 
 
 class InteractionNetwork(nn.Module):

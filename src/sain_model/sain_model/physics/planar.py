@@ -15,8 +15,8 @@ from numpy import ndarray
 from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.history import PushHistory
+from sain_core.model_checks.response_check import answering, check_step
 from sain_core.push import TOOL_RADIUS
-from sain_core.response_check import answering, check_step
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET
 from sain_core.types import Mask, Pushes, Scalars, Scenes
 from sain_model.compute.batch_checks import check_batch

@@ -4,7 +4,7 @@ import traceback
 from collections.abc import Callable
 from dataclasses import asdict
 from time import perf_counter
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
@@ -17,14 +17,16 @@ from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
 from sain_core.ros.introspection import introspect
-from sain_core.ros.node_main import NAMESPACE, node_main
+from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import SERVICE
 from sain_core.ros.worker import Worker
 from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
 from sain_model.serving.latency import ServiceRecord
-from sain_model.serving.live import LiveModel
-from sain_model.serving.server import ModelServer, ServingConfig
+from sain_model.serving.settings import ServingConfig
+
+if TYPE_CHECKING:
+    from sain_model.serving.server import ModelServer
 
 Response = TypeVar("Response", PredictResidual.Response, Rollout.Response)
 REPORT_PERIOD = 1.0  # [s]
@@ -42,6 +44,9 @@ class ModelNode(Node):
         """Load the model and run it once."""
         super().__init__("model_node", namespace=NAMESPACE, **options)
         config = read_parameters(self, ServingConfig)
+        # PyTorch takes a second to load: a mistake in the parameters is reported before.
+        from sain_model.serving.live import LiveModel
+
         self.worker, self.loader = Worker(self, "serving"), Worker(self, "loading")
         self.live = self.worker.call(lambda: LiveModel(load_dynamics, config))
         self.prepared: ModelServer | None = None
@@ -70,7 +75,7 @@ class ModelNode(Node):
     async def _on_rollout(
         self, request: Rollout.Request, response: Rollout.Response
     ) -> Rollout.Response:
-        def work(server: ModelServer) -> None:
+        def work(server: "ModelServer") -> None:
             scene, pushes = codec.decode_rollout_request(request)
             past = codec.decode_past(request)
             predicted = server.rollout(scene, pushes, past)
@@ -85,7 +90,7 @@ class ModelNode(Node):
     async def _on_predict(
         self, request: PredictResidual.Request, response: PredictResidual.Response
     ) -> PredictResidual.Response:
-        def work(server: ModelServer) -> None:
+        def work(server: "ModelServer") -> None:
             asked, past = codec.decode_predict_request(request), codec.decode_past(request)
             residual, next_state = server.predict(*asked, past)
             response.friction = server.friction(past)
@@ -146,7 +151,7 @@ class ModelNode(Node):
         self._log_defect(error)
         return code, message
 
-    async def _answer(self, work: Callable[[ModelServer], None], response: Response) -> Response:
+    async def _answer(self, work: "Callable[[ModelServer], None]", response: Response) -> Response:
         """Do the work on the thread for it, and fill in what every answer has."""
         taken, error = perf_counter(), self._overload()
         self.record.take()
@@ -171,7 +176,7 @@ class ModelNode(Node):
             return None
         return BusyError(f"{waiting} requests are waiting already; at most {most} may")
 
-    def _compute(self, work: Callable[[ModelServer], None], response: Response) -> None:
+    def _compute(self, work: "Callable[[ModelServer], None]", response: Response) -> None:
         """Answer with the model that is served now, whatever is served when it is done."""
         begun, server = perf_counter(), self.live.current
         response.model = server.description.model
@@ -202,8 +207,3 @@ class ModelNode(Node):
         self.loader.close()
         self.worker.close()
         super().destroy_node()
-
-
-def main() -> None:
-    """Run the model's service until it is interrupted."""
-    node_main(ModelNode, "model_node")

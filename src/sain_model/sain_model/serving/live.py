@@ -4,7 +4,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from sain_core.dynamics import Dynamics
-from sain_model.serving.server import ModelServer, ServingConfig
+from sain_model.serving.server import ModelServer
+from sain_model.serving.settings import ServingConfig
 
 
 class LiveModel:

@@ -5,23 +5,23 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics, Radii, RegionModel, as_rollout
 from sain_core.errors import TooMuchWorkError
 from sain_core.history import PushHistory, informed
-from sain_core.push import check_predictable
-from sain_core.response_check import (
+from sain_core.model_checks.response_check import (
     answering,
     check_finite_answer,
     check_rollout,
     check_step,
 )
+from sain_core.push import check_predictable
 from sain_core.scene import THETA, check_scene, check_scenes, make_scene, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
-from sain_model.compute.devices import AUTO, CPU, DEVICES, choose_device
+from sain_model.compute.devices import CPU, choose_device
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.physics.planar import PlanarPrior
+from sain_model.serving.settings import ServingConfig
 
 WARM_UP_SCENE: Final = make_scene(
     np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
@@ -29,30 +29,6 @@ WARM_UP_SCENE: Final = make_scene(
 WARM_UP_PUSHES: Final = np.array([[[0.0, 0.0, 0.1]], [[0.5, 0.1, 0.05]]])  # (2, 1, 3)
 PHYSICS: Final = "physics"
 LEARNED: Final = (SainDynamics, ParameterCorrection)
-
-
-@dataclass(frozen=True)
-class ServingConfig(Config):
-    """What is served."""
-
-    model: str = option(
-        "sain", "name in the registry of models, or the path of a checkpoint", live=True
-    )
-    device: str = option(
-        AUTO, "what the network runs on; auto: a GPU where there is one", choices=DEVICES
-    )
-    max_work: int = option(
-        2_000_000, "largest samples x horizon x disks of a request", minimum=1, maximum=2**40
-    )
-    max_disks: int = option(
-        32, "most disks of a scene: pairs grow with the square", minimum=2, maximum=1024
-    )
-    max_queue: int = option(1000, "requests that may wait; further ones are refused", minimum=1)
-    service_introspection: str = option(
-        "disabled",
-        "publish what is asked of services and answered: not, when and by whom, or all of it",
-        choices=("disabled", "metadata", "contents"),
-    )
 
 
 @dataclass(frozen=True)

@@ -10,40 +10,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sain_core.config import Config, option
 from sain_core.seeding import generator
 from sain_model.compute.threads import settle_threads
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.examples import Examples, make_examples
-from sain_model.dynamics.correction_network import (
-    CorrectionEnsemble,
-    CorrectionNetwork,
-    CorrectionNetworkConfig,
-)
-from sain_model.dynamics.loss import LossConfig, mixed_loss
+from sain_model.dynamics.correction_network import CorrectionEnsemble, CorrectionNetwork
+from sain_model.dynamics.loss import mixed_loss
 from sain_model.dynamics.physics_gradient import conditioned_moves, moves
-from sain_model.network.features import WORLD_FRAME
-from sain_model.network.interaction_network import NetworkConfig
+from sain_model.network.settings import WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.training_loop import Step, TrainingLoop, cosine
+from sain_model.training.settings import CorrectionTrainingConfig, cosine
+from sain_model.training.training_loop import Step, TrainingLoop
 from sain_model.training.training_state import LossHistory
-
-
-@dataclass(frozen=True)
-class CorrectionTrainingConfig(Config):
-    """How a network that corrects parameters is trained."""
-
-    seed: int = option(0, "same seed, data and settings: same weights", minimum=0)
-    steps: int = option(3000, "steps of the optimizer in all epochs", minimum=1)
-    batch: int = option(64, "pushes in a step", minimum=1)
-    learning_rate: float = option(2e-3, "at the start; falls to 0 along a cosine", minimum=1e-7)
-    weight_decay: float = option(0.01, "of AdamW", minimum=0.0)
-    max_grad_norm: float = option(50.0, "norm to which longer gradients are cut", minimum=1e-3)
-    epochs: int = option(
-        20, "parts of the steps; validation after each chooses the best weights", minimum=1
-    )
-    network: CorrectionNetworkConfig = CorrectionNetworkConfig()
-    loss: LossConfig = LossConfig()
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,13 @@ from sain_core.scene import TARGET
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, parse_card
-from sain_model.dynamics.load import SHIPPED, card_part, load_sain, shipped_checkpoint
-from sain_model.dynamics.loss import LossConfig
+from sain_model.dynamics.load import card_part, load_sain, shipped_checkpoint
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
+from sain_model.dynamics.settings import SHIPPED, LossConfig
 from sain_model.evaluation.held_out import held_out_part
 from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
-from sain_model.training.push_training import EPISODE, NOTHING, TrainingConfig
+from sain_model.training.settings import EPISODE, NOTHING, TrainingConfig
 
 KEPT: Final = ("prior", "prior_friction", "history")  # and its network: weights fit no others
 USUAL: Final = TrainingConfig(epochs=100, batch=64, validation=0.2)

@@ -9,12 +9,14 @@ from typing import Final
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.storage import write_json
 from sain_model.data.dataset import Split, check_held_out, limit_training
-from sain_model.dynamics.sain import IDENTITY, SainDynamics
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import IDENTITY
 from sain_model.evaluation.history_errors import PLANAR_HISTORY, SAIN_HISTORY
 from sain_model.evaluation.metrics import BULLET, FLOOR, LEARNED, MEASURED, SAIN
 from sain_model.evaluation.prediction_errors import evaluate
-from sain_model.training.push_training import Trainer, TrainingConfig, prior_and_filter
+from sain_model.training.push_training import Trainer, prior_and_filter
+from sain_model.training.settings import TrainingConfig
 
 PHYSICS: Final = (BULLET, MEASURED, PLANAR_HISTORY, FLOOR)
 NETWORKS: Final = (LEARNED, SAIN, SAIN_HISTORY)

@@ -5,7 +5,7 @@ validated every 500 epochs on 20 % of the data, the best kept; 10 % in section I
 adds lambda |theta|^2. It gives neither lambda nor the scales of the loss: ours stand here.
 With 3,000 transitions an epoch is 188 steps, so that the learning rate is halved every 13 of the
 8,000 epochs and is nothing long before the first validation: either the steps are epochs, or the
-epochs are steps. See docs/training.md.
+epochs are steps. See docs/training.md. This module loads without PyTorch.
 """
 
 import argparse
@@ -15,13 +15,17 @@ from typing import Annotated, Final, Literal
 
 import tyro
 
+from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
-from sain_core.provenance import ros2_command
-from sain_model.dynamics.loss import LossConfig
-from sain_model.dynamics.rollouts import RolloutConfig
-from sain_model.training.fine_tuning import Parent
-from sain_model.training.push_training import NOTHING, TrainingConfig
-from sain_model.training.training_loop import ADAM, HALVING_EPOCHS, HALVING_STEPS, OptimizerConfig
+from sain_model.dynamics.settings import LossConfig, RolloutConfig
+from sain_model.training.settings import (
+    ADAM,
+    HALVING_EPOCHS,
+    HALVING_STEPS,
+    NOTHING,
+    OptimizerConfig,
+    TrainingConfig,
+)
 
 DEFAULT: Final = "default"
 LAMBDA: Final = 1e-6  # of equation 5, of a loss in units of 1 mm
@@ -51,66 +55,64 @@ PRESETS: Final = {
 
 
 @dataclass(frozen=True)
-class TrainCommand:
-    """What to learn from, and where to."""
+class TrainOptions(Config):
+    """Train the interaction network on the residual of a prior, or go on with a checkpoint.
 
-    dataset: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Shards *.npz or folders of them, one or more, also with different numbers of disks."""
-    out: Path
-    """Folder for checkpoint, card, loss curve and settings. Run again to go on after a stop."""
-    name: str = "sain"
-    """Name of the checkpoint."""
-    parent: Annotated[str | None, tyro.conf.arg(name="from", metavar="CHECKPOINT")] = None
-    """Go on with a checkpoint: sain (the shipped one), or a path; its settings stay."""
-    preset: Literal["default", "paper", "paper-epochs", "paper-steps"] = "default"
-    """Settings to start from: ours, or the paper's in one of its readings (docs/training.md)."""
-    tensorboard: bool = False
-    """Write the losses for TensorBoard too; needs the extra sain_model[tensorboard]."""
+    The same command continues after a stop.
+    """
+
+    dataset: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
+        "shards *.npz or folders of them, one or more, also with different numbers of disks"
+    )
+    out: Path = required("folder for checkpoint, card, loss curve and settings")
+    name: str = option("sain", "name of the checkpoint")
+    parent: Annotated[str | None, tyro.conf.arg(name="from", metavar="CHECKPOINT")] = option(
+        None, "go on with a checkpoint: sain (the shipped one), or a path; its settings stay"
+    )
+    preset: Literal["default", "paper", "paper-epochs", "paper-steps"] = option(
+        "default", "settings to start from: ours, or the paper's in one reading (docs/training.md)"
+    )
+    tensorboard: bool = option(
+        False, "write the losses for TensorBoard too; needs the extra sain_model[tensorboard]"
+    )
     training: TrainingConfig = TrainingConfig()
     rollout: RolloutConfig = RolloutConfig()
 
 
-def parse(arguments: list[str] | None = None, about: str | None = None) -> TrainCommand:
-    """Return what a command line asks for.
-
-    What it says itself goes before its preset, and before the settings of the checkpoint that it
-    goes on with.
+def train_options(arguments: list[str]) -> type[TrainOptions]:
+    """Return the options with the defaults that ``--preset`` and ``--from`` of arguments give.
 
     Raises:
-        CheckpointError: that checkpoint is not sound.
-        ConfigError: what it says contradicts the checkpoint.
+        CheckpointError: the checkpoint of ``--from`` is not sound.
     """
-    scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     scout.add_argument("--preset", default=DEFAULT)
     scout.add_argument("--from", dest="parent")
-    scouted = scout.parse_known_args(arguments)[0]
-    parent = Parent.load(scouted.parent) if scouted.parent else None
-    usual = parent.settings if parent else PRESETS.get(scouted.preset, TrainingConfig())
-    command: TrainCommand = tyro.cli(
-        make_dataclass(
-            "TrainCommand",
-            [("training", TrainingConfig, field(default=usual))],
-            bases=(TrainCommand,),
-            frozen=True,
-        ),
-        prog="train",
-        description=about,
-        args=arguments,
-        config=(tyro.conf.OmitArgPrefixes,),
+    try:
+        scouted = scout.parse_known_args(arguments)[0]
+    except argparse.ArgumentError:
+        return TrainOptions  # which reports it
+    usual = PRESETS.get(scouted.preset, TrainingConfig())
+    if scouted.parent:
+        from sain_model.training.fine_tuning import Parent  # loads PyTorch
+
+        usual = Parent.load(scouted.parent).settings
+    return make_dataclass(
+        "TrainOptions",
+        [("training", TrainingConfig, field(default=usual))],
+        bases=(TrainOptions,),
+        frozen=True,
+        namespace={"__doc__": TrainOptions.__doc__},
     )
-    if parent:
-        _check(command, parent)
-    return command
 
 
-def _check(command: TrainCommand, parent: Parent) -> None:
-    parent.check_settings(command.training)
-    if command.preset != DEFAULT:
-        raise ConfigError(f"--preset {command.preset} is for new weights; leave it or --from out")
-    if command.rollout.wanted:
+def check_parent(options: TrainOptions) -> None:
+    """Check that options do not contradict the checkpoint that they go on with.
+
+    Raises:
+        ConfigError: naming the option.
+    """
+    if options.preset != DEFAULT:
+        raise ConfigError(f"--preset {options.preset} is for new weights; leave it or --from out")
+    if options.rollout.wanted:
         raise ConfigError("--steps-ahead is for new weights; leave it or --from out")
-
-
-def command_line() -> str:
-    """Return the command line of this process."""
-    return ros2_command("sain_model", "train")

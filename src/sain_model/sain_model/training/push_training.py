@@ -1,7 +1,6 @@
 """Training on single pushes: Algorithm 1, phase II of the paper, on the residual of a prior."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -9,86 +8,23 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sain_core.config import Config, option
-from sain_core.dataset import SHARES, TEST, VALIDATION
 from sain_core.dynamics import Dynamics
 from sain_core.plugins import check_model_name
 from sain_core.seeding import generator
 from sain_model.compute.threads import settle_threads
-from sain_model.data.batches import BOOTSTRAP, ORDER, Batches
+from sain_model.data.batches import Batches
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.examples import training_examples
 from sain_model.data.friction_noise import make_filter
 from sain_model.data.mixed import MixedDataset, MixedSplit
-from sain_model.dynamics.load import PLANAR, PLANAR_PRIORS, load_prior
-from sain_model.dynamics.loss import LossConfig, mixed_loss
+from sain_model.dynamics.loss import mixed_loss
+from sain_model.dynamics.priors import load_prior
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.network.features import PUSH_FRAME
-from sain_model.network.interaction_network import (
-    InteractionNetwork,
-    NetworkConfig,
-    new_network,
-)
+from sain_model.dynamics.settings import PLANAR_PRIORS
+from sain_model.network.interaction_network import InteractionNetwork, new_network
 from sain_model.physics.friction import FrictionFilter
-from sain_model.training.training_loop import OptimizerConfig, Step, TrainingLoop
-
-NOTHING: Final = "none"
-EARLIER: Final = "earlier"
-EPISODE: Final = "episode"
-
-
-@dataclass(frozen=True)
-class TrainingConfig(Config):
-    """How a network is trained."""
-
-    seed: int = option(0, "same seed, data and settings: same weights", minimum=0)
-    epochs: int = option(40, "passes over the data", minimum=1)
-    epoch_steps: int = option(0, "steps in an epoch; 0: as many as one pass takes", minimum=0)
-    validate_every: int = option(1, "epochs from one look at validation to the next", minimum=1)
-    patience: int = option(
-        0, "stop after so many epochs without a better validation loss; 0: never", minimum=0
-    )
-    batch: int = option(128, "pushes in a step of the optimiser", minimum=1)
-    learning_rate: float = option(2e-3, "at the start", minimum=1e-7)
-    weight_decay: float = option(0.1, "of the optimiser, the paper's lambda", minimum=0.0)
-    diversity: str = option(
-        ORDER,
-        "each member of an ensemble learns from all pushes in an order of its own, or from"
-        " episodes drawn with replacement",
-        choices=(ORDER, BOOTSTRAP),
-    )
-    mirror: bool = option(True, "train on mirror images too; not with features of the world")
-    validation: float = option(
-        SHARES[VALIDATION],
-        "share of the episodes that choose the best epoch",
-        minimum=0.01,
-        maximum=0.5,
-    )
-    test: float = option(
-        SHARES[TEST],
-        "share of the episodes held out; 0: none, training and validation share all",
-        minimum=0.0,
-        maximum=0.5,
-    )
-    prior: str = option(PLANAR, "model that is corrected: a name in the registry of models")
-    history: str = option(
-        EPISODE,
-        "pushes that the friction is inferred from in training: none, the episode's earlier ones,"
-        " or all its others; only for planar priors",
-        choices=(NOTHING, EARLIER, EPISODE),
-    )
-    prior_friction: float = option(
-        0.12, "friction that the planar prior assumes", minimum=0.01, maximum=1.0
-    )
-    transitions: int = option(0, "learn from so many transitions only; 0: from all", minimum=0)
-    network: NetworkConfig = NetworkConfig()
-    loss: LossConfig = LossConfig()
-    optimizer: OptimizerConfig = OptimizerConfig()
-
-    @property
-    def mirrors(self) -> bool:
-        """Whether mirror images are learned from: a tilted table in a mirror is another table."""
-        return self.mirror and self.network.features == PUSH_FRAME
+from sain_model.training.settings import EARLIER, NOTHING, TrainingConfig
+from sain_model.training.training_loop import Step, TrainingLoop
 
 
 def prior_and_filter(

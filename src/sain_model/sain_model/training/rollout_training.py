@@ -14,11 +14,12 @@ from sain_core.seeding import generator
 from sain_model.compute.threads import one_numba_thread
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.windows import Windows, make_windows
-from sain_model.dynamics.rollouts import PushFrictions, RolloutConfig, roll, rollout_loss
+from sain_model.dynamics.rollouts import PushFrictions, roll, rollout_loss
+from sain_model.dynamics.settings import RolloutConfig
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.friction import FrictionFilter
-from sain_model.training.push_training import TrainingConfig
-from sain_model.training.training_loop import Step, TrainingLoop, cosine
+from sain_model.training.settings import TrainingConfig, cosine
+from sain_model.training.training_loop import Step, TrainingLoop
 from sain_model.training.training_state import LossHistory
 
 

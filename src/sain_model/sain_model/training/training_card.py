@@ -6,14 +6,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from sain_core.provenance import processor, system, versions
+from sain_core.provenance import processor, ros2_command, system, versions
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.dynamics.checkpoint import ModelCard
-from sain_model.dynamics.load import prior_settings
+from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.training.fine_tuning import Parent
-from sain_model.training.options import TrainCommand, command_line
+from sain_model.training.options import TrainOptions
 from sain_model.training.training_state import LossHistory
 
 PACKAGES: Final = ("sain_model", "torch", "numpy", "numba", "scipy", "safetensors")
@@ -37,7 +37,7 @@ class Learned:
 
 
 def make_card(
-    command: TrainCommand,
+    command: TrainOptions,
     data: Dataset | MixedDataset,
     split: Split | MixedSplit,
     learned: Learned,
@@ -67,7 +67,7 @@ def make_card(
         training=training,
         errors=errors,
         versions=environment(),
-        command=command_line(),
+        command=ros2_command("sain_model", "train"),
         parent=learned.parent.about if learned.parent else None,
     )
 
@@ -88,12 +88,12 @@ def environment() -> dict[str, str]:
     return {**versions(*PACKAGES), "system": system(), "processor": processor()}
 
 
-def settings_text(command: TrainCommand, data: Dataset | MixedDataset) -> str:
+def settings_text(command: TrainOptions, data: Dataset | MixedDataset) -> str:
     """Return what is to be done with what, as it stands beside the checkpoint from the start."""
     settings = {
         **asdict(command),
         "data_sha256": data.sha256,
         "environment": environment(),
-        "command": command_line(),
+        "command": ros2_command("sain_model", "train"),
     }
     return json.dumps(settings, indent=2, default=str) + "\n"

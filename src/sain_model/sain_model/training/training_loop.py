@@ -6,59 +6,14 @@ What is learned is a subclass: it gives the steps of an epoch and the loss of a 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-from sain_core.config import Config, option
 from sain_model.compute.threads import settle_threads
 from sain_model.training.training_state import LossHistory, TrainingState
-
-ADAMW: Final = "adamw"
-ADAM: Final = "adam"
-COSINE: Final = "cosine"
-HALVING_STEPS: Final = "halving_steps"
-HALVING_EPOCHS: Final = "halving_epochs"
-
-
-@dataclass(frozen=True)
-class OptimizerConfig(Config):
-    """The optimizer, and how its learning rate falls."""
-
-    optimizer: str = option(
-        ADAMW,
-        "adamw shrinks weights apart from the loss; adam adds equation 5's L2 term to it, with"
-        " lambda half of weight_decay",
-        choices=(ADAMW, ADAM),
-    )
-    schedule: str = option(
-        COSINE,
-        "the learning rate falls along a cosine to 0, or by half every so many steps or epochs",
-        choices=(COSINE, HALVING_STEPS, HALVING_EPOCHS),
-    )
-    halving: int = option(2500, "steps or epochs after which it is halved", minimum=1)
-
-    def rate(self, epoch: int, epochs: int, step: int) -> float:
-        """Return the share of the first learning rate, at an epoch of so many and a step."""
-        if self.schedule == COSINE:
-            return cosine(epoch, epochs)
-        done = step if self.schedule == HALVING_STEPS else epoch
-        return float(0.5 ** (done // self.halving))
-
-    def make(
-        self, parameters: Iterable[Tensor], rate: float, weight_decay: float
-    ) -> torch.optim.Optimizer:
-        """Return the optimizer of these parameters."""
-        kind = torch.optim.AdamW if self.optimizer == ADAMW else torch.optim.Adam
-        return kind(parameters, rate, weight_decay=weight_decay)
-
-
-def cosine(done: int, total: int) -> float:
-    """Return the share of the first learning rate when so much of a training is done."""
-    return 0.5 * (1.0 + math.cos(math.pi * done / total))
 
 
 class Step(NamedTuple):

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 from sain_core.dynamics import RolloutModel
 from sain_core.errors import CancelledError, SainError
-from sain_core.history import PushHistory
 from sain_core.push import push_ids
 from sain_core.scene import check_on_table
 from sain_core.seeding import generator
@@ -64,7 +63,8 @@ class Agent:
         Raises:
             InvalidInputError: it cannot be; nothing is learned from it.
         """
-        self._memory.add(episode_id, scene, push, next_scene)
+        if self._config.history:
+            self._memory.add(episode_id, scene, push, next_scene)
 
     def answered(self, push_id: int, code: int) -> bool:
         """Take note that a push was executed (OK) or refused; tell if an own one was refused.
@@ -80,7 +80,7 @@ class Agent:
         goal or scene is past.
         """
         if self._running is not None:
-            if not self._tracker.wants(self._running):
+            if not self._tracker.is_current(self._running):
                 self._running.cancelled.set()
             return None
         job = self._tracker.next_job()
@@ -88,7 +88,8 @@ class Agent:
             return None
         if stop := self._tracker.stop(job):
             return stop
-        self._running = replace(job, history=self._history(job.view))
+        past = self._memory.of(job.view.episode_id, len(job.view.scene))
+        self._running = replace(job, history=past)
         return self._running
 
     def decide(self, job: PlanJob) -> PushDecision | Stop | None:
@@ -110,7 +111,7 @@ class Agent:
         None: it is no longer wanted, and there is nothing to send.
         """
         job, self._running = self._running, None
-        if decision is None or job is None or not self._tracker.wants(job):
+        if decision is None or job is None or not self._tracker.is_current(job):
             return None
         if isinstance(decision, PushDecision):
             decision = replace(decision, push_id=next(self._push_ids))
@@ -134,11 +135,6 @@ class Agent:
         running = self._running
         if running is not None:
             running.cancelled.set()
-
-    def _history(self, view: View) -> PushHistory:
-        if not self._config.history:
-            return PushHistory.empty(len(view.scene))
-        return self._memory.of(view.episode_id, len(view.scene))
 
 
 def planning_agent(model: RolloutModel, physics: RolloutModel, config: AgentConfig) -> Agent:

@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 from sain_core.dynamics import Radii, RegionModel, RolloutModel
 from sain_core.errors import CancelledError, SainError
 from sain_core.history import PushHistory, informed_rollout
-from sain_core.response_check import check_finite_answer, check_rollout
+from sain_core.model_checks.response_check import check_finite_answer, check_rollout
 from sain_core.types import PredictedScenes, PushSequences, Scene
 
 logger = logging.getLogger(__name__)
@@ -23,11 +23,10 @@ class Impatient(Protocol):
 
 
 class FallbackRollout:
-    """Asks a model; once it fails, asks physics instead, until the next plan begins.
+    """Predicts with a model; once it fails, with physics, until the next plan begins.
 
-    A model fails when it raises, is late (its own matter: it raises), predicts NaN or Inf, or
-    answers something else than it was asked.
-    Within one plan there is no way back, so that a silent model is waited for only once.
+    A model fails when it raises, is late (it raises then), predicts NaN or Inf, or predicts for
+    another scene. Within one plan there is no way back: a silent model delays a plan only once.
     """
 
     def __init__(self, model: RolloutModel, physics: RolloutModel) -> None:
@@ -44,7 +43,7 @@ class FallbackRollout:
     ) -> None:
         """Begin a new plan: the model gets another chance.
 
-        Physics learns from the history when it is asked: inferring a friction takes time.
+        Physics learns from the history when it is first used: inferring a friction takes time.
 
         Args:
             history: the episode's earlier pushes, which model and physics learn from.

@@ -117,7 +117,7 @@ class GoalTracker:
             return Stop(task, StopReason.FAILED, job, error)
         return None
 
-    def wants(self, job: PlanJob) -> bool:
+    def is_current(self, job: PlanJob) -> bool:
         """Tell whether a job is still about the current goal and scene."""
         return self.task is job.task and self.view is not None and self.view.key == job.view.key
 

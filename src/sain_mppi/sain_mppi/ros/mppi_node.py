@@ -15,7 +15,7 @@ from sain_core.errors import ErrorCode, SainError
 from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
-from sain_core.ros.node_main import NAMESPACE, node_main
+from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
@@ -143,8 +143,3 @@ class MppiNode(Node):
         self.agent.cancel()
         self.worker.close()
         super().destroy_node()
-
-
-def main() -> None:
-    """Run the planner until it is interrupted."""
-    node_main(MppiNode, "mppi_node")

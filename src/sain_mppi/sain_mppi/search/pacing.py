@@ -10,7 +10,7 @@ RESERVE: Final = 0.004  # [s] before the deadline, for what comes after the sear
 
 
 class Pacing:
-    """Knows how long sequences take, and how long an algorithm takes between its rounds."""
+    """Measures how long sequences take, and how long an algorithm takes between its rounds."""
 
     def __init__(self, deadline: float | None) -> None:
         """Keep this `time.monotonic`; None: there is no hurry."""

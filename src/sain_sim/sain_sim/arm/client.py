@@ -27,10 +27,6 @@ def silence_stderr() -> Iterator[None]:
         os.close(nowhere)
 
 
-with silence_stderr():
-    import pybullet
-
-
 class Client:
     """A physics server of our own: ``client.stepSimulation()`` steps this one and no other."""
 
@@ -43,13 +39,17 @@ class Client:
         """
         if gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
             raise ConfigError("gui is true but DISPLAY is not set: there is no screen to show it")
+        with silence_stderr():
+            import pybullet  # here, so that settings and help load without it
+
+        self._pybullet = pybullet
         self.id = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
         if self.id < 0:
             raise SainError("PyBullet refused a connection")
 
     def __getattr__(self, name: str) -> Any:
         """Return PyBullet's function of this name bound to this client, or its constant."""
-        value = getattr(pybullet, name)
+        value = getattr(self._pybullet, name)
         if callable(value):
             value = functools.partial(value, physicsClientId=self.id)
         self.__dict__[name] = value
@@ -58,7 +58,7 @@ class Client:
     def close(self) -> None:
         """Disconnect; doing it twice is fine."""
         if self.id >= 0:
-            pybullet.disconnect(physicsClientId=self.id)
+            self._pybullet.disconnect(physicsClientId=self.id)
             self.id = -1
 
 

@@ -1,10 +1,8 @@
 """``ros2 run sain_sim collect``: a training set from the randomised or the rough world."""
 
 import logging
-import sys
 import time
 
-import tyro
 from rich.console import Console
 from rich.logging import RichHandler
 from rich.markup import escape
@@ -17,41 +15,25 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from sain_core.errors import SainError
 from sain_sim.collecting.collect import CollectConfig, Collected, collect
 from sain_sim.collecting.push_counts import PushCounts
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Collect transitions into a folder of shards; run it again to go on after a stop."""
+def run(config: CollectConfig, _: Console) -> None:
+    """Collect, and print what was collected."""
     console = Console(stderr=True)
-    config = tyro.cli(
-        CollectConfig,
-        prog="collect",
-        description=main.__doc__,
-        args=arguments,
-        config=(tyro.conf.OmitArgPrefixes,),
-    )
     logging.basicConfig(
         level=logging.WARNING,
         format="%(message)s",
         handlers=[RichHandler(console=console, show_path=False, show_time=False)],
     )
     begun = time.perf_counter()
-    try:
-        done = _collect_with_bar(config, console)
-    except SainError as error:
-        console.print(f"[red]error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
-        return 1
-    except KeyboardInterrupt:
-        console.print("stopped; the same command goes on from the last whole shard")
-        return 130
+    done = _collect_with_bar(config, console)
     minutes = (time.perf_counter() - begun) / 60
     folder = escape(str(config.out))
     console.print(f"{done.transitions} transitions in {folder} ({minutes:.1f} min)")
     for line in account(done.counts, config):
         console.print(line, highlight=False, soft_wrap=True)
-    return 0
 
 
 def account(counts: PushCounts, config: CollectConfig) -> list[str]:
@@ -93,7 +75,3 @@ def _collect_with_bar(config: CollectConfig, console: Console) -> Collected:
             bar.update(task, completed=episodes, transitions=transitions)
 
         return collect(config, advance)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

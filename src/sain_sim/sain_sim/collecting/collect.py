@@ -37,9 +37,12 @@ Progress = Callable[[int, int], None]  # episodes done, transitions so far
 
 @dataclass(frozen=True)
 class CollectConfig(Config):
-    """What to collect, and where to."""
+    """Collect transitions from the randomised or the rough world into a folder of shards.
 
-    out: Path = Path("data")
+    The same command continues after a stop, and ends with the same bytes.
+    """
+
+    out: Path = option(Path("data"), "folder for the shards")
     episodes: int = option(5000, "number of episodes", minimum=1)
     seed: int = option(0, "same seed, same bytes", minimum=0)
     workers: int = option(1, "processes that run episodes", minimum=1, maximum=4096)

@@ -168,11 +168,11 @@ class EpisodeRunner:
             Column.DURATION: outcome.duration,
         }
         rough = parameters.roughness.arrays()
-        return (
-            row
-            | shape_marks(parameters.shapes)
-            | {f"{ROUGH}{name}": value for name, value in rough.items()}
-        )
+        return {
+            **row,
+            **shape_marks(parameters.shapes),
+            **{f"{ROUGH}{name}": value for name, value in rough.items()},
+        }
 
     def close(self) -> None:
         """Let go of the worlds."""

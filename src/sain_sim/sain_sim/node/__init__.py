@@ -1,1 +1,1 @@
-"""All that a simulator node calls, without ROS. May import `world`."""
+"""The simulator without ROS: worlds, ids, time. May import `world`."""

@@ -1,4 +1,4 @@
-"""What is seen in a picture: a table, disks whose turn shows, and a ring about a goal."""
+"""The contents of a picture: a table, disks with a mark of their heading, a ring about a goal."""
 
 from typing import Any, Final
 

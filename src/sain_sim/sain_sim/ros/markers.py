@@ -1,4 +1,4 @@
-"""What RViz and other viewers draw: table, disks, tool, labels."""
+"""Markers of table, disks, tool and labels for RViz and other viewers."""
 
 from typing import Final
 
@@ -31,7 +31,7 @@ LABELS: Final = ("mid", "target")
 def scene_markers(
     sample: Sample, shapes: tuple[str, ...], table: Table, stamp: Time
 ) -> MarkerArray:
-    """Return markers of the world as it is, each with an id that stays its own."""
+    """Return markers of the world as it is; ids are constant."""
     array = MarkerArray(markers=[_table(table, stamp), _tool(sample, stamp)])
     for disk, (row, shape) in enumerate(zip(sample.scene.tolist(), shapes, strict=True)):
         array.markers += [_disk(disk, row, get_shape(shape), stamp), _label(disk, row, stamp)]

@@ -1,6 +1,7 @@
 """The simulator node: executes pushes, one at a time, and publishes each result."""
 
 from concurrent.futures import Future
+from time import monotonic
 from typing import Any
 
 from rclpy.node import Node
@@ -9,7 +10,7 @@ from sain_core.errors import BusyError, CancelledError, ErrorCode, SainError, er
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.introspection import introspect
-from sain_core.ros.node_main import NAMESPACE, node_main
+from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.peers import publisher_count, refuse_peers
 from sain_core.ros.qos import RELIABLE
@@ -31,12 +32,14 @@ class SimNode(Node):
         """Build the worlds and start the first episode."""
         super().__init__("sim_node", namespace=NAMESPACE, **options)
         config = read_parameters(self, SimulatorConfig)
-        refuse_peers(self, ("scene", "/clock"), config.peer_wait)
+        joined = monotonic()
         self._closing = False
         self.session = Session()
         self.pacer = Pacer(config.real_time_factor)
         self.worker = Worker(self, "physics")
         self.simulator = self.worker.call(lambda: Simulator(config, self.pacer))
+        # Peers have the time to be discovered while the worlds are built.
+        refuse_peers(self, ("scene", "/clock"), config.peer_wait - (monotonic() - joined))
         self.publishing = Publishing(self, self.simulator, self.session)
         self.diagnostics = Diagnostics(self)
         self.counts = {"executed": 0, "refused": 0}
@@ -153,8 +156,3 @@ class SimNode(Node):
         self._closing = True
         self.worker.close(last=self.simulator.close)
         super().destroy_node()
-
-
-def main() -> None:
-    """Run the simulator until it is interrupted."""
-    node_main(SimNode, "sim_node")

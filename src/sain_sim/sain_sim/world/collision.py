@@ -1,4 +1,4 @@
-"""What of a body touches tool, table and other bodies, made of Bullet's primitives.
+"""The collision geometry of bodies, made of Bullet's primitives.
 
 A body on feet touches others with a narrow rim at half its height: the height of a contact decides
 how the feet share the load, and must not be left to rounding. A core of full height, a little

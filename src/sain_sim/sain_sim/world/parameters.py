@@ -1,4 +1,4 @@
-"""What differs from world to world: masses, radii, shapes and friction.
+"""The parameters of a world: masses, radii, shapes and friction.
 
 Numbers from the paper, section III-A; it gives one friction coefficient and we read it as the
 one between disks and table. Rims and tool keep its nominal value.

@@ -12,9 +12,10 @@ os.environ["HF_HUB_OFFLINE"] = "1"  # before the libraries are imported: nothing
 
 from sain_bags.dataset.conversion import ConversionConfig, convert
 from sain_bags.dataset.formats import MADE
+from tests.paths import ROOT
 from tests.sain_bags.driven import Drive
 
-DOCS = Path(__file__).resolve().parents[4] / "docs"
+DOCS = ROOT / "docs"
 EXAMPLES = re.findall(r"```python\n(.*?)```", (DOCS / "formats.md").read_text(), re.DOTALL)
 
 

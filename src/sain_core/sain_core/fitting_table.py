@@ -1,0 +1,75 @@
+"""A table for terminals and pipes that never cuts a number."""
+
+import os
+from collections.abc import Iterator
+from textwrap import wrap
+
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions
+from rich.text import Text
+
+GAP = "  "
+
+
+class FittingTable:
+    """Aligned columns where they fit the terminal; otherwise each row as ``name: value`` pairs.
+
+    Print it with ``console.print(table, soft_wrap=True)``. In a pipe a row is always one line,
+    unless COLUMNS says how wide lines may be.
+    """
+
+    def __init__(self, title: str = "") -> None:
+        """Begin without columns."""
+        self._title = title
+        self._names: list[str] = []
+        self._right: list[bool] = []
+        self._rows: list[list[Text]] = []
+
+    def add_column(self, name: str, justify: str = "left") -> None:
+        """Add a column: "left" for text, "right" for numbers."""
+        self._names.append(name)
+        self._right.append(justify == "right")
+
+    def add_row(self, *cells: str | Text) -> None:
+        """Add a row of as many cells as there are columns."""
+        assert len(cells) == len(self._names)
+        self._rows.append([cell if isinstance(cell, Text) else Text(cell) for cell in cells])
+
+    def __rich_console__(self, console: Console, _: ConsoleOptions) -> Iterator[Text]:
+        """Yield the lines."""
+        limited = console.is_terminal or "COLUMNS" in os.environ
+        if self._title:
+            lines = wrap(self._title, console.width) if limited else [self._title]
+            yield from (Text(line, style="italic") for line in lines)
+        columns = zip(self._names, *(map(str, row) for row in self._rows), strict=True)
+        widths = [max(map(cell_len, column)) for column in columns]
+        if limited and sum(widths) + len(GAP) * (len(widths) - 1) > console.width:
+            for row in self._rows:
+                yield from self._pairs(row, console.width)
+            return
+        yield self._line([Text(name, style="dim") for name in self._names], widths)
+        for row in self._rows:
+            yield self._line(row, widths)
+
+    def _line(self, cells: list[Text], widths: list[int]) -> Text:
+        padded = []
+        for cell, width, right in zip(cells, widths, self._right, strict=True):
+            space = " " * (width - cell.cell_len)
+            padded.append(Text.assemble(space, cell) if right else Text.assemble(cell, space))
+        line = Text(GAP).join(padded)
+        line.rstrip()
+        return line
+
+    def _pairs(self, row: list[Text], width: int) -> Iterator[Text]:
+        """Yield a row: its first cell, and below it the others, as many in a line as fit."""
+        names = self._names
+        start = row[0] if not self._right[0] else Text.assemble(f"{names[0]} ", row[0])
+        yield Text.assemble(start, style="bold")
+        line = Text()
+        for name, cell in zip(names[1:], row[1:], strict=True):
+            pair = Text.assemble((f"{name}: " if name else "", "dim"), cell)
+            if line and line.cell_len + pair.cell_len + 2 * len(GAP) > width:
+                yield Text.assemble(GAP, line)
+                line = Text()
+            line = Text.assemble(line, GAP if line else "", pair)
+        yield Text.assemble(GAP, line)

@@ -1,0 +1,131 @@
+"""Whether a dynamics keeps the contract of docs/your_model.md: for the tests of a model's package.
+
+from sain_core.model_checks.conformance import check_dynamics
+check_dynamics(load("my_model"))
+"""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from sain_core.dynamics import Dynamics, RegionModel, RolloutModel, StepwiseRollout
+from sain_core.errors import ModelUnavailableError, SainError
+from sain_core.history import LearningDynamics, PushHistory
+from sain_core.model_checks.response_check import check_rollout, check_step
+from sain_core.push import LENGTH, PushLimits
+from sain_core.scene import POSE, THETA, is_settled, make_scene, unit, wrap_angle
+from sain_core.types import Pushes, Scenes
+
+TOLERANCE: Final = 1e-5  # [m, rad], between a batch and its single pushes, rollout and steps
+PUSHES: Final = 12
+HORIZON: Final = 3
+
+
+def check_dynamics(dynamics: Dynamics, disks: tuple[int, ...] = (2, 3)) -> None:
+    """Check that a dynamics keeps the contract, by predictions of random pushes.
+
+    Args:
+        dynamics: the model.
+        disks: how many disks the scenes have; a model that takes two only is checked with (2,).
+
+    Raises:
+        ModelUnavailableError: naming all that it does not keep.
+    """
+    broken = [line for count in disks for line in violations(dynamics, count)]
+    if broken:
+        text = "".join(f"\n  * {line}" for line in dict.fromkeys(broken))
+        raise ModelUnavailableError(f"{type(dynamics).__name__} does not keep the contract:{text}")
+
+
+def violations(dynamics: Dynamics, disks: int = 2) -> list[str]:
+    """Return one sentence for each part of the contract that a dynamics does not keep."""
+    scenes, pushes = sample_pushes(PUSHES, disks)
+    try:
+        predicted = check_step(dynamics.step(scenes.copy(), pushes.copy()), scenes, "step")
+        found = list(_step_violations(dynamics, scenes, pushes, predicted))
+        if isinstance(dynamics, RolloutModel):
+            found += _rollout_violations(dynamics, dynamics, scenes, pushes)
+        if isinstance(dynamics, LearningDynamics):
+            found += _history_violations(dynamics, scenes, pushes, predicted)
+    except SainError as error:
+        return [f"{disks} disks: {error}"]
+    return [f"{disks} disks: {line}" for line in found]
+
+
+def sample_pushes(count: int, disks: int, seed: int = 0) -> tuple[Scenes, Pushes]:
+    """Return settled scenes (count, N, 8) of a mid disk with others about it, and pushes.
+
+    Masses and radii all differ, so that an exchange of two disks shows. The last push has no
+    length.
+    """
+    random = np.random.default_rng(seed)
+    masses, radii = 7.5 + 0.25 * np.arange(disks), 0.080 - 0.004 * np.arange(disks)
+    scenes = []
+    for bearing in random.uniform(-np.pi, np.pi, count):
+        about = bearing + 2.0 * np.pi * np.arange(disks - 1) / max(disks - 1, 1)
+        apart = (radii[0] + radii[1:] + 0.002 + 0.25 * (disks > 4))[:, None]
+        middle = np.array([[0.5, 0.0]])
+        places = np.concatenate([middle, middle + apart * unit(about)])
+        scenes.append(make_scene(places, masses, radii, random.uniform(-3.0, 3.0, disks)))
+    pushes = PushLimits().sample(random, count)
+    pushes[-1, LENGTH] = 0.0
+    return np.stack(scenes), pushes
+
+
+def _step_violations(
+    dynamics: Dynamics, scenes: Scenes, pushes: Pushes, predicted: Scenes
+) -> Iterator[str]:
+    if predicted.dtype != np.float64:
+        yield f"step returns {predicted.dtype}; it must return float64"
+    if not is_settled(predicted).all():
+        yield "step predicts disks that still move; a prediction is a settled scene"
+    if not np.array_equal(predicted[-1], scenes[-1]):
+        yield "step changes the scene of a push of length 0; every bit must stay"
+    given = scenes.copy(), pushes.copy()
+    again = dynamics.step(*given)
+    if not np.array_equal(again, predicted):
+        yield "step predicts something else when asked again; it must be deterministic"
+    if not (np.array_equal(given[0], scenes) and np.array_equal(given[1], pushes)):
+        yield "step changes its arguments; it must leave them as they are"
+    alone = np.concatenate([dynamics.step(scenes[[i]], pushes[[i]]) for i in range(len(pushes))])
+    if _apart(alone, predicted) > TOLERANCE:
+        yield "step predicts something else for a push alone than in a batch"
+
+
+def _rollout_violations(
+    dynamics: Dynamics, model: RolloutModel, scenes: Scenes, pushes: Pushes
+) -> Iterator[str]:
+    sequences = pushes.reshape(-1, HORIZON, pushes.shape[-1])
+    scene = scenes[0]
+    predicted = check_rollout(model.rollout(scene, sequences), scene, sequences, "rollout")
+    expected = StepwiseRollout(dynamics).rollout(scene, sequences)
+    carries = hasattr(dynamics, "roll_out")  # more than the scene: steps cannot show it
+    if not carries and _apart(predicted, expected) > TOLERANCE:
+        yield "rollout predicts something else than step, push after push"
+    if isinstance(model, RegionModel):
+        radii = model.regions(scene, sequences, predicted)
+        if radii is not None and (radii.shape != predicted.shape[:3] or not (radii >= 0.0).all()):
+            yield "regions returns radii that are negative, NaN or not of shape (K, H, N)"
+
+
+def _history_violations(
+    dynamics: LearningDynamics, scenes: Scenes, pushes: Pushes, predicted: Scenes
+) -> Iterator[str]:
+    disks = scenes.shape[1]
+    usual = dynamics.with_history(PushHistory.empty(disks)).step(scenes, pushes)
+    if not np.array_equal(usual, predicted):
+        yield "with_history without pushes predicts something else than the model itself"
+    learned = dynamics.with_history(PushHistory(scenes[:2], pushes[:2], predicted[:2]))
+    check_step(learned.step(scenes, pushes), scenes, "step after with_history")
+    if isinstance(dynamics, Dynamics) and not np.array_equal(
+        dynamics.step(scenes, pushes), predicted
+    ):
+        yield "with_history changes the model itself; it must return another one"
+
+
+def _apart(ones: Scenes, others: Scenes) -> float:
+    """Return the largest difference of two poses [m, rad]."""
+    difference = (ones - others)[..., POSE]
+    difference[..., THETA] = wrap_angle(difference[..., THETA])
+    return float(np.abs(difference).max())

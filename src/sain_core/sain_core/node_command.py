@@ -1,0 +1,128 @@
+"""The entry point of a node: its help, and its arguments checked before anything is imported."""
+
+import dataclasses
+import os
+import shutil
+import sys
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any, Final
+
+from sain_core.command_line import (
+    INTERRUPTED,
+    WRONG_USAGE,
+    load,
+    silent_interrupts,
+    split_ros_arguments,
+)
+from sain_core.config import Config, describe_values, show_value
+
+WIDEST: Final = 100  # columns of the help
+
+
+@dataclass(frozen=True)
+class NodeCommand:
+    """The entry point of a node's executable.
+
+    Attributes:
+        name: package and executable, as after ``ros2 run``.
+        about: what the node does.
+        node: ``module:name`` of its class.
+        settings: ``module:name`` of the `Config` that its parameters are made from.
+        publishes, subscribes, offers, calls: names of its topics and services.
+        example: a parameter in the help's example, as ``name:=value``.
+    """
+
+    name: str
+    about: str
+    node: str
+    settings: str
+    publishes: tuple[str, ...]
+    subscribes: tuple[str, ...] = ()
+    offers: tuple[str, ...] = ()
+    calls: tuple[str, ...] = ()
+    example: str = ""
+
+    def __call__(self, arguments: list[str] | None = None) -> int:
+        """Run the node with these arguments, or those of the process, until it is interrupted."""
+        given = sys.argv[1:] if arguments is None else arguments
+        own, _ = split_ros_arguments(given)
+        with silent_interrupts(arguments is None):
+            if "--help" in own or "-h" in own:
+                sys.stdout.write("\n".join(self.help()) + "\n")
+                return 0
+            if own:
+                sys.stderr.write(f"{self.name.split()[1]}: {self._problem(own)}\n")
+                return WRONG_USAGE
+            from sain_core.ros.node_main import node_main
+
+            node = load(self.node)
+        try:
+            node_main(node, self.name.split()[1])
+        except KeyboardInterrupt:
+            os._exit(INTERRUPTED)
+
+    def help(self) -> Iterator[str]:
+        """Yield the lines of the help."""
+        width = min(shutil.get_terminal_size().columns, WIDEST)
+        yield f"usage: ros2 run {self.name} [--help] [--ros-args -p NAME:=VALUE ...]"
+        yield ""
+        yield from textwrap.wrap(self.about, width)
+        yield ""
+        for title in ("publishes", "subscribes", "offers", "calls"):
+            if names := getattr(self, title):
+                start = f"{title + ':':12}"
+                yield from textwrap.wrap(
+                    ", ".join(names),
+                    width,
+                    initial_indent=start,
+                    subsequent_indent=" " * len(start),
+                    break_long_words=False,
+                )
+        yield ""
+        yield "parameters:"
+        for name, default, allowed, meaning in describe_parameters(load(self.settings)()):
+            yield f"  {name}"
+            notes = f"{meaning} (" + "; ".join(filter(None, (allowed, f"default: {default}"))) + ")"
+            indent = " " * 6
+            yield from textwrap.wrap(
+                notes,
+                width,
+                initial_indent=indent,
+                subsequent_indent=indent,
+                break_long_words=False,
+            )
+        yield ""
+        yield "example:"
+        yield f"  ros2 run {self.name} --ros-args -p {self.example}"
+
+    def _problem(self, own: list[str]) -> str:
+        word, _, value = own[0].partition("=")
+        names = [row[0] for row in describe_parameters(load(self.settings)())]
+        near = get_close_matches(word.lstrip("-").replace("-", "_"), names, n=1)
+        name = near[0] if near else "NAME"
+        value = value or next((other for other in own[1:2] if not other.startswith("-")), "VALUE")
+        return (
+            f"unknown argument {word!r}; allowed are --help and --ros-args. Parameters are given as"
+            f" --ros-args -p {name}:={value if near else 'VALUE'}"
+        )
+
+
+def describe_parameters(settings: Config, prefix: str = "") -> list[tuple[str, str, str, str]]:
+    """Return name, default, allowed values and meaning of each parameter."""
+    found: list[tuple[str, str, str, str]] = []
+    for item in dataclasses.fields(settings):
+        value: Any = getattr(settings, item.name)
+        if isinstance(value, Config):
+            found += describe_parameters(value, f"{prefix}{item.name}.")
+            continue
+        about = item.metadata
+        allowed = describe_values(about)
+        allowed += f" {about['unit']}" if allowed and about.get("unit") else ""
+        meaning = about.get("description", "")
+        meaning = f"live: {meaning}" if about.get("live") else meaning
+        default = " ".join(filter(None, (show_value(value), about.get("unit"))))
+        found.append((prefix + item.name, default, allowed, meaning))
+    return found

@@ -1,0 +1,138 @@
+"""Options of this package's commands; they load without PyTorch and PyBullet."""
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Final
+
+import tyro
+
+from sain_core.config import Config, option, required
+from sain_core.errors import ConfigError
+from sain_eval.calibration_settings import CalibrationConfig
+from sain_eval.scenes.scenarios import SCENARIOS
+from sain_mppi.loop.settings import AgentConfig
+from sain_mppi.search.config import PlannerConfig
+from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
+
+PAPER_SCENARIOS: Final = "paper,paper_shift,paper_cube"
+PAPER_CONTROLLERS: Final = "null,straight,random,planar,sain"
+PAPER_TOLERANCES: Final = "0.05,0.02,0.01,0.005"
+PAPER_SCENES: Final = 40  # paper Table I
+
+
+@dataclass(frozen=True)
+class EvaluateOptions(Config):
+    """Let controllers solve seeded scenes in the simulated world and report how often they do.
+
+    All controllers get the same scenes. A run that was stopped goes on where it was when the
+    same command is given again.
+    """
+
+    out: Path = option(
+        Path("results/evaluation"),
+        "folder for results.json, table.md, episodes.jsonl and pictures; made if need be",
+    )
+    scenario: str = option("anywhere", f"one or more, with commas, of {', '.join(SCENARIOS)}")
+    scenes: int = option(40, "scenes of each scenario", minimum=1)
+    seed: int = option(0, "seed of the first scene; the next scenes have the next seeds", minimum=0)
+    controllers: str = option(
+        "null,straight,planar",
+        "with commas: null, straight, random, oracle, or a model that MPPI plans with: planar,"
+        " planar_axes, identity, sain or the path of a checkpoint",
+    )
+    tolerances: str = option(
+        "0.05,0.02",
+        "distances from the goal that count as success, with commas; an episode ends at the"
+        " smallest",
+        unit="m",
+    )
+    history: bool = option(True, "models infer the friction from earlier pushes of the episode")
+    workers: int = option(
+        1,
+        "processes that run episodes; planning times grow when there are more than cores",
+        minimum=1,
+        maximum=256,
+    )
+    pictures: int = option(0, "episodes of each scenario and controller to draw", minimum=0)
+    table: bool = option(
+        False,
+        "make the paper's table: its three scenarios, baselines, planar and sain, four tolerances;"
+        " --scenario, --controllers and --tolerances have no effect",
+    )
+    truth: Annotated[TruthConfig, tyro.conf.arg(name="")] = RANDOMISED_TRUTH
+    planner: Annotated[PlannerConfig, tyro.conf.arg(help="How MPPI plans.")] = field(
+        default_factory=PlannerConfig
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that every scenario and tolerance is one."""
+        super().__post_init__()
+        for name in self.scenario_names:
+            if name not in SCENARIOS:
+                raise ConfigError(f"--scenario is {name!r}; allowed: {', '.join(SCENARIOS)}")
+        for tolerance in self.tolerance_values:
+            if not 0.0 < tolerance <= 1.0:
+                raise ConfigError(f"--tolerances has {tolerance} m; allowed: above 0, at most 1 m")
+
+    @property
+    def scenario_names(self) -> tuple[str, ...]:
+        """The scenarios to run."""
+        return _split(PAPER_SCENARIOS if self.table else self.scenario, "scenario")
+
+    @property
+    def controller_names(self) -> tuple[str, ...]:
+        """The controllers to run."""
+        return _split(PAPER_CONTROLLERS if self.table else self.controllers, "controllers")
+
+    @property
+    def tolerance_values(self) -> tuple[float, ...]:
+        """The tolerances [m], the widest first."""
+        words = _split(PAPER_TOLERANCES if self.table else self.tolerances, "tolerances")
+        try:
+            return tuple(sorted({float(word) for word in words}, reverse=True))
+        except ValueError as error:
+            raise ConfigError(
+                f"--tolerances is {self.tolerances!r}; allowed: numbers with commas"
+            ) from error
+
+    @property
+    def agent(self) -> AgentConfig:
+        """How agents decide: what is not chosen here is as in the planner's node."""
+        return AgentConfig(history=self.history, planner=self.planner)
+
+    def settings(self) -> dict[str, object]:
+        """Return what a record depends on besides scenario, seed and controller."""
+        settings: dict[str, object] = {
+            "tolerances": self.tolerance_values,
+            "planner": dataclasses.asdict(self.planner),
+            "history": self.history,
+        }
+        if self.truth != RANDOMISED_TRUTH:
+            settings["truth"] = dataclasses.asdict(self.truth)
+        return settings
+
+
+@dataclass(frozen=True)
+class CalibrateOptions(Config):
+    """Fit the planar prior's free parameters to pushes made in Bullet with the arm, and report.
+
+    Give a data set that was collected with --floor-episodes, so that the report contains the
+    floor, or none to have one collected here.
+    """
+
+    out: Path = required("folder for calibration.json and calibration.md; made if need be")
+    dataset: Annotated[Path | None, tyro.conf.Positional] = option(
+        None, "a shard *.npz or a folder of them; none: collect episodes into OUT/data first"
+    )
+    episodes: int = option(200, "episodes to collect when no data set is given", minimum=1)
+    collection_seed: int = option(1000, "seed of the collection", minimum=0)
+    workers: int = option(1, "processes that collect", minimum=1, maximum=4096)
+    fit: CalibrationConfig = CalibrationConfig()
+
+
+def _split(words: str, name: str) -> tuple[str, ...]:
+    parts = tuple(dict.fromkeys(word.strip() for word in words.split(",") if word.strip()))
+    if not parts:
+        raise ConfigError(f"--{name} is empty; at least one is needed")
+    return parts

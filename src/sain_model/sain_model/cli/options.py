@@ -1,0 +1,83 @@
+"""Options of this package's commands but `train`; they load without PyTorch."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final
+
+import tyro
+
+from sain_core.config import Config, option, required
+from sain_core.dataset import SHARES, TEST, VALIDATION
+from sain_model.dynamics.settings import PLANAR, PLANAR_AXES, STEPS
+from sain_model.training.settings import CorrectionTrainingConfig, TrainingConfig
+
+DATASET: Final = "a shard *.npz, or a folder of them"
+
+
+@dataclass(frozen=True)
+class TrainCorrectionOptions(Config):
+    """Train networks that correct the parameters of the planar prior for one laboratory.
+
+    The same command continues after a stop.
+    """
+
+    dataset: Annotated[Path, tyro.conf.Positional] = required(DATASET)
+    out: Path = required("folder for checkpoint, card and settings")
+    name: str = option("correction", "name of the checkpoint")
+    prior: str = option(
+        PLANAR_AXES, "the prior whose parameters are corrected", choices=(PLANAR, PLANAR_AXES)
+    )
+    prior_friction: float = option(
+        0.12, "friction that the prior assumes without a correction", minimum=0.01, maximum=1.0
+    )
+    transitions: int = option(0, "learn from so many transitions only; 0: from all", minimum=0)
+    validation: float = option(
+        SHARES[VALIDATION],
+        "share of the episodes that choose the best epoch",
+        minimum=0.01,
+        maximum=0.5,
+    )
+    test: float = option(SHARES[TEST], "share of the episodes held out", minimum=0.0, maximum=0.5)
+    training: CorrectionTrainingConfig = CorrectionTrainingConfig()
+
+
+@dataclass(frozen=True)
+class EvaluateModelOptions(Config):
+    """Report errors of every kind of dynamics, one push and many ahead, on episodes held out."""
+
+    dataset: Annotated[Path, tyro.conf.Positional] = required(DATASET)
+    checkpoint: Path | None = option(None, "the checkpoint; by default the shipped one")
+    learned: Path | None = option(
+        None, 'a checkpoint of kind "learned", trained with --prior identity, to compare with'
+    )
+    recurrent: Path | None = option(
+        None, 'a checkpoint of kind "recurrent", trained with --steps-ahead, to compare with'
+    )
+    baselines: Annotated[tuple[str, ...], tyro.conf.arg(aliases=["--beside"])] = option(
+        (),
+        "more models to compare with: names in the registry of models (bullet is slow), or paths of"
+        " checkpoints",
+    )
+    open_loop: tuple[int, ...] = option(
+        STEPS, "numbers of pushes after which errors of rollouts are taken; none: no rollouts"
+    )
+    out: Path = option(
+        Path("evaluation.json"), "file for the errors; a table and a picture go beside it"
+    )
+    seed: int = option(0, "seed of the bootstrap", minimum=0)
+
+
+@dataclass(frozen=True)
+class LearningCurveOptions(Config):
+    """Train on more and more transitions, with a prior and without; compare held-out errors.
+
+    The same command continues after a stop.
+    """
+
+    dataset: Annotated[Path, tyro.conf.Positional] = required(DATASET)
+    out: Path = required("folder for curves.json, curves.md, curves.png and the state")
+    sizes: tuple[int, ...] = option(
+        (100, 300, 1000, 3000), "numbers of transitions to train on", minimum=1
+    )
+    steps: int = option(4000, "steps of the optimiser for every network", minimum=1)
+    training: TrainingConfig = TrainingConfig()

@@ -1,0 +1,89 @@
+"""Priors by name, importable without PyTorch."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from typing import Any, TypeVar, get_type_hints
+
+from sain_core.config import Config
+from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.errors import CheckpointError
+from sain_core.plugins import load_dynamics
+from sain_model.dynamics.settings import (
+    IDENTITY,
+    PLANAR,
+    PLANAR_PRIORS,
+)
+from sain_model.physics.planar import PlanarConfig, PlanarPrior
+from sain_model.physics.planar_axes import AXES
+
+C = TypeVar("C", bound=Config)
+Settings = dict[str, Any]
+
+
+def load_prior(name: str, settings: Settings | None = None) -> Dynamics:
+    """Return a prior by its name, from any installed package.
+
+    Args:
+        name: of the prior, as in `sain_core.plugins.load_dynamics`.
+        settings: of `PlanarConfig`, for ``planar`` and ``planar_axes``; None: the usual ones.
+
+    Raises:
+        ConfigError: no package offers this name.
+        CheckpointError: the prior has no such settings.
+    """
+    if name == IDENTITY:
+        return IdentityPrior()
+    if name in PLANAR_PRIORS:
+        return load_planar(name, settings)
+    if settings:
+        raise CheckpointError(f"the prior {name!r} has no settings; given: {', '.join(settings)}")
+    return load_dynamics(name)
+
+
+def load_planar(name: str, settings: Settings | None = None) -> PlanarPrior:
+    """Return a planar prior, whose friction and parameters can be conditioned.
+
+    Raises:
+        CheckpointError: there is none of that name, or it has no such settings.
+    """
+    if name not in PLANAR_PRIORS:
+        known = " and ".join(PLANAR_PRIORS)
+        raise CheckpointError(
+            f"the parameters of {name!r} cannot be corrected; those of {known} can"
+        )
+    usual = PlanarConfig() if name == PLANAR else AXES
+    with naming("settings of the planar prior"):
+        return PlanarPrior(replace(usual, **typed(PlanarConfig, settings or {})))
+
+
+def prior_settings(prior: Dynamics) -> Settings:
+    """Return the settings that make a prior again: the second argument of `load_prior`."""
+    return asdict(prior.config) if isinstance(prior, PlanarPrior) else {}
+
+
+@contextmanager
+def naming(part: str) -> Iterator[None]:
+    """Turn what goes wrong with a part of a card into an error that names the part.
+
+    Raises:
+        CheckpointError: anything went wrong.
+    """
+    try:
+        yield
+    except (CheckpointError, TypeError, KeyError, ValueError) as error:  # ConfigError is one
+        raise CheckpointError(f"{part}: {error}") from error
+
+
+def typed(kind: type[Config], settings: Settings) -> Settings:
+    """Return settings that come from outside when their values are of the right types.
+
+    Raises:
+        TypeError: naming the one that is not.
+    """
+    right = get_type_hints(kind)
+    for name, value in dict(settings).items():
+        allowed = (int, float) if right.get(name) is float else (right.get(name, object),)
+        if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
+            raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
+    return settings

@@ -1,0 +1,76 @@
+"""Names of models and settings of losses and rollouts, importable without PyTorch."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from sain_core.config import Config, option
+
+PLANAR: Final = "planar"
+PLANAR_AXES: Final = "planar_axes"
+PLANAR_PRIORS: Final = (PLANAR, PLANAR_AXES)
+SHIPPED: Final = "sain"
+IDENTITY: Final = "identity"
+CORRECTED: Final = "corrected"  # s-bar_{t+1} = f_p(s-hat_t, a_t)
+PHYSICS: Final = "physics"  # s-bar_{t+1} = f_p(s-bar_t, a_t): equation 3 to the letter
+CHAINS: Final = (CORRECTED, PHYSICS)
+NO_GRADIENT: Final = "none"
+SHIFT: Final = "shift"
+DIFFERENCES: Final = "differences"
+GRADIENTS: Final = (NO_GRADIENT, SHIFT, DIFFERENCES)
+STEPS: Final = (1, 5, 15)
+
+
+@dataclass(frozen=True)
+class LossConfig(Config):
+    """The mixed loss of Algorithm 1, line 17, each term in units of a scale."""
+
+    robust: bool = option(True, "Huber's loss: beyond a scale an error counts linearly")
+    position_scale: float = option(0.001, "of position errors", unit="m", minimum=1e-6)
+    velocity_scale: float = option(0.1, "of velocity errors", unit="m/s", minimum=1e-6)
+    heading_scale: float = option(0.05, "of errors of sin and cos of the heading", minimum=1e-6)
+
+
+@dataclass(frozen=True)
+class RolloutConfig(Config):
+    """How a network that has learned from single pushes goes on to learn from rollouts."""
+
+    steps_ahead: int = option(
+        1, "pushes of a rollout; 1: learn from single pushes alone", minimum=1, maximum=100
+    )
+    chain: str = option(
+        CORRECTED,
+        "what the prior goes on from: the corrected scene, or its own as in equation 3",
+        choices=CHAINS,
+    )
+    gradient: str = option(
+        DIFFERENCES,
+        "how a loss reaches earlier steps: not at all, by shifting later scenes, or by finite"
+        " differences of the prior",
+        choices=GRADIENTS,
+    )
+    rollout_epochs: int = option(12, "passes over the windows", minimum=1)
+    rollout_batch: int = option(64, "windows in a step of the optimiser", minimum=1)
+    rollout_learning_rate: float = option(
+        1e-3, "at the start; falls to 0 along a cosine", minimum=1e-7
+    )
+    max_grad_norm: float = option(1.0, "norm to which longer gradients are cut", minimum=1e-6)
+
+    @property
+    def wanted(self) -> bool:
+        """Whether there is anything to learn from rollouts."""
+        return self.steps_ahead > 1
+
+
+@dataclass(frozen=True)
+class CorrectionNetworkConfig(Config):
+    """The size of the network."""
+
+    hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
+    message: int = option(
+        32, "width of the message from one disk to another", minimum=1, maximum=1024
+    )
+    layers: int = option(2, "hidden layers of each part", minimum=1, maximum=6)
+    places: int = option(
+        5, "places on a disk's way where the map of the table is read; 0: no map", minimum=0
+    )
+    members: int = option(1, "networks whose predictions are averaged", minimum=1, maximum=32)

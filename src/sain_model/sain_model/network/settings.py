@@ -1,0 +1,46 @@
+"""Settings of the network, importable without PyTorch."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from sain_core.config import Config, option
+
+PUSH_FRAME: Final = "push"
+WORLD_FRAME: Final = "world"  # the same, and where on the table and how turned things are
+FRAMES: Final = (PUSH_FRAME, WORLD_FRAME)
+ON_PHYSICS: Final = "physics"
+ON_STATE: Final = "state"
+RESIDUALS: Final = (ON_PHYSICS, ON_STATE)  # the two readings of the paper's "residual"
+ORDER: Final = "order"  # every member sees all of the data, in an order of its own
+BOOTSTRAP: Final = "bootstrap"  # every member sees episodes drawn with replacement
+
+
+@dataclass(frozen=True)
+class NetworkConfig(Config):
+    """The size of the network."""
+
+    hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
+    message: int = option(
+        32, "width of the message from one disk to another", minimum=1, maximum=1024
+    )
+    layers: int = option(2, "hidden layers of f_rel and of f_dyn", minimum=1, maximum=6)
+    features: str = option(
+        PUSH_FRAME,
+        "frame of the features: that of the push, or that of the world too",
+        choices=FRAMES,
+    )
+    residual: str = option(
+        ON_PHYSICS,
+        "what the residual is added to: the prior's prediction, or the scene before the push",
+        choices=RESIDUALS,
+    )
+    members: int = option(
+        1, "networks in the ensemble, each with weights of its own", minimum=1, maximum=64
+    )
+
+    @property
+    def disk_features(self) -> int:
+        """The number of features of each disk."""
+        from sain_model.network.features import count_disk_features  # loads Numba
+
+        return count_disk_features(self.features)

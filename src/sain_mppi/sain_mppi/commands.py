@@ -1,0 +1,17 @@
+"""The executables of this package."""
+
+from typing import Final
+
+from sain_core.node_command import NodeCommand
+
+mppi_node: Final = NodeCommand(
+    "sain_mppi mppi_node",
+    about="Plans one push for each settled scene until the target has reached the goal. Calls the"
+    " model as a service, and plans with the prior when no model answers.",
+    node="sain_mppi.ros.mppi_node:MppiNode",
+    settings="sain_mppi.loop.settings:MppiConfig",
+    publishes=("push", "plan", "plan_markers", "/diagnostics"),
+    subscribes=("scene", "push_result", "goal"),
+    calls=("rollout",),
+    example="planner.samples:=512",
+)

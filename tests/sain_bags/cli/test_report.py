@@ -1,0 +1,45 @@
+"""`report`: where it writes a page, and what it refuses."""
+
+import subprocess
+import sys
+
+import pytest
+from rich.console import Console
+
+from sain_bags.cli.report import ReportOptions, default_path, run
+from sain_core.errors import DatasetError, OutputError
+
+
+def test_the_page_is_written_beside_the_bag(episode_bag, tmp_path):
+    quiet = Console(quiet=True)
+    assert (
+        run(ReportOptions(episode_bag), quiet)
+        == default_path(episode_bag)
+        == tmp_path / "report.html"
+    )
+    assert not list(tmp_path.glob("*.partial"))
+    with pytest.raises(OutputError, match=r"report\.html exists; --overwrite replaces it"):
+        run(ReportOptions(episode_bag), quiet)
+    run(ReportOptions(episode_bag, overwrite=True), quiet)
+    with pytest.raises(OutputError, match="is a folder"):
+        run(ReportOptions(episode_bag, tmp_path), quiet)
+    assert default_path(episode_bag / "bag_0.mcap") == episode_bag / "bag_0.html"
+
+
+@pytest.mark.parametrize("place", [0.2, 0.5, 0.8])
+def test_damage_is_told_and_nothing_is_written(episode_bag, tmp_path, place):
+    file = episode_bag / "bag_0.mcap"
+    whole = bytearray(file.read_bytes())
+    whole[int(place * len(whole))] ^= 16
+    file.write_bytes(whole)
+    with pytest.raises(DatasetError, match="damaged or not whole"):
+        run(ReportOptions(episode_bag, tmp_path / "page.html"), Console(quiet=True))
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_the_command_fails_with_one_line(tmp_path):
+    call = "import sys; from sain_bags.commands import report; sys.exit(report())"
+    command = [sys.executable, "-c", call, str(tmp_path / "none")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr == f"report: no bag at {tmp_path / 'none'}\n"

@@ -1,0 +1,160 @@
+"""Data sets of every format: their split, and that nothing half-written passes for whole."""
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+os.environ["HF_HUB_OFFLINE"] = "1"  # before the libraries are imported: nothing here asks a hub
+
+import minari
+from pyarrow import parquet
+
+from sain_bags.dataset import dataset_folder
+from sain_bags.dataset.formats import MADE, FormatName
+from sain_bags.dataset.formats.to_lerobot import STATE, LeRobotDataset
+from sain_core.dataset import PARTS
+from sain_core.errors import ConfigError, OutputError
+from sain_model.data.dataset import load_transitions, split_by_episode
+from tests.sain_bags.dataset.formats.exported import Rows, card_of, drive, to
+from tests.sain_bags.driven import Drive, Parts
+
+OTHERS: list[FormatName] = [name for name in MADE if name != "npz"]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def test_the_split_is_the_one_that_train_draws(
+    record: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bags = [drive(record), drive(record, "more", seed=1)]
+    split = split_by_episode(load_transitions(to("npz", bags, tmp_path / "npz")), 0, 0.1, 0.15)
+    wanted = {part: sorted(set(getattr(split, part).episode.tolist())) for part in PARTS}
+    told = card_of(tmp_path / "npz")["split"]
+    assert told["episodes"] == {part: wanted[part] for part in ("validation", "test")}
+    assert told["transitions"] == {part: len(getattr(split, part)) for part in PARTS}
+    out = to("parquet", bags, tmp_path / "parquet")
+    for part in PARTS:
+        found = parquet.read_table(out / f"{part}-00000.parquet")["episode"]
+        assert sorted(set(found.to_pylist())) == wanted[part]
+
+
+def test_too_few_episodes_are_all_to_train_on(record: Callable[..., Any], tmp_path: Path) -> None:
+    recording = record()
+    Drive(recording).episode(1, [1, 2])
+    recording.writer.close()
+    out = to("parquet", recording.writer.folder, tmp_path / "out")
+    assert card_of(out)["split"]["transitions"] == {"train": 2, "validation": 0, "test": 0}
+    assert [path.name for path in out.glob("*.parquet")] == ["train-00000.parquet"]
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_numbers_of_disks_become_data_sets_of_their_own(
+    name: FormatName, record: Callable[..., Any], tmp_path: Path
+) -> None:
+    bags = [tmp_path / "bag", tmp_path / "three"]
+    for disks, folder in enumerate(bags, 2):
+        recording = record(folder.name)
+        Drive(recording, Parts(disks=disks)).episode(1, [1, 2])
+        recording.writer.close()
+    out = to(name, bags, tmp_path / "out")
+    assert sorted(path.name for path in out.iterdir()) == [
+        "card.json", "conversion.json", "disks-2", "disks-3",
+    ]  # fmt: skip
+    for disks in (2, 3):
+        part = out / f"disks-{disks}"
+        if name == "parquet":
+            states = parquet.read_table(part / "train-00000.parquet")["state"][0].as_py()
+        elif name == "minari":
+            states = minari.MinariDataset(part / "data")[0].observations[0]
+        else:
+            states = LeRobotDataset("pushes", root=part)[0][STATE]
+        assert len(states) == 8 * disks
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_stop_while_writing_costs_nothing_and_same_recordings_give_same_bytes(
+    name: FormatName, bag: Path, tmp_path: Path
+) -> None:
+    def stop(rows: int, of: int) -> None:
+        if rows > of / 2:
+            raise KeyboardInterrupt
+
+    whole, stopped = to(name, bag, tmp_path / "whole" / "out"), tmp_path / "stopped" / "out"
+    with pytest.raises(KeyboardInterrupt):
+        to(name, bag, stopped, writing=stop)
+    assert not (stopped / "card.json").exists()
+    assert not any(path for pattern in MADE[name] for path in stopped.glob(pattern))
+    gathered = {path: path.stat().st_mtime_ns for path in (stopped / ".rows").iterdir()}
+    assert len(gathered) == 3
+    (stopped / ".export.partial" / "of an earlier one").write_bytes(b"killed while writing")
+
+    def unchanged(rows: int, of: int) -> None:
+        assert {path: path.stat().st_mtime_ns for path in gathered} == gathered
+
+    to(name, bag, stopped, writing=unchanged)
+    assert contents(stopped) == contents(whole)
+
+
+def test_a_data_set_that_is_whole_is_made_again_to_the_same_bytes(
+    bag: Path, tmp_path: Path
+) -> None:
+    out = to("parquet", bag, tmp_path / "out")
+    before = contents(out)
+    (out / "train-00007.parquet").write_bytes(b"of a longer one")
+    assert contents(to("parquet", bag, out)) == before
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_another_format_needs_to_be_told_to_overwrite(
+    name: FormatName, bag: Path, rows: Rows, tmp_path: Path
+) -> None:
+    out = to(name, bag, tmp_path / "out")
+    (out / "notes.txt").write_text("mine")
+    before = contents(out)
+    with pytest.raises(OutputError, match=rf"format = '{name}', not 'npz'.*--overwrite"):
+        to("npz", bag, out)
+    assert contents(out) == before
+    to("npz", bag, out, overwrite=True)
+    shards = [f"shard-{index:05d}.npz" for index in range(3)]
+    assert sorted(contents(out)) == ["card.json", "conversion.json", "notes.txt", *shards]
+    assert (out / "notes.txt").read_text() == "mine"
+
+
+def test_a_full_disk_leaves_no_data_set(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(rows: Any, folder: Path) -> None:
+        folder.mkdir()
+        (folder / "train-00000.parquet").write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(dataset_folder, "find_format", lambda name: full)
+    with pytest.raises(OutputError, match=r"cannot write .*No space left on device"):
+        to("parquet", bag, tmp_path / "out")
+    monkeypatch.undo()
+    assert not (tmp_path / "out" / "card.json").exists()
+    assert not list((tmp_path / "out").glob("*.parquet"))
+
+
+@pytest.mark.parametrize(
+    ("name", "library"), [("parquet", "pyarrow"), ("minari", "h5py"), ("lerobot", "lerobot")]
+)
+def test_a_library_that_is_missing_is_named_before_anything_is_read(
+    name: FormatName, library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bag: Path
+) -> None:
+    for module in [module for module in sys.modules if module.partition(".")[0] == library]:
+        monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.delitem(sys.modules, f"sain_bags.dataset.formats.to_{name}", raising=False)
+    with pytest.raises(
+        ConfigError, match=rf"--format {name} needs {library}.*pip install 'sain_bags\[{name}\]'"
+    ):
+        to(name, bag, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

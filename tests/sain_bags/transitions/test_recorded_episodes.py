@@ -1,0 +1,103 @@
+"""Episodes are put together by ids, in whatever order their messages came."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sain_bags.reading.reader import Bag
+from sain_bags.transitions.recorded_episodes import namespaces, read_episodes
+from sain_core.errors import DatasetError
+from sain_core.scene import make_scene
+
+
+def test_pushes_carry_plan_outcome_and_prediction(episode_bag: Path) -> None:
+    first, _ = read_episodes(Bag(episode_bag))
+    assert first.episode_id == 2
+    assert [push.push_id for push in first.pushes] == [1, 2, 3]
+    last = first.pushes[-1]
+    assert last.after is not None
+    assert last.physics is not None
+    assert last.predicted is not None
+    np.testing.assert_allclose(last.physics, last.after + 0.003)
+    np.testing.assert_allclose(last.predicted, last.after + 0.001)
+    assert last.physics_model == "bullet_nominal"
+    assert last.plan is not None
+    assert last.plan.planning_time == 0.25
+    np.testing.assert_allclose(last.push, [0.3, 0.0, 0.1])
+
+
+def test_a_refused_push_is_kept_apart_even_one_of_nan(episode_bag: Path) -> None:
+    first, _ = read_episodes(Bag(episode_bag))
+    refused = first.pushes[1]
+    assert not refused.executed
+    assert refused.error_message == "blocked"
+    assert refused.physics is None
+    assert np.isnan(refused.push[0])
+    assert [push.push_id for push in first.executed] == [1, 3]
+
+
+def test_goal_start_end_and_success(episode_bag: Path) -> None:
+    first, second = read_episodes(Bag(episode_bag))
+    assert first.goal is not None
+    np.testing.assert_allclose(first.goal, [0.80, 0.0])
+    assert (first.tolerance, first.max_pushes) == (0.02, 15)
+    assert first.start[1, 0] == 0.45
+    assert first.final_distance == pytest.approx(0.01)
+    assert first.success
+    assert second.final_distance == pytest.approx(0.35)
+    assert not second.success
+    assert not second.pushes
+    assert first.interval[1] < second.interval[0]
+
+
+def test_a_prediction_that_comes_late_still_finds_its_push(record: Callable[..., Any]) -> None:
+    recording, scene = (
+        record(),
+        make_scene(np.array([[0.3, 0], [0.5, 0]]), np.ones(2), np.full(2, 0.05)),
+    )
+    recording.scene(1, 1, scene)
+    recording.push(5, 1, scene, scene)
+    recording.scene(2, 2, scene)
+    disks = recording.messages.disks(scene + 0.5)
+    recording.add(
+        "/sain/physics_prediction", "PushPrediction", push_id=5, error_code=1, disks=disks
+    )
+    recording.writer.close()
+    first, _ = read_episodes(Bag(recording.writer.folder))
+    assert first.pushes[0].physics is not None
+    np.testing.assert_allclose(first.pushes[0].physics, scene + 0.5)
+    assert first.goal is None
+    assert np.isnan(first.final_distance)
+    assert not first.success
+
+
+def test_several_graphs_in_one_bag_must_be_told_apart(record: Callable[..., Any]) -> None:
+    recording, scene = (
+        record(),
+        make_scene(np.array([[0.3, 0], [0.5, 0]]), np.ones(2), np.full(2, 0.05)),
+    )
+    disks = recording.messages.disks(scene)
+    for namespace, episode in (("/left", 1), ("/right", 2)):
+        recording.add(f"{namespace}/scene", "Scene", episode_id=episode, settled=True, disks=disks)
+    recording.writer.close()
+    bag = Bag(recording.writer.folder)
+    assert namespaces(bag) == ("/left", "/right")
+    with pytest.raises(DatasetError, match="choose one of /left, /right"):
+        read_episodes(bag)
+    assert [episode.episode_id for episode in read_episodes(bag, "/right")] == [2]
+    with pytest.raises(DatasetError, match="no graph '/up'"):
+        read_episodes(bag, "/up")
+
+
+def test_a_message_that_makes_no_sense_is_named(record: Callable[..., Any]) -> None:
+    recording, scene = (
+        record(),
+        make_scene(np.array([[0.3, 0], [0.5, 0]]), np.ones(2), np.full(2, 0.05)),
+    )
+    recording.scene(1, 1, scene * np.nan)
+    recording.writer.close()
+    with pytest.raises(DatasetError, match="makes no sense: scene: x of disk 0 is nan"):
+        read_episodes(Bag(recording.writer.folder))

@@ -1,0 +1,134 @@
+"""What makes no sense is refused in one line before anything starts."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sain_bringup.graph import GraphConfig, executable, graph_commands
+from sain_bringup.options import (
+    ClosedLoopOptions,
+    episode_plans,
+    make_output_folder,
+)
+from sain_core.errors import ConfigError, OutputError
+
+DEMO = ClosedLoopOptions()
+
+
+def test_the_demo_is_three_anywhere_and_one_paper() -> None:
+    names = [plan.scenario for plan in episode_plans(DEMO)]
+    assert names == ["anywhere", "anywhere", "anywhere", "paper"]
+    assert DEMO.tolerance == 0.02
+
+
+def test_seeds_count_up() -> None:
+    plans = episode_plans(replace(DEMO, scenario="clutter", episodes=3, seed=40))
+    assert [(plan.scenario, plan.seed) for plan in plans] == [
+        ("clutter", 40),
+        ("clutter", 41),
+        ("clutter", 42),
+    ]
+    assert len(episode_plans(replace(DEMO, scenario="paper"))) == 1
+    assert {plan.scenario for plan in episode_plans(replace(DEMO, episodes=2))} == {"anywhere"}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"scenario": "anywere"}, r"--scenario is 'anywere' \(did you mean 'anywhere'\?\)"),
+        ({"episodes": 0}, "episodes is 0; it must be at least 1"),
+        ({"tolerance": 0.0}, "tolerance is 0.0 m; it must be at least 0.0001 m"),
+        ({"tolerance": float("nan")}, "tolerance is nan; it must be finite"),
+        ({"model": "plannar"}, r"model 'plannar' is unknown \(did you mean 'planar'\?\)"),
+        ({"seed": -1}, "seed is -1; it must be at least 0"),
+        ({"timeout": 0.0}, "timeout is 0.0 s; it must be at least 0.1 s"),
+        ({"params_file": Path("missing.yaml")}, r"--params-file missing.yaml: No such file"),
+    ],
+)
+def test_options_that_make_no_sense(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        replace(DEMO, **change)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("text", ["a: [", "- 1", "", "sim_node: {seed: 3}"])
+def test_a_parameter_file_must_be_one(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "params.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=r"params\.yaml"):
+        replace(DEMO, params_file=path)
+
+
+def test_a_good_parameter_file_passes(tmp_path: Path) -> None:
+    path = tmp_path / "params.yaml"
+    path.write_text("/**/sim_node:\n  ros__parameters:\n    seed: 3\n")
+    replace(DEMO, params_file=path)
+
+
+def test_results_are_never_overwritten(tmp_path: Path) -> None:
+    out = tmp_path / "a" / "b"
+    assert make_output_folder(replace(DEMO, out=out)) == out
+    (out / "bag").mkdir()
+    with pytest.raises(OutputError, match="never overwritten"):
+        make_output_folder(replace(DEMO, out=out))
+
+
+def test_an_output_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match=r"cannot write to .*file/results"):
+        make_output_folder(replace(DEMO, out=tmp_path / "file" / "results"))
+
+
+def test_a_full_disk_is_noticed_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_space(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", no_space)
+    with pytest.raises(OutputError, match="No space left on device"):
+        make_output_folder(replace(DEMO, out=tmp_path / "results"))
+
+
+@pytest.fixture
+def prefix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An install with the four executables of the graph."""
+    for name in (
+        "sain_sim/sim_node",
+        "sain_model/model_node",
+        "sain_mppi/mppi_node",
+        "sain_bags/record",
+    ):
+        path = tmp_path / "lib" / name
+        path.parent.mkdir(parents=True)
+        path.touch(mode=0o755)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere{os.pathsep}{tmp_path}")
+    return tmp_path
+
+
+def test_commands_say_it_all(prefix: Path) -> None:
+    config = GraphConfig(
+        "/lab",
+        "planar",
+        7,
+        Path("out/bag"),
+        custom_data=(("a", "b c"),),
+        params_file=Path("p.yaml"),
+    )
+    commands = graph_commands(config)
+    assert list(commands) == ["recorder", "model", "simulator", "planner"]
+    for command in commands.values():
+        assert "__ns:=/lab" in command
+        assert command.count("--ros-args") == 1
+    assert commands["model"][-2:] == ["-p", "model:=planar"]
+    assert "a=b c" in commands["recorder"]
+    assert "p.yaml" not in commands["recorder"]
+    assert "p.yaml" in commands["planner"]
+    assert "seed:=7" in commands["planner"]
+    assert "gui:=true" not in commands["simulator"]
+    assert "gui:=true" in graph_commands(replace(config, gui=True))["simulator"]
+
+
+def test_what_is_not_installed_is_named(prefix: Path) -> None:
+    assert executable("sain_bags", "record") == prefix / "lib" / "sain_bags" / "record"
+    with pytest.raises(ConfigError, match="sain_sim nothing is not installed"):
+        executable("sain_sim", "nothing")

@@ -1,0 +1,195 @@
+"""Figures, moments and pictures of a run, made from episodes as a bag gives them."""
+
+from io import BytesIO, StringIO
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from rich.console import Console
+
+from sain_bags.transitions.recorded_episodes import Episode, PlanRecord, RecordedPush
+from sain_bringup.display import Display, EpisodeView
+from sain_bringup.movie import Moment, MovieConfig, choose_moments, encode_gif, film
+from sain_bringup.options import EpisodePlan
+from sain_bringup.report import PlayedEpisode, summary_table
+from sain_bringup.results import choose_episode, draw_pictures
+from sain_core.scene import make_scene
+from sain_core.types import Scene
+
+GOAL = np.array([0.60, 0.0])
+
+
+def scene(target_x: float) -> Scene:
+    positions = np.array([[target_x - 0.15, 0.0], [target_x, 0.0]])
+    return make_scene(positions, np.full(2, 8.0), np.array([0.08, 0.06]))
+
+
+def push(number: int, before: Scene, after: Scene, error_code: int = 1) -> RecordedPush:
+    plan = PlanRecord(
+        plan_id=number, push_id=number, status=1, error_code=1, error_message="",
+        dynamics="planar", fallback=False, pushes=np.zeros((1, 3)),
+        predicted=(after + 0.003)[None], goal_distance=0.1, planning_time=0.1 * number,
+    )  # fmt: skip
+    return RecordedPush(
+        push_id=number, push=np.array([0.0, 0.0, 0.1]), before=before, after=after,
+        error_code=error_code, error_message="", source="test", duration=1.0, wall_time=0.02,
+        plan=plan, physics=after + 0.004,
+    )  # fmt: skip
+
+
+def played(*targets: float, refused: int = 0, name: str = "paper") -> PlayedEpisode:
+    scenes = [scene(x) for x in targets]
+    pushes = [push(n, *pair) for n, pair in enumerate(pairwise(scenes), 1)]
+    pushes += [push(90 + n, scenes[-1], scenes[-1], error_code=9) for n in range(refused)]
+    episode = Episode(
+        episode_id=1, start=scenes[0], final=scenes[-1], goal=GOAL, tolerance=0.02, max_pushes=15,
+        pushes=tuple(pushes), plans=(), interval=(0, 1),
+    )  # fmt: skip
+    return PlayedEpisode(name, 4, episode)
+
+
+def test_summary_figures() -> None:
+    summary = played(0.45, 0.52, 0.59, refused=1).summary()
+    assert (summary.scenario, summary.seed) == ("paper", 4)
+    assert summary.success
+    assert (summary.pushes, summary.refused, summary.fallbacks) == (2, 1, 0)
+    assert summary.final_distance == pytest.approx(0.01)
+    assert summary.planning_time == pytest.approx(0.15)
+    assert summary.longest_planning_time == pytest.approx(0.2)
+    assert summary.model_error == pytest.approx(0.003 * 2**0.5)
+    assert summary.physics_error == pytest.approx(0.004 * 2**0.5)
+
+
+def test_an_episode_without_pushes_has_no_means() -> None:
+    summary = played(0.45).summary()
+    assert not summary.success
+    assert summary.pushes == 0
+    assert summary.model_error is None
+    out = StringIO()
+    Console(file=out, width=100).print(summary_table((summary,)))
+    assert "not reached" in out.getvalue()
+
+
+def test_the_record_for_drawing_has_the_executed_pushes() -> None:
+    record = played(0.45, 0.52, refused=2, name="paper_cube").record()
+    assert len(record.pushes) == 1
+    assert record.shapes[1] == "cube"
+    assert record.title == "paper_cube 4"
+
+
+def test_pictures_are_written_for_each_episode(tmp_path: Path) -> None:
+    paths = draw_pictures(tmp_path, (played(0.45, 0.59), played(0.45)))
+    assert [path.name for path in paths] == ["episode_1.png", "episode_2.png", "overview.png"]
+    for path in paths:
+        with Image.open(path) as picture:
+            picture.verify()
+
+
+def test_the_longest_success_of_eight_pushes_or_less_is_shown() -> None:
+    short, good = played(0.45, 0.60), played(0.45, 0.5, 0.55, 0.60)
+    endless = played(*np.linspace(0.3, 0.6, 12).tolist())
+    failed = played(0.3, 0.31, 0.32, 0.33, 0.34)
+    assert choose_episode((short, failed, good, endless)) is good
+    assert choose_episode((failed,)) is failed
+
+
+def moments(count: int, step: float) -> list[Moment]:
+    return [
+        Moment(step * n, np.full(7, float(n)), scene(0.4), 0.3 - 0.01 * n) for n in range(count)
+    ]
+
+
+def test_moments_are_evenly_spaced_and_end_with_the_last() -> None:
+    chosen = choose_moments(moments(101, 0.1), MovieConfig(speed=4.0, rate=8.0))
+    times = [moment.time for moment in chosen]
+    assert times[0] == 0.0
+    assert times[-1] == pytest.approx(10.0)
+    np.testing.assert_allclose(np.diff(times), 0.5)
+
+
+def test_a_long_episode_is_shown_faster() -> None:
+    assert len(choose_moments(moments(5000, 0.1), MovieConfig(longest=20))) == 20
+    assert choose_moments([], MovieConfig()) == []
+
+
+class FakeRenderer:
+    """Draws a red square as far right as the first joint says; some cameras see no target."""
+
+    def __init__(self, blind: int) -> None:
+        self.blind, self.used, self.pixels = blind, [], (1, 1)
+
+    def eyes(self, pairs: list, goal: np.ndarray, ring: float) -> np.ndarray:
+        return np.arange(12.0).reshape(4, 3)
+
+    def look_from(self, eye: np.ndarray) -> None:
+        self.used.append(eye[0])
+
+    def picture(
+        self, joints: np.ndarray, disks: Scene, goal: np.ndarray, ring: float
+    ) -> np.ndarray:
+        self.pixels = (int(joints[0] != 3 or len(self.used) > self.blind), 1)
+        picture = np.full((96, 128, 3), 230, np.uint8)
+        picture[40:60, int(joints[0]) * 8 :][:, :8] = (200, 60, 30)
+        return picture
+
+
+def filmed(renderer: FakeRenderer) -> list[Image.Image]:
+    return film(renderer, moments(5, 0.1), GOAL, 0.08, 0.27, "paper 4", lambda _: None)
+
+
+def test_a_camera_that_hides_the_target_is_moved() -> None:
+    for blind, used in ((0, [0]), (1, [0, 3]), (2, [0, 3, 6]), (99, [0, 3, 6, 0])):
+        renderer = FakeRenderer(blind)
+        assert len(filmed(renderer)) == 5
+        assert renderer.used == used
+
+
+def test_the_gif_moves_and_ends_with_a_pause() -> None:
+    frames = filmed(FakeRenderer(0))
+    config = MovieConfig(rate=10.0, hold=1.0)
+    with Image.open(BytesIO(encode_gif(frames, config))) as movie:
+        assert movie.n_frames == 5
+        assert movie.size == (128, 96)
+        assert movie.info["duration"] == 100
+        red = np.array(movie.convert("RGB")).reshape(-1, 3)
+        movie.seek(4)
+        assert movie.info["duration"] == 1100
+        last = np.array(movie.convert("RGB"))
+    assert (np.abs(red.astype(int) - (200, 60, 30)).sum(axis=1) < 40).any()
+    assert np.abs(last[50, 36].astype(int) - (200, 60, 30)).sum() < 40
+
+
+def shown(distances: list[float]) -> str:
+    view = EpisodeView(Display(Console(file=StringIO())), "1/1  paper 4")
+    for distance in distances:
+        view.at(distance)
+    return view.summary()
+
+
+def test_the_line_of_an_episode() -> None:
+    assert shown([0.2, 0.1]) == " 1 push    200 → 100 mm"
+    assert shown([0.3, 0.2, 0.0154]) == " 2 pushes  300 → 200 → 15 mm"
+    long = shown([0.1 * n for n in range(12)])
+    assert "0 → … → 500 → 600" in long
+    assert long.endswith("1100 mm")
+
+
+def test_plain_output_without_a_terminal() -> None:
+    out = StringIO()
+    display = Display(Console(file=out, width=120))
+    with display.stage("starting", "started"):
+        pass
+    with display.episode(1, 2, EpisodePlan("paper", 4)) as view:
+        view.at(0.2)
+        view.planned(0.1, fallback=True, why="no answer in 2 s")
+        view.planned(0.1, fallback=True, why="no answer in 2 s")
+        view.refuse("blocked")
+        view.at(0.01)
+        view.end(reached=True)
+    lines = out.getvalue().splitlines()
+    assert "started" in lines[0]
+    assert "planned with physics alone: no answer in 2 s" in lines[1]
+    assert "a push was refused: blocked" in lines[2]
+    assert "200 → 10 mm  (2 without the model)" in lines[3]

@@ -1,0 +1,113 @@
+"""Executables as they are started: one clear line and an exit code when they cannot start."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+PACKAGES = {"sim_node": "sain_sim", "model_node": "sain_model", "mppi_node": "sain_mppi"}
+
+
+def command(name: str, *arguments: str) -> list[str]:
+    code = f"import sys; from {PACKAGES[name]}.commands import {name}; sys.exit({name}())"
+    return [sys.executable, "-c", code, "--ros-args", *arguments]
+
+
+def refused(name: str, *arguments: str) -> str:
+    """Start a node that must not start; return what it says, without rcl's own log lines."""
+    done = subprocess.run(command(name, *arguments), capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1, done.stderr
+    lines = [line for line in done.stderr.splitlines() if line.startswith(f"{name}:")]
+    assert len(lines) == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "text"),
+    [
+        ("sim_node", ("-p", "sede:=3"), "parameter 'sede' is unknown; near it: seed"),
+        ("sim_node", ("-p", "seed:=three"), "parameter 'seed' is 'three'; it must be an integer"),
+        ("sim_node", ("-p", "world:=mars"), "parameter 'world' is 'mars'; allowed: 'randomised'"),
+        ("model_node", ("-p", "model:=planer"), "did you mean 'planar'"),
+        ("model_node", ("-p", "model:=/none.safetensors"), "/none"),
+        ("mppi_node", ("-p", "planner.sample:=3"), "near it: planner.samples"),
+        ("mppi_node", ("-p", "planner.samples:=0"), "'planner.samples' is 0; it must be at least"),
+        ("mppi_node", ("--params-file", "/none.yaml"), "Couldn't parse params file"),
+    ],
+)
+def test_what_is_wrong_at_the_start_is_told_in_one_line(ros_domain, name, arguments, text):
+    assert text in refused(name, *arguments)
+
+
+def test_a_mistyped_key_in_a_parameter_file_is_told(ros_domain, tmp_path: Path):
+    path = tmp_path / "parameters.yaml"
+    path.write_text("/**:\n  ros__parameters:\n    real_time_facter: 1.0\n")
+    line = refused("sim_node", "--params-file", str(path))
+    assert line == ("sim_node: parameter 'real_time_facter' is unknown; near it: real_time_factor")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_is_told_to_stop_stops_cleanly(ros_domain, number: int):
+    process = subprocess.Popen(
+        command("sim_node", "-p", "peer_wait:=0.0"), stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr is not None
+    for line in process.stderr:
+        if "ready" in line:
+            break
+    os.kill(process.pid, number)
+    _, rest = process.communicate(timeout=60)
+    assert process.returncode == 0, rest
+    assert "Traceback" not in rest
+
+
+def test_push_and_watch_work_from_a_terminal(ros_domain):
+    simulator = subprocess.Popen(
+        command("sim_node", "-p", "peer_wait:=0.0"), stderr=subprocess.PIPE, text=True
+    )
+    try:
+        push = tool("push", "--length", "0.1")
+        assert push.returncode == 0, push.stderr
+        assert "was carried out" in push.stdout
+        blocked = tool("push", "--location", "3.1415")
+        assert blocked.returncode == 9, blocked.stderr
+        assert "was refused: BLOCKED" in " ".join(blocked.stdout.split())
+        watch = tool("watch", "scene", "--count", "2")
+        assert watch.returncode == 0, watch.stderr
+        assert watch.stdout.count("scene_id: 2\n") == 2
+        topics = tool("watch")
+        assert "/sain/scene  [sain_interfaces/msg/Scene]" in topics.stdout
+        unknown = tool("watch", "scenes")
+        assert unknown.returncode == 1
+        assert unknown.stderr.strip() == (
+            "watch: nobody publishes /sain/scenes; did you mean /sain/scene?"
+        )
+    finally:
+        simulator.send_signal(signal.SIGINT)
+        simulator.communicate(timeout=60)
+
+
+def test_watch_without_a_graph_says_so(ros_domain):
+    alone = tool("watch", "--timeout", "0.5")
+    assert alone.returncode == 1
+    assert alone.stderr.strip() == "watch: no other node in 0.5 s; is anything running?"
+
+
+def tool(name: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    code = f"import sys; from sain_bringup.commands import {name}; sys.exit({name}())"
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=120
+    )
+
+
+def test_without_a_simulator_push_says_so(ros_domain):
+    began = time.monotonic()
+    alone = tool("push", "--timeout", "0.5")
+    assert alone.returncode == 1
+    assert "no settled scene on /sain/scene; is the simulator running?" in alone.stderr
+    assert time.monotonic() > began + 0.5

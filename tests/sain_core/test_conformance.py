@@ -1,0 +1,122 @@
+"""Each rule of the contract is checked: a model that breaks one is refused by that rule."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from sain_core.dynamics import IdentityPrior, Radii
+from sain_core.errors import ModelUnavailableError
+from sain_core.history import PushHistory
+from sain_core.model_checks.conformance import check_dynamics, sample_pushes, violations
+from sain_core.push import LENGTH
+from sain_core.scene import MASS, VX, check_scene
+from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+
+Spoil = Callable[[Scenes, Pushes, Scenes], Scenes]
+
+
+def shift(scenes: Scenes, pushes: Pushes) -> Scenes:
+    predicted = scenes.copy()
+    predicted[:, 0, 0] += pushes[:, LENGTH]
+    return predicted
+
+
+class Model:
+    """Shifts the mid disk; what it predicts is spoilt."""
+
+    def __init__(self, spoil: Spoil) -> None:
+        self.spoil = spoil
+        self.calls = 0
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        self.calls += 1
+        return self.spoil(scenes, pushes, shift(scenes, pushes))
+
+
+def column(number: int, value: float) -> Spoil:
+    def spoil(scenes: Scenes, pushes: Pushes, predicted: Scenes) -> Scenes:
+        predicted[pushes[:, LENGTH] > 0.0, 1, number] = value
+        return predicted
+
+    return spoil
+
+
+def in_place(scenes: Scenes, pushes: Pushes, predicted: Scenes) -> Scenes:
+    scenes[...] = predicted
+    return predicted
+
+
+def by_batch(scenes: Scenes, pushes: Pushes, predicted: Scenes) -> Scenes:
+    predicted[pushes[:, LENGTH] > 0.0, 1, 1] += 0.001 * len(scenes)
+    return predicted
+
+
+def at_random() -> Spoil:
+    random = np.random.default_rng(0)
+
+    def spoil(scenes: Scenes, pushes: Pushes, predicted: Scenes) -> Scenes:
+        predicted[pushes[:, LENGTH] > 0.0, 1, 1] += random.normal()
+        return predicted
+
+    return spoil
+
+
+def test_a_model_that_keeps_the_contract_passes() -> None:
+    check_dynamics(Model(lambda scenes, pushes, predicted: predicted))
+    check_dynamics(IdentityPrior())
+
+
+@pytest.mark.parametrize("disks", [2, 3, 5, 8])
+def test_the_scenes_that_are_tried_can_exist(disks: int) -> None:
+    scenes, pushes = sample_pushes(12, disks)
+    for scene in scenes:
+        check_scene(scene)
+    assert (pushes[:-1, LENGTH] > 0.0).all() and pushes[-1, LENGTH] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda s, a, p: p[:, :1], "step predicted scenes of shape"),
+        (lambda s, a, p: p.tolist(), "step returned a list"),
+        (lambda s, a, p: p.astype(np.float32).astype(np.float64), "other masses or radii"),
+        (lambda s, a, p: p[:, ::-1].copy(), "disks must stay in their order"),
+        (column(0, np.nan), "step predicts NaN or Inf"),
+        (column(MASS, 9.0), "other masses or radii"),
+        (column(VX, 0.1), "step predicts disks that still move"),
+        (lambda s, a, p: p + np.eye(8)[0], "changes the scene of a push of length 0"),
+        (at_random(), "step predicts something else when asked again"),
+        (in_place, "step changes its arguments"),
+        (by_batch, "step predicts something else for a push alone than in a batch"),
+    ],
+)
+def test_a_rule_that_is_broken_is_named(spoil: Spoil, message: str) -> None:
+    assert any(message in line for line in violations(Model(spoil)))
+    with pytest.raises(ModelUnavailableError, match=r"not keep the contract:\n  \* 2 disks"):
+        check_dynamics(Model(spoil))
+
+
+class Rollout(Model):
+    def __init__(self, factor: float = 1.0, radius: float = 0.01) -> None:
+        super().__init__(lambda scenes, pushes, predicted: predicted)
+        self.factor, self.radius = factor, radius
+
+    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+        predicted = np.repeat(np.repeat(scene[None, None], len(pushes), 0), pushes.shape[1], 1)
+        predicted[:, :, 0, 0] += self.factor * np.cumsum(pushes[..., LENGTH], axis=1)
+        return predicted
+
+    def regions(self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes) -> Radii:
+        return np.full(predicted.shape[:3], self.radius)
+
+    def with_history(self, history: PushHistory) -> "Rollout":
+        if len(history):
+            self.spoil = by_batch
+        return self
+
+
+def test_what_is_optional_is_checked_where_it_is_there() -> None:
+    assert "rollout predicts something else than step" in violations(Rollout(factor=2.0))[0]
+    assert "regions returns radii that are negative" in violations(Rollout(radius=-1.0))[0]
+    assert "with_history changes the model itself" in violations(Rollout())[0]

@@ -1,0 +1,139 @@
+"""Decoding takes anything with the right attributes; what `rclpy` gives is in ros/test_codec.py."""
+
+from types import SimpleNamespace as Message
+
+import numpy as np
+import pytest
+
+from sain_core import wire
+from sain_core.errors import InvalidInputError
+from sain_core.scene import STATE_NAMES
+
+
+def disk(**values: float) -> Message:
+    return Message(**(dict.fromkeys(STATE_NAMES, 0.0) | values))
+
+
+def test_disks_become_rows() -> None:
+    scene = wire.decode_disks([disk(x=1.0, radius=0.1), disk(theta=2.0, mass=8.0)])
+    expected = np.zeros((2, 8))
+    expected[0, [0, 7]] = 1.0, 0.1
+    expected[1, [2, 6]] = 2.0, 8.0
+    np.testing.assert_array_equal(scene, expected)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_scene_needs_two_disks(count: int) -> None:
+    with pytest.raises(InvalidInputError, match=f"scene has {count} disks; it needs at least 2"):
+        wire.decode_disks([disk()] * count)
+
+
+def test_what_is_not_finite_is_named() -> None:
+    with pytest.raises(InvalidInputError, match="before: vy of disk 1 is nan; must be finite"):
+        wire.decode_disks([disk(), disk(vy=float("nan"))], "before")
+    with pytest.raises(InvalidInputError, match="angle of the push is inf; must be finite"):
+        wire.decode_push(Message(location=0.0, angle=float("inf"), length=0.1))
+    with pytest.raises(InvalidInputError, match="tolerance of the goal is nan; must be finite"):
+        wire.decode_goal(Message(x=0.1, y=0.2, tolerance=float("nan")))
+
+
+def test_floats_take_the_stated_shape_row_by_row() -> None:
+    array = wire.decode_floats([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], (2, 3), "pushes")
+    np.testing.assert_array_equal(array, [[1, 2, 3], [4, 5, 6]])
+
+
+def test_a_wrong_count_says_what_was_expected() -> None:
+    message = r"pushes has 5 numbers; 6 were expected, for shape \(1, 2, 3\)"
+    with pytest.raises(InvalidInputError, match=message):
+        wire.decode_floats([0.0] * 5, (1, 2, 3), "pushes")
+
+
+def test_nan_in_an_array_says_where() -> None:
+    with pytest.raises(InvalidInputError, match=r"pushes at \(1, 0\) is nan"):
+        wire.decode_floats([0.0, 0.0, float("nan"), 0.0], (2, 2), "pushes")
+
+
+def rollout(**values: object) -> Message:
+    ok = {"samples": 2, "horizon": 1, "disks": 2, "scene": [0.0] * 16, "pushes": [0.0] * 6}
+    return Message(**(ok | values))
+
+
+def test_a_rollout_request_is_decoded() -> None:
+    scene, pushes = wire.decode_rollout_request(rollout())
+    assert (scene.shape, pushes.shape) == ((2, 8), (2, 1, 3))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"samples": 0}, "samples is 0; it must be at least 1"),
+        ({"horizon": 0}, "horizon is 0; it must be at least 1"),
+        ({"disks": 1}, "disks is 1; it must be at least 2"),
+        ({"samples": 3}, r"pushes has 6 numbers; 9 were expected, for shape \(3, 1, 3\)"),
+        ({"disks": 3}, r"scene has 16 numbers; 24 were expected, for shape \(3, 8\)"),
+    ],
+)
+def test_a_wrong_rollout_request_is_refused(values: dict[str, object], message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        wire.decode_rollout_request(rollout(**values))
+
+
+def test_physics_may_be_left_out_of_a_prediction_request() -> None:
+    request = Message(batch=1, disks=2, scenes=[0.0] * 16, pushes=[0.0] * 3, physics_next=[])
+    assert wire.decode_predict_request(request)[2] is None
+    request.physics_next = [1.0] * 16
+    assert wire.decode_predict_request(request)[2].shape == (1, 2, 8)
+    request.physics_next = [1.0] * 15
+    with pytest.raises(InvalidInputError, match="physics_next has 15 numbers"):
+        wire.decode_predict_request(request)
+
+
+def test_a_plan_without_a_push_is_empty() -> None:
+    pushes, predicted = wire.decode_plan(Message(horizon=0, disks=2, pushes=[], predicted=[]))
+    assert (pushes.shape, predicted.shape) == ((0, 3), (0, 2, 8))
+
+
+def past(**values: object) -> Message:
+    numbers = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 8.0, 0.07] * 4
+    fields = {
+        "disks": 2,
+        "past": 2,
+        "past_scenes": numbers,
+        "past_pushes": [0.1] * 6,
+        "past_next": numbers,
+    }
+    return Message(**(fields | values))
+
+
+def test_the_past_is_decoded_and_may_be_empty() -> None:
+    history = wire.decode_past(past())
+    assert (len(history), history.disks) == (2, 2)
+    none = wire.decode_past(past(past=0, past_scenes=[], past_pushes=[], past_next=[]))
+    assert (len(none), none.disks) == (0, 2)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"past": 3}, "past_scenes has 32 numbers; 48 were expected"),
+        ({"past": 0}, "past_scenes has 32 numbers; 0 were expected"),
+        ({"disks": 3}, "past_scenes has 32 numbers; 48 were expected"),
+        ({"disks": 1}, "disks is 1; it must be at least 2"),
+        ({"past_pushes": [0.1] * 5}, "past_pushes has 5 numbers; 6 were expected"),
+        ({"past_pushes": [float("nan")] * 6}, r"past_pushes at \(0, 0\) is nan"),
+        ({"past_next": [0.5] * 32}, "a past push changed a mass or radius"),
+    ],
+)
+def test_a_past_that_cannot_be_is_refused(values: dict[str, object], message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        wire.decode_past(past(**values))
+
+
+def test_a_result_is_where_a_push_led() -> None:
+    before, after = (Message(disks=[disk(x=x), disk(x=1.0)]) for x in (0.1, 0.2))
+    push = Message(location=0.5, angle=0.1, length=0.05)
+    scene, action, next_scene = wire.decode_result(Message(before=before, after=after, push=push))
+    assert (scene[0, 0], next_scene[0, 0], action.tolist()) == (0.1, 0.2, [0.5, 0.1, 0.05])
+    after.disks.append(disk())
+    with pytest.raises(InvalidInputError, match="a push led from 2 disks to 3; it cannot"):
+        wire.decode_result(Message(before=before, after=after, push=push))

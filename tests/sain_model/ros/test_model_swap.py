@@ -1,0 +1,169 @@
+"""Another model while requests come in: none is lost, none gets a mixture."""
+
+import json
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+
+from sain_core.dynamics import IdentityPrior
+from sain_core.errors import ErrorCode
+from sain_core.plugins import load_dynamics
+from sain_core.ros import codec
+from sain_core.ros.qos import SERVICE
+from sain_core.types import Pushes, Scenes
+from sain_interfaces.srv import DescribeModel, LoadModel, Rollout
+from sain_model.ros import model_node
+from sain_model.ros.model_node import ModelNode
+from tests.sain_model.ros.swapping import SCENE, answers_of, make_checkpoint, request, set_model
+
+
+@pytest.fixture
+def first(tmp_path: Path) -> str:
+    return make_checkpoint(tmp_path / "first.safetensors", 1)
+
+
+@pytest.fixture
+def second(tmp_path: Path) -> str:
+    return make_checkpoint(tmp_path / "second.safetensors", 2)
+
+
+class Stream:
+    """Asks the same again and again, so many requests at a time."""
+
+    def __init__(self, graph: Any, width: int) -> None:
+        self.graph = graph
+        self.client = graph.bystander.create_client(Rollout, "rollout", qos_profile=SERVICE)
+        graph.wait(self.client.service_is_ready, "the service")
+        self.asked: list[Any] = []  # futures, in the order of asking
+        self.answered: list[Rollout.Response] = []  # in the order of the answers
+        self.open = True
+        for _ in range(width):
+            self.ask()
+
+    def ask(self) -> None:
+        self.asked.append(self.client.call_async(request()))
+        self.asked[-1].add_done_callback(self.take)
+
+    def take(self, future: Any) -> None:
+        self.answered.append(future.result())
+        if self.open:
+            self.ask()
+
+    def run(self, more: int) -> None:
+        """Let so many more be answered."""
+        until = len(self.answered) + more
+        self.graph.wait(lambda: len(self.answered) >= until, f"answer {until}")
+
+    def finish(self) -> None:
+        self.open = False
+        everything = len(self.asked)
+        self.graph.wait(lambda: len(self.answered) == everything, f"all {everything} answers")
+
+
+def test_a_stream_of_requests_goes_on_through_swaps(graph, first, second):
+    node = graph.start(ModelNode, model=first)
+    expected = answers_of(first, second)
+    assert len(set(expected.values())) == 2
+    stream = Stream(graph, 30)  # more at a time than the middleware keeps by default
+    for path in (second, first, second):
+        stream.run(5)
+        loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model=path))
+        assert (loaded.error_code, loaded.error_message) == (ErrorCode.OK, "")
+        assert (loaded.model, loaded.model_hash) == (path, load_dynamics(path).model_hash)
+        assert node.get_parameter("model").value == path
+    stream.run(5)
+    assert set_model(graph, first).successful
+    stream.run(40)
+    stream.finish()
+    for answer in stream.answered:
+        assert answer.error_code == ErrorCode.OK
+        predicted = codec.decode_rollout(answer, (20, 2, 2))
+        assert predicted.tobytes() == expected[answer.model_hash]
+    assert {answer.model_hash for answer in stream.answered} == set(expected)
+    described = graph.call(DescribeModel, "describe_model", DescribeModel.Request())
+    assert (described.model, described.model_hash) == (first, load_dynamics(first).model_hash)
+    assert json.loads(described.card)["weights_sha256"] == described.model_hash
+
+
+class Slow:
+    """Predicts when it may."""
+
+    def __init__(self) -> None:
+        self.begun, self.may = Event(), Event()
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        self.begun.set()
+        assert self.may.wait(60)
+        predicted = scenes.copy()
+        predicted[..., 0] += 1.0
+        return predicted
+
+
+def test_what_was_begun_is_finished_by_the_same_model(graph, monkeypatch):
+    slow = Slow()
+    slow.may.set()  # for its start
+    models: dict[str, Any] = {"slow": slow, "fast": IdentityPrior()}
+    monkeypatch.setattr(model_node, "load_dynamics", models.__getitem__)
+    graph.start(ModelNode, model="slow")
+    graph.listen("/diagnostics", DiagnosticArray)
+    slow.may.clear()
+    slow.begun.clear()
+    stream = Stream(graph, 1)
+    stream.open = False
+    graph.wait(slow.begun.is_set, "the first request")
+    loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model="fast"))
+    assert loaded.model == "fast"
+    stream.ask()
+    stream.ask()
+
+    def queue() -> set[str]:
+        arrays = graph.heard["/diagnostics"]
+        return {p.value for a in arrays for p in a.status[0].values if p.key == "queue"}
+
+    graph.wait(lambda: "3" in queue(), "three requests in the queue")
+    assert stream.answered == []
+    slow.may.set()
+    stream.finish()
+    answers = [future.result() for future in stream.asked]
+    assert [answer.model for answer in answers] == ["slow", "fast", "fast"]
+    moved = [answer.predicted[0] - SCENE[0, 0] for answer in answers]
+    assert moved == pytest.approx([1.0, 0.0, 0.0])
+
+
+def test_more_requests_than_may_wait_are_refused(graph, monkeypatch):
+    slow = Slow()
+    slow.may.set()
+    monkeypatch.setattr(model_node, "load_dynamics", lambda name: slow)
+    graph.start(ModelNode, model="slow", max_queue=2)
+    slow.may.clear()
+    stream = Stream(graph, 4)
+    stream.open = False
+    stream.run(2)
+    assert {answer.error_code for answer in stream.answered} == {ErrorCode.BUSY}
+    assert "2 requests are waiting already" in stream.answered[0].error_message
+    slow.may.set()
+    stream.finish()
+    assert [answer.error_code for answer in stream.answered[2:]] == [ErrorCode.OK] * 2
+
+
+def test_requests_are_answered_while_a_model_loads(graph, monkeypatch):
+    may = Event()
+
+    def load(name: str) -> IdentityPrior:
+        assert name == "now" or may.wait(60)
+        return IdentityPrior()
+
+    monkeypatch.setattr(model_node, "load_dynamics", load)
+    graph.start(ModelNode, model="now")
+    client = graph.bystander.create_client(LoadModel, "load_model")
+    graph.wait(client.service_is_ready, "the service")
+    loading = client.call_async(LoadModel.Request(model="later"))
+    answers = [graph.call(Rollout, "rollout", request()) for _ in range(3)]
+    assert [answer.model for answer in answers] == ["now"] * 3
+    assert not loading.done()
+    may.set()
+    graph.wait(loading.done, "the model")
+    assert graph.call(Rollout, "rollout", request()).model == "later"

@@ -1,0 +1,253 @@
+"""The planner's node, its model in process: goals, scenes, refusals and what it publishes."""
+
+import numpy as np
+import pytest
+from visualization_msgs.msg import Marker
+
+from sain_core.errors import ErrorCode
+from sain_core.ros import codec
+from sain_core.scene import POSITION, make_scene
+from sain_interfaces.msg import Plan
+from sain_model.physics.planar import PlanarPrior
+from sain_mppi.ros.mppi_node import MppiNode
+from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
+
+
+@pytest.fixture
+def planner(graph, straw):
+    node = graph.start(MppiNode, dynamics="in_process", model="planar", **SMALL)
+    graph.wait(lambda: straw.scenes.get_subscription_count() == 2, "the planner")
+    graph.wait(lambda: graph.aiming.get_subscription_count() == 1, "the planner")
+    return node
+
+
+def test_a_settled_scene_is_answered_with_one_push_and_its_plan(graph, straw, planner):
+    graph.aim(GOAL, 1)
+    straw.show(settled=False)
+    straw.show(scene_id=4)
+    push = nth_push(graph, 1)
+    assert (push.episode_id, push.scene_id, push.source) == (1, 4, "/sain/mppi_node")
+    made = plan(graph, push_id=push.push_id)
+    assert (made.status, made.error_code, made.fallback) == (Plan.PUSH, ErrorCode.OK, False)
+    assert (made.goal_id, made.episode_id, made.scene_id) == (1, 1, 4)
+    assert (made.samples, made.horizon, made.disks, made.dynamics) == (64, 2, 2, "planar")
+    pushes, predicted = codec.decode_plan(made)
+    np.testing.assert_array_equal(pushes[0], codec.decode_push(push))
+    np.testing.assert_array_equal(predicted[0], PlanarPrior().step(START[None], pushes[:1])[0])
+    assert made.goal_distance == pytest.approx(np.hypot(0.70 - 0.541, 0.05))
+    assert made.planning_time >= made.rollout_time > 0.0
+
+
+def test_a_plan_says_what_it_costs_what_else_was_tried_and_where_its_time_went(
+    graph, straw, planner
+):
+    graph.aim(GOAL, 1)
+    straw.show()
+    made = plan(graph, push_id=nth_push(graph, 1).push_id)
+    assert dict(zip(made.cost_terms, made.cost_values, strict=True))["position"] > 0.0
+    assert sum(made.cost_values) == pytest.approx(made.cost)
+    assert made.cost < made.rest_cost
+    assert (made.algorithm, made.rollouts, made.rounds) == ("mppi_rounds", 96, 2)
+    places = np.array(made.other_places).reshape(len(made.other_costs), 2, 2, 2)
+    assert list(made.other_costs) == sorted(made.other_costs)
+    np.testing.assert_allclose(places[0], codec.decode_plan(made)[1][..., POSITION], atol=1e-6)
+    assert made.rollout_time + made.cost_time < made.search_time < made.planning_time
+    assert (made.concern, len(made.last_errors)) == ("", 0)
+
+
+def test_a_plan_says_how_the_last_push_came_out_and_looks_further_after_a_surprise(
+    graph, straw, planner
+):
+    graph.aim(GOAL, 1)
+    straw.show()
+    first = nth_push(graph, 1)
+    after = PlanarPrior().step(START[None], codec.decode_push(first)[None])[0]
+    after[1, POSITION] += [0.0, 0.05]
+    straw.answer(first, ErrorCode.OK, before=START, after=after)
+    straw.show(scene_id=2, disks=after)
+    made = plan(graph, push_id=nth_push(graph, 2).push_id)
+    np.testing.assert_allclose(made.last_errors, [0.0, 0.05], atol=1e-9)
+    assert made.last_expected[1] < 0.05
+    assert made.concern.startswith("target 50 mm from where it should be")
+    assert made.rollouts == 2 * 96
+
+
+def test_another_episode_begins_without_a_past(graph, straw, planner):
+    graph.aim(GOAL, 1)
+    straw.show()
+    straw.answer(nth_push(graph, 1), ErrorCode.OK, before=START, after=START)
+    elsewhere = START.copy()
+    elsewhere[:, POSITION] += [0.05, -0.1]
+    straw.show(episode_id=2, scene_id=2, disks=elsewhere)
+    made = plan(graph, push_id=nth_push(graph, 2).push_id)
+    assert (made.concern, len(made.last_errors)) == ("", 0)
+
+
+def test_disks_may_come_and_go_between_scenes(graph, straw, planner):
+    graph.aim(GOAL, 1)
+    third = make_scene(
+        np.array([(0.40, 0.0), (0.541, 0.0), (0.45, 0.30)]), np.full(3, 8.0), np.full(3, 0.06)
+    )
+    for number, disks in enumerate((START, third, START), start=1):
+        straw.show(scene_id=number, disks=disks)
+        push = nth_push(graph, number)
+        made = plan(graph, push_id=push.push_id)
+        assert (made.disks, made.error_code) == (len(disks), ErrorCode.OK)
+        straw.answer(push, ErrorCode.OK, before=disks, after=disks)
+
+
+def test_a_goal_that_the_arm_cannot_push_to_is_refused_and_not_pushed_at(graph, straw, planner):
+    graph.aim((1.10, 0.0), 1)
+    straw.show()
+    made = plan(graph, goal_id=1)
+    assert (made.status, ErrorCode(made.error_code)) == (Plan.NO_PUSH, ErrorCode.UNREACHABLE)
+    assert "out of reach" in made.error_message
+    assert not graph.heard["push"]
+
+
+def test_viewers_get_the_plan_what_else_was_tried_and_a_ghost(graph, straw, planner):
+    graph.aim(GOAL, 1)
+    straw.show()
+    made = plan(graph, push_id=nth_push(graph, 1).push_id)
+    graph.wait(lambda: graph.heard["plan_markers"], "markers")
+    markers = {(m.ns, m.id): m for m in graph.heard["plan_markers"][0].markers}
+    others = markers["others", 0]
+    assert len(others.points) == len(others.colors) == 2 * 2 * len(made.other_costs)
+    predicted = codec.decode_plan(made)[1]
+    for disk in (0, 1):
+        ghost = markers["ghost", disk]
+        assert (ghost.pose.position.x, ghost.pose.position.y) == tuple(predicted[0, disk, POSITION])
+        assert markers["region", disk].action == Marker.DELETE  # physics tells of none
+        assert len(markers["path", disk].points) == 3
+
+
+def test_the_same_scene_is_planned_once_for_each_goal(graph, straw, planner):
+    graph.aim(GOAL, 1)
+    for _ in range(3):
+        straw.show()
+    nth_push(graph, 1)
+    graph.aim((0.65, 0.0), 2)
+    second = nth_push(graph, 2)
+    straw.show()
+    assert plan(graph, push_id=second.push_id).goal_id == 2
+    straw.show(scene_id=2)
+    third = nth_push(graph, 3)
+    assert third.scene_id == 2
+    plan(graph, push_id=third.push_id)
+    assert len(graph.heard["plan"]) == 3
+
+
+def test_at_the_goal_there_is_nothing_to_push(graph, straw, planner):
+    graph.aim(START[1, POSITION] + 0.001, 1, tolerance=0.005)
+    straw.show()
+    reached = plan(graph, goal_id=1)
+    assert (reached.status, reached.push_id) == (Plan.REACHED, 0)
+    assert reached.goal_distance == pytest.approx(0.001 * np.sqrt(2))
+    assert not graph.heard["push"]
+
+
+@pytest.mark.parametrize(
+    ("goal", "tolerance", "code", "text"),
+    [
+        ((3.0, 0.0), 0.01, ErrorCode.OFF_TABLE, "(3.000, 0.000) m is off the table"),
+        ((np.nan, 0.0), 0.01, ErrorCode.INVALID, "must be finite"),
+        ((0.7, 0.0), -0.01, ErrorCode.OUT_OF_RANGE, "the tolerance is -0.01 m"),
+        ((0.7, 0.0), np.nan, ErrorCode.OUT_OF_RANGE, "the tolerance is nan m"),
+    ],
+)
+def test_a_goal_that_cannot_be_served_gets_no_push(
+    graph, straw, planner, goal, tolerance, code, text
+):
+    straw.show()
+    graph.aim(goal, 5, tolerance)
+    refused = plan(graph, goal_id=5)
+    assert (refused.status, ErrorCode(refused.error_code)) == (Plan.NO_PUSH, code)
+    assert text in refused.error_message
+    graph.aim(GOAL, 6)
+    assert plan(graph, goal_id=6).push_id == nth_push(graph, 1).push_id
+    assert len(graph.heard["push"]) == 1
+
+
+def test_a_push_refused_for_itself_is_replaced_by_another(graph, straw, planner):
+    graph.aim(GOAL, 1)
+    straw.show()
+    first = nth_push(graph, 1)
+    straw.answer(first, ErrorCode.BLOCKED, "in the way")
+    second = nth_push(graph, 2)
+    assert second.push_id != first.push_id
+    assert second.scene_id == first.scene_id
+    assert np.abs(codec.decode_push(second) - codec.decode_push(first)).max() > 0.01
+
+
+@pytest.mark.parametrize("code", [ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE])
+def test_a_push_refused_for_its_scene_waits_for_the_next_one(graph, straw, planner, code):
+    graph.aim(GOAL, 1)
+    straw.show()
+    first = nth_push(graph, 1)
+    straw.answer(first, code)
+    straw.show(scene_id=2)
+    assert nth_push(graph, 2).scene_id == 2
+
+
+def test_a_planner_that_is_refused_again_and_again_gives_up(graph, straw):
+    graph.start(
+        MppiNode, dynamics="in_process", model="planar", goal_tracker__max_refusals=2, **SMALL
+    )
+    graph.aim(GOAL, 1)
+    straw.show()
+    for number in (1, 2):
+        straw.answer(nth_push(graph, number), ErrorCode.UNREACHABLE, "too far")
+    made = plan(graph, status=Plan.NO_PUSH)
+    assert ErrorCode(made.error_code) is ErrorCode.NO_PUSH
+    assert "2 pushes in a row were refused" in made.error_message
+
+
+def test_the_number_of_pushes_is_kept_and_refused_ones_do_not_count(graph, straw, planner):
+    graph.aim(GOAL, 1, max_pushes=1)
+    straw.show()
+    straw.answer(nth_push(graph, 1), ErrorCode.BLOCKED)
+    straw.answer(nth_push(graph, 2), ErrorCode.OK)
+    straw.show(scene_id=2)
+    assert plan(graph, scene_id=2).status == Plan.EXHAUSTED
+    assert len(graph.heard["push"]) == 2
+
+
+def test_a_goal_of_another_episode_waits_for_that(graph, straw, planner):
+    graph.aim(GOAL, 1, episode_id=2)
+    straw.show(episode_id=1)
+    straw.show(episode_id=2, scene_id=2)
+    assert nth_push(graph, 1).episode_id == 2
+
+
+def test_a_scene_that_holds_nan_is_ignored(graph, straw, planner):
+    broken = START.copy()
+    broken[1, 0] = np.nan
+    graph.aim(GOAL, 1)
+    straw.show(scene_id=1, disks=broken)
+    straw.show(scene_id=2)
+    assert nth_push(graph, 1).scene_id == 2
+
+
+def test_a_target_off_the_table_gets_no_push(graph, straw, planner):
+    fallen = START.copy()
+    fallen[1, 0] = 1.5
+    graph.aim(GOAL, 1)
+    straw.show(disks=fallen)
+    made = plan(graph, goal_id=1)
+    assert (made.status, ErrorCode(made.error_code)) == (Plan.NO_PUSH, ErrorCode.OFF_TABLE)
+
+
+def test_the_seed_decides_the_plan(graph, straw, planner):
+    def push_of(seed):
+        node = graph.start(MppiNode, dynamics="in_process", model="planar", seed=seed, **SMALL)
+        count = len(graph.heard["push"])
+        straw.show()
+        push = nth_push(graph, count + 1)
+        graph.stop(node)
+        return codec.decode_push(push)
+
+    graph.stop(planner)
+    graph.aim(GOAL, 1)
+    first, same, other = push_of(1), push_of(1), push_of(2)
+    np.testing.assert_array_equal(first, same)
+    assert (first != other).any()

@@ -1,0 +1,224 @@
+"""The whole graph as a person runs it: real processes, real recording, real pictures."""
+
+import json
+import os
+import signal
+import subprocess
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import domain_coordinator
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from PIL import Image, ImageSequence
+from rosbags.highlevel import AnyReader
+
+from sain_bags.reading.reader import Bag
+from sain_bags.transitions.recorded_episodes import read_episodes
+from sain_bringup.graph import executable
+
+pytestmark = pytest.mark.system
+
+MARK = "SAIN_SYSTEM_TEST"  # a variable that every process of a run inherits
+UP = "are up"
+TOPICS = {
+    "/clock", "/diagnostics", "/rosout", "/parameter_events",
+    "/sain/goal", "/sain/joint_states", "/sain/markers", "/sain/physics_prediction", "/sain/plan",
+    "/sain/plan_markers", "/sain/push", "/sain/push_result", "/sain/scene",
+}  # fmt: skip
+
+
+@dataclass
+class Run:
+    """One closed loop, started and not waited for."""
+
+    process: "subprocess.Popen[str]"
+    out: Path
+    output: Path
+    mark: str
+
+    def text(self) -> str:
+        return self.output.read_text(encoding="utf-8")
+
+    def living(self) -> list[int]:
+        """The ids of all processes of this run that still run."""
+        found = []
+        for folder in Path("/proc").glob("[0-9]*"):
+            try:
+                environment = (folder / "environ").read_bytes()
+                state = (folder / "stat").read_text().rpartition(")")[2].split()[0]
+            except OSError:
+                continue
+            if f"{MARK}={self.mark}".encode() in environment and state != "Z":
+                found.append(int(folder.name))
+        return found
+
+    def process_of(self, executable_name: str) -> int:
+        """The id of the process that runs an executable of the graph."""
+        for process_id in self.living():
+            command = Path(f"/proc/{process_id}/cmdline").read_bytes().split(b"\0")
+            if any(word.endswith(f"/{executable_name}".encode()) for word in command):
+                return process_id
+        raise AssertionError(f"no {executable_name} among the processes of the run")
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + 150.0
+        while not condition():
+            assert time.monotonic() < deadline, f"waited in vain:\n{self.text()}"
+            time.sleep(0.05)
+
+    def wait_for(self, text: str) -> None:
+        self.until(lambda: text in self.text() or self.process.poll() is not None)
+        assert text in self.text(), self.text()
+
+    def end(self) -> int:
+        """Wait for the end; return the exit code. Nothing may be left running."""
+        code = self.process.wait(timeout=200)
+        self.until(lambda: not self.living())
+        return code
+
+
+def start(folder: Path, domain: int, *arguments: str) -> Run:
+    mark, output = uuid.uuid4().hex, folder / f"output-{uuid.uuid4().hex[:6]}.txt"
+    out = folder / f"results-{mark[:6]}"
+    command = [str(executable("sain_bringup", "closed_loop")), "--out", str(out), *arguments]
+    environment = {**os.environ, MARK: mark, "ROS_DOMAIN_ID": str(domain), "PYTHONUTF8": "1"}
+    with output.open("w") as stream:
+        process = subprocess.Popen(
+            command, env=environment, stdout=stream, stderr=subprocess.STDOUT, text=True
+        )
+    return Run(process, out, output, mark)
+
+
+@pytest.fixture(scope="module")
+def domains() -> Iterator[tuple[int, int]]:
+    with domain_coordinator.domain_id() as one, domain_coordinator.domain_id() as other:
+        yield one, other
+
+
+@pytest.fixture(scope="module")
+def played(domains: tuple[int, int], tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """A short run that is over."""
+    folder = tmp_path_factory.mktemp("played")
+    run = start(folder, domains[0], "--scenario", "anywhere", "--seed", "1")
+    assert run.end() == 0, run.text()
+    return run
+
+
+@pytest.fixture
+def endless(domains: tuple[int, int], tmp_path: Path) -> Iterator[Run]:
+    """A run in the middle of its episodes; ended at the end if the test did not."""
+    run = start(tmp_path, domains[1], "--episodes", "500", "--model", "planar")
+    try:
+        run.wait_for(UP)
+        run.wait_for("1/500")
+        yield run
+    finally:
+        for process_id in run.living():
+            os.kill(process_id, signal.SIGKILL)
+
+
+def test_an_episode_succeeds_and_says_so(played: Run) -> None:
+    summary = json.loads((played.out / "summary.json").read_text())
+    assert summary["successes"] == 1
+    (episode,) = summary["episodes"]
+    assert episode["scenario"] == "anywhere"
+    assert episode["final_distance"] <= 0.02
+    assert episode["model_error"] < 0.05
+    assert summary["recording"]["episodes"] == "anywhere:1"
+    assert "reached" in played.text()
+
+
+def test_rosbags_reads_every_topic_of_the_graph(played: Run) -> None:
+    counts = dict.fromkeys(TOPICS, 0)
+    with AnyReader([played.out / "bag"]) as reader:
+        assert {connection.topic for connection in reader.connections} >= TOPICS
+        for connection, _, raw in reader.messages():
+            reader.deserialize(raw, connection.msgtype)
+            counts[connection.topic] = counts.get(connection.topic, 0) + 1
+    assert [topic for topic in TOPICS - {"/parameter_events"} if not counts[topic]] == []
+
+
+def test_mcap_reads_it_with_every_crc_right(played: Run) -> None:
+    bag = Bag(played.out / "bag")
+    bag.check()
+    with bag.file.open("rb") as stream:
+        found = sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages())
+    assert found == bag.message_count
+    assert bag.custom_data["episodes"] == "anywhere:1"
+
+
+def test_every_push_is_paired(played: Run) -> None:
+    (episode,) = [e for e in read_episodes(Bag(played.out / "bag")) if e.goal is not None]
+    assert episode.success
+    for push in episode.executed:
+        assert push.plan is not None
+        assert push.physics is not None
+        assert push.predicted is not None
+
+
+def test_simulated_time_never_goes_back(played: Run) -> None:
+    stamps = [
+        received.message.clock.sec * 10**9 + received.message.clock.nanosec
+        for received in Bag(played.out / "bag").messages(["/clock"])
+    ]
+    assert stamps == sorted(stamps)
+    assert stamps[-1] > stamps[0]
+
+
+def test_the_pictures_are_pictures(played: Run) -> None:
+    assert "anywhere 1" in (played.out / "report.html").read_text(encoding="utf-8")
+    for name in ("episode_1.png", "overview.png"):
+        with Image.open(played.out / name) as picture:
+            picture.verify()
+            assert min(picture.size) > 400
+    with Image.open(played.out / "closed_loop.gif") as movie:
+        assert movie.size == (480, 360)
+        assert movie.n_frames > 5
+        first = movie.convert("RGB").tobytes()
+        movie.seek(movie.n_frames - 1)
+        assert movie.convert("RGB").tobytes() != first
+    assert (played.out / "closed_loop.gif").stat().st_size < 3_000_000
+
+
+def test_every_frame_of_the_film_shows_target_and_goal(played: Run) -> None:
+    with Image.open(played.out / "closed_loop.gif") as movie:
+        for frame in ImageSequence.Iterator(movie):
+            picture = np.array(frame.convert("RGB")).astype(int)[:320]  # above the caption
+            red, green, blue = np.moveaxis(picture, -1, 0)
+            target = (red > green + 60) & (green > blue + 20)
+            goal = (green > red + 60) & (green > blue + 20)
+            assert target.sum() > 50, f"the target is hidden in frame {movie.tell()}"
+            assert goal.sum() > 10, f"the goal is hidden in frame {movie.tell()}"
+
+
+def test_interrupt_leaves_no_process_and_a_whole_bag(
+    endless: Run, domains: tuple[int, int], tmp_path: Path
+) -> None:
+    assert len(endless.living()) == 5
+    second = start(tmp_path, domains[1], "--scenario", "paper")
+    assert second.end() == 1
+    assert "already" in second.text()
+    assert "ROS_DOMAIN_ID" in second.text()
+    os.kill(endless.process.pid, signal.SIGINT)
+    assert endless.end() == 128 + signal.SIGINT, endless.text()
+    bag = Bag(endless.out / "bag")
+    bag.check()
+    with AnyReader([endless.out / "bag"]) as reader:
+        assert reader.message_count == bag.message_count > 0
+
+
+@pytest.mark.parametrize("victim", ["closed_loop", "sim_node"])
+def test_nothing_is_left_when_a_process_is_killed(victim: str, endless: Run) -> None:
+    os.kill(endless.process_of(victim), signal.SIGKILL)
+    code = endless.end()
+    if victim == "sim_node":
+        assert code == 1
+        assert "simulator was killed by SIGKILL" in endless.text()
+    else:
+        assert code == -signal.SIGKILL
+    Bag(endless.out / "bag").check()

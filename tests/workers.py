@@ -1,0 +1,65 @@
+"""How the tests are divided among processes: a file is a unit, some files are one unit together.
+
+A whole run takes a worker for every core, up to four. What is named on the command line runs in one
+process, where a worker's start would cost more than it saves; ``-n 2`` says otherwise.
+"""
+
+import os
+import subprocess
+import sys
+from typing import Any, Final
+
+import pytest
+from _pytest.config import Config
+from xdist.scheduler import LoadScopeScheduling
+
+MOST: Final = 4
+TOGETHER: Final = {  # files that must not run beside one another, by a part of their path
+    "graph": ("tests/system/", "/ros/"),
+    "browser": ("sain_bags/report/",),
+    "processes": ("sain_bringup/", "collecting/", "tests/workspace/"),
+}
+# The longest come first, so that no worker is left with one when all others are done.
+FIRST: Final = ("tests/system/", "/ros/", "tests/examples/", "/dataset/formats/", "/training/")
+
+
+class ByFile(LoadScopeScheduling):
+    """Gives each worker one unit after another, in the order of the collection."""
+
+    def __init__(self, config: Config, log: Any) -> None:
+        super().__init__(config, log)
+        # All kernels are compiled here, while the workers collect; each of them would compile them.
+        command = [sys.executable, "-m", "sain_model.cli.kernels"]
+        self.kernels = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+
+    def schedule(self) -> None:
+        if self.kernels.wait() != 0:
+            raise pytest.UsageError("the kernels cannot be compiled; the reason stands above")
+        super().schedule()
+
+    def _split_scope(self, nodeid: str) -> str:
+        path = nodeid.partition("::")[0]
+        for unit, parts in TOGETHER.items():
+            if any(part in path for part in parts):
+                return unit
+        return path
+
+
+def pytest_xdist_auto_num_workers(config: Config) -> int:
+    """Return how many workers ``-n auto`` starts; 0 is this process alone."""
+    narrowed = any(config.getoption(name, None) for name in ("keyword", "markexpr", "lf"))
+    if narrowed or config.args_source is not Config.ArgsSource.TESTPATHS:
+        return 0
+    return min(len(os.sched_getaffinity(0)), MOST)
+
+
+def pytest_xdist_make_scheduler(config: Config, log: Any) -> ByFile:
+    return ByFile(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: _place(item.nodeid.partition("::")[0]))
+
+
+def _place(path: str) -> int:
+    return next((place for place, part in enumerate(FIRST) if part in path), len(FIRST))

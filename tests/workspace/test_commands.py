@@ -1,0 +1,170 @@
+"""Every executable as it is started: its help, its errors and Ctrl-C while it starts."""
+
+import os
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import pytest
+
+from sain_bringup.graph import executable
+from sain_core.command_line import Command, load
+from sain_core.node_command import NodeCommand, describe_parameters
+from tests.workspace.source_tree import PYTHON_PACKAGES, console_scripts
+
+SCRIPTS = [(package, name) for package in PYTHON_PACKAGES for name in console_scripts(package)]
+REQUIRED = {  # arguments without which nothing else is reported
+    "play": ["bag"], "info": ["bag"], "recover": ["bag", "--out", "o"], "report": ["bag"],
+    "to_dataset": ["bag", "--out", "o"], "record": ["--out", "o"], "calibrate": ["--out", "o"],
+    "train": ["data", "--out", "o"], "train_correction": ["data", "--out", "o"],
+    "learning_curve": ["data", "--out", "o"],
+}  # fmt: skip
+HEAVY = {"torch", "pybullet", "numba", "rclpy", "matplotlib"}
+INTERRUPT = """
+import os, signal, sys
+from importlib import import_module
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Finder())
+sys.argv = {arguments!r}
+sys.exit(getattr(import_module("{package}.commands"), {name!r})())
+"""
+
+
+def start(package: str, name: str, *arguments: str, **variables: str) -> Any:
+    command = [str(executable(package, name)), *arguments]
+    environment = {**os.environ, "PYTHONPROFILEIMPORTTIME": "1", **variables}
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=100)
+
+
+def imported(stderr: str) -> set[str]:
+    """The top-level modules that a process has imported."""
+    lines = (line for line in stderr.splitlines() if line.startswith("import time:"))
+    return {line.rpartition("|")[2].strip().partition(".")[0] for line in lines}
+
+
+def said(stderr: str) -> str:
+    """What a process has written besides the list of its imports, without frames."""
+    lines = (line for line in stderr.splitlines() if not line.startswith("import time:"))
+    return " ".join(" ".join(lines).replace("│", " ").split())
+
+
+def entry(package: str, name: str) -> Command | NodeCommand:
+    found = getattr(import_module(f"{package}.commands"), name)
+    assert isinstance(found, Command | NodeCommand)
+    return found
+
+
+@pytest.mark.parametrize(("package", "name"), SCRIPTS)
+def test_help_comes_at_once(package: str, name: str) -> None:
+    done = start(package, name, "--help", COLUMNS="100")
+    assert done.returncode == 0, done.stderr
+    assert f"usage: ros2 run {package} {name}" in done.stdout
+    assert imported(done.stderr) & HEAVY == set()
+
+
+@pytest.mark.parametrize(("package", "name"), SCRIPTS)
+def test_an_unknown_argument_is_refused_at_once(package: str, name: str) -> None:
+    required = ["data"] if (package, name) == ("sain_model", "evaluate") else REQUIRED.get(name, [])
+    done = start(package, name, *required, "--wrold", "rough")
+    assert done.returncode == 2, done.stderr
+    assert "--wrold" in said(done.stderr)
+    assert imported(done.stderr) & HEAVY == set()
+
+
+@pytest.mark.parametrize(("package", "name"), SCRIPTS)
+def test_every_setting_has_a_text_with_its_values(package: str, name: str) -> None:
+    command = entry(package, name)
+    shown = " ".join(start(package, name, "--help", COLUMNS="80").stdout.replace("│", " ").split())
+    if isinstance(command, NodeCommand):
+        for parameter, default, allowed, meaning in describe_parameters(load(command.settings)()):
+            notes = "; ".join(filter(None, (allowed, f"default: {default}")))
+            assert meaning and f"{parameter} {meaning} ({notes})" in shown
+        return
+    options = load(command.options)
+    options = options if isinstance(options, type) else options([])
+    for item in settings_in(options):
+        text = item.metadata.get("description", "")
+        assert text, f"{item.name} has no text"
+        assert text[:1].upper() + text[1:] in shown
+        assert (item.metadata.get("unit") or "") in shown
+        for choice in item.metadata.get("choices") or ():
+            assert str(choice) in shown
+
+
+def settings_in(options: type) -> list[Any]:
+    """The fields of a class of settings and of those nested in it."""
+    found, hints = [], get_type_hints(options)
+    for item in fields(options):
+        kind = hints[item.name]
+        found += settings_in(kind) if isinstance(kind, type) and is_dataclass(kind) else [item]
+    return found
+
+
+def test_a_node_says_how_parameters_are_given() -> None:
+    done = start("sain_sim", "sim_node", "--world", "rough")
+    assert said(done.stderr) == (
+        "sim_node: unknown argument '--world'; allowed are --help and --ros-args. Parameters are"
+        " given as --ros-args -p world:=rough"
+    )
+
+
+@pytest.mark.parametrize(
+    ("package", "name", "arguments", "message"),
+    [
+        ("sain_eval", "evaluate", ["--scenes", "0"], "--scenes is 0; it must be at least 1"),
+        (
+            "sain_eval",
+            "evaluate",
+            ["--planner.samples", "0"],
+            "--planner.samples is 0; it must be at least",
+        ),
+        ("sain_model", "train", ["data", "--out", "o", "--batch", "0"], "--batch is 0; it must be"),
+        ("sain_sim", "collect", ["--world", "ruff"], "randomised"),
+        ("sain_bringup", "closed_loop", ["--scenario", "papper"], "did you mean 'paper'?"),
+        ("sain_bringup", "closed_loop", ["--seed", "-1"], "--seed is -1; it must be at least 0"),
+    ],
+)
+def test_a_wrong_value_is_named_before_anything_is_imported(
+    package: str, name: str, arguments: list[str], message: str
+) -> None:
+    done = start(package, name, *arguments)
+    assert done.returncode == 2
+    assert message in said(done.stderr)
+    assert imported(done.stderr) & HEAVY == set()
+
+
+@pytest.mark.parametrize(
+    ("package", "name", "arguments", "module"),
+    [
+        ("sain_sim", "sim_node", [], "numpy"),
+        ("sain_sim", "sim_node", [], "rclpy"),
+        ("sain_sim", "sim_node", ["--ros-args", "-p", "peer_wait:=0.0"], "pybullet"),
+        ("sain_model", "model_node", [], "torch"),
+        ("sain_mppi", "mppi_node", [], "numba"),
+        ("sain_model", "train", ["data", "--out", "none"], "tyro"),
+        ("sain_model", "train", ["data", "--out", "none"], "numpy"),
+        ("sain_model", "train", ["data", "--out", "none"], "torch"),
+        ("sain_eval", "evaluate", [], "torch"),
+        ("sain_bringup", "closed_loop", [], "rclpy"),
+        ("sain_bags", "record", ["--out", "none"], "rclpy"),
+        ("sain_bags", "info", ["none"], "rich"),
+    ],
+)
+def test_ctrl_c_during_an_import_ends_it_quietly(
+    ros_domain: int, tmp_path: Path, package: str, name: str, arguments: list[str], module: str
+) -> None:
+    code = INTERRUPT.format(module=module, package=package, name=name, arguments=[name, *arguments])
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=100
+    )
+    assert done.returncode == 130, done.stderr
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
