@@ -56,11 +56,6 @@ def shared_memory() -> set[str]:
     return {name for name in entries(Path("/dev/shm")) if not name.startswith(graphs)}
 
 
-def shared_memory() -> set[str]:
-    """What is in shared memory, but for what ROS 2 of other processes keeps there meanwhile."""
-    return {name for name in entries("/dev/shm") if "fastrtps" not in name}
-
-
 def content(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
