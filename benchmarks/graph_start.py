@@ -21,7 +21,7 @@ from rich.console import Console
 from sain_bringup.graph import MODEL, PLANNER, SIMULATOR, GraphConfig, graph_commands
 from sain_bringup.processes import Supervisor
 from sain_bringup.ros.director import Director
-from sain_core.fitting_table import FittingTable
+from sain_core.cli.fitting_table import FittingTable
 from sain_core.ros.node_main import ros_context
 
 BARE = "import rclpy; rclpy.init(); rclpy.spin(rclpy.create_node({name!r}))"

@@ -115,7 +115,7 @@ def test_commands_say_it_all(prefix: Path) -> None:
         params_file=Path("p.yaml"),
     )
     commands = graph_commands(config)
-    assert list(commands) == ["recorder", "model", "simulator", "planner"]
+    assert list(commands) == ["model", "recorder", "simulator", "planner"]
     for command in commands.values():
         assert "__ns:=/lab" in command
         assert command.count("--ros-args") == 1

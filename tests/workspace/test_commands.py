@@ -11,8 +11,8 @@ from typing import Any, get_type_hints
 import pytest
 
 from sain_bringup.graph import executable
-from sain_core.command_line import Command, load
-from sain_core.node_command import NodeCommand, describe_parameters
+from sain_core.cli.command_line import Command, load
+from sain_core.cli.node_command import NodeCommand, describe_parameters
 from tests.workspace.source_tree import PYTHON_PACKAGES, console_scripts
 
 SCRIPTS = [(package, name) for package in PYTHON_PACKAGES for name in console_scripts(package)]
@@ -152,7 +152,7 @@ def test_a_wrong_value_is_named_before_anything_is_imported(
         ("sain_model", "train", ["data", "--out", "none"], "tyro"),
         ("sain_model", "train", ["data", "--out", "none"], "numpy"),
         ("sain_model", "train", ["data", "--out", "none"], "torch"),
-        ("sain_eval", "evaluate", [], "torch"),
+        ("sain_eval", "evaluate", ["--controllers", "sain"], "torch"),
         ("sain_bringup", "closed_loop", [], "rclpy"),
         ("sain_bags", "record", ["--out", "none"], "rclpy"),
         ("sain_bags", "info", ["none"], "rich"),

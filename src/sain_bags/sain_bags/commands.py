@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from sain_core.command_line import Command
+from sain_core.cli.command_line import Command
 
 record: Final = Command(
     "sain_bags record",

@@ -35,7 +35,7 @@ SHARES: Final = {VALIDATION: 0.1, TEST: 0.15}  # of the episodes, by default
 FLAT: Final = "8 N"  # a scene (N, 8), row by row
 DISKS: Final = "N"
 ROUGH: Final = "rough_"  # prefix of the columns of a rough world; their shapes are the world's
-MARKS: Final = "s"  # ends the column (N,) that states which bodies have a shape: ``cubes``
+MARKS: Final = "s"  # ends the column (N,) that states which bodies have a shape: ``hexagons``
 
 Row = Mapping[str, Any]  # one transition: a value for each column
 Columns = dict[str, ndarray]  # many: an array (M, ...) for each

@@ -6,6 +6,9 @@ At a node's edge `error_reply` turns any of them into the ``error_code`` and
 """
 
 from enum import IntEnum
+from typing import Final
+
+INTERRUPTED: Final = 130  # exit code of a process after Ctrl-C
 
 
 class ErrorCode(IntEnum):

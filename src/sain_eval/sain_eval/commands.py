@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from sain_core.command_line import Command
+from sain_core.cli.command_line import Command
 
 evaluate: Final = Command(
     "sain_eval evaluate",

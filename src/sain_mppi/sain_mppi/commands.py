@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from sain_core.node_command import NodeCommand
+from sain_core.cli.node_command import NodeCommand
 
 mppi_node: Final = NodeCommand(
     "sain_mppi mppi_node",

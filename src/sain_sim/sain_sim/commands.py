@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from sain_core.command_line import Command
-from sain_core.node_command import NodeCommand
+from sain_core.cli.command_line import Command
+from sain_core.cli.node_command import NodeCommand
 
 sim_node: Final = NodeCommand(
     "sain_sim sim_node",

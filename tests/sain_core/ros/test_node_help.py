@@ -5,7 +5,7 @@ import re
 import pytest
 from rclpy.node import Node
 
-from sain_core.node_command import NodeCommand
+from sain_core.cli.node_command import NodeCommand
 from sain_model.commands import model_node
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.commands import mppi_node

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.command_line import read_options
+from sain_core.cli.command_line import read_options
 from sain_core.errors import ConfigError
 from sain_model import commands
 from sain_model.data.batches import Batches

@@ -13,7 +13,7 @@ from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
 from sain_bags.transitions.recorded_episodes import Episode, namespaces, read_episodes
 from sain_bags.writing.gaps import read_gaps
-from sain_core.fitting_table import FittingTable
+from sain_core.cli.fitting_table import FittingTable
 
 
 def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:

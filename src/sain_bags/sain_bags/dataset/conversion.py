@@ -31,7 +31,7 @@ from sain_core.plugins import load_dynamics
 
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
 
-Progress = Callable[[int, int, int], None]  # messages read, of how many; rows made
+ConversionProgress = Callable[[int, int, int], None]  # messages read, of how many; rows made
 Writing = Callable[[int, int], None]  # rows written in a format other than npz, of how many
 
 
@@ -70,7 +70,7 @@ def convert(
     out: Path,
     config: ConversionConfig = ConversionConfig(),
     overwrite: bool = False,
-    progress: Progress = lambda read, messages, rows: None,
+    progress: ConversionProgress = lambda read, messages, rows: None,
     writing: Writing = lambda rows, of: None,
 ) -> Converted:
     """Convert recordings, going on where an earlier run of the same conversion stopped.
@@ -131,7 +131,7 @@ def _shards(
     maker: RowMaker,
     numbering: Numbering,
     card: DatasetCard,
-    progress: Progress,
+    progress: ConversionProgress,
 ) -> Iterator[Columns]:
     """Stream all recordings as shards, and count dropped pushes on the card."""
     counter = _Counter(sum(source.messages for source in sources), progress)
@@ -176,7 +176,7 @@ def _versions() -> dict[str, str]:
 class _Counter:
     """Reports the progress of a conversion."""
 
-    def __init__(self, messages: int, progress: Progress) -> None:
+    def __init__(self, messages: int, progress: ConversionProgress) -> None:
         self._messages, self._progress = messages, progress
         self._read = self._rows = 0
 

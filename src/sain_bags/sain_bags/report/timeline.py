@@ -6,7 +6,7 @@ from typing import Any, Final
 from sain_bags.reading.reader import Bag
 
 BINS: Final = 120  # that a recording's time is cut into
-PLACES: Final = 200  # of missing messages, told one by one
+PLACES: Final = 200  # of missing messages, listed one by one
 
 
 @dataclass
@@ -47,12 +47,12 @@ class Lane:
 
     @property
     def rate(self) -> float:
-        """Messages a second between the first and the last [Hz], 0: it cannot be told."""
+        """Messages a second between the first and the last [Hz], 0: not known."""
         duration = 1e-9 * (self.last - self.first)
         return (self.messages - 1) / duration if duration > 0 else 0.0
 
     def _count(self, log_time: int, sequence: int) -> None:
-        # Numbers of several publishers run side by side, and what is missing cannot be told.
+        # Numbers of several publishers run side by side, so that gaps cannot be counted.
         if self.missing is None or sequence <= self._sequence:
             self.missing, self.places = None, []
         elif lost := sequence - self._sequence - 1:

@@ -28,6 +28,7 @@ SHORT: Final = 16  # contiguous pushes that are faster paired one by one
 
 
 Paired = list[PendingPush] | PairedPushes  # in the order of the pushes
+Calls = tuple[Callable[..., None], Iterator[tuple[Any, ...]]]  # a method and its arguments
 
 
 class Pairing:
@@ -50,7 +51,7 @@ class Pairing:
         """Pair the messages of a batch, by channel; `count` is how many the batch has."""
         found = find_contiguous(messages, count, self.knows, self._predictions)
         turns = np.full(count, NONE)  # which of `calls` a message belongs to
-        calls: list[tuple[Callable[..., None], Iterator[tuple[Any, ...]]]] = []
+        calls: list[Calls] = []
         for one in messages:
             rows = np.flatnonzero(~found.covered[one.spots]) if found else np.arange(len(one.spots))
             turns[one.spots[rows]] = len(calls)
@@ -64,7 +65,7 @@ class Pairing:
         self.contiguous(next(stretches, None))
 
     def ready(self) -> list[Paired]:
-        """Return the pushes that have become complete since the last call, in their order."""
+        """Return the pushes that became complete since the last call, in their order."""
         ready, self._ready = self._ready, []
         return ready
 
@@ -80,17 +81,14 @@ class Pairing:
         kept = np.array([*self._waiting, *self._early], dtype=np.uint64)
         return self._refused.holds(numbers) | self._done.holds(numbers) | np.isin(numbers, kept)
 
-    def _calls(
-        self, messages: ChannelMessages, rows: ndarray
-    ) -> tuple[Callable[..., None], Iterator[tuple[Any, ...]]]:
+    def _calls(self, messages: ChannelMessages, rows: ndarray) -> Calls:
         """Return the method that reads messages of a kind, and its arguments for some of them."""
         places, lists = messages.places(rows), messages.lists
         if messages.kind == GOAL:
             return self.goal, zip(*lists(rows, "episode_id"), places, strict=True)
         if messages.kind == SCENE:
-            return self.settled_scene, zip(
-                zip(*lists(rows, "episode_id", "scene_id"), strict=True), places, strict=True
-            )
+            ids = zip(*lists(rows, "episode_id", "scene_id"), strict=True)
+            return self.settled_scene, zip(ids, places, strict=True)
         if messages.kind == PREDICTION:
             return self.prediction, zip(*lists(rows, "push_id"), places, strict=True)
         times = messages.times[rows].tolist()
@@ -98,8 +96,8 @@ class Pairing:
             planned = zip(*lists(rows, "episode_id", "scene_id"), strict=True)
             return self.push, zip(*lists(rows, "push_id"), planned, times, places, strict=True)
         planned = zip(*lists(rows, "push.episode_id", "push.scene_id"), strict=True)
-        ids = lists(rows, "push_id", "episode_id", "error_code", "push.push_id")
-        return self.result, zip(*ids, planned, times, places, strict=True)
+        named = lists(rows, "push_id", "episode_id", "error_code", "push.push_id")
+        return self.result, zip(*named, planned, times, places, strict=True)
 
     def push(self, number: int, planned_from: SceneId, log_time: int, message: Message) -> None:
         """Read that a push was sent."""

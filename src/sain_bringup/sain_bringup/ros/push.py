@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 
 from sain_bringup.options import PushOptions
+from sain_core.cli.fitting_table import FittingTable
 from sain_core.errors import ErrorCode, SainError
-from sain_core.fitting_table import FittingTable
 from sain_core.push import push_ids
 from sain_core.ros.codec import decode_disks, encode_push
 from sain_core.ros.node_main import NAMESPACE, ros_context

@@ -15,8 +15,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import ok, try_shutdown
 
-from sain_core.command_line import INTERRUPTED
-from sain_core.errors import ConfigError, SainError
+from sain_core.errors import INTERRUPTED, ConfigError, SainError
 
 NAMESPACE = "sain"
 """Where nodes live unless ``--ros-args -r __ns:=/other`` says otherwise."""
@@ -30,6 +29,8 @@ INTERRUPTS = (ExternalShutdownException, ROSInterruptException)
 def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = None) -> int:
     """Run a node until it is interrupted; return the process's exit code: 130 during its start.
 
+    When it has started, its attribute ``ready`` is logged, if it has one.
+
     A mistake in the settings or the start is reported in one line on standard error: 1. An error
     later on is a defect and leaves its traceback.
     """
@@ -42,6 +43,8 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
                 node = make_node()
                 executor.add_node(node)
                 code = 0
+                if ready := getattr(node, "ready", ""):
+                    node.get_logger().info(f"ready: {ready}")
                 executor.spin()
             except Exception as error:
                 if ok() and not isinstance(error, INTERRUPTS):

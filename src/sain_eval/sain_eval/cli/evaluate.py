@@ -14,7 +14,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from sain_core.fitting_table import FittingTable
+from sain_core.cli.fitting_table import FittingTable
 from sain_core.provenance import ros2_command
 from sain_core.storage import write_whole
 from sain_eval.cli.options import EvaluateOptions

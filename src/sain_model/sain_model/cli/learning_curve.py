@@ -6,7 +6,7 @@ from dataclasses import asdict
 import torch
 from rich.console import Console
 
-from sain_core.fitting_table import FittingTable
+from sain_core.cli.fitting_table import FittingTable
 from sain_core.provenance import ros2_command
 from sain_core.storage import write_json, write_whole
 from sain_model.cli.options import LearningCurveOptions

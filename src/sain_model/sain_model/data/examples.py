@@ -77,8 +77,8 @@ def make_examples(
     Args:
         data: M pushes.
         prior: what is corrected.
-        friction: what the planar prior is told (M,); None: the nominal one.
-        network: what its inputs know of the world, and what its residual is added to.
+        friction: that the planar prior uses (M,); None: the nominal one.
+        network: which features its inputs have, and what its residual is added to.
     """
     physics_next = step_knowing(prior, data.state, data.action, friction)
     features = make_features(data.state, data.action, physics_next, network.features)
@@ -101,42 +101,42 @@ def training_examples(
     random: np.random.Generator | None = None,
     network: NetworkConfig = NetworkConfig(),
 ) -> Examples:
-    """Return what to learn from: the pushes and, if wanted, their mirror images after them.
+    """Return examples of the pushes and, with `mirror`, of their mirror images after them.
 
     Args:
         data: M pushes; where numbers of disks differ, all examples are `Examples.padded`.
         prior: what is corrected.
-        friction: infers the friction that the prior is told; None: it is the nominal one.
+        friction: infers the friction that the prior uses; None: it is the nominal one.
         mirror: whether to add the mirror images.
-        random: given, the prior is told what the latest few of the *earlier* pushes show, and
-            this draws how many; else what all *other* pushes of the episode show.
-        network: what its inputs know of the world, and what its residual is added to.
+        random: draws how many of the latest *earlier* pushes friction is inferred from; None:
+            it is inferred from all *other* pushes of the episode.
+        network: which features its inputs have, and what its residual is added to.
     """
     disks = max(part.disks for part in data.parts)
-    told = [_teller(part, friction, random) for part in data.parts]
+    inferred = [_inference(part, friction, random) for part in data.parts]
     return functools.reduce(
         Examples.and_then,
         (
-            make_examples(part.mirrored() if image else part, prior, tell(), network).padded(disks)
+            make_examples(part.mirrored() if image else part, prior, infer(), network).padded(disks)
             for image in ((False, True) if mirror else (False,))
-            for part, tell in zip(data.parts, told, strict=True)
+            for part, infer in zip(data.parts, inferred, strict=True)
         ),
     )
 
 
-def _teller(
+def _inference(
     data: Dataset, friction: FrictionFilter | None, random: np.random.Generator | None
 ) -> Callable[[], Scalars | None]:
-    """Return what says, each time anew, which friction (M,) the prior is told."""
+    """Return a function that infers the friction (M,) anew each time; None: the nominal one."""
     if friction is None:
         return lambda: None
     likelihood = friction.log_likelihood(data.state, data.action, data.next_state)
 
-    def told() -> Scalars:
+    def infer() -> Scalars:
         if random is None:
             return friction.others(likelihood, data.episode).mean
         known = friction.earlier(likelihood, data.episode, data.step)
         fewer = random.integers(known.pushes + 1)
         return friction.earlier(likelihood, data.episode, data.step, fewer).mean
 
-    return told
+    return infer

@@ -1,4 +1,4 @@
-"""How far a prior can be trusted when friction is inferred with it: fitted to training data."""
+"""The noise of a prior for the inference of friction, fitted to training data."""
 
 from dataclasses import replace
 from itertools import product

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from sain_core.fitting_table import FittingTable
+from sain_core.cli.fitting_table import FittingTable
 
 PARTS = {"all": "all pushes", "target_moved": "pushes that moved the target"}
 

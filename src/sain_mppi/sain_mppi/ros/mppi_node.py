@@ -50,7 +50,7 @@ class MppiNode(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(LOOK_AGAIN, self._look_again, clock=steady)
         where = "a service" if self.remote else config.model
-        self.get_logger().info(f"ready: plans with {where}, or else with {config.prior}")
+        self.ready = f"plans with {where}, or else with {config.prior}"
 
     def _offer(self) -> None:
         self.push_publisher = self.create_publisher(Push, "push", RELIABLE)

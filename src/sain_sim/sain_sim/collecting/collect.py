@@ -32,7 +32,7 @@ CARD_FILE: Final = "card.json"
 
 LATER: Final = ("truth", "target", "parameters")  # settings that older collections do not name
 
-Progress = Callable[[int, int], None]  # episodes done, transitions so far
+CollectionProgress = Callable[[int, int], None]  # episodes done, transitions so far
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Collected(NamedTuple):
 
 
 def collect(
-    config: CollectConfig, progress: Progress = lambda episodes, transitions: None
+    config: CollectConfig, progress: CollectionProgress = lambda episodes, transitions: None
 ) -> Collected:
     """Collect, going on where an earlier run with the same settings stopped.
 

@@ -48,9 +48,7 @@ class SimNode(Node):
         resetting = self.create_service(ResetScene, "reset_scene", self._on_reset)
         introspect(self, resetting, config.service_introspection)
         self.create_timer(1 / config.idle_rate, self._on_idle)
-        self.get_logger().info(
-            f"ready: a {config.world} world with {len(self.settled.disks)} disks"
-        )
+        self.ready = f"a {config.world} world with {len(self.settled.disks)} disks"
 
     def _on_reset(
         self, request: ResetScene.Request, response: ResetScene.Response

@@ -16,9 +16,8 @@ from importlib import import_module
 from typing import Annotated, Any, Final, Literal, get_type_hints
 
 from sain_core.config import describe_values
-from sain_core.errors import ConfigError, SainError
+from sain_core.errors import INTERRUPTED, ConfigError, SainError
 
-INTERRUPTED: Final = 130  # exit code after Ctrl-C
 WRONG_USAGE: Final = 2  # exit code after an argument that is not allowed
 
 

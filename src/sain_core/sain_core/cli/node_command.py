@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, Final
 
-from sain_core.command_line import (
-    INTERRUPTED,
+from sain_core.cli.command_line import (
     WRONG_USAGE,
     load,
     silent_interrupts,
     split_ros_arguments,
 )
 from sain_core.config import Config, describe_values, show_value
+from sain_core.errors import INTERRUPTED
 
 WIDEST: Final = 100  # columns of the help
 

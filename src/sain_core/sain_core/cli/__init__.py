@@ -1,0 +1,1 @@
+"""Command lines of all packages: options, entry points and tables. May import every other room."""
