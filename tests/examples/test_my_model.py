@@ -96,8 +96,8 @@ def test_predictions_are_compared_with_its(
     out = tmp_path / "errors.json"
     arguments = ["--baselines", "my_model", "--open-loop", 1, 3, "--out", out]
     run(environment, "sain_model.cli.evaluate", dataset, *arguments)
-    rows = json.loads(out.read_text())["open_loop"]["3"]["errors"]["all"]
-    assert 0.0 < rows["my_model"]["target"]["mean"] < rows["no motion"]["target"]["mean"]
+    rows = json.loads(out.read_text())["open_loop"]["1"]["errors"]["all"]
+    assert 0.0 < rows["my_model"]["mid"]["mean"] < 0.5 * rows["no motion"]["mid"]["mean"]
 
 
 def test_it_is_served(environment: dict[str, str]) -> None:

@@ -41,6 +41,7 @@ def test_seeds_count_up() -> None:
         ({"episodes": 0}, "episodes is 0; it must be at least 1"),
         ({"tolerance": 0.0}, "tolerance is 0.0 m; it must be at least 0.0001 m"),
         ({"tolerance": float("nan")}, "tolerance is nan; it must be finite"),
+        ({"model": "plannar"}, r"model 'plannar' is unknown \(did you mean 'planar'\?\)"),
         ({"seed": -1}, "seed is -1; it must be at least 0"),
         ({"timeout": 0.0}, "timeout is 0.0 s; it must be at least 0.1 s"),
         ({"params_file": Path("missing.yaml")}, r"--params-file missing.yaml: No such file"),

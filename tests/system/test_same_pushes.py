@@ -9,7 +9,7 @@ import pytest
 
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
-from sain_eval.loop.evaluation import EpisodeJob, play
+from sain_eval.loop.evaluation import EpisodeJob, play_job
 from sain_interfaces.msg import Plan
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.episodes.truth import TruthConfig
@@ -58,7 +58,7 @@ def test_the_graph_and_evaluate_play_the_same_pushes(graph, full_motion):
     counts = []
     for number, (scenario, seed, truth) in enumerate(played, start=1):
         job = EpisodeJob(scenario, seed, "sain", (TOLERANCE,), truth=truth)
-        outcome = play(job)  # first: it compiles what is not compiled yet
+        outcome = play_job(job)  # first: it compiles what is not compiled yet
         pushes, final, refused, reached = play_on_graph(graph, number, job.case())
         expected = np.array([push.push for push in outcome.record.pushes]).reshape(-1, 3)
         assert pushes.tobytes() == expected.tobytes(), (scenario, seed, pushes, expected)

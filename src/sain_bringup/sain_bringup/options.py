@@ -14,6 +14,7 @@ import yaml
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, OutputError
+from sain_core.plugins import check_model_name
 from sain_eval.scenes.scenarios import SCENARIOS
 
 RECORDINGS: Final = Path("bags")
@@ -62,8 +63,9 @@ class ClosedLoopOptions(Config):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields, the scenario and the file of parameters."""
+        """Check the fields, the model's name, the scenario and the file of parameters."""
         super().__post_init__()
+        check_model_name(self.model)
         if self.scenario is not None and self.scenario not in SCENARIOS:
             near = difflib.get_close_matches(self.scenario, SCENARIOS, n=1)
             hint = f" (did you mean {near[0]!r}?)" if near else ""

@@ -150,7 +150,7 @@ def test_the_command_writes_a_checkpoint_that_is_a_dynamics(dataset, tmp_path, c
     with pytest.raises(CheckpointError, match="SHA-256"):
         load_dynamics(str(path))
     assert commands.train_correction([*arguments, "--prior", "identity"]) == 1
-    assert "the prior 'identity' cannot be told" in capsys.readouterr().err
+    assert "parameters of 'identity' cannot be corrected" in capsys.readouterr().err
 
 
 def test_without_held_out_episodes_nothing_is_trained(dataset, tmp_path, capsys) -> None:
@@ -209,11 +209,16 @@ def test_what_a_card_leaves_out_is_the_usual_of_its_own_prior(checkpoint, tmp_pa
         ({"prior_config": {"friction": "0.14"}}, "friction is '0.14'; it must be of type float"),
         ({"prior_config": {"frictoin": 0.14}}, "frictoin"),
         ({"prior_config": {"friction": -1.0}}, r"PlanarConfig\.friction is -1\.0"),
-        ({"prior": "identity"}, "the prior 'identity' cannot be told"),
+        ({"prior": "identity"}, "parameters of 'identity' cannot be corrected"),
         ({"network": {"hidden": "16"}}, "network: hidden is '16'; it must be of type int"),
     ],
 )
 def test_a_card_that_is_not_sound_is_refused(checkpoint, tmp_path, changes, message) -> None:
     path = with_card(checkpoint, tmp_path, **changes)
-    with pytest.raises(CheckpointError, match=rf"inside\.json: .*{message}"):
+    with pytest.raises(CheckpointError, match=rf"correction\.json: .*{message}"):
         load_dynamics(path)
+
+
+def test_a_card_with_the_names_of_earlier_versions_is_read(checkpoint, tmp_path) -> None:
+    path = with_card(checkpoint, tmp_path, architecture="network-inside-physics")
+    assert isinstance(load_dynamics(path), ParameterCorrection)

@@ -157,6 +157,13 @@ def test_a_model_on_the_priors_own_chain_is_loaded_as_such(tmp_path: Path) -> No
     path = tmp_path / "sain.safetensors"
     assert type(load_dynamics(str(path))) is PhysicsChain
     card = json.loads(path.with_suffix(".json").read_text())
+    for new, old in (
+        ("rollout_learning_rate", "rollout_rate"),
+        ("max_grad_norm", "largest_gradient"),
+    ):
+        card["rollouts"][old] = card["rollouts"].pop(new)  # as earlier versions wrote it
+    path.with_suffix(".json").write_text(json.dumps(card))
+    assert type(load_dynamics(str(path))) is PhysicsChain
     card["rollouts"]["chain"] = "both"
     path.with_suffix(".json").write_text(json.dumps(card))
     with pytest.raises(CheckpointError, match=r"rollouts: RolloutConfig\.chain is 'both'"):

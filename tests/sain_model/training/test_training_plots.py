@@ -14,7 +14,7 @@ def legend(figure):
 
 
 def test_losses_are_those_of_the_history():
-    history = History([3.0, 2.0, 1.5], [3.5, 2.25, 2.5], start=4.0)
+    history = LossHistory([3.0, 2.0, 1.5], [3.5, 2.25, 2.5], start=4.0)
     figure = draw_losses(history)
     (axes,) = figure.axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("epoch", "loss, mean over transitions")

@@ -91,7 +91,7 @@ def test_a_model_that_answers_is_used() -> None:
         (Model(np.nan), "the model predicts NaN or Inf in 48 of 48 numbers"),
         (Model(np.inf), "the model predicts NaN or Inf in 48 of 48 numbers"),
         (Elsewhere(1.0), "the model predicted disks of other masses or radii"),
-        (Short(1.0), "scenes of shape (3, 0, 2, 8); the shape must be (3, 1, 2, 8)"),
+        (Short(1.0), "the model predicted scenes of shape (3, 0, 2, 8); the shape must be"),
     ],
 )
 def test_a_model_that_fails_is_asked_once_a_plan(model: Model, text: str) -> None:

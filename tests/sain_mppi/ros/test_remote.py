@@ -104,7 +104,7 @@ def test_the_service_gets_the_episode_s_earlier_pushes_and_no_others(graph, stra
     [
         (refuse, "the model refused: too much"),
         (nan, "is nan; must be finite"),
-        (elsewhere, "it answered for another scene"),
+        (elsewhere, "predicted disks of other masses or radii"),
         (short, "the model answered wrongly: predicted has 2047 numbers; 2048"),
     ],
 )

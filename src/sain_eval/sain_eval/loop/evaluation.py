@@ -37,7 +37,7 @@ class EpisodeJob:
         return SCENARIOS[self.scenario].scene(self.seed).within(self.truth)
 
 
-def play(job: EpisodeJob) -> EpisodeOutcome:
+def play_job(job: EpisodeJob) -> EpisodeOutcome:
     """Run one episode to the tightest tolerance."""
     case = job.case()
     agent = _maker(job.controller, job.agent)(case)
@@ -46,7 +46,7 @@ def play(job: EpisodeJob) -> EpisodeOutcome:
 
 def run_job(job: EpisodeJob) -> list[SceneRecord]:
     """Run one episode and judge it at each tolerance."""
-    outcome = play(job)
+    outcome = play_job(job)
     if job.picture is not None:
         title = f"{job.scenario}, scene {job.seed}, {job.controller}"
         write_png(draw_episode(outcome.record, title), job.picture)

@@ -193,7 +193,7 @@ def parse_card(path: Path, text: str) -> ModelCard:
     """Return the card with this JSON text."""
     try:
         return ModelCard(**_with_new_names(json.loads(text)))
-    except (ValueError, TypeError, AttributeError) as error:
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
 
 

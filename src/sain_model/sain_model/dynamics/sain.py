@@ -175,7 +175,7 @@ class SainDynamics:
         Raises:
             InvalidInputError: arrays that do not fit together.
         """
-        _check_same_shape(scenes, physics_next)
+        check_physics_next(scenes, physics_next)
         corrected = self._forward.correct(scenes, pushes, physics_next)
         if self.network.config.residual == ON_STATE:
             return _carried_over(corrected, physics_next, scenes)
@@ -251,7 +251,7 @@ def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Sc
     return moved
 
 
-def _check_same_shape(scenes: np.ndarray, physics_next: np.ndarray) -> None:
+def check_physics_next(scenes: np.ndarray, physics_next: np.ndarray) -> None:
     """Check that a prediction is one of these scenes.
 
     Raises:
