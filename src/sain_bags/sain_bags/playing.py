@@ -26,13 +26,13 @@ REST: Final = 1_000_000_000  # [ns], from one time to the next of what has no du
 class PassageConfig(Config):
     """Which part of a bag is played, and how fast."""
 
-    rate: float = option(1.0, "recorded time by played time", minimum=1e-3, maximum=1e3)
-    start: float = option(0.0, "begin so long after the recording's start", unit="s", minimum=0.0)
-    duration: float = option(0.0, "play so much of it; 0: to its end", unit="s", minimum=0.0)
+    rate: float = option(1.0, "recorded time / playing time", minimum=1e-3, maximum=1e3)
+    start: float = option(0.0, "start, from the beginning of the recording", unit="s", minimum=0.0)
+    duration: float = option(0.0, "length of the played part; 0: to the end", unit="s", minimum=0.0)
     loop: bool = option(False, "begin again at the end, until Ctrl-C")
     clock: float = option(
         0.0,
-        "publish /clock: as recorded where it was, else log time at this rate; 0: only as recorded",
+        "rate of /clock from log times if none was recorded; 0: recorded only",
         unit="Hz",
         minimum=0.0,
         maximum=1e4,

@@ -69,7 +69,11 @@ class Feasibility(Config):
     reach: Reach = Reach()
     table: Table = Table()
     tool_margin: float = option(
-        0.002, "gap the tool keeps from every other disk", unit="m", minimum=0.0, maximum=0.05
+        0.002,
+        "smallest gap between the tool and every other disk",
+        unit="m",
+        minimum=0.0,
+        maximum=0.05,
     )
 
     def mask(self, scenes: Scenes, pushes: Pushes) -> Mask:

@@ -10,8 +10,11 @@ class CalibrationConfig(Config):
     """How the parameters are fitted."""
 
     fit_share: float = option(
-        0.25, "share of the episodes to fit on; the others judge", minimum=0.05, maximum=0.9
+        0.25,
+        "share of the episodes used for the fit; the others are the test",
+        minimum=0.05,
+        maximum=0.9,
     )
-    evaluations: int = option(600, "most evaluations of the prior on them", minimum=1)
-    seed: int = option(0, "decides which episodes are fitted to", minimum=0)
+    evaluations: int = option(600, "largest number of evaluations of the prior", minimum=1)
+    seed: int = option(0, "seed of the choice of episodes", minimum=0)
     axes: bool = option(False, "fit the prior whose friction depends on the world's axes")

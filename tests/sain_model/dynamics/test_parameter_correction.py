@@ -149,8 +149,9 @@ def test_the_command_writes_a_checkpoint_that_is_a_dynamics(dataset, tmp_path, c
     path.write_bytes(path.read_bytes()[:-8])
     with pytest.raises(CheckpointError, match="SHA-256"):
         load_dynamics(str(path))
-    assert commands.train_correction([*arguments, "--prior", "identity"]) == 1
-    assert "parameters of 'identity' cannot be corrected" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as refused:
+        commands.train_correction([*arguments, "--prior", "identity"])
+    assert refused.value.code == 2 and "identity" in capsys.readouterr().err
 
 
 def test_without_held_out_episodes_nothing_is_trained(dataset, tmp_path, capsys) -> None:

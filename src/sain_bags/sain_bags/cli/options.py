@@ -60,7 +60,7 @@ class PlayOptions(Config):
 
 @dataclass(frozen=True)
 class InfoOptions(Config):
-    """Show what a bag holds: topics, rates, gaps, episodes and pushes."""
+    """Show the contents of a bag: topics, rates, gaps, episodes and pushes."""
 
     bag: tyro.conf.Positional[Path] = required(BAG)
     check: bool = option(

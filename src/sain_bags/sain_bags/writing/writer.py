@@ -29,19 +29,24 @@ WORD: Final = 0xFFFFFFFF  # sequence numbers have 32 bits in MCAP
 class BagConfig(Config):
     """How a bag is written."""
 
-    compression: str = option("zstd", "of each chunk", choices=("none", "lz4", "zstd"))
-    chunk_size: int = option(256 << 10, "chunks end at this size", unit="B", minimum=1 << 10)
+    compression: str = option("zstd", "compression of each chunk", choices=("none", "lz4", "zstd"))
+    chunk_size: int = option(256 << 10, "size of a chunk", unit="B", minimum=1 << 10)
     flush_period: float = option(
-        1.0, "at most this much is lost in a crash", unit="s", minimum=0.01, maximum=60.0
+        1.0,
+        "longest time until messages are written; the largest loss in a crash",
+        unit="s",
+        minimum=0.01,
+        maximum=60.0,
     )
-    split_size: int = option(
-        0, "another file is begun where one has grown to this size; 0: never", unit="B", minimum=0
-    )
+    split_size: int = option(0, "size after which a new file begins; 0: never", unit="B", minimum=0)
     split_duration: float = option(
-        0.0, "another file is begun after this time; 0: never", unit="s", minimum=0.0
+        0.0, "time after which a new file begins; 0: never", unit="s", minimum=0.0
     )
     min_free_space: int = option(
-        64 << 20, "recording ends with an error where the disk has less", unit="B", minimum=0
+        64 << 20,
+        "free disk space below which the recording ends with an error",
+        unit="B",
+        minimum=0,
     )
 
 

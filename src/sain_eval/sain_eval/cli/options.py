@@ -23,10 +23,9 @@ PAPER_SCENES: Final = 40  # paper Table I
 
 @dataclass(frozen=True)
 class EvaluateOptions(Config):
-    """Let controllers solve seeded scenes in the simulated world and report how often they do.
+    """Run controllers in seeded simulated scenes and report their success rates.
 
-    All controllers get the same scenes. A run that was stopped goes on where it was when the
-    same command is given again.
+    All controllers get the same scenes. After a stop, the same command continues.
     """
 
     out: Path = option(

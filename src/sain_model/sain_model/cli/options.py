@@ -30,10 +30,10 @@ class TrainCorrectionOptions(Config):
     prior_friction: float = option(
         0.12, "friction that the prior assumes without a correction", minimum=0.01, maximum=1.0
     )
-    transitions: int = option(0, "learn from so many transitions only; 0: from all", minimum=0)
+    transitions: int = option(0, "number of training transitions; 0: all", minimum=0)
     validation: float = option(
         SHARES[VALIDATION],
-        "share of the episodes that choose the best epoch",
+        "share of the episodes that select the best epoch",
         minimum=0.01,
         maximum=0.5,
     )

@@ -63,7 +63,7 @@ class IntervalConfig(Config):
 class Intervals(Config):
     """The regions of a model's disks; further disks are taken like the target."""
 
-    level: float = option(LEVEL, "share of the pushes whose region holds the disk", minimum=0.01)
+    level: float = option(LEVEL, "share of the pushes whose region contains the disk", minimum=0.01)
     mid: IntervalConfig = IntervalConfig()
     target: IntervalConfig = IntervalConfig()
 

@@ -35,11 +35,11 @@ class RolloutConfig(Config):
     """How a network that has learned from single pushes goes on to learn from rollouts."""
 
     steps_ahead: int = option(
-        1, "pushes of a rollout; 1: learn from single pushes alone", minimum=1, maximum=100
+        1, "pushes of a training rollout; 1: single pushes only", minimum=1, maximum=100
     )
     chain: str = option(
         CORRECTED,
-        "what the prior goes on from: the corrected scene, or its own as in equation 3",
+        "scene from which the prior continues: the corrected one, or its own (equation 3)",
         choices=CHAINS,
     )
     gradient: str = option(
@@ -49,11 +49,13 @@ class RolloutConfig(Config):
         choices=GRADIENTS,
     )
     rollout_epochs: int = option(12, "passes over the windows", minimum=1)
-    rollout_batch: int = option(64, "windows in a step of the optimiser", minimum=1)
+    rollout_batch: int = option(64, "windows in an optimizer step", minimum=1)
     rollout_learning_rate: float = option(
-        1e-3, "at the start; falls to 0 along a cosine", minimum=1e-7
+        1e-3, "learning rate at the start; it falls to 0 along a cosine", minimum=1e-7
     )
-    max_grad_norm: float = option(1.0, "norm to which longer gradients are cut", minimum=1e-6)
+    max_grad_norm: float = option(
+        1.0, "largest norm of a gradient; longer ones are scaled to it", minimum=1e-6
+    )
 
     @property
     def wanted(self) -> bool:
@@ -73,4 +75,4 @@ class CorrectionNetworkConfig(Config):
     places: int = option(
         5, "places on a disk's way where the map of the table is read; 0: no map", minimum=0
     )
-    members: int = option(1, "networks whose predictions are averaged", minimum=1, maximum=32)
+    members: int = option(1, "number of networks in the ensemble", minimum=1, maximum=32)

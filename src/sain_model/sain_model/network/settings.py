@@ -34,9 +34,7 @@ class NetworkConfig(Config):
         "what the residual is added to: the prior's prediction, or the scene before the push",
         choices=RESIDUALS,
     )
-    members: int = option(
-        1, "networks in the ensemble, each with weights of its own", minimum=1, maximum=64
-    )
+    members: int = option(1, "number of networks in the ensemble", minimum=1, maximum=64)
 
     @property
     def disk_features(self) -> int:

@@ -42,7 +42,7 @@ class PlanarConfig(Config):
     """The planar world's physics.
 
     From `foot_radius` to `disk_height` the values are fitted to Bullet with the arm on 1,871
-    pushes of three-footed disks by ``ros2 run sain_eval calibrate`` (docs/model.md): they make
+    pushes of three-footed disks by ``ros2 run sain_eval calibrate`` (docs/planar.md): they make
     up for each other, and none should be read as a measurement.
     """
 

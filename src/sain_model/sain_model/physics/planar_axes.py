@@ -22,4 +22,4 @@ AXES: Final = PlanarConfig(
     tool_height=0.0196,
     disk_height=0.0196,
 )
-"""Fitted to 1,871 pushes by ``ros2 run sain_eval calibrate --axes`` (docs/model.md)."""
+"""Fitted to 1,871 pushes by ``ros2 run sain_eval calibrate --axes`` (docs/planar.md)."""

@@ -14,17 +14,17 @@ class ServingConfig(Config):
         "sain", "name in the registry of models, or the path of a checkpoint", live=True
     )
     device: str = option(
-        AUTO, "what the network runs on; auto: a GPU where there is one", choices=DEVICES
+        AUTO, "device of the network; auto: a GPU if there is one", choices=DEVICES
     )
     max_work: int = option(
         2_000_000, "largest samples x horizon x disks of a request", minimum=1, maximum=2**40
     )
-    max_disks: int = option(
-        32, "most disks of a scene: pairs grow with the square", minimum=2, maximum=1024
+    max_disks: int = option(32, "largest number of disks of a scene", minimum=2, maximum=1024)
+    max_queue: int = option(
+        1000, "largest number of waiting requests; others are refused", minimum=1
     )
-    max_queue: int = option(1000, "requests that may wait; further ones are refused", minimum=1)
     service_introspection: str = option(
         "disabled",
-        "publish what is asked of services and answered: not, when and by whom, or all of it",
+        "published service events: none, metadata, or requests and replies too",
         choices=("disabled", "metadata", "contents"),
     )

@@ -27,13 +27,12 @@ class OptimizerConfig(Config):
 
     optimizer: str = option(
         ADAMW,
-        "adamw shrinks weights apart from the loss; adam adds equation 5's L2 term to it, with"
-        " lambda half of weight_decay",
+        "adamw: decoupled weight decay; adam: equation 5's L2 term with lambda = weight_decay / 2",
         choices=(ADAMW, ADAM),
     )
     schedule: str = option(
         COSINE,
-        "the learning rate falls along a cosine to 0, or by half every so many steps or epochs",
+        "learning rate schedule: a cosine to 0, or halving after a number of steps or epochs",
         choices=(COSINE, HALVING_STEPS, HALVING_EPOCHS),
     )
     halving: int = option(2500, "steps or epochs after which it is halved", minimum=1)
@@ -69,32 +68,33 @@ EPISODE: Final = "episode"
 class TrainingConfig(Config):
     """How a network is trained."""
 
-    seed: int = option(0, "same seed, data and settings: same weights", minimum=0)
+    seed: int = option(0, "seed; the same seed, data and settings give the same weights", minimum=0)
     epochs: int = option(40, "passes over the data", minimum=1)
     epoch_steps: int = option(0, "steps in an epoch; 0: as many as one pass takes", minimum=0)
-    validate_every: int = option(1, "epochs from one look at validation to the next", minimum=1)
+    validate_every: int = option(1, "epochs between validations", minimum=1)
     patience: int = option(
-        0, "stop after so many epochs without a better validation loss; 0: never", minimum=0
+        0, "epochs without a better validation loss after which training stops; 0: never", minimum=0
     )
-    batch: int = option(128, "pushes in a step of the optimiser", minimum=1)
-    learning_rate: float = option(2e-3, "at the start", minimum=1e-7)
-    weight_decay: float = option(0.1, "of the optimiser, the paper's lambda", minimum=0.0)
+    batch: int = option(128, "pushes in an optimizer step", minimum=1)
+    learning_rate: float = option(2e-3, "learning rate at the start", minimum=1e-7)
+    weight_decay: float = option(
+        0.1, "weight decay of the optimizer, the paper's lambda", minimum=0.0
+    )
     diversity: str = option(
         ORDER,
-        "each member of an ensemble learns from all pushes in an order of its own, or from"
-        " episodes drawn with replacement",
+        "data of each member: all pushes in another order, or episodes drawn with replacement",
         choices=(ORDER, BOOTSTRAP),
     )
     mirror: bool = option(True, "train on mirror images too; not with features of the world")
     validation: float = option(
         SHARES[VALIDATION],
-        "share of the episodes that choose the best epoch",
+        "share of the episodes that select the best epoch",
         minimum=0.01,
         maximum=0.5,
     )
     test: float = option(
         SHARES[TEST],
-        "share of the episodes held out; 0: none, training and validation share all",
+        "share of the episodes held out for the test; 0: none",
         minimum=0.0,
         maximum=0.5,
     )
@@ -106,9 +106,9 @@ class TrainingConfig(Config):
         choices=(NOTHING, EARLIER, EPISODE),
     )
     prior_friction: float = option(
-        0.12, "friction that the planar prior assumes", minimum=0.01, maximum=1.0
+        0.12, "nominal friction of the planar prior", minimum=0.01, maximum=1.0
     )
-    transitions: int = option(0, "learn from so many transitions only; 0: from all", minimum=0)
+    transitions: int = option(0, "number of training transitions; 0: all", minimum=0)
     network: NetworkConfig = NetworkConfig()
     loss: LossConfig = LossConfig()
     optimizer: OptimizerConfig = OptimizerConfig()
@@ -123,12 +123,16 @@ class TrainingConfig(Config):
 class CorrectionTrainingConfig(Config):
     """How a network that corrects parameters is trained."""
 
-    seed: int = option(0, "same seed, data and settings: same weights", minimum=0)
+    seed: int = option(0, "seed; the same seed, data and settings give the same weights", minimum=0)
     steps: int = option(3000, "steps of the optimizer in all epochs", minimum=1)
-    batch: int = option(64, "pushes in a step", minimum=1)
-    learning_rate: float = option(2e-3, "at the start; falls to 0 along a cosine", minimum=1e-7)
-    weight_decay: float = option(0.01, "of AdamW", minimum=0.0)
-    max_grad_norm: float = option(50.0, "norm to which longer gradients are cut", minimum=1e-3)
+    batch: int = option(64, "pushes in an optimizer step", minimum=1)
+    learning_rate: float = option(
+        2e-3, "learning rate at the start; it falls to 0 along a cosine", minimum=1e-7
+    )
+    weight_decay: float = option(0.01, "weight decay of AdamW", minimum=0.0)
+    max_grad_norm: float = option(
+        50.0, "largest norm of a gradient; longer ones are scaled to it", minimum=1e-3
+    )
     epochs: int = option(
         20, "parts of the steps; validation after each chooses the best weights", minimum=1
     )

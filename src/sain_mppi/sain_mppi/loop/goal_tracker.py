@@ -24,18 +24,18 @@ class GoalTrackerConfig(Config):
     """How long a planner keeps trying."""
 
     max_refusals: int = option(
-        10, "refused pushes in a row, from one scene, after which it gives up", minimum=1
+        10, "refused pushes from one scene after which the planner stops", minimum=1
     )
     answer_timeout: float = option(
         5.0,
-        "a scene is planned again when its push was not answered for so long",
+        "time without a result after which a push is planned again",
         unit="s",
         minimum=0.1,
         maximum=3600.0,
     )
     result_patience: float = option(
         0.5,
-        "a settled scene is planned from without the result of the push before after so long",
+        "longest wait for the result of the last push before the next plan",
         unit="s",
         minimum=0.0,
         maximum=60.0,

@@ -15,9 +15,9 @@ IN_PROCESS = "in_process"
 class AgentConfig(Config):
     """How the agent decides, wherever it runs."""
 
-    prior: str = option("planar", "the physics to fall back on: its name")
-    seed: int = option(0, "the same seed and scenes give the same plans", minimum=0)
-    history: bool = option(True, "let the model learn from the episode's earlier pushes")
+    prior: str = option("planar", "name of the prior that replaces a failed model")
+    seed: int = option(0, "seed; the same seed and scenes give the same plans", minimum=0)
+    history: bool = option(True, "infer friction from the earlier pushes of the episode")
     planner: PlannerConfig = PlannerConfig()
     goal_tracker: GoalTrackerConfig = GoalTrackerConfig()
     feasibility: Feasibility = Feasibility()
@@ -28,7 +28,7 @@ class MppiConfig(AgentConfig):
     """What the planner's node plans with."""
 
     dynamics: str = option(SERVICE, "where the model runs", choices=(SERVICE, IN_PROCESS))
-    model: str = option("sain", "the model, when in process: its name, or a checkpoint's path")
+    model: str = option("sain", "model in process: its name, or the path of a checkpoint")
     model_timeout: float = option(
-        2.0, "longest wait for an answer of the model", unit="s", minimum=0.01, maximum=600.0
+        2.0, "longest wait for a reply of the model", unit="s", minimum=0.01, maximum=600.0
     )

@@ -25,15 +25,20 @@ MEAN: Final = "mean"
 class IcemConfig(Config):
     """What iCEM has of its own; names as in Pinneri et al. 2020."""
 
-    elites: int = option(10, "K, best samples that mean and deviation are fitted to", minimum=1)
+    elites: int = option(
+        10, "K, number of best samples to which mean and deviation are fitted", minimum=1
+    )
     kept: float = option(
-        0.3, "xi, share of the elites that stay among the next samples", minimum=0.0, maximum=1.0
+        0.3, "xi, share of the elites kept for the next round", minimum=0.0, maximum=1.0
     )
     colour: float = option(
         1.0, "beta, power of the noise's spectrum: 0 white, 2 a random walk", minimum=0.0
     )
     momentum: float = option(
-        0.1, "alpha, share of the last mean and deviation that stays", minimum=0.0, maximum=1.0
+        0.1,
+        "alpha, share of the last mean and deviation that an update keeps",
+        minimum=0.0,
+        maximum=1.0,
     )
 
 
@@ -41,23 +46,26 @@ class IcemConfig(Config):
 class GradientConfig(Config):
     """What gradient descent has of its own; a push counts in standard deviations of the noise."""
 
-    drawn: float = option(0.5, "share of K that is drawn", minimum=0.0, maximum=1.0)
+    drawn: float = option(
+        0.5, "share of K that is sampled before the descent", minimum=0.0, maximum=1.0
+    )
     descending: float = option(
-        0.008, "share of K, the best drawn, that go downhill side by side", minimum=0.0, maximum=1.0
+        0.008, "share of K that descends in parallel: the best samples", minimum=0.0, maximum=1.0
     )
-    steps: int = option(7, "steps of each", minimum=0)
+    steps: int = option(7, "number of descent steps", minimum=0)
     difference: float = option(
-        0.02, "how far each number is nudged to see the cost's slope", minimum=1e-6, maximum=1.0
+        0.02,
+        "size of the finite difference, in standard deviations of the noise",
+        minimum=1e-6,
+        maximum=1.0,
     )
-    longest: float = option(0.5, "longest step, of the number that moves most", minimum=1e-6)
-    shortest: float = option(0.004, "shortest; where even that is worse it stays", minimum=1e-6)
-    tries: int = option(8, "steps tried, from the longest to the shortest", minimum=1)
-    momentum: float = option(
-        0.5, "beta_1, share of the last direction that stays", minimum=0.0, maximum=0.999
+    longest: float = option(0.5, "largest step, in standard deviations of the noise", minimum=1e-6)
+    shortest: float = option(
+        0.004, "smallest step; a sequence stays if that is worse too", minimum=1e-6
     )
-    squares: float = option(
-        0.99, "beta_2, share of the last squared slopes that stays", minimum=0.0, maximum=0.9999
-    )
+    tries: int = option(8, "number of step lengths that the line search tries", minimum=1)
+    momentum: float = option(0.5, "beta_1 of Adam", minimum=0.0, maximum=0.999)
+    squares: float = option(0.99, "beta_2 of Adam", minimum=0.0, maximum=0.9999)
 
     def rates(self) -> Scalars:
         """Return the lengths of the steps that are tried, (R,)."""
@@ -70,18 +78,16 @@ class ProgressConfig(Config):
 
     surprise: float = option(
         0.01,
-        "error of a predicted place that is none, however short the way",
+        "tolerated position error of a prediction",
         unit="m",
         minimum=0.0,
     )
     surprise_share: float = option(
-        0.3, "the same as a share of the predicted way, where that is more", minimum=0.0
+        0.3, "tolerated error as a share of the predicted path, if larger", minimum=0.0
     )
-    stalled_after: int = option(
-        3, "pushes in a row without progress after which plans are wider", minimum=1
-    )
+    stalled_after: int = option(3, "pushes without progress after which plans are wider", minimum=1)
     give_up_after: int = option(
-        12, "pushes in a row without progress after which there are no more; 0: never", minimum=0
+        12, "pushes without progress after which the planner stops; 0: never", minimum=0
     )
 
 
@@ -91,19 +97,19 @@ class PlannerConfig(Config):
 
     algorithm: str = option(
         MPPI_ROUNDS,
-        "how sequences are looked for",
+        "search algorithm",
         choices=(MPPI_ROUNDS, MPPI, ICEM, EXHAUSTIVE, GRADIENT),
     )
     samples: int = option(
         512, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
     )
     horizon: int = option(4, "H, pushes in a sequence", minimum=1, maximum=50)
-    rounds: int = option(3, "rounds of sampling, each nearer the best so far", minimum=1)
+    rounds: int = option(3, "number of sampling rounds", minimum=1)
     thinning: float = option(
         0.5, "factor on the samples from one round to the next", minimum=0.01, maximum=1.0
     )
     stuck_rounds: int = option(
-        3, "more rounds, wide ones, when no sequence is better than doing nothing", minimum=0
+        3, "additional wide rounds if no sequence is better than no push", minimum=0
     )
     temperature: float = option(
         0.05,
@@ -112,7 +118,7 @@ class PlannerConfig(Config):
         minimum=0.0,
     )
     smoothing: float = option(
-        0.1, "share of the last mean that stays at each update", minimum=0.0, maximum=1.0
+        0.1, "share of the last mean that an update keeps", minimum=0.0, maximum=1.0
     )
     selection: str = option(
         ARGMIN,
@@ -130,17 +136,19 @@ class PlannerConfig(Config):
     )
     deadline: float = option(
         0.0,
-        "time for a plan: the best one until then; 0: as long as it takes",
+        "time limit of a plan; 0: none",
         unit="s",
         minimum=0.0,
         maximum=3600.0,
     )
-    warm_start: bool = option(True, "begin from what the last plan leaves")
+    warm_start: bool = option(True, "start from the rest of the last plan")
     widening: float = option(
-        2.0, "factor on samples and noise when plans did not lead where expected", minimum=1.0
+        2.0,
+        "factor on samples and noise after large prediction errors or without progress",
+        minimum=1.0,
     )
     shown: int = option(
-        24, "sequences of a plan that are published beside the best", minimum=0, maximum=1000
+        24, "number of other sequences published with a plan", minimum=0, maximum=1000
     )
     noise: NoiseConfig = NoiseConfig()
     icem: IcemConfig = IcemConfig()

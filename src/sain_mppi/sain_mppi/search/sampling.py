@@ -27,7 +27,7 @@ class NoiseConfig(Config):
     )
     spread: float = option(
         0.2,
-        "samples scatter by factors between this and 1, so that each round looks near and far",
+        "smallest random factor on a sample's noise; the largest is 1",
         minimum=0.01,
         maximum=1.0,
     )

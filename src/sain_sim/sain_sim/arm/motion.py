@@ -21,12 +21,14 @@ class MotionConfig(Config):
     acceleration: float = option(4.0, "acceleration", unit="m/s^2", minimum=0.1, maximum=20.0)
     tip_height: float = option(
         0.008,
-        "lowest point of the tool above the table in a push",
+        "height of the tool's tip above the table during a push",
         unit="m",
         minimum=0.002,
         maximum=0.02,
     )
-    lift: float = option(0.08, "tip raised between pushes by", unit="m", minimum=0.04, maximum=0.2)
+    lift: float = option(
+        0.08, "height of the tip above that between pushes", unit="m", minimum=0.04, maximum=0.2
+    )
     time_step: float = option(1 / 240, "control and physics step", unit="s", minimum=1e-4)
 
     @property

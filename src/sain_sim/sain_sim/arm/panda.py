@@ -29,10 +29,10 @@ class ArmConfig(Config):
     """How the arm is built and controlled."""
 
     tool_length: float = option(
-        0.22, "from the flange down to the tip", unit="m", minimum=0.15, maximum=0.4
+        0.22, "distance from the flange to the tip", unit="m", minimum=0.15, maximum=0.4
     )
     gain: float = option(
-        0.6, "share of a position error undone each step", minimum=0.05, maximum=1.0
+        0.6, "share of a position error that a step corrects", minimum=0.05, maximum=1.0
     )
     torque_scale: float = option(
         20.0, "joint torque limits, as a multiple of Franka's", minimum=0.1, maximum=100.0
@@ -44,11 +44,15 @@ class ArmConfig(Config):
         20.0, "inertia of the links, as a multiple of Franka's", minimum=0.1, maximum=1000.0
     )
     tool_stiffness: float = option(
-        0.0, "of the spring that holds the stick; 0: rigid", unit="N/m", minimum=0.0, maximum=2e4
+        0.0,
+        "stiffness of the spring that holds the stick; 0: rigid",
+        unit="N/m",
+        minimum=0.0,
+        maximum=2e4,
     )
     tool_torque_scale: float = option(
         0.0,
-        "joint torques that a stick on a spring may take, as a multiple of Franka's; 0: any",
+        "joint torque limits for a stick on a spring, as a multiple of Franka's; 0: none",
         minimum=0.0,
         maximum=100.0,
     )

@@ -44,12 +44,12 @@ class CollectConfig(Config):
 
     out: Path = option(Path("data"), "folder for the shards")
     episodes: int = option(5000, "number of episodes", minimum=1)
-    seed: int = option(0, "same seed, same bytes", minimum=0)
+    seed: int = option(0, "seed; the same seed gives the same bytes", minimum=0)
     workers: int = option(1, "processes that run episodes", minimum=1, maximum=4096)
     ray: str = option(
         "",
-        "run the workers on a Ray cluster: HOST:PORT; auto: the one that this machine is part of;"
-        " local: one made on this machine for the purpose",
+        "Ray cluster of the workers: HOST:PORT; auto: this machine's; local: a "
+        "new one on this machine",
     )
     episode: EpisodeConfig = EpisodeConfig()
 

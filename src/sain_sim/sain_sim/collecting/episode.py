@@ -38,7 +38,7 @@ class EpisodeConfig(Config):
     """What episodes are like."""
 
     disks: int = option(2, "number of disks N", minimum=2, maximum=5)
-    shape: str = option(THREE_FEET, "how disks are built", choices=DISK_SHAPES)
+    shape: str = option(THREE_FEET, "construction of the disks", choices=DISK_SHAPES)
     target: str = option(DISK, f"what the target is: {', '.join(footprint_names())}")
     parameters: str = option(
         PAPER,
@@ -49,15 +49,15 @@ class EpisodeConfig(Config):
     sampler: str = option(
         CIRCLE, "pushes from any side, or the paper's grid", choices=(CIRCLE, GRID)
     )
-    pushes: int = option(10, "most pushes in an episode", minimum=1, maximum=100)
+    pushes: int = option(10, "largest number of pushes in an episode", minimum=1, maximum=100)
     tries: int = option(
-        50, "pushes drawn for each step before an episode ends early", minimum=1, maximum=10_000
+        50, "draws for each push before the episode ends", minimum=1, maximum=10_000
     )
     moved_only: bool = option(
-        False, "keep only transitions whose target moved by 2 mm, as the paper does"
+        False, "keep only pushes that move the target by 2 mm (the paper's filter)"
     )
     floor_episodes: int = option(
-        0, "repeat the pushes of the first so many episodes with the true parameters", minimum=0
+        0, "number of first episodes whose pushes are repeated with the true parameters", minimum=0
     )
     truth: TruthConfig = RANDOMISED_TRUTH
 

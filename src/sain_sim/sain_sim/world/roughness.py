@@ -54,7 +54,7 @@ class Roughness(Config):
         maximum=0.1,
     )  # fmt: skip
     tool_stiffness: float = option(
-        0.0, "of the spring that holds the stick; 0: rigid", unit="N/m", minimum=0.0
+        0.0, "stiffness of the spring that holds the stick; 0: rigid", unit="N/m", minimum=0.0
     )
     stock_joints: bool = option(False, "joints give the tool no more than Franka's torques")
 
