@@ -134,10 +134,9 @@ def describe_options(settings: type) -> None:
             allowed = "" if choices else describe_values(item.metadata)
             notes = " ".join(filter(None, (allowed, item.metadata.get("unit"))))
             text = description[:1].upper() + description[1:] + (f" [{notes}]" if notes else "")
-            # The field stays a `str`: others check settings against the types of a class.
-            chosen = Literal[tuple(choices)] if choices and kind is str else None
-            argument = tyro.conf.arg(help=text, constructor=chosen)
-            settings.__annotations__[item.name] = Annotated[kind, argument]
+            if choices and kind is str:
+                kind = Literal[tuple(choices)]
+            settings.__annotations__[item.name] = Annotated[kind, tyro.conf.arg(help=text)]
 
 
 def split_ros_arguments(arguments: list[str]) -> tuple[list[str], list[str]]:
