@@ -178,7 +178,8 @@ def command(ros_domain: int) -> list[str]:
 
 
 def test_the_command_plays_and_renames(graph, recording, command):
-    say(recording, "/a", *map(str, range(20)))
+    offered = (OfferedQos(depth=20),)  # the bag has 20: none is overwritten before it is delivered
+    say(recording, "/a", *map(str, range(20)), offered_qos=offered)
     bag = closed(recording)
     heard: list[str] = []
     graph.bystander.create_subscription(String, "/b", lambda m: heard.append(m.data), 100)

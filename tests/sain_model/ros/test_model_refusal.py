@@ -72,7 +72,10 @@ SPOILED: dict[str, tuple[Callable[[Path], object], str]] = {
         "architecture is 'transformer'",
     ),
     "features": (lambda path: edit_card(path, feature_version=99), "feature_version is 99"),
-    "nesting": (lambda path: card_path(path).write_text("[" * 100_000), ""),
+    "nesting": (
+        lambda path: card_path(path).write_text("[" * 100_000),
+        "is not a checkpoint's card",
+    ),
 }
 
 

@@ -27,8 +27,8 @@ from sain_model.network.settings import NetworkConfig
 
 OLD_ARCHITECTURES: Final = {"network-inside-physics": "parameter-correction"}
 OLD_ROLLOUT_SETTINGS: Final = {
-    "rollout_learning_rate": "rollout_learning_rate",
-    "max_grad_norm": "max_grad_norm",
+    "rollout_rate": "rollout_learning_rate",
+    "largest_gradient": "max_grad_norm",
 }
 FORMAT_VERSION: Final = 1
 ARCHITECTURE: Final = "interaction-network"

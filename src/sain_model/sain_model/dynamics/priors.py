@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, Literal, TypeVar, get_origin, get_type_hints
 
 from sain_core.config import Config
 from sain_core.dynamics import Dynamics, IdentityPrior
@@ -83,7 +83,14 @@ def typed(kind: type[Config], settings: Settings) -> Settings:
     """
     right = get_type_hints(kind)
     for name, value in dict(settings).items():
-        allowed = (int, float) if right.get(name) is float else (right.get(name, object),)
+        allowed = _allowed_types(right.get(name, object))
         if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
             raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
     return settings
+
+
+def _allowed_types(hint: Any) -> tuple[type, ...]:
+    """Return the types of values; a command line makes its choices the hint of a text."""
+    if get_origin(hint) is Literal:
+        return (str,)
+    return (int, float) if hint is float else (hint,)
