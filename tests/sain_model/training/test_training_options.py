@@ -40,6 +40,7 @@ from sain_model.training.settings import (
     OptimizerConfig,
     TrainingConfig,
 )
+from tests.paths import executable
 
 SMALL = NetworkConfig(hidden=8, message=4)
 
@@ -202,9 +203,7 @@ def test_an_ensemble_that_is_killed_in_training_ends_in_the_same_bytes(
     assert commands.train([str(dataset), "--out", str(tmp_path / "whole"), *options]) == 0
     cut = tmp_path / "cut"
     command = [
-        sys.executable,
-        "-c",
-        "from sain_model.commands import train; train()",
+        *executable("sain_model", "train"),
         str(dataset),
         "--out",
         str(cut),

@@ -1,7 +1,6 @@
 import os
 import signal
 import subprocess
-import sys
 import time
 from dataclasses import replace
 from multiprocessing import active_children
@@ -16,6 +15,7 @@ from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult
 from sain_sim.collecting.push_counts import JOURNAL_FILE, PushCounts
 from sain_sim.collecting.workers import AHEAD, LIVES, ProcessPool, WorkerPool, in_order
 from sain_sim.commands import collect as main
+from tests.paths import executable
 
 SHORT = EpisodeConfig(pushes=3)
 
@@ -136,9 +136,7 @@ def test_a_collection_killed_as_a_whole_goes_on_and_leaves_no_process(whole, tmp
     _, expected = whole
     arguments = ["--out", str(tmp_path), "--episodes", "5", "--seed", "4", "--pushes", "3"]
     command = [
-        sys.executable,
-        "-c",
-        "from sain_sim.commands import collect; collect()",
+        *executable("sain_sim", "collect"),
         *arguments,
         "--workers",
         "2",
