@@ -86,7 +86,7 @@ def test_without_ray_there_is_one_clear_line(tmp_path, monkeypatch, capsys) -> N
     monkeypatch.setitem(sys.modules, "ray", None)
     assert main(["--out", str(tmp_path), "--episodes", "1", "--ray", "local"]) == 1
     error = capsys.readouterr().err
-    assert "error: --ray needs Ray, which is not installed: pip install" in error
+    assert "collect: --ray needs Ray, which is not installed: pip install" in error
     assert "sain_sim[ray]" in error  # brackets are no markup
     assert "Traceback" not in error
 
@@ -94,7 +94,7 @@ def test_without_ray_there_is_one_clear_line(tmp_path, monkeypatch, capsys) -> N
 @pytest.mark.parametrize("address", ["127.0.0.1:9", "nowhere", "127.0.0.1:many"])
 def test_an_address_without_a_cluster_is_refused_at_once(tmp_path, address, capsys) -> None:
     assert main(["--out", str(tmp_path), "--episodes", "1", "--ray", address]) == 1
-    assert f"error: no Ray cluster at '{address}'" in capsys.readouterr().err
+    assert f"collect: no Ray cluster at '{address}'" in capsys.readouterr().err
 
 
 def test_machines_with_other_software_are_refused(monkeypatch) -> None:
