@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.paths import ROOT, executable
+from sain_bringup.graph import executable
+from tests.paths import ROOT
 from tests.sain_model.rolling import make_episodes
 
 EXAMPLE = ROOT / "examples" / "my_model"
@@ -35,9 +36,9 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_episodes(tmp_path_factory.mktemp("data"))
 
 
-def run(environment: dict[str, str], *command: object) -> str:
+def run(environment: dict[str, str], command: list[str], *arguments: object) -> str:
     done = subprocess.run(
-        list(map(str, command)),
+        [*command, *map(str, arguments)],
         env=environment,
         capture_output=True,
         text=True,
@@ -51,7 +52,7 @@ def test_its_own_test_passes(environment: dict[str, str], tmp_path: Path) -> Non
     test = tmp_path / "test_my_model.py"
     test.write_bytes((EXAMPLE / test.name).read_bytes())
     assert "2 passed" in run(
-        environment, sys.executable, "-m", "pytest", "-p", "no:cacheprovider", test
+        environment, [sys.executable, "-m", "pytest"], "-n", 0, "-p", "no:cacheprovider", test
     )
 
 
@@ -65,7 +66,7 @@ def test_it_is_not_found_where_it_is_not_installed(tmp_path: Path) -> None:
 
 def test_the_loop_plans_with_it(environment: dict[str, str], tmp_path: Path) -> None:
     arguments = ["--controllers", "my_model", "--scenes", 1, "--out", tmp_path / "results"]
-    run(environment, *executable("sain_eval", "evaluate"), *arguments)
+    run(environment, [str(executable("sain_eval", "evaluate"))], *arguments)
     (report,) = (tmp_path / "results").glob("*.json")
     assert "my_model" in report.read_text()
 
@@ -75,7 +76,7 @@ def test_a_network_learns_on_top_of_it_and_is_loaded_again(
 ) -> None:
     out = tmp_path / "runs"
     arguments = ["--prior", "my_model", "--epochs", 2, "--out", out]
-    run(environment, *executable("sain_model", "train"), dataset, *arguments)
+    run(environment, [str(executable("sain_model", "train"))], dataset, *arguments)
     card = json.loads((out / "sain.json").read_text())
     assert (card["prior"], card["prior_config"], card["kind"]) == ("my_model", {}, "residual")
     lines = (
@@ -97,7 +98,7 @@ def test_predictions_are_compared_with_its(
 ) -> None:
     out = tmp_path / "errors.json"
     arguments = ["--baselines", "my_model", "--open-loop", 1, 3, "--out", out]
-    run(environment, *executable("sain_model", "evaluate"), dataset, *arguments)
+    run(environment, [str(executable("sain_model", "evaluate"))], dataset, *arguments)
     rows = json.loads(out.read_text())["open_loop"]["1"]["errors"]["all"]
     assert 0.0 < rows["my_model"]["mid"]["mean"] < 0.5 * rows["no motion"]["mid"]["mean"]
 

@@ -6,8 +6,8 @@ import pytest
 from rich.console import Console
 
 from sain_bags.cli.report import ReportOptions, default_path, run
+from sain_bringup.graph import executable
 from sain_core.errors import DatasetError, OutputError
-from tests.paths import executable
 
 
 def test_the_page_is_written_beside_the_bag(episode_bag, tmp_path):
@@ -36,7 +36,7 @@ def test_damage_is_told_and_nothing_is_written(episode_bag, tmp_path, place):
 
 
 def test_the_command_fails_with_one_line(tmp_path):
-    command = [*executable("sain_bags", "report"), str(tmp_path / "none")]
+    command = [str(executable("sain_bags", "report")), str(tmp_path / "none")]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 1
     assert done.stderr == f"report: no bag at {tmp_path / 'none'}\n"

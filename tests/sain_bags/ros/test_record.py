@@ -19,7 +19,7 @@ from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import RecoveryOutcome
 from sain_bags.writing.gaps import read_gaps
-from tests.paths import executable
+from sain_bringup.graph import executable
 
 pytestmark = pytest.mark.ros
 TOPIC = "/numbers"
@@ -65,7 +65,7 @@ def speaker(ros_domain: int) -> Iterator[Speaker]:
 
 def start(speaker: Speaker, out: Path, *options: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(
-        [*executable("sain_bags", "record"), "--out", str(out), *options],
+        [str(executable("sain_bags", "record")), "--out", str(out), *options],
         env={**os.environ, "ROS_DOMAIN_ID": str(speaker.domain)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -13,9 +13,9 @@ from rosbags.highlevel import AnyReader
 
 from sain_bags.reading.reader import Bag
 from sain_bags.ros.type_support_stub import type_support_stub
+from sain_bringup.graph import executable
 from sain_core.errors import InvalidInputError
 from sain_interfaces.msg import DiskState, Scene
-from tests.paths import executable
 
 pytestmark = pytest.mark.ros
 HASH = "RIHS01_" + "ab" * 32
@@ -42,7 +42,7 @@ def recorded(graph: Any, ros_domain: int, tmp_path: Path) -> Path:
     probe = "import sain_interfaces"
     assert subprocess.run([sys.executable, "-c", probe], env=environment, check=False).returncode
     speaking = graph.bystander.create_publisher(Scene, "/unseen", 1000)
-    command = [*executable("sain_bags", "record"), "--out", str(tmp_path / "bag")]
+    command = [str(executable("sain_bags", "record")), "--out", str(tmp_path / "bag")]
     process = subprocess.Popen(
         [*command, "--topics", "/unseen"], env=environment, stdout=subprocess.PIPE, text=True
     )

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import torch
 
+from sain_bringup.graph import executable
 from sain_core.cli.command_line import read_options
 from sain_core.errors import ConfigError
 from sain_model import commands
@@ -40,7 +41,6 @@ from sain_model.training.settings import (
     OptimizerConfig,
     TrainingConfig,
 )
-from tests.paths import executable
 
 SMALL = NetworkConfig(hidden=8, message=4)
 
@@ -203,7 +203,7 @@ def test_an_ensemble_that_is_killed_in_training_ends_in_the_same_bytes(
     assert commands.train([str(dataset), "--out", str(tmp_path / "whole"), *options]) == 0
     cut = tmp_path / "cut"
     command = [
-        *executable("sain_model", "train"),
+        str(executable("sain_model", "train")),
         str(dataset),
         "--out",
         str(cut),

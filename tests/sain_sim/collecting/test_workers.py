@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sain_bringup.graph import executable
 from sain_core.errors import SainError
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult
 from sain_sim.collecting.push_counts import JOURNAL_FILE, PushCounts
 from sain_sim.collecting.workers import AHEAD, LIVES, ProcessPool, WorkerPool, in_order
 from sain_sim.commands import collect as main
-from tests.paths import executable
 
 SHORT = EpisodeConfig(pushes=3)
 
@@ -136,7 +136,7 @@ def test_a_collection_killed_as_a_whole_goes_on_and_leaves_no_process(whole, tmp
     _, expected = whole
     arguments = ["--out", str(tmp_path), "--episodes", "5", "--seed", "4", "--pushes", "3"]
     command = [
-        *executable("sain_sim", "collect"),
+        str(executable("sain_sim", "collect")),
         *arguments,
         "--workers",
         "2",

@@ -61,6 +61,7 @@ class Director(Node):
         self._predicted: set[int] = set()  # ... and those that the nominal world predicted
         self._goals = 0
         self._planner_ready = False
+        self._graph_is_up = False
         self._goal = self.create_publisher(Goal, "goal", LATCHED)
         self._servers = {
             name: self.create_client(kind, name) for name, kind in SERVER_PARTS.items()
@@ -103,6 +104,8 @@ class Director(Node):
             return not missing
 
         self.wait(up, lambda: f"still missing: {', '.join(part.what for part in missing)}")
+        refuse_rivals(self, OWNED)
+        self._graph_is_up = True
 
     def _missing(self) -> list[Missing]:
         missing = missing_parts(self, self._servers.values())
@@ -137,13 +140,14 @@ class Director(Node):
 
         Raises:
             GraphTimeoutError: it did not hold in time; with the problem in words.
-            BusyError: another graph publishes the same topics.
+            BusyError: while this graph starts, another one publishes the same topics.
         """
         deadline = time.monotonic() + self._timeout
         while not done():
             self._executor.spin_once(timeout_sec=SPIN)
             self._check()
-            if (now := time.monotonic()) > self._next_look:
+            now = time.monotonic()
+            if not self._graph_is_up and now > self._next_look:  # the one that runs goes on
                 self._next_look = now + 5.0 * LOOK
                 refuse_rivals(self, OWNED)
             if now > deadline:
