@@ -1,0 +1,92 @@
+"""Shapes and types of our own functions are checked while tests run: jaxtyping with beartype.
+
+A check costs about 30 us a call and 5 ms to make. So it is made when a function is first called.
+In each test the first calls of every function are checked, and then one of many.
+"""
+
+import dataclasses
+import functools
+import inspect
+import sys
+from collections import Counter
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final, Self
+
+import jaxtyping
+import numpy as np
+from beartype import BeartypeConf, FrozenDict, beartype
+
+PACKAGES: Final = (
+    "sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval", "sain_bringup",
+)  # fmt: skip
+COMPILED: Final = "_kernels"  # modules that Numba compiles: it does not take decorated functions
+ALWAYS, SELDOM = (
+    20,
+    50,
+)  # calls of a function in a test: that are all checked, and then one of these
+# An int will do for a float. Methods are decorated one by one, so that beartype cannot know what
+# their `Self` is; and numpy gives a scalar where an array would have no dimensions.
+ACCEPTED: Final = FrozenDict({Self: object, np.ndarray: np.ndarray | np.generic})
+CONFIG: Final = BeartypeConf(is_pep484_tower=True, hint_overrides=ACCEPTED)
+
+calls: Counter[Any] = Counter()  # of this test, by the code that is called
+make_check = jaxtyping.jaxtyped
+
+
+def pytest_runtest_setup() -> None:
+    calls.clear()
+
+
+def switch_on() -> None:
+    """Check all functions of our packages that are imported from now on."""
+    checker = ModuleType("sain_type_checker")
+    checker.check = functools.partial(beartype, conf=CONFIG)  # type: ignore[attr-defined]
+    sys.modules[checker.__name__] = checker
+    jaxtyping.jaxtyped = decorate  # which the import hook puts on each function and class
+    modules = [name for package in PACKAGES for name in _modules(package)]
+    jaxtyping.install_import_hook(modules, "sain_type_checker.check")
+
+
+def decorate(*, typechecker: Any) -> Callable[[Any], Any]:
+    """Return a decorator of functions and dataclasses."""
+
+    def decorator(item: Any) -> Any:
+        if dataclasses.is_dataclass(item):
+            item.__init__ = _checked_often_enough(item.__init__, typechecker)
+        return _checked_often_enough(item, typechecker) if inspect.isfunction(item) else item
+
+    return decorator
+
+
+def _checked_often_enough(function: Any, typechecker: Any) -> Any:
+    check: Any = None
+    code = function.__code__
+
+    @functools.wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        nonlocal check
+        calls[code] += 1
+        if calls[code] > ALWAYS and calls[code] % SELDOM:
+            return function(*args, **kwargs)
+        if check is None:
+            check = make_check(function, typechecker=typechecker)
+        return check(*args, **kwargs)
+
+    return call
+
+
+def _modules(package: str) -> list[str]:
+    """Return the modules of a package whose functions can be checked."""
+    spec = find_spec(package)
+    if spec is None or not spec.submodule_search_locations:
+        return []
+    root = Path(spec.submodule_search_locations[0])
+    names = [path.relative_to(root).with_suffix("") for path in sorted(root.rglob("*.py"))]
+    return [
+        ".".join([package, *name.parts])
+        for name in names
+        if name.name != "__init__" and not name.name.endswith(COMPILED)
+    ]
