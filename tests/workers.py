@@ -15,7 +15,8 @@ from xdist.scheduler import LoadScopeScheduling
 
 MOST: Final = 4
 TOGETHER: Final = {  # files that must not run beside one another, by a part of their path
-    "graph": ("tests/system/", "/ros/"),
+    "system": ("tests/system/",),
+    "graph": ("/ros/",),
     "browser": ("sain_bags/report/",),
     "processes": ("sain_bringup/", "collecting/", "tests/workspace/"),
 }
