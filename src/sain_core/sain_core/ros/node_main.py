@@ -91,4 +91,9 @@ def ros_context(
     try:
         yield
     finally:
-        try_shutdown()
+        try:
+            try_shutdown()
+        except RuntimeError:
+            if ok():
+                raise
+            # rclpy's thread for signals shut the context down between the check and this call.
