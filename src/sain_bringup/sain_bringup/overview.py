@@ -27,7 +27,7 @@ def draw_overview(records: Sequence[EpisodeRecord]) -> Figure:
     for place, record in enumerate(records, start=1):
         axes = figure.add_subplot(rows, columns, place)
         names.update(draw_top_view(axes, record))
-        axes.set_title(" \n ", fontsize=TEXT + 2)  # space for the two lines below
+        axes.set_title(" \n ", fontsize=TEXT)  # space for the two lines below
         _write(
             axes,
             describe_task(record),

@@ -51,9 +51,9 @@ def entries(folder: Path) -> set[str]:
 
 
 def shared_memory() -> set[str]:
-    """What stands in shared memory, without that of graphs, which other tests may run meanwhile."""
-    graphs = ("fastrtps", "fastdds", "sem.fastrtps", "sem.fastdds")
-    return {name for name in entries(Path("/dev/shm")) if not name.startswith(graphs)}
+    """What stands in shared memory, without what other tests may have there meanwhile."""
+    others = ("fastrtps", "fastdds", "sem.fastrtps", "sem.fastdds", "sem.mp-")
+    return {name for name in entries(Path("/dev/shm")) if not name.startswith(others)}
 
 
 def content(folder: Path) -> dict[str, bytes]:
