@@ -32,8 +32,8 @@ def without_interfaces(domain: int) -> dict[str, str]:
         )
         for name in paths
     }
-    # Tests before this one kill recorders. Fast DDS then leaves ports in shared memory that nobody reads,
-    # and a recorder that takes one over hears nothing. Over UDP there are none.
+    # Tests before this one kill recorders. Fast DDS then leaves ports in shared memory that
+    # nobody reads, and a recorder that takes one over hears nothing. Over UDP there are none.
     udp = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
     return {**os.environ, **stripped, **udp, "ROS_DOMAIN_ID": str(domain)}
 
