@@ -7,6 +7,7 @@ be one without an error. A `Client` adds its own id to every call; nothing else 
 import functools
 import os
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Self
@@ -62,12 +63,12 @@ class Client:
             self.id = -1
 
 
-class Closeable:
+class Closeable(ABC):
     """Base of what holds a client: ``with`` closes it."""
 
+    @abstractmethod
     def close(self) -> None:
-        """Close what it holds."""
-        raise NotImplementedError
+        """Close what it holds; doing it twice is fine."""
 
     def __enter__(self) -> Self:
         """Return the object itself."""
