@@ -1,60 +1,36 @@
-"""Convex polygons: a new shape is an instance of `Polygon`, or of a subclass."""
+"""Upright bodies with straight sides: one convex polygon, or several that touch (T, L, star)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import combinations
 from math import cos, pi, sin
-from typing import ClassVar, Final
+from typing import ClassVar, Final, Self
 
 import numpy as np
 
 from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT
-from sain_core.shapes.shape import Pair, Shape, Solid, Vector
+from sain_core.shapes.shape import REGULAR_FEET, Pair, Shape, Solid, Vector
 from sain_core.types import Points
 
 TOLERANCE: Final = 1e-6  # [radii], within which corners and centroids are equal
+GRID: Final = 1e-9  # [radii], to which corners of a union are rounded
+MOST_PARTS: Final = 16
+MOST_CORNERS: Final = 64  # of one part
+FOOT_INSET: Final = 0.06  # [radii], from the outline to the middle of a foot, where there is room
+FOOT_PLACES: Final = 48  # along the inset outline, of which three are chosen
 
 
-@dataclass(frozen=True)
-class Polygon(Shape):
-    """An upright prism with a convex cross-section.
-
-    Attributes:
-        corners: counter-clockwise, in units of the state's radius; their centroid is (0, 0).
-
-    Raises:
-        ConfigError: corners that are not finite, no convex polygon, clockwise, or off-centre.
-    """
-
-    corners: tuple[Pair, ...] = ()
+class Prism(Shape):
+    """An upright prism; what follows from its outline."""
 
     solid: ClassVar = Solid.PRISM
-
-    def __post_init__(self) -> None:
-        """Check the corners."""
-        count, corners = len(self.corners), np.array(self.corners)
-        if count < 3:
-            raise ConfigError(f"shape {self.name!r} has {count} corners; it needs 3 or more")
-        if not np.isfinite(corners).all():
-            raise ConfigError(f"shape {self.name!r} has corners {self.corners}; give finite ones")
-        here, after = _sides(np.roll(corners, -1, axis=0) - corners)
-        turns = np.arctan2(_cross(here, after), (here * after).sum(axis=1))
-        if (turns <= 0.0).any() or not np.isclose(turns.sum(), 2 * pi):
-            raise ConfigError(
-                f"shape {self.name!r} has corners {self.corners};"
-                " allowed: a convex polygon, counter-clockwise"
-            )
-        here, after = _sides(corners)
-        share = _cross(here, after)
-        x, y = ((here + after) * share[:, None]).sum(axis=0) / (3 * share.sum())
-        if max(abs(x), abs(y)) > TOLERANCE:
-            raise ConfigError(
-                f"shape {self.name!r} has its centroid at ({x:.4g}, {y:.4g}); it must be (0, 0)"
-            )
 
     @property
     def symmetry(self) -> float:
         """The smallest turn [rad] that leaves the outline unchanged."""
-        count, corners = len(self.corners), self.outline(1.0)
+        corners = self.outline(1.0)
+        count = len(corners)
         for parts in range(count, 1, -1):
             turn = 2 * pi / parts
             turned = corners @ np.array([[cos(turn), sin(turn)], [-sin(turn), cos(turn)]])
@@ -62,10 +38,6 @@ class Polygon(Shape):
             if count % parts == 0 and np.allclose(turned, moved, atol=TOLERANCE):
                 return turn
         return 2 * pi
-
-    def outline(self, radius: float) -> Points:
-        """Return the corners (M, 2) [m], counter-clockwise."""
-        return radius * np.array(self.corners)
 
     def inertia(self, mass: float, radius: float) -> Vector:
         """Return the moments [kg m^2] of a uniform prism; its products of inertia are left out."""
@@ -77,11 +49,181 @@ class Polygon(Shape):
         return along_y + mass * upright, along_x + mass * upright, along_x + along_y
 
 
+@dataclass(frozen=True)
+class Polygon(Prism):
+    """An upright prism with a convex cross-section.
+
+    Attributes:
+        corners: counter-clockwise, in units of the state's radius; their centroid is (0, 0).
+
+    Raises:
+        ConfigError: corners that are not finite, no convex polygon, clockwise, or off-centre.
+    """
+
+    corners: tuple[Pair, ...] = ()
+    feet: tuple[Pair, ...] = REGULAR_FEET
+
+    def __post_init__(self) -> None:
+        """Check the corners."""
+        check_convex(self.corners, f"shape {self.name!r}")
+        _check_centre(np.array(self.corners), self.name)
+
+    def outline(self, radius: float) -> Points:
+        """Return the corners (M, 2) [m], counter-clockwise."""
+        return radius * np.array(self.corners)
+
+    def parts(self, radius: float) -> tuple[Points, ...]:
+        """Return the one polygon."""
+        return (self.outline(radius),)
+
+
+@dataclass(frozen=True)
+class Compound(Prism):
+    """An upright prism whose cross-section is a union of convex polygons, on three feet.
+
+    Attributes:
+        polygons: each counter-clockwise, in units of the radius of the circumscribed circle; the
+            centroid of their union is (0, 0). `Compound.of` moves and scales others to this.
+
+    Raises:
+        ConfigError: a part that is no convex polygon; parts that do not touch along a side or that
+            enclose a hole; a union that is off-centre or has another circumscribed radius than 1.
+    """
+
+    polygons: tuple[tuple[Pair, ...], ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        """Check the parts and their union."""
+        check_parts(self.polygons, self.name)
+        outline = union_outline(self.polygons, self.name)
+        _check_centre(outline, self.name)
+        if abs(self.circumradius - 1.0) > TOLERANCE:
+            raise ConfigError(
+                f"shape {self.name!r} has a circumscribed radius of {self.circumradius:.6g};"
+                " it must be 1: make it with Compound.of"
+            )
+
+    @classmethod
+    def of(cls, name: str, *polygons: tuple[Pair, ...]) -> Self:
+        """Return the shape with polygons of any scale and place."""
+        check_parts(polygons, name)
+        outline = union_outline(polygons, name)
+        centre = centroid(outline)
+        scale = float(np.hypot(*(outline - centre).T).max())
+        moved = (((np.array(polygon) - centre) / scale).tolist() for polygon in polygons)
+        return cls(name, tuple(tuple((x, y) for x, y in polygon) for polygon in moved))
+
+    @cached_property
+    def feet(self) -> tuple[Pair, ...]:  # type: ignore[override]
+        """Distance [radii] and bearing [rad] of three points that carry the body well."""
+        x, y = balanced_feet(self._outline).T
+        return tuple(zip(np.hypot(x, y).tolist(), np.arctan2(y, x).tolist(), strict=True))
+
+    @cached_property
+    def _outline(self) -> Points:
+        return union_outline(self.polygons, self.name)
+
+    def outline(self, radius: float) -> Points:
+        """Return the corners (M, 2) [m] of the union, counter-clockwise."""
+        return radius * self._outline
+
+    def parts(self, radius: float) -> tuple[Points, ...]:
+        """Return the polygons (M, 2) [m] that the body consists of."""
+        return tuple(radius * np.array(polygon) for polygon in self.polygons)
+
+
+def check_convex(corners: tuple[Pair, ...], what: str) -> None:
+    """Raise `ConfigError` unless corners make a convex polygon, counter-clockwise."""
+    points = np.array(corners)
+    if not 3 <= len(corners) <= MOST_CORNERS:
+        raise ConfigError(
+            f"{what} has {len(corners)} corners; it needs 3 or more, and at most {MOST_CORNERS}"
+        )
+    if not np.isfinite(points).all():
+        raise ConfigError(f"{what} has corners {corners}; give finite ones")
+    here, after = _sides(np.roll(points, -1, axis=0) - points)
+    turns = np.arctan2(_cross(here, after), (here * after).sum(axis=1))
+    if (turns <= 0.0).any() or not np.isclose(turns.sum(), 2 * pi):
+        raise ConfigError(
+            f"{what} has corners {corners}; allowed: a convex polygon, counter-clockwise"
+        )
+
+
+def check_parts(polygons: tuple[tuple[Pair, ...], ...], name: str) -> None:
+    """Raise `ConfigError` unless each part of a shape is a convex polygon."""
+    if not 1 <= len(polygons) <= MOST_PARTS:
+        raise ConfigError(f"shape {name!r} has {len(polygons)} parts; allowed: 1 to {MOST_PARTS}")
+    for number, corners in enumerate(polygons):
+        check_convex(corners, f"part {number} of shape {name!r}")
+
+
+def union_outline(polygons: tuple[tuple[Pair, ...], ...], name: str) -> Points:
+    """Return the outline (M, 2) of a union of polygons, counter-clockwise.
+
+    Raises:
+        ConfigError: the parts do not touch along a side, or enclose a hole.
+    """
+    from shapely import Polygon as Ring  # half the time of an import of this module
+    from shapely import union_all
+
+    union = union_all([Ring(corners) for corners in polygons], grid_size=GRID)
+    if union.geom_type != "Polygon":
+        raise ConfigError(
+            f"the parts of shape {name!r} make {len(union.geoms)} separate pieces;"
+            " all must touch along a side"
+        )
+    if union.interiors:
+        raise ConfigError(f"the parts of shape {name!r} enclose a hole; a footprint has none")
+    ring = union.simplify(GRID).exterior
+    return np.array(ring.coords if ring.is_ccw else ring.coords[::-1])[:-1]
+
+
+def balanced_feet(outline: Points) -> Points:
+    """Return three points (3, 2) within an outline (M, 2) that carry a body at (0, 0) well.
+
+    They stand far apart, and each carries much of the weight.
+    """
+    from shapely import Polygon as Ring
+    from shapely import get_parts
+
+    ring = Ring(outline)
+    inset = next(
+        area for share in (1.0, 0.5, 0.25, 0.0) if (area := ring.buffer(-share * FOOT_INSET)).area
+    )
+    lines = [part.exterior for part in get_parts(inset)]
+    steps = np.arange(FOOT_PLACES) / FOOT_PLACES
+    places = np.concatenate(
+        [[line.interpolate(step, normalized=True).coords[0] for step in steps] for line in lines]
+    )
+    first, second, third = places[np.array(list(combinations(range(len(places)), 3)))].swapaxes(0, 1)
+    area = _cross(second - first, third - first)
+    loads = np.stack([_cross(second, third), _cross(third, first), _cross(first, second)])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.nan_to_num((loads / area).min(axis=0), nan=-1.0, posinf=-1.0, neginf=-1.0)
+    best = int(np.argmax(least * np.sqrt(np.abs(area))))
+    return np.stack([first[best], second[best], third[best]])
+
+
+def centroid(outline: Points) -> Points:
+    """Return the centroid (2,) of the area within an outline (M, 2)."""
+    here, after = _sides(outline)
+    share = _cross(here, after)
+    return np.asarray(((here + after) * share[:, None]).sum(axis=0) / (3 * share.sum()))
+
+
 def regular_corners(sides: int) -> tuple[Pair, ...]:
     """Return a regular polygon around the unit circle, with one side towards -x."""
     bearings = [pi + (2 * side - 1) * pi / sides for side in range(sides)]
     away = 1.0 / cos(pi / sides)
     return tuple((away * cos(bearing), away * sin(bearing)) for bearing in bearings)
+
+
+def _check_centre(outline: Points, name: str) -> None:
+    x, y = centroid(outline)
+    if max(abs(x), abs(y)) > TOLERANCE:
+        raise ConfigError(
+            f"shape {name!r} has its centroid at ({x:.4g}, {y:.4g}); it must be (0, 0)"
+        )
 
 
 def _sides(points: Points) -> tuple[Points, Points]:
@@ -90,4 +232,4 @@ def _sides(points: Points) -> tuple[Points, Points]:
 
 
 def _cross(first: Points, second: Points) -> np.ndarray:
-    return np.asarray(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+    return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])

@@ -1,8 +1,8 @@
 """What every shape of a body states, whatever draws, simulates or names it.
 
-A shape is given in its body's frame and in units of the state's radius (`sain_core.scene`).
-A shape with sides turns one of them towards -x: a body with heading b shows this side to what
-stands behind it in direction b.
+A shape is given in its body's frame and in units of the state's radius (`sain_core.scene`). That is
+the radius of a disk, and of the circumscribed circle of every shape of the library. Only the cube
+has another unit, half of its width: it stands in for the disk of its radius, as in the paper.
 """
 
 from abc import ABC, abstractmethod
@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, THETA
+from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, THETA, unit
 from sain_core.types import Points
 
 Pair = tuple[float, float]
@@ -31,7 +31,7 @@ class Solid(Enum):
 
     CYLINDER = "cylinder"
     BOX = "box"
-    PRISM = "prism"  # any convex outline
+    PRISM = "prism"  # any outline
 
 
 @dataclass(frozen=True)
@@ -40,18 +40,32 @@ class Shape(ABC):
 
     Attributes:
         name: in `WorldParameters` messages and in data sets.
-        feet: distance [radii] and bearing [rad] of each foot; none: the body lies flat.
     """
 
     name: str
-    feet: tuple[Pair, ...] = REGULAR_FEET
 
     solid: ClassVar[Solid]
+
+    @property
+    @abstractmethod
+    def feet(self) -> tuple[Pair, ...]:
+        """Distance [radii] and bearing [rad] of each foot; none: the body lies flat."""
 
     @property
     def footprint(self) -> str:
         """The name in requests, scenarios and pictures; shapes with one outline may share it."""
         return self.name
+
+    @abstractmethod
+    def parts(self, radius: float) -> tuple[Points, ...]:
+        """Return convex polygons (M, 2) [m], counter-clockwise, that together are the footprint."""
+
+    def supports(self, radius: float) -> Points:
+        """Return the points (F, 2) [m] that carry the body; the corners of one that lies flat."""
+        if not self.feet:
+            return self.outline(radius)
+        away, bearing = np.array(self.feet).T
+        return np.asarray(radius * away[:, None] * unit(bearing))
 
     @property
     @abstractmethod
@@ -83,19 +97,27 @@ class Shape(ABC):
         return np.asarray(state[POSITION] + self.outline(float(state[RADIUS])) @ turn)
 
     def triangles(self, radius: float) -> Triangles:
-        """Return the surface (T, 3, 3) [m] of a convex body about its centre, seen from outside."""
-        low, high = -DISK_HEIGHT / 2, DISK_HEIGHT / 2
-        here = self.outline(radius)
-        after = np.roll(here, -1, axis=0)
+        """Return the surface (T, 3, 3) [m] of the body about its centre, seen from outside.
 
-        def lift(points: Points, height: float) -> ndarray:
-            return np.column_stack([points, np.full(len(points), height)])
+        A body of several parts is the surfaces of all of them.
+        """
+        return np.concatenate([prism_surface(part) for part in self.parts(radius)])
 
-        bottom, top = (np.broadcast_to([0.0, 0.0, z], (len(here), 3)) for z in (low, high))
-        faces = (
-            (top, lift(here, high), lift(after, high)),
-            (bottom, lift(after, low), lift(here, low)),
-            (lift(here, low), lift(after, low), lift(after, high)),
-            (lift(here, low), lift(after, high), lift(here, high)),
-        )
-        return np.concatenate([np.stack(face, axis=1) for face in faces])
+
+def prism_surface(corners: Points) -> Triangles:
+    """Return the surface (T, 3, 3) [m] of a prism on a convex polygon (M, 2), seen from outside."""
+    low, high = -DISK_HEIGHT / 2, DISK_HEIGHT / 2
+    here, after = corners, np.roll(corners, -1, axis=0)
+    middle = corners.mean(axis=0)
+
+    def lift(points: Points, height: float) -> ndarray:
+        return np.column_stack([points, np.full(len(points), height)])
+
+    bottom, top = (lift(np.broadcast_to(middle, here.shape), z) for z in (low, high))
+    faces = (
+        (top, lift(here, high), lift(after, high)),
+        (bottom, lift(after, low), lift(here, low)),
+        (lift(here, low), lift(after, low), lift(after, high)),
+        (lift(here, low), lift(after, high), lift(here, high)),
+    )
+    return np.concatenate([np.stack(face, axis=1) for face in faces])

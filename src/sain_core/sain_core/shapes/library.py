@@ -1,0 +1,94 @@
+"""The library of shapes: straight-sided bodies to push, each with a circumscribed radius of 1.
+
+`docs/shapes.md` has them all in one picture.
+"""
+
+from itertools import pairwise
+from math import cos, pi, sin
+from typing import Final
+
+import numpy as np
+
+from sain_core.shapes.polygon import Compound
+from sain_core.shapes.shape import Pair
+
+RANDOM_CORNERS: Final = (5, 6, 7, 8, 9, 10)  # of the random polygons, by seed
+LEAST_GAP: Final = 0.35  # [rad], between two corners of a random polygon
+
+
+def _box(width: float, depth: float, x: float = 0.0, y: float = 0.0) -> tuple[Pair, ...]:
+    """Return a box whose lower left corner is at (x, y)."""
+    return (x, y), (x + width, y), (x + width, y + depth), (x, y + depth)
+
+
+def _arc(start: float, end: float, sides: int, radius: float = 1.0) -> tuple[Pair, ...]:
+    """Return points on a circle from one bearing [rad] to another."""
+    bearings = np.linspace(start, end, sides + 1)
+    return tuple((radius * cos(b), radius * sin(b)) for b in bearings.tolist())
+
+
+def _ellipse(width: float, depth: float, sides: int = 24) -> tuple[Pair, ...]:
+    return tuple((width * x, depth * y) for x, y in _arc(0.0, 2 * pi, sides)[:-1])
+
+
+def _ring_segment(start: float, end: float, inner: float, sides: int) -> list[tuple[Pair, ...]]:
+    """Return the parts of a ring between two bearings [rad]; its outer radius is 1."""
+    outside, inside = _arc(start, end, sides), _arc(start, end, sides, inner)
+    pieces = zip(pairwise(outside), pairwise(inside), strict=True)
+    return [(far, after, before, near) for (far, after), (near, before) in pieces]
+
+
+def _star(points: int, inner: float) -> list[tuple[Pair, ...]]:
+    """Return a regular polygon of a radius `inner`, and a spike of radius 1 on each of its sides."""
+    middle = _arc(0.0, 2 * pi, points, inner)
+    tips = _arc(pi / points, 2 * pi + pi / points, points)
+    spikes = [(here, tip, after) for (here, after), tip in zip(pairwise(middle), tips, strict=False)]
+    return [middle[:-1], *spikes]
+
+
+def _random_polygon(seed: int, count: int) -> tuple[Pair, ...]:
+    """Return a polygon with corners on a circle at random, so that it is convex."""
+    gaps = np.random.default_rng(seed).dirichlet(np.ones(count))
+    bearings = np.cumsum(LEAST_GAP + (2 * pi - count * LEAST_GAP) * gaps)
+    return tuple((cos(b), sin(b)) for b in bearings.tolist())
+
+
+SHAPES: Final = (
+    Compound.of("square", _box(1, 1)),
+    Compound.of("box_3x2", _box(3, 2)),
+    Compound.of("box_2x1", _box(2, 1)),
+    Compound.of("box_3x1", _box(3, 1)),
+    Compound.of("bar", _box(5, 1)),
+    Compound.of("butter", ((0.1, 0), (2.3, 0), (2.4, 0.1), (2.4, 0.9), (2.3, 1), (0.1, 1), (0, 0.9), (0, 0.1))),
+    Compound.of("triangle", _arc(0, 2 * pi, 3)[:-1]),
+    Compound.of("right_triangle", ((0, 0), (4, 0), (0, 3))),
+    Compound.of("wedge", ((0, 0), (4, 0), (2, 1.3))),
+    Compound.of("spire", ((0, 0), (2, 0), (1, 3))),
+    Compound.of("pentagon", _arc(0, 2 * pi, 5)[:-1]),
+    Compound.of("hexagon", _arc(0, 2 * pi, 6)[:-1]),
+    Compound.of("octagon", _arc(0, 2 * pi, 8)[:-1]),
+    Compound.of("ellipse", _ellipse(1, 0.5)),
+    Compound.of("oval", _ellipse(1, 0.7)),
+    Compound.of("half_disk", _arc(0, pi, 12)),
+    Compound.of("quarter_disk", ((0, 0), *_arc(0, pi / 2, 9))),
+    Compound.of("trapezoid", ((0, 0), (4, 0), (3, 2), (1, 2))),
+    Compound.of("parallelogram", ((0, 0), (3, 0), (4, 2), (1, 2))),
+    Compound.of("rhombus", ((2, 0), (0, 1.2), (-2, 0), (0, -1.2))),
+    Compound.of("kite", ((0, 0), (1.2, 1), (0, 3), (-1.2, 1))),
+    Compound.of("t", _box(4, 1, y=3), _box(1, 3, x=1.5)),  # the proportions of Push-T
+    Compound.of("l", _box(1, 4), _box(2, 1, x=1)),
+    Compound.of("corner", _box(1, 3), _box(2, 1, x=1)),
+    Compound.of("u", _box(4, 1), _box(1, 2, y=1), _box(1, 2, x=3, y=1)),
+    Compound.of("z", _box(2, 1, x=1), _box(2, 1, y=1)),
+    Compound.of("h", _box(1, 3), _box(1, 1, x=1, y=1), _box(1, 3, x=2)),
+    Compound.of("plus", _box(1, 1, x=1), _box(3, 1, y=1), _box(1, 1, x=1, y=2)),
+    Compound.of("star", *_star(5, 0.5)),
+    Compound.of("star_6", *_star(6, 0.6)),
+    Compound.of("arrow", _box(2, 1, y=0.5), ((2, 0), (3.5, 1), (2, 2))),
+    Compound.of("ring_segment", *_ring_segment(-pi / 3, pi / 3, 0.6, 8)),
+    Compound.of("half_ring", *_ring_segment(-pi / 2, pi / 2, 0.55, 10)),
+    *(
+        Compound.of(f"random_{seed}", _random_polygon(seed, count))
+        for seed, count in enumerate(RANDOM_CORNERS)
+    ),
+)
