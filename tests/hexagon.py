@@ -7,7 +7,7 @@ import pytest
 from sain_core.shapes import registry
 from sain_core.shapes.polygon import Polygon, regular_corners
 
-HEXAGON = Polygon("hexagon", corners=regular_corners(6))
+HEXAGON = Polygon("six_sided", corners=regular_corners(6))
 
 
 @pytest.fixture

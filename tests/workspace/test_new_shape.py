@@ -35,7 +35,7 @@ def two_bodies(turn: float) -> tuple[np.ndarray, WorldParameters]:
     """A disk and a hexagon that is turned, well apart."""
     places, headings = np.array([[0.4, -0.2], [0.5, 0.1]]), np.array([0.0, turn])
     scene = make_scene(places, np.full(2, 8.0), np.full(2, RADIUS_M), headings)
-    return scene, WorldParameters.of_scene(scene, shapes=(THREE_FEET, "hexagon"))
+    return scene, WorldParameters.of_scene(scene, shapes=(THREE_FEET, "six_sided"))
 
 
 @pytest.mark.parametrize(
@@ -55,8 +55,8 @@ def test_its_sides_and_corners_touch_where_they_are(bearing, reach):
 
 
 def test_a_world_pushes_it_like_any_body():
-    parameters, start = draw_episode(0, "nominal", shapes=("disk", "hexagon"))
-    assert parameters.shapes == (THREE_FEET, "hexagon")
+    parameters, start = draw_episode(0, "nominal", shapes=("disk", "six_sided"))
+    assert parameters.shapes == (THREE_FEET, "six_sided")
     push = np.array([0.0, 0.0, 0.1])
     with World(parameters) as world:
         world.reset(start)
@@ -71,7 +71,7 @@ def test_a_world_pushes_it_like_any_body():
 
 
 def test_a_collection_and_its_data_set_say_which_body_it_is(tmp_path):
-    episode = EpisodeConfig(pushes=2, target="hexagon")
+    episode = EpisodeConfig(pushes=2, target="six_sided")
     done = collect(CollectConfig(tmp_path, episodes=2, seed=1, episode=episode))
     data = load_shards(tmp_path)
     assert done.transitions == len(data["hexagons"]) > 0
@@ -80,8 +80,8 @@ def test_a_collection_and_its_data_set_say_which_body_it_is(tmp_path):
 
 @pytest.mark.parametrize("family", [PaperScenario, AnywhereScenario])
 def test_a_scenario_turns_one_of_its_sides_to_the_mid_disk(family):
-    case = family("hexagons", "the target is a hexagon", target_shape="hexagon").scene(3)
-    assert case.parameters("flat").shapes == ("flat", "hexagon")
+    case = family("hexagons", "the target is a hexagon", target_shape="six_sided").scene(3)
+    assert case.parameters("flat").shapes == ("flat", "six_sided")
     x, y = case.disks[TARGET, POSITION] - case.disks[MID, POSITION]
     assert case.disks[TARGET, THETA] == pytest.approx(atan2(y, x), abs=1e-9)
     assert hypot(x, y) == pytest.approx(case.disks[:, RADIUS].sum() + 0.001)
@@ -107,7 +107,7 @@ def test_a_rendered_picture_shows_its_corners():
 
 def test_the_top_view_draws_its_outline():
     scene, _ = two_bodies(turn=0.3)
-    record = EpisodeRecord(np.array([0.7, 0.0]), 0.05, (), scene, ("disk", "hexagon"))
+    record = EpisodeRecord(np.array([0.7, 0.0]), 0.05, (), scene, ("disk", "six_sided"))
     axes = Figure((4, 4)).add_axes((0, 0, 1, 1))
     draw_top_view(axes, record, Feasibility())
     outlines = [patch.get_xy() for patch in axes.patches if type(patch) is Patch]

@@ -1,9 +1,15 @@
-"""A push: one straight stroke of the tool against the mid disk, a in R^3.
+"""A push: one straight stroke of the tool against one body.
 
-``location`` lambda in (-pi, pi]: world heading from the contact point on the mid disk's rim to
-its centre (0: the tool touches the -x side). ``angle`` psi in [-pi/4, pi/4]: direction of
-travel relative to lambda. ``length`` L in [0, 0.15] m: the tool's travel from its start pose,
-where its surface stands `PushLimits.clearance` off the contact point. L = 0 moves nothing.
+Against a disk it is the paper's a in R^3. ``location`` lambda in (-pi, pi]: world heading from the
+contact point on the rim to the centre (0: the tool touches the -x side). ``angle`` psi in
+[-pi/4, pi/4]: direction of travel relative to lambda. ``length`` L in [0, 0.15] m: the tool's
+travel from its start pose, where its surface stands `PushLimits.clearance` off the contact point.
+L = 0 moves nothing.
+
+Against any other body, ``location`` names the contact point on its outline
+(`sain_core.shapes.outline`), and ``angle`` is relative to the outline's inward normal there.
+
+A push with three numbers is against body 0, the paper's mid disk. A fourth names the body.
 """
 
 from dataclasses import dataclass, fields
@@ -16,11 +22,14 @@ import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError, OutOfRangeError
-from sain_core.scene import MID, POSITION, RADIUS, unit, wrap_angle
-from sain_core.types import Angles, Points, PushArray, Pushes, Scenes
+from sain_core.scene import MID, POSITION, RADIUS, THETA, unit, wrap_angle
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.outline import outline_of
+from sain_core.shapes.shape import Shape
+from sain_core.types import Angles, Indices, Points, PushArray, Pushes, Scenes, States
 
-LOCATION, ANGLE, LENGTH = range(3)
-PUSH_SIZE: Final = 3
+LOCATION, ANGLE, LENGTH, BODY = range(4)
+PUSH_SIZE: Final = 3  # without the body
 PUSH_NAMES: Final = ("location", "angle", "length")
 
 TOOL_RADIUS: Final = 0.012  # [m], the cylindrical stick
@@ -54,8 +63,8 @@ class PushLimits(Config):
             InvalidInputError: wrong shape, NaN or Inf.
             OutOfRangeError: a value outside its range; the message names both.
         """
-        if push.shape != (PUSH_SIZE,):
-            raise InvalidInputError(f"a push has shape (3,), not {push.shape}")
+        if push.shape not in ((PUSH_SIZE,), (PUSH_SIZE + 1,)):
+            raise InvalidInputError(f"a push has shape (3,) or (4,), not {push.shape}")
         if not np.isfinite(push).all():
             column = int(np.argmin(np.isfinite(push)))
             raise InvalidInputError(
@@ -104,36 +113,108 @@ def check_predictable(pushes: Pushes) -> Pushes:
     return pushes
 
 
+def pushed_bodies(pushes: Pushes) -> Indices:
+    """Return which body each push (..., 3) or (..., 4) is against, (...,)."""
+    if pushes.shape[-1] == PUSH_SIZE:
+        return np.zeros(pushes.shape[:-1], dtype=np.int64)
+    return pushes[..., BODY].astype(np.int64)
+
+
+def check_pushed(push: PushArray, bodies: Bodies) -> None:
+    """Raise `OutOfRangeError` unless a push (3,) or (4,) is against a pushable body."""
+    body = push[BODY] if len(push) > PUSH_SIZE else 0.0
+    if body not in bodies.pushable:
+        allowed = ", ".join(map(str, bodies.pushable))
+        raise OutOfRangeError(f"the push is against body {body:g}; pushable are: {allowed}")
+
+
 def push_direction(pushes: Pushes) -> Angles:
-    """Return the world heading [rad] in which the tool travels, lambda + psi."""
+    """Return the world heading [rad] in which the tool travels against a disk, lambda + psi."""
     return wrap_angle(pushes[..., LOCATION] + pushes[..., ANGLE])
 
 
-def tool_start(scenes: Scenes, pushes: Pushes, limits: PushLimits) -> Points:
-    """Return where the tool's axis stands before it travels, (..., 2) [m].
+def tool_start(
+    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies | None = None
+) -> Points:
+    """Return where the tool's axis stands before it travels, (..., 2) [m]; see `strokes`."""
+    return strokes(scenes, pushes, limits, bodies)[0]
 
-    The contact point on the rim, moved out by the tool's radius and the clearance.
+
+def tool_end(
+    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies | None = None
+) -> Points:
+    """Return where the tool's axis stands after its travel, (..., 2) [m]; see `strokes`."""
+    start, heading = strokes(scenes, pushes, limits, bodies)
+    return np.asarray(start + pushes[..., LENGTH, None] * unit(heading))
+
+
+def strokes(
+    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies | None = None
+) -> tuple[Points, Angles]:
+    """Return where the tool's axis stands before it travels, and the world heading of its travel.
+
+    It stands at the contact point, moved out along the normal by the tool's radius and the
+    clearance.
+
+    Args:
+        scenes: (..., N, 8).
+        pushes: (..., 3) or (..., 4).
+        limits: for the tool's radius and the clearance.
+        bodies: of the scenes; None: disks.
+
+    Returns:
+        Places (..., 2) [m] and headings (...,) [rad].
     """
-    centre = scenes[..., MID, POSITION]
-    offset = scenes[..., MID, RADIUS] + limits.tool_radius + limits.clearance
-    return np.asarray(centre - offset[..., None] * unit(pushes[..., LOCATION]))
+    state = _pushed_states(scenes, pushes)
+    location, radius = pushes[..., LOCATION], state[..., RADIUS]
+    # On a disk; the order of the sum keeps last bits as they always were.
+    start = state[..., POSITION] - (radius + limits.tool_radius + limits.clearance)[
+        ..., None
+    ] * unit(location)
+    heading = wrap_angle(location + pushes[..., ANGLE])
+    if bodies is None or bodies.all_round:
+        return np.asarray(start), heading
+    pushed = pushed_bodies(pushes)
+    lead = start.shape[:-1]
+    heading, location = np.broadcast_to(heading, lead).copy(), np.broadcast_to(location, lead)
+    for body in np.unique(pushed).tolist():
+        mine = np.broadcast_to(pushed == body, lead)
+        if not bodies.shapes[body].is_round:
+            own = np.broadcast_to(state, (*lead, state.shape[-1]))[mine]
+            contact, normal = _contact(own, location[mine], bodies.shapes[body])
+            start[mine] = contact - (limits.tool_radius + limits.clearance) * unit(normal)
+            heading[mine] = wrap_angle(normal + np.broadcast_to(pushes[..., ANGLE], lead)[mine])
+    return start, heading
 
 
-def tool_end(scenes: Scenes, pushes: Pushes, limits: PushLimits) -> Points:
-    """Return where the tool's axis stands after its travel, (..., 2) [m]."""
-    travel = pushes[..., LENGTH, None] * unit(push_direction(pushes))
-    return np.asarray(tool_start(scenes, pushes, limits) + travel)
+def _pushed_states(scenes: Scenes, pushes: Pushes) -> States:
+    """Return the states (..., 8) of the bodies that pushes are against."""
+    if pushes.shape[-1] == PUSH_SIZE:
+        return scenes[..., MID, :]
+    lead = np.broadcast_shapes(scenes.shape[:-2], pushes.shape[:-1])
+    body = np.broadcast_to(pushed_bodies(pushes), lead)[..., None, None]
+    all_states = np.broadcast_to(scenes, (*lead, *scenes.shape[-2:]))
+    return np.take_along_axis(all_states, body, axis=-2)[..., 0, :]
+
+
+def _contact(states: States, locations: Angles, shape: Shape) -> tuple[Points, Angles]:
+    """Return points (B, 2) [m] on the outlines of bodies (B, 8), and headings of their normals."""
+    places, inward = outline_of(shape).at(locations)
+    cos, sin = np.cos(states[:, THETA]), np.sin(states[:, THETA])
+    x, y = places.T * states[:, RADIUS]
+    turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    return states[:, POSITION] + turned, wrap_angle(inward + states[:, THETA])
 
 
 def rotate_pushes(pushes: Pushes, angle: float) -> Pushes:
-    """Turn pushes by an angle [rad], as `rotate_scenes` turns the scene."""
+    """Turn pushes on disks by an angle [rad], as `rotate_scenes` turns the scene."""
     turned = pushes.copy()
     turned[..., LOCATION] = wrap_angle(pushes[..., LOCATION] + angle)
     return turned
 
 
 def mirror_pushes(pushes: Pushes) -> Pushes:
-    """Reflect pushes in the x axis, as `mirror_scenes` reflects the scene."""
+    """Reflect pushes on disks in the x axis, as `mirror_scenes` reflects the scene."""
     mirrored = pushes.copy()
     mirrored[..., LOCATION] = wrap_angle(-pushes[..., LOCATION])
     mirrored[..., ANGLE] = -pushes[..., ANGLE]

@@ -1,13 +1,14 @@
 """Array shapes used everywhere, named once.
 
-B batch, N disks, K sampled push sequences, H horizon (pushes in a sequence).
+B batch, N bodies, K sampled push sequences, H horizon (pushes in a sequence), A numbers of a push:
+3, or 4 with the body (`sain_core.push`).
 All arrays at public edges are ``float64``; the network converts inside. Where B is empty,
 numpy gives scalars instead of arrays with no dimensions: they are just as good.
 """
 
 from typing import TYPE_CHECKING
 
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import bool_, float64, ndarray
 
 if TYPE_CHECKING:
@@ -18,11 +19,14 @@ else:
 
 Scene = Float[ndarray, "N 8"]
 Scenes = Float[ndarray, "*B N 8"]
-PushArray = Float[ndarray, "3"]
-Pushes = Float[ndarray, "*B 3"]
-PushSequences = Float[ndarray, "K H 3"]
+States = Float[ndarray, "*B 8"]
+Polygons = Float[ndarray, "*B M 2"]
+PushArray = Float[ndarray, "A"]
+Pushes = Float[ndarray, "*B A"]
+PushSequences = Float[ndarray, "K H A"]
 PredictedScenes = Float[ndarray, "K H N 8"]
 Points = Float[ndarray, "*B 2"]
 Angles = Float[FloatArray, "*B"]
 Scalars = Float[FloatArray, "*B"]
+Indices = Int[ndarray, "*B"]
 Mask = Bool[BoolArray, "*B"]

@@ -29,7 +29,7 @@ def test_a_shape_has_a_name_and_a_footprint():
 
 
 def test_an_unknown_name_is_an_error_that_lists_what_is_allowed():
-    with pytest.raises(ConfigError, match="shape is 'cone'; allowed: disk, cube, three_feet, flat"):
+    with pytest.raises(ConfigError, match="shape is 'cone'; allowed: disk, cube, square, .*, three_feet, flat"):
         get_shape("cone")
     with pytest.raises(ConfigError, match="shape is 'disk'; allowed: three_feet, flat, cube"):
         check_shape("disk")
@@ -38,10 +38,10 @@ def test_an_unknown_name_is_an_error_that_lists_what_is_allowed():
 
 
 def test_a_registered_shape_is_found(hexagon):
-    assert get_shape("hexagon") is HEXAGON
-    check_shape("hexagon")
-    assert built_shapes(("hexagon",), "flat") == ("hexagon",)
-    register(Polygon("hexagon", corners=regular_corners(6)))  # the same again
+    assert get_shape("six_sided") is HEXAGON
+    check_shape("six_sided")
+    assert built_shapes(("six_sided",), "flat") == ("six_sided",)
+    register(Polygon("six_sided", corners=regular_corners(6)))  # the same again
 
 
 @pytest.mark.parametrize("name", ["cube", "flat", "disk"])
@@ -54,8 +54,8 @@ def test_two_shapes_cannot_share_a_name(name):
 
 def test_an_installed_package_offers_its_shapes(offered):
     offered.append(EntryPoint("hexagon", "offering:HEXAGON", GROUP))
-    assert get_shape("hexagon") is HEXAGON
-    with pytest.raises(ConfigError, match="shape is 'cone'; allowed: disk, cube, hexagon, three_"):
+    assert get_shape("six_sided") is HEXAGON
+    with pytest.raises(ConfigError, match="shape is 'cone'; allowed: disk, cube, .*six_sided, three_"):
         get_shape("cone")
 
 
@@ -70,5 +70,5 @@ def test_an_installed_package_offers_its_shapes(offered):
 def test_an_offer_that_is_no_shape_is_named(offered, target, message):
     offered.append(EntryPoint("odd", target, GROUP))
     with pytest.raises(ConfigError, match=message):
-        get_shape("hexagon")
+        get_shape("six_sided")
     assert get_shape("cube").name == "cube"  # what is built in needs no offer

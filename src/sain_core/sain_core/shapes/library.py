@@ -27,6 +27,15 @@ def _arc(start: float, end: float, sides: int, radius: float = 1.0) -> tuple[Pai
     return tuple((radius * cos(b), radius * sin(b)) for b in bearings.tolist())
 
 
+def _clipped_box(width: float, depth: float, cut: float) -> tuple[Pair, ...]:
+    """Return a box without its four corners."""
+    low, high = depth - cut, width - cut
+    return (
+        (cut, 0), (high, 0), (width, cut), (width, low),
+        (high, depth), (cut, depth), (0, low), (0, cut),
+    )  # fmt: skip
+
+
 def _ellipse(width: float, depth: float, sides: int = 24) -> tuple[Pair, ...]:
     return tuple((width * x, depth * y) for x, y in _arc(0.0, 2 * pi, sides)[:-1])
 
@@ -39,10 +48,12 @@ def _ring_segment(start: float, end: float, inner: float, sides: int) -> list[tu
 
 
 def _star(points: int, inner: float) -> list[tuple[Pair, ...]]:
-    """Return a regular polygon of a radius `inner`, and a spike of radius 1 on each of its sides."""
+    """Return a regular polygon of a radius `inner`, and a spike to radius 1 on each side."""
     middle = _arc(0.0, 2 * pi, points, inner)
     tips = _arc(pi / points, 2 * pi + pi / points, points)
-    spikes = [(here, tip, after) for (here, after), tip in zip(pairwise(middle), tips, strict=False)]
+    spikes = [
+        (here, tip, after) for (here, after), tip in zip(pairwise(middle), tips, strict=False)
+    ]
     return [middle[:-1], *spikes]
 
 
@@ -59,7 +70,7 @@ SHAPES: Final = (
     Compound.of("box_2x1", _box(2, 1)),
     Compound.of("box_3x1", _box(3, 1)),
     Compound.of("bar", _box(5, 1)),
-    Compound.of("butter", ((0.1, 0), (2.3, 0), (2.4, 0.1), (2.4, 0.9), (2.3, 1), (0.1, 1), (0, 0.9), (0, 0.1))),
+    Compound.of("butter", _clipped_box(2.4, 1, 0.1)),
     Compound.of("triangle", _arc(0, 2 * pi, 3)[:-1]),
     Compound.of("right_triangle", ((0, 0), (4, 0), (0, 3))),
     Compound.of("wedge", ((0, 0), (4, 0), (2, 1.3))),

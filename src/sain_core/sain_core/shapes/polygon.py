@@ -7,6 +7,7 @@ from math import cos, pi, sin
 from typing import ClassVar, Final, Self
 
 import numpy as np
+from numpy import ndarray
 
 from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT
@@ -114,7 +115,7 @@ class Compound(Prism):
         return cls(name, tuple(tuple((x, y) for x, y in polygon) for polygon in moved))
 
     @cached_property
-    def feet(self) -> tuple[Pair, ...]:  # type: ignore[override]
+    def feet(self) -> tuple[Pair, ...]:
         """Distance [radii] and bearing [rad] of three points that carry the body well."""
         x, y = balanced_feet(self._outline).T
         return tuple(zip(np.hypot(x, y).tolist(), np.arctan2(y, x).tolist(), strict=True))
@@ -178,7 +179,7 @@ def union_outline(polygons: tuple[tuple[Pair, ...], ...], name: str) -> Points:
     return np.array(ring.coords if ring.is_ccw else ring.coords[::-1])[:-1]
 
 
-def balanced_feet(outline: Points) -> Points:
+def balanced_feet(outline: Points) -> ndarray:
     """Return three points (3, 2) within an outline (M, 2) that carry a body at (0, 0) well.
 
     They stand far apart, and each carries much of the weight.
@@ -195,7 +196,9 @@ def balanced_feet(outline: Points) -> Points:
     places = np.concatenate(
         [[line.interpolate(step, normalized=True).coords[0] for step in steps] for line in lines]
     )
-    first, second, third = places[np.array(list(combinations(range(len(places)), 3)))].swapaxes(0, 1)
+    first, second, third = places[np.array(list(combinations(range(len(places)), 3)))].swapaxes(
+        0, 1
+    )
     area = _cross(second - first, third - first)
     loads = np.stack([_cross(second, third), _cross(third, first), _cross(first, second)])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -204,7 +207,7 @@ def balanced_feet(outline: Points) -> Points:
     return np.stack([first[best], second[best], third[best]])
 
 
-def centroid(outline: Points) -> Points:
+def centroid(outline: Points) -> ndarray:
     """Return the centroid (2,) of the area within an outline (M, 2)."""
     here, after = _sides(outline)
     share = _cross(here, after)
@@ -231,5 +234,5 @@ def _sides(points: Points) -> tuple[Points, Points]:
     return points, np.roll(points, -1, axis=0)
 
 
-def _cross(first: Points, second: Points) -> np.ndarray:
+def _cross(first: Points, second: Points) -> ndarray:
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])

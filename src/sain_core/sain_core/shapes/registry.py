@@ -1,6 +1,6 @@
 """Shapes by name.
 
-A new shape is a module with an instance of `Shape` and its line in `_BUILT_IN`. Another package
+A new shape is a line in `sain_core.shapes.library`. Another package
 offers shapes through entry points in the group ``sain.shapes``, which name such instances::
 
     entry_points={"sain.shapes": ["hexagon = my_package.hexagon:HEXAGON"]}
@@ -9,6 +9,7 @@ offers shapes through entry points in the group ``sain.shapes``, which name such
 from collections import ChainMap
 from collections.abc import Iterable, Mapping
 from functools import cache
+from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Final
 
@@ -38,11 +39,13 @@ def register(shape: Shape) -> None:
 
 def shape_names() -> list[str]:
     """Return the names of all shapes, as a world is made of them."""
+    _load_library()
     return list(_shapes)
 
 
 def footprint_names() -> list[str]:
     """Return the names of all footprints, as requests and scenarios ask for them."""
+    _load_library()
     return list(_footprints)
 
 
@@ -76,10 +79,19 @@ def built_shapes(footprints: Iterable[str], disk_shape: str) -> tuple[str, ...]:
 
 def _find(name: str, known: Mapping[str, Shape], error: type[SainError] = ConfigError) -> Shape:
     if name not in known:
+        _load_library()
+    if name not in known:
         _load_offered()
     if name not in known:
         raise error(f"shape is {name!r}; allowed: {', '.join(known)}")
     return known[name]
+
+
+@cache
+def _load_library() -> None:
+    """Register the library; only when it is needed, since its outlines take 0.3 s."""
+    for shape in import_module("sain_core.shapes.library").SHAPES:
+        register(shape)
 
 
 @cache

@@ -8,6 +8,7 @@ has another unit, half of its width: it stands in for the disk of its radius, as
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 from math import pi
 from typing import ClassVar, Final
 
@@ -76,6 +77,11 @@ class Shape(ABC):
     def is_round(self) -> bool:
         """Whether the outline is a circle, so that no heading differs from another."""
         return self.symmetry == 0.0
+
+    @cached_property
+    def is_convex(self) -> bool:
+        """Whether every straight line between two of its points stays within it."""
+        return len(self.parts(1.0)) == 1
 
     @property
     def circumradius(self) -> float:

@@ -1,0 +1,133 @@
+"""The bodies of a scene: the shape of each, and what may move it. Constant during an episode.
+
+The state of a body is its row of the scene (`sain_core.scene`). What is here is sent once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from itertools import combinations
+from typing import Final, Self
+
+from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.scene import OVERLAP_TOLERANCE, POSITION, RADIUS
+from sain_core.shapes.registry import get_shape
+from sain_core.shapes.shape import Shape
+from sain_core.types import Scene
+
+MOST_BODIES: Final = 10
+
+
+class Role(StrEnum):
+    """What may move a body."""
+
+    PUSHABLE = "pushable"  # the tool, and other bodies
+    MOVABLE = "movable"  # other bodies only: a push that would touch it with the tool is refused
+    FIXED = "fixed"  # nothing
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """Shape and role of each body of a scene.
+
+    Attributes:
+        shapes: one for each body.
+        roles: one for each body; none: body 0 is pushable and all others movable, as in the paper.
+
+    Raises:
+        ConfigError: no body or too many, other numbers of shapes and roles, no pushable body.
+    """
+
+    shapes: tuple[Shape, ...]
+    roles: tuple[Role, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Fill in the roles and check them."""
+        count = len(self.shapes)
+        if not 1 <= count <= MOST_BODIES:
+            raise ConfigError(f"a scene has {count} bodies; allowed: 1 to {MOST_BODIES}")
+        if not self.roles:
+            paper = (Role.PUSHABLE, *(Role.MOVABLE,) * (count - 1))
+            object.__setattr__(self, "roles", paper)
+        if len(self.roles) != count:
+            raise ConfigError(f"{count} bodies have {len(self.roles)} roles; give one for each")
+        if Role.PUSHABLE not in self.roles:
+            raise ConfigError(
+                f"no body is pushable: the roles are {', '.join(self.roles)};"
+                " give at least one body the role 'pushable'"
+            )
+
+    @classmethod
+    def disks(cls, count: int) -> Self:
+        """Return so many disks with the paper's roles."""
+        return cls((get_shape("disk"),) * count)
+
+    @classmethod
+    def named(cls, shapes: Sequence[str], roles: Sequence[str] = ()) -> Self:
+        """Return the bodies with shapes and roles of these names.
+
+        Raises:
+            ConfigError: also when there is no such shape or role.
+        """
+        allowed = ", ".join(Role)
+        for body, role in enumerate(roles):
+            if role not in list(Role):
+                raise ConfigError(f"role of body {body} is {role!r}; allowed: {allowed}")
+        return cls(tuple(map(get_shape, shapes)), tuple(map(Role, roles)))
+
+    def __len__(self) -> int:
+        """Return the number of bodies."""
+        return len(self.shapes)
+
+    @cached_property
+    def all_round(self) -> bool:
+        """Whether all bodies are disks."""
+        return all(shape.is_round for shape in self.shapes)
+
+    @cached_property
+    def pushable(self) -> tuple[int, ...]:
+        """The bodies that the tool may touch."""
+        return tuple(body for body, role in enumerate(self.roles) if role == Role.PUSHABLE)
+
+    @cached_property
+    def fixed(self) -> tuple[int, ...]:
+        """The bodies that nothing moves."""
+        return tuple(body for body, role in enumerate(self.roles) if role == Role.FIXED)
+
+
+def check_bodies(scene: Scene, bodies: Bodies) -> None:
+    """Check that a scene (N, 8) can consist of these bodies.
+
+    Raises:
+        InvalidInputError: another number of bodies, or two whose outlines overlap by more than
+            `OVERLAP_TOLERANCE`.
+    """
+    if len(scene) != len(bodies):
+        raise InvalidInputError(
+            f"the scene has {len(scene)} bodies; {len(bodies)} shapes are known"
+        )
+    for first, second in combinations(range(len(scene)), 2):
+        deep = overlap(scene, bodies, first, second)
+        if deep > OVERLAP_TOLERANCE:
+            raise InvalidInputError(
+                f"bodies {first} ({bodies.shapes[first].name}) and {second}"
+                f" ({bodies.shapes[second].name}) overlap by {1e3 * deep:.1f} mm;"
+                f" at most {1e3 * OVERLAP_TOLERANCE:g} mm is allowed"
+            )
+
+
+def overlap(scene: Scene, bodies: Bodies, first: int, second: int) -> float:
+    """Return how deep [m] the outlines of two bodies overlap, about; 0 where they are apart.
+
+    About: twice the area that they share, divided by half of its circumference.
+    """
+    from shapely import Polygon
+
+    ends = scene[[first, second]]
+    reach = sum(bodies.shapes[body].circumradius * scene[body, RADIUS] for body in (first, second))
+    if float(((ends[0, POSITION] - ends[1, POSITION]) ** 2).sum()) >= reach**2:
+        return 0.0
+    rings = [Polygon(bodies.shapes[body].placed(scene[body])) for body in (first, second)]
+    shared = rings[0].intersection(rings[1])
+    return 4.0 * float(shared.area) / float(shared.length) if shared.area else 0.0

@@ -1,0 +1,120 @@
+"""Points on outlines: where a push touches a body, and how far a way passes from bodies.
+
+A point is named by its `location`: 2 pi x (arc length along the outline, counter-clockwise, from
+its leftmost point) / perimeter, in (-pi, pi]. The leftmost point is the middle of the side with the
+smallest x of the body's frame, or the corner there; of several the one with the smallest y. Values
+that are drawn uniformly are uniform along the outline. On a disk, a location is an angle.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from math import pi
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.scene import wrap_angle
+from sain_core.shapes.shape import Shape
+from sain_core.types import Angles, Mask, Points, Polygons, Scalars
+
+LEFTMOST: Final = 1e-6  # [radii], within which points are equally far left
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A closed polygon as a function of the location, in the body's frame and units of its radius.
+
+    Attributes:
+        corners: (M + 1, 2), from the point with location 0 round to it again.
+        shares: (M + 1,), of the perimeter up to each corner, 0 to 1.
+        perimeter: [radii].
+    """
+
+    corners: Float[ndarray, "M 2"]
+    shares: Float[ndarray, "M"]
+    perimeter: float
+
+    def at(self, locations: Angles) -> tuple[Points, Angles]:
+        """Return the points (..., 2) [radii] at locations (...,), and the headings of the inward
+        normals (...,) [rad] there; at a corner that of the side after it.
+        """
+        share = np.mod(locations, 2 * pi) / (2 * pi)
+        side = np.searchsorted(self.shares, share, side="right") - 1
+        side = np.clip(side, 0, len(self.shares) - 2)
+        start, way = self.corners[side], np.diff(self.corners, axis=0)[side]
+        part = (share - self.shares[side]) / (self.shares[side + 1] - self.shares[side])
+        inward = np.arctan2(way[..., 1], way[..., 0]) + pi / 2
+        return start + part[..., None] * way, wrap_angle(inward)
+
+    def location(self, side: int, part: float) -> float:
+        """Return the location of a point on a side: 0 <= part <= 1 from its start to its end."""
+        share = (1.0 - part) * self.shares[side] + part * self.shares[side + 1]
+        return float(wrap_angle(np.asarray(2 * pi * share)))
+
+
+@cache
+def outline_of(shape: Shape) -> Outline:
+    """Return the outline of a shape as a function of the location."""
+    corners = shape.outline(1.0)
+    after = np.roll(corners, -1, axis=0)
+    left = corners[:, 0].min() + LEFTMOST
+    middles = np.where((after[:, :1] <= left), (corners + after) / 2, corners)
+    candidates = np.flatnonzero(corners[:, 0] <= left)
+    # A corner that ends a leftmost side is on that side and no start of its own.
+    ends_side = np.roll(corners[:, 0], 1)[candidates] <= left
+    starts = candidates[~ends_side | (after[candidates, 0] <= left)]
+    first = starts[np.argmin(middles[starts, 1])]
+    ring = np.roll(corners, -first, axis=0)
+    if after[first, 0] <= left:  # begin in the middle of a side
+        ring = np.concatenate([middles[first][None], ring[1:], ring[:1]])
+    ring = np.concatenate([ring, ring[:1]])
+    lengths = np.linalg.norm(np.diff(ring, axis=0), axis=1)
+    shares = np.concatenate([[0.0], np.cumsum(lengths) / lengths.sum()])
+    shares[-1] = 1.0
+    return Outline(ring, shares, float(lengths.sum()))
+
+
+def distance_to_way(start: Points, end: Points, corners: Polygons) -> Scalars:
+    """Return the distance [m] from straight ways to a polygon; negative where one begins inside.
+
+    Args:
+        start: (..., 2) [m], where each way begins.
+        end: (..., 2) [m].
+        corners: (..., M, 2) [m], of a polygon for each way, in order.
+    """
+    after = np.roll(corners, -1, axis=-2)
+    first, last = start[..., None, :], end[..., None, :]
+    apart = np.minimum(_to_segment(first, corners, after), _to_segment(last, corners, after))
+    apart = np.minimum(apart, _to_segment(corners, first, last)).min(axis=-1)
+    crossing = (_side(first, last, corners) * _side(first, last, after) < 0.0) & (
+        _side(corners, after, first) * _side(corners, after, last) < 0.0
+    )
+    inside = is_inside(start, corners)
+    return np.where(inside, -apart, np.where(crossing.any(axis=-1), 0.0, apart))
+
+
+def is_inside(points: Points, corners: Polygons) -> Mask:
+    """Tell which points (..., 2) lie within their polygon (..., M, 2)."""
+    after = np.roll(corners, -1, axis=-2)
+    x, y = points[..., None, 0], points[..., None, 1]
+    spans = (corners[..., 1] > y) != (after[..., 1] > y)
+    rise = after[..., 1] - corners[..., 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        where = corners[..., 0] + (y - corners[..., 1]) / rise * (after[..., 0] - corners[..., 0])
+    return np.asarray((spans & (x < where)).sum(axis=-1) % 2 == 1)
+
+
+def _to_segment(points: ndarray, start: ndarray, end: ndarray) -> ndarray:
+    """Return the distances of points from segments, broadcast."""
+    way, offset = end - start, points - start
+    size = np.maximum((way * way).sum(-1), 1e-30)
+    share = np.clip((offset * way).sum(-1) / size, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(offset - share[..., None] * way, axis=-1))
+
+
+def _side(start: ndarray, end: ndarray, points: ndarray) -> ndarray:
+    """Return on which side of lines points lie: positive to their left."""
+    way, offset = end - start, points - start
+    return np.asarray(way[..., 0] * offset[..., 1] - way[..., 1] * offset[..., 0])
