@@ -23,7 +23,7 @@ from sain_model.physics.outline_kernels import (
     END_Y,
     FACE_X,
     FACE_Y,
-    FEATURE,
+    KIND,
     GAP,
     KEY,
     LIGHTNESS,
@@ -108,7 +108,7 @@ def foresee(work, horizon):
             approach = max(approach, closing)
             if contacts[index, ALONG] > 0.0:
                 turning = max(turning, abs(bodies[side, SPIN]))
-                if features[index, FEATURE] == ON_CORNER:
+                if features[index, KIND] == ON_CORNER:
                     rolling = abs(vy * nx - vx * ny)
                     round_both = gap + rounding + bodies[side, ROUND]
                     turning = max(turning, rolling / max(round_both, SHARPEST))
@@ -127,7 +127,7 @@ def prepare_impulses(work, step, physics):
     bodies, contacts, features = work.bodies, work.contacts, work.features
     for index in range(work.count[0]):
         point, side = features[index, POINT_BODY], features[index, SIDE_BODY]
-        on_corner = features[index, FEATURE] == ON_CORNER
+        on_corner = features[index, KIND] == ON_CORNER
         nx, ny, a, b, c, d = _place(work, index, point, side, on_corner, 0.5 * step)
         contacts[index, NORMAL_X], contacts[index, NORMAL_Y] = nx, ny
         contacts[index, ARM_POINT], contacts[index, REACH_POINT] = a, b
@@ -161,12 +161,11 @@ def _place(work, index, point, side, on_corner, time):
     y = bodies[point, Y] - bodies[side, Y] + time * (bodies[point, VY] - bodies[side, VY])
     angle = time * bodies[side, SPIN]
     nx, ny = _turned(contacts[index, FACE_X], contacts[index, FACE_Y], angle)
-    if on_corner:
-        cx, cy = _turned(contacts[index, CORNER_AT_X], contacts[index, CORNER_AT_Y], angle)
-        dx, dy = x + px - cx, y + py - cy
-        distance = np.sqrt(dx * dx + dy * dy)
-        if distance > SHARPEST:
-            nx, ny = dx / distance, dy / distance
+    cx, cy = _turned(contacts[index, CORNER_AT_X], contacts[index, CORNER_AT_Y], angle)
+    dx, dy = x + px - cx, y + py - cy
+    distance = np.sqrt(dx * dx + dy * dy)
+    if on_corner and distance > SHARPEST:
+        nx, ny = dx / distance, dy / distance
     px, py = px - bodies[point, ROUND] * nx, py - bodies[point, ROUND] * ny
     x, y = x + px, y + py
     return nx, ny, px * ny - py * nx, px * nx + py * ny, x * ny - y * nx, x * nx + y * ny

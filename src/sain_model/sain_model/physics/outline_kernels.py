@@ -40,7 +40,7 @@ END_X, END_Y, END_ARM_POINT, END_REACH_POINT, END_ARM_SIDE, END_REACH_SIDE = ran
 GAP, BIAS, NORMAL_MASS, RIM_MASS, ALONG, ACROSS = range(12, 18)
 POINT_X, POINT_Y, CORNER_AT_X, CORNER_AT_Y, FACE_X, FACE_Y = range(18, 24)
 CONTACT_SIZE = 24
-POINT_BODY, SIDE_BODY, FEATURE, KEY = range(4)  # integer columns of a contact
+POINT_BODY, SIDE_BODY, KIND, KEY = range(4)  # integer columns of a contact
 MOST_CONTACTS = 24  # of a pair, a guard; two polygons that lie side by side have two to four
 
 
@@ -127,12 +127,9 @@ def _load_body(bodies, row, state, table, body, physics):
     bodies[row, COS], bodies[row, SIN] = np.cos(state[STATE_THETA]), np.sin(state[STATE_THETA])
     bodies[row, ROUND] = table.rounding[body] * radius
     bodies[row, REACH] = table.reach[body] * radius
-    if table.fixed[body]:
-        bodies[row, LIGHTNESS] = bodies[row, TURN] = 0.0
-    else:
-        inertia = physics.inertia / DISK_INERTIA * table.inertia[body] * radius * radius
-        bodies[row, LIGHTNESS] = 1.0 / state[STATE_MASS]
-        bodies[row, TURN] = bodies[row, LIGHTNESS] / inertia
+    lightness = 0.0 if table.fixed[body] else 1.0 / state[STATE_MASS]
+    inertia = physics.inertia / DISK_INERTIA * table.inertia[body] * radius * radius
+    bodies[row, LIGHTNESS], bodies[row, TURN] = lightness, lightness / inertia
 
 
 @compiled

@@ -42,24 +42,23 @@ def brake(work, row, slowing, physics, step):
     vx = bodies[row, VX] + 0.5 * step * change[row, 0]
     vy = bodies[row, VY] + 0.5 * step * change[row, 1]
     spin = bodies[row, SPIN] + 0.5 * step * change[row, 2]
-    if spin == 0.0 and tilt[row, 0] == 0.0 and tilt[row, 1] == 0.0:
-        share = slowing / max(np.sqrt(vx * vx + vy * vy), slowing)
-        bodies[row, VX] -= share * vx
-        bodies[row, VY] -= share * vy
-    else:
-        x, y = _pull_back(work, row, vx, vy, spin, slowing, physics)
-        # Braking acts below the centre of mass, a push mostly above: both load what is in front.
-        arm = physics.middle_height / (physics.gravity * step)
-        _slow_down(work, row, arm * x + tilt[row, 0], arm * y + tilt[row, 1])
+    # What slides straight on evenly loaded supports goes on straight, to the last bit.
+    straight = spin == 0.0 and tilt[row, 0] == 0.0 and tilt[row, 1] == 0.0
+    turns = 0.0 if straight else 1.0
+    x, y = _pull_back(work, row, vx, vy, spin, slowing, turns, physics)
+    # Braking acts below the centre of mass, a push mostly above: both load what is in front.
+    arm = physics.middle_height / (physics.gravity * step)
+    _slow_down(work, row, arm * x + tilt[row, 0], arm * y + tilt[row, 1], turns)
 
 
 @compiled
-def _pull_back(work, row, vx, vy, spin, slowing, physics):
+def _pull_back(work, row, vx, vy, spin, slowing, turns, physics):
     """Write what friction takes from each support under a whole load; return its mean [m/s]."""
     supports, bodies = work.supports, work.bodies
     cos, sin = bodies[row, COS], bodies[row, SIN]
     mean_x, mean_y = 0.0, 0.0
-    across_yields = 1.0 / physics.yield_across - 1.0
+    axes_yield = turns * physics.axes_yield
+    across_yield = turns * (1.0 / physics.yield_across - 1.0)
     for foot in range(work.first_support[row], work.first_support[row + 1]):
         arm_x = cos * supports[foot, FOOT_X] - sin * supports[foot, FOOT_Y]
         arm_y = sin * supports[foot, FOOT_X] + cos * supports[foot, FOOT_Y]
@@ -67,12 +66,12 @@ def _pull_back(work, row, vx, vy, spin, slowing, physics):
         squared = arm_x * arm_x + arm_y * arm_y
         if squared > 0.0:
             # A solver gives way to where a support is lighter to move: across its arm.
-            if physics.axes_yield > 0.0:
-                light = physics.axes_yield * supports[foot, YIELD] / squared
+            if axes_yield > 0.0:
+                light = axes_yield * supports[foot, YIELD] / squared
                 x /= 1.0 + light * arm_y * arm_y
                 y /= 1.0 + light * arm_x * arm_x
             else:
-                light = across_yields * supports[foot, YIELD]
+                light = across_yield * supports[foot, YIELD]
                 less = light / (1.0 + light) * (arm_x * y - arm_y * x) / squared
                 x, y = x + less * arm_y, y - less * arm_x
         # Friction never turns a support back: below `slowing` it falls linearly.
@@ -84,7 +83,7 @@ def _pull_back(work, row, vx, vy, spin, slowing, physics):
 
 
 @compiled
-def _slow_down(work, row, shift_x, shift_y):
+def _slow_down(work, row, shift_x, shift_y, turns):
     """Take from a body what its supports have found, loaded as its weight acts at a shift [m]."""
     supports, bodies = work.supports, work.bodies
     first, last = work.first_support[row], work.first_support[row + 1]
@@ -107,7 +106,7 @@ def _slow_down(work, row, shift_x, shift_y):
         across += arm_x * y - arm_y * x
     bodies[row, VX] -= total_x
     bodies[row, VY] -= total_y
-    bodies[row, SPIN] -= across * bodies[row, TURN] / bodies[row, LIGHTNESS]
+    bodies[row, SPIN] -= turns * across * bodies[row, TURN] / bodies[row, LIGHTNESS]
 
 
 @compiled
