@@ -71,7 +71,7 @@ def test_a_push_is_carried_out_and_everything_said_about_it_fits_together(graph,
         ((0.0, 0.0, 0.2), {}, ErrorCode.OUT_OF_RANGE, "push length is 0.2000 m; allowed"),
         (AHEAD, {"scene_id": 99}, ErrorCode.STALE_SCENE, "was planned from scene 99; it is scene"),
         (AHEAD, {"episode_id": 9}, ErrorCode.UNKNOWN_EPISODE, "is for episode 9; episode 1 is"),
-        ((np.pi, 0.0, 0.1), {}, ErrorCode.BLOCKED, "another disk"),
+        ((np.pi, 0.0, 0.1), {}, ErrorCode.BLOCKED, "another body"),
     ],
 )
 def test_a_refused_push_moves_nothing_and_says_why(graph, simulator, push, ids, code, text):
