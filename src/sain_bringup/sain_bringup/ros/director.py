@@ -13,11 +13,12 @@ from sain_bringup.display import EpisodeView
 from sain_bringup.graph import PLANNER
 from sain_bringup.ros.readiness import Missing, missing_parts
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
-from sain_core.ros.codec import decode_disks, encode_disks, encode_goal
+from sain_core.ros.codec import encode_disks, encode_goal
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.peers import refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import target_distance
+from sain_core.wire import decode_disks
 from sain_eval.scenes.scenarios import ScenarioScene
 from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult
 from sain_interfaces.srv import DescribeModel, ResetScene, Rollout

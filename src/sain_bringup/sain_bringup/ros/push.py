@@ -14,11 +14,12 @@ from sain_bringup.options import PushOptions
 from sain_core.cli.fitting_table import FittingTable
 from sain_core.errors import ErrorCode, SainError
 from sain_core.push import push_ids
-from sain_core.ros.codec import decode_disks, encode_push
+from sain_core.ros.codec import encode_push
 from sain_core.ros.node_main import NAMESPACE, ros_context
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import POSITION, THETA
 from sain_core.types import PushArray
+from sain_core.wire import decode_disks
 from sain_interfaces.msg import Push, PushResult, Scene
 
 DISK_NAMES: Final = ("mid disk", "target")
