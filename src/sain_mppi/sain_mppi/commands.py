@@ -9,7 +9,7 @@ mppi_node: Final = NodeCommand(
     about="Plans one push for each settled scene until the target has reached the goal. Calls the"
     " model as a service, and plans with the prior when no model answers.",
     node="ros.mppi_node:MppiNode",
-    settings="loop.settings:MppiConfig",
+    settings="loop.agent:MppiConfig",
     publishes=("push", "plan", "plan_markers", "/diagnostics"),
     subscribes=("scene", "push_result", "goal"),
     calls=("rollout",),

@@ -80,13 +80,7 @@ class Command:
 
 
 def read_options(options: Any, program: str, arguments: list[str], prefixes: bool = False) -> Any:
-    """Return what arguments ask for.
-
-    Args:
-        options: a dataclass, or a function that returns one for the arguments.
-        program: the name in the help.
-        arguments: without those for ROS.
-        prefixes: whether nested settings are called ``--group.name``.
+    """Return what arguments, without those for ROS, ask for; see `Command` for the options.
 
     Raises:
         ConfigError: a value that is not allowed.

@@ -22,9 +22,8 @@ from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Goal, Plan, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
-from sain_mppi.loop.agent import planning_agent
+from sain_mppi.loop.agent import SERVICE, MppiConfig, planning_agent
 from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, Task
-from sain_mppi.loop.settings import SERVICE, MppiConfig
 from sain_mppi.ros.markers import plan_markers
 from sain_mppi.ros.plan_message import plan_of_decision, plan_of_stop, push_message, summary
 from sain_mppi.ros.remote import RemoteRollout

@@ -9,7 +9,15 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.scene import POSITION
-from sain_core.types import PredictedScenes, PushArray, Pushes, Scalars, Scene, Scenes
+from sain_core.types import (
+    PredictedScenes,
+    PushArray,
+    Pushes,
+    PushSequences,
+    Scalars,
+    Scene,
+    Scenes,
+)
 
 MOST_ELITES: Final = 16  # sequences that the next plan may begin from
 
