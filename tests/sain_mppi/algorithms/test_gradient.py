@@ -14,6 +14,7 @@ from sain_core.types import Pushes, PushSequences, Scalars, Scenes
 from sain_mppi.algorithms.gradient import gradient
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import GRADIENT, GradientConfig, PlannerConfig
+from sain_mppi.search.objective import TargetObjective
 from sain_mppi.search.search import Search
 
 GOAL = np.array([0.62, 0.07])
@@ -35,7 +36,8 @@ class Recorded(Search):
     """A search that remembers what it was asked."""
 
     def __init__(self, dynamics, config, scene):
-        super().__init__(StepwiseRollout(dynamics), config, Feasibility(), scene, GOAL)
+        objective = TargetObjective(GOAL, config.weights, Feasibility())
+        super().__init__(StepwiseRollout(dynamics), config, Feasibility(), scene, objective)
         self.drawn: list[Scalars] = []
         self.probed: list[PushSequences] = []
 

@@ -68,7 +68,9 @@ def test_a_tool_that_meets_another_disk_goes_back_and_leaves_no_trace(config, be
         for observer in (None, seen.append):
             with pytest.raises(BlockedError) as caught:
                 world.carry_out(into_target, on_step=observer)
-            assert "the tool would come to touch body 1; this push may touch only" in str(caught.value)
+            assert "the tool would come to touch body 1; this push may touch only" in str(
+                caught.value
+            )
             assert np.array_equal(world.observe(), before)
             assert np.array_equal(world.sample().joint_positions, joints)
             assert world.time == time

@@ -103,12 +103,14 @@ class Bodies:
         return tuple(body for body, role in enumerate(self.roles) if role == Role.FIXED)
 
 
-def check_bodies(scene: Scene, bodies: Bodies, table: Table | None = None) -> Scene:
+def check_bodies(
+    scene: Scene, bodies: Bodies, table: Table | None = None, most: float = OVERLAP_TOLERANCE
+) -> Scene:
     """Return a scene (N, 8) when it can exist and consist of these bodies.
 
     Raises:
         InvalidInputError: as `check_scene`; another number of bodies; or two whose outlines overlap
-            by more than `OVERLAP_TOLERANCE`.
+            by more than `most` [m].
         OffTableError: a body off the table.
     """
     if bodies.all_round and len(scene) == len(bodies):
@@ -120,11 +122,11 @@ def check_bodies(scene: Scene, bodies: Bodies, table: Table | None = None) -> Sc
         )
     for first, second in combinations(range(len(scene)), 2):
         deep = overlap(scene, bodies, first, second)
-        if deep > OVERLAP_TOLERANCE:
+        if deep > most:
             raise InvalidInputError(
                 f"bodies {first} ({bodies.shapes[first].name}) and {second}"
                 f" ({bodies.shapes[second].name}) overlap by {1e3 * deep:.1f} mm;"
-                f" at most {1e3 * OVERLAP_TOLERANCE:g} mm is allowed"
+                f" at most {1e3 * most:g} mm is allowed"
             )
     return scene
 

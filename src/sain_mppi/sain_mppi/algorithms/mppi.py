@@ -5,7 +5,7 @@ import numpy as np
 from sain_core.types import PushSequences
 from sain_mppi.search.config import MEAN
 from sain_mppi.search.proposals import draw_permitted
-from sain_mppi.search.sampling import gaussian_sequences, uniform_sequences, weighted_mean
+from sain_mppi.search.sampling import gaussian_sequences, weighted_mean
 from sain_mppi.search.search import Search
 
 
@@ -19,7 +19,7 @@ def mppi(search: Search, start: PushSequences, generator: np.random.Generator) -
 
     def draw(count: int) -> PushSequences:
         if not len(start):
-            return uniform_sequences(limits, generator, count, config.horizon)
+            return search.objective.uniform(generator, count, config.horizon)
         deviations = config.noise.deviations(0)
         return gaussian_sequences(start[0], deviations, 1.0, limits, generator, count)
 

@@ -14,7 +14,7 @@ from sain_mppi.loop.fallback import FallbackRollout
 from sain_mppi.loop.progress_monitor import ProgressMonitor
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.cost import resting_cost
+from sain_mppi.search.objective import make_objective
 
 MODEL_SHARE: Final = 0.8  # of the time for a plan: a model that is silent so long is late
 
@@ -71,7 +71,8 @@ class PlanningDecider(Decider):
         """Compare the scene with what was expected; raise when it is no use going on."""
         scene, monitor = job.view.scene, self._monitor
         weights = self._config.weights
-        monitor.look(scene, resting_cost(scene, job.task.goal, weights, self._feasibility))
+        goal = make_objective(job.task.goal, job.start, weights, self._feasibility, None)
+        monitor.look(scene, goal.rest_cost(scene))
         if monitor.hopeless:
             raise NoProgressError(
                 f"{monitor.without} pushes in a row brought nothing, the target is"

@@ -6,15 +6,15 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.dynamics import Radii
+from sain_core.dynamics import Radii, scenes_before
 from sain_core.feasibility import Feasibility
 from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE
-from sain_core.scene import MID, POSITION, RADIUS, unit, wrap_angle
+from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.outline import outline_of
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene
 from sain_mppi.search.candidates import go_around_sequences, straight_sequences
-from sain_mppi.search.cost import CostWeights, cost_terms, make_rollout, total_cost
+from sain_mppi.search.cost import CostWeights, Rollout, cost_terms, make_rollout, total_cost
 from sain_mppi.search.goal import Goal
 from sain_mppi.search.poses import PoseGoal, pose_distance, pose_terms
 from sain_mppi.search.sampling import inside_limits
@@ -56,9 +56,7 @@ class Objective(ABC):
         rest = np.zeros((1, horizon, self.push_size))
         return float(total_cost(self.terms(scene, rest, stay))[0])
 
-    def uniform(
-        self, generator: np.random.Generator, count: int, horizon: int
-    ) -> PushSequences:
+    def uniform(self, generator: np.random.Generator, count: int, horizon: int) -> PushSequences:
         """Draw sequences (count, H, A) of any allowed pushes, evenly along all outlines."""
         pushes = self.feasibility.limits.sample(generator, count * horizon)
         return self.with_body(pushes, generator).reshape(count, horizon, self.push_size)
@@ -111,9 +109,7 @@ class TargetObjective(Objective):
         return np.concatenate(
             [
                 straight_sequences(scene, self.goal, limits, generator, straight, horizon),
-                go_around_sequences(
-                    scene, self.goal, limits, generator, count - straight, horizon
-                ),
+                go_around_sequences(scene, self.goal, limits, generator, count - straight, horizon),
             ]
         )
 
@@ -149,13 +145,10 @@ class PoseObjective(Objective):
         regions: Radii | None = None,
     ) -> dict[str, Scalars]:
         """Return the cost terms (K,); see `sain_mppi.search.poses`."""
+        before = scenes_before(scene, predicted)
+        rollout = Rollout(before, predicted, sequences, sequences[..., LENGTH] > 0.0)
         return pose_terms(
-            self.goal,
-            (scene, sequences, predicted),
-            self.weights,
-            self.feasibility,
-            self._bodies,
-            self.start,
+            self.goal, rollout, self.weights, self.feasibility, self._bodies, self.start
         )
 
     def candidates(
@@ -205,7 +198,7 @@ class PoseObjective(Objective):
         for body in np.unique(bodies).tolist():
             shape, mine = self._bodies.shapes[body], bodies == body
             if not shape.is_round:
-                normals[mine] = outline_of(shape).at(locations[mine])[1] + scene[body, 2]
+                normals[mine] = outline_of(shape).at(locations[mine])[1] + scene[body, THETA]
         return normals
 
 

@@ -1,7 +1,6 @@
 """Goals that are poses of one or several bodies, and what predicted pushes towards them cost."""
 
 from dataclasses import dataclass
-from math import pi
 from typing import Final
 
 import numpy as np
@@ -9,10 +8,10 @@ import numpy as np
 from sain_core.errors import InvalidInputError, OffTableError, OutOfRangeError
 from sain_core.feasibility import Feasibility
 from sain_core.push import LENGTH
-from sain_core.scene import POSITION, RADIUS, THETA, Table, is_settled, make_scene
+from sain_core.scene import POSITION, RADIUS, THETA, Table, is_settled
 from sain_core.shapes.bodies import Bodies, overlap
 from sain_core.types import Angles, Scalars, Scene, Scenes
-from sain_mppi.search.cost import CostWeights, Rollout, blocked_pushes, edge_nearness
+from sain_mppi.search.cost import CostWeights, Rollout, blocked_pushes
 
 MOST_SHARED: Final = 1e-3  # [m], by which the bodies of two goals may overlap
 
@@ -42,8 +41,9 @@ class BodyPose:
         for name in ("x", "y", "heading"):
             value = getattr(self, name)
             if value is not None and not np.isfinite(value):
-                raise InvalidInputError(f"{name} of the goal of body {self.body} is {value};"
-                                        " it must be finite")
+                raise InvalidInputError(
+                    f"{name} of the goal of body {self.body} is {value}; it must be finite"
+                )
         for name in ("tolerance", "heading_tolerance"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
@@ -97,7 +97,9 @@ class PoseGoal:
             )
         shape = bodies.shapes[pose.body]
         if wanted.count(pose.body) > 1:
-            raise InvalidInputError(f"body {pose.body} has {wanted.count(pose.body)} goals; allowed: 1")
+            raise InvalidInputError(
+                f"body {pose.body} has {wanted.count(pose.body)} goals; allowed: 1"
+            )
         if pose.heading is not None and shape.is_round:
             raise InvalidInputError(
                 f"the goal of body {pose.body} has heading {pose.heading:.3f} rad; it is a disk and"
@@ -181,7 +183,9 @@ def pose_distance(goal: PoseGoal, scenes: Scenes, bodies: Bodies, lever: float) 
     return np.sqrt(apart**2 + 2.0 * away**2 * (1.0 - np.cos(turns)))
 
 
-def reach_around(goal: PoseGoal, rollout: Rollout, feasibility: Feasibility, bodies: Bodies) -> Scalars:
+def reach_around(
+    goal: PoseGoal, rollout: Rollout, feasibility: Feasibility, bodies: Bodies
+) -> Scalars:
     """Return how far [m] bodies end where the tool cannot get behind them, summed (K,).
 
     A body whose far side the tool does not reach can be pushed away and not back.
@@ -201,7 +205,11 @@ def reach_around(goal: PoseGoal, rollout: Rollout, feasibility: Feasibility, bod
 
 
 def pose_terms(
-    goal: PoseGoal, rollout: Rollout, weights: CostWeights, feasibility: Feasibility, bodies: Bodies,
+    goal: PoseGoal,
+    rollout: Rollout,
+    weights: CostWeights,
+    feasibility: Feasibility,
+    bodies: Bodies,
     start: Scene,
 ) -> dict[str, Scalars]:
     """Return every cost term (K,), already weighted. Not finite where the prediction is not."""

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_core.push import PUSH_SIZE
 from sain_core.scene import POSITION
 from sain_core.types import (
     PredictedScenes,
@@ -98,10 +99,10 @@ class PlanResult:
 class Elites:
     """The best sequences in order, and what the very best leads to and costs."""
 
-    def __init__(self, horizon: int, shown: int) -> None:
+    def __init__(self, horizon: int, shown: int, push_size: int = PUSH_SIZE) -> None:
         """Begin with nothing; keep so many sequences to be shown."""
         self.cost = np.inf
-        self.sequences: PushSequences = np.empty((0, horizon, 3))
+        self.sequences: PushSequences = np.empty((0, horizon, push_size))
         self.terms: dict[str, float] = {}
         self._predicted: Scenes | None = None
         self._costs: Scalars = np.empty(0)  # of the elites
