@@ -35,6 +35,7 @@ class ErrorCode(IntEnum):
     CANCELLED = 18
     INTERNAL = 19
     NO_PROGRESS = 20
+    GOAL_LOST = 21
 
 
 class SainError(Exception):
@@ -109,6 +110,10 @@ class NoPushError(SainError, code=ErrorCode.NO_PUSH):
 
 class NoProgressError(SainError, code=ErrorCode.NO_PROGRESS):
     """Pushes that bring nothing any more."""
+
+
+class GoalLostError(SainError, code=ErrorCode.GOAL_LOST):
+    """A goal that can no longer be reached: a body that was to be kept was moved."""
 
 
 class OutputError(SainError, OSError, code=ErrorCode.OUTPUT):

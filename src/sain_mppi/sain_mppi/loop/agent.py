@@ -11,6 +11,7 @@ from sain_core.feasibility import Feasibility
 from sain_core.push import push_ids
 from sain_core.scene import check_on_table
 from sain_core.seeding import generator
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_mppi.loop.decision import Decider, PlanJob, PushDecision, Stop, StopReason, Task, View
 from sain_mppi.loop.goal_tracker import GoalTracker, GoalTrackerConfig
@@ -66,6 +67,7 @@ class Agent:
         self._tracker = GoalTracker(config.goal_tracker, config.feasibility.table, clock)
         self._memory = EpisodeMemory()
         self._push_ids = push_ids()
+        self._bodies: tuple[int, Bodies | None] = (0, None)  # of which episode
         self._running: PlanJob | None = None
 
     @property
@@ -84,6 +86,10 @@ class Agent:
     def see(self, scene: Scene, episode_id: int, scene_id: int, settled: bool) -> None:
         """Take note of a scene (N, 8), with the ids by which a push names it."""
         self._tracker.see(View(scene, episode_id, scene_id, settled, self._clock()))
+
+    def meet(self, episode_id: int, bodies: Bodies) -> None:
+        """Take note of the shapes and roles of an episode's bodies; without them, all are disks."""
+        self._bodies = (episode_id, bodies)
 
     def learn(self, episode_id: int, scene: Scene, push: PushArray, next_scene: Scene) -> None:
         """Take note that a push (3,), whoever sent it, led from one scene (N, 8) to another.
@@ -114,6 +120,9 @@ class Agent:
         job = self._tracker.next_job()
         if job is None:
             return None
+        episode, bodies = self._bodies
+        if episode == job.view.episode_id:
+            job = replace(job, bodies=bodies)
         if stop := self._tracker.stop(job):
             return stop
         past = self._memory.of(job.view.episode_id, len(job.view.scene))

@@ -50,7 +50,7 @@ class PlanningDecider(Decider):
             self._monitor.reset()
             self._session = job.session
         self._model.begin(
-            job.history, started + MODEL_SHARE * time if time else None, job.cancelled
+            job.history, started + MODEL_SHARE * time if time else None, job.cancelled, job.bodies
         )
         scene, goal = job.view.scene, job.task.goal
         self._look(job)
@@ -62,6 +62,8 @@ class PlanningDecider(Decider):
             deadline=started + time if time else None,
             wide=bool(concern),
             refused=job.refused,
+            bodies=job.bodies,
+            start=job.start,
         )
         self._monitor.expect(scene, plan.predicted[0])
         failure, last = self._model.failure, self._monitor.last
@@ -71,12 +73,12 @@ class PlanningDecider(Decider):
         """Compare the scene with what was expected; raise when it is no use going on."""
         scene, monitor = job.view.scene, self._monitor
         weights = self._config.weights
-        goal = make_objective(job.task.goal, job.start, weights, self._feasibility, None)
+        goal = make_objective(job.task.goal, job.start, weights, self._feasibility, job.bodies)
         monitor.look(scene, goal.rest_cost(scene))
         if monitor.hopeless:
             raise NoProgressError(
-                f"{monitor.without} pushes in a row brought nothing, the target is"
-                f" {1e3 * job.distance:.0f} mm from the goal; choose another goal, move a disk, or"
+                f"{monitor.without} pushes in a row brought nothing, the distance is"
+                f" {1e3 * job.distance:.0f} mm; choose another goal, move a disk, or"
                 " send the goal again"
             )
 

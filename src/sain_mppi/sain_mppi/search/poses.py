@@ -66,6 +66,12 @@ class PoseGoal:
     keep: tuple[int, ...] = ()
     keep_tolerance: float = 0.005
 
+    @property
+    def numbers(self) -> np.ndarray:
+        """All numbers of the goal in one array; NaN for a heading that is free."""
+        poses = [(p.body, p.x, p.y, np.nan if p.heading is None else p.heading) for p in self.poses]
+        return np.array([*np.ravel(poses), *self.keep], dtype=np.float64)
+
     def check(self, scene: Scene, bodies: Bodies, table: Table) -> None:
         """Check that these bodies can have these poses.
 
