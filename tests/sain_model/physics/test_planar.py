@@ -211,7 +211,7 @@ def test_the_tool_pushes_any_disk_and_says_so(prior: PlanarPrior) -> None:
     scene = make_scene(positions, np.full(3, 8.0), np.array([0.08, 0.06, 0.02]))
     pushes = np.array([[0.0, np.pi / 4, 0.15], [0.0, 0.0, 0.1]])
     after, touched = prior.step_with_contacts(np.stack([scene, scene]), pushes)
-    assert touched.tolist() == [True, False]
+    assert touched.tolist() == [[True, False, True], [True, False, False]]
     assert np.linalg.norm((after[0, 2] - scene[2])[POSITION]) > 0.005
 
 
@@ -241,7 +241,9 @@ def test_bad_input_is_refused_by_name(prior: PlanarPrior) -> None:
         prior.step(broken, pushes)
     with pytest.raises(InvalidInputError, match=r"friction\[0\] is -0.1; it must be positive"):
         prior.step(scenes, pushes, np.array([-0.1, 0.1, 0.1]))
-    with pytest.raises(InvalidInputError, match=r"pushes have shape \(3, 3\), one for each scene"):
+    with pytest.raises(
+        InvalidInputError, match=r"pushes have shape \(3, 3\) or \(3, 4\), one for each"
+    ):
         check_batch(scenes, pushes[:2])
     with pytest.raises(InvalidInputError, match=r"scenes have shape \(B, N, 8\) with N >= 2"):
         check_batch(scenes[:, :1], pushes)

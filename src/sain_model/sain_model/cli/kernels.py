@@ -13,6 +13,7 @@ from rich.console import Console
 
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import MASS, RADIUS, X
+from sain_core.shapes.bodies import Bodies
 from sain_model.compute.compiling import kernel_folder
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.interaction_network import InteractionNetwork
@@ -33,6 +34,7 @@ def compile_kernels() -> None:
     prior = PlanarPrior()
     predicted = prior.step(scenes, pushes)
     prior.step_conditioned(scenes, pushes, np.zeros((1, 2, CORRECTIONS)))
+    prior.with_bodies(Bodies.named(["cube", "disk"])).step(scenes, pushes)
     with torch.random.fork_rng(devices=[]):  # the weights do not matter, nor may drawing them
         network = CompiledNetwork(InteractionNetwork())
     network.correct(scenes, pushes, predicted)

@@ -3,24 +3,40 @@
 import numpy as np
 
 from sain_core.errors import InvalidInputError
-from sain_core.push import PUSH_SIZE
+from sain_core.push import BODY, PUSH_SIZE
 from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE
+from sain_core.shapes.bodies import Bodies
 
 
-def check_batch(scenes: np.ndarray, pushes: np.ndarray, friction: np.ndarray | None = None) -> None:
-    """Check that scenes (B, N, 8), pushes (B, 3) and frictions (B,) fit and can exist.
+def check_batch(
+    scenes: np.ndarray,
+    pushes: np.ndarray,
+    friction: np.ndarray | None = None,
+    bodies: Bodies | None = None,
+) -> None:
+    """Check that scenes (B, N, 8), pushes (B, 3 or 4) and frictions (B,) fit and can exist.
+
+    Without bodies, scenes have two disks or more.
 
     Raises:
         InvalidInputError: naming what does not.
     """
-    if scenes.ndim != 3 or scenes.shape[1] < 2 or scenes.shape[2] != STATE_SIZE:
-        raise InvalidInputError(f"scenes have shape (B, N, 8) with N >= 2, not {scenes.shape}")
-    if pushes.shape != (len(scenes), PUSH_SIZE):
+    allowed = "N >= 2" if bodies is None else f"N = {len(bodies)}"
+    if (
+        scenes.ndim != 3
+        or scenes.shape[2] != STATE_SIZE
+        or (scenes.shape[1] < 2 if bodies is None else scenes.shape[1] != len(bodies))
+    ):
+        raise InvalidInputError(f"scenes have shape (B, N, 8) with {allowed}, not {scenes.shape}")
+    if pushes.shape not in ((len(scenes), PUSH_SIZE), (len(scenes), PUSH_SIZE + 1)):
         raise InvalidInputError(
-            f"pushes have shape ({len(scenes)}, 3), one for each scene, not {pushes.shape}"
+            f"pushes have shape ({len(scenes)}, 3) or ({len(scenes)}, 4), one for each scene,"
+            f" not {pushes.shape}"
         )
     check_finite("scenes", scenes)
     check_finite("pushes", pushes)
+    if pushes.shape[1] > PUSH_SIZE:
+        _check_pushed(pushes[:, BODY], scenes.shape[1])
     for column in (MASS, RADIUS):
         if (scenes[..., column] <= 0.0).any():
             scene, disk = (int(i) for i in np.argwhere(scenes[..., column] <= 0.0)[0])
@@ -30,6 +46,15 @@ def check_batch(scenes: np.ndarray, pushes: np.ndarray, friction: np.ndarray | N
             )
     if friction is not None:
         _check_friction(friction, len(scenes))
+
+
+def _check_pushed(pushed: np.ndarray, count: int) -> None:
+    wrong = ~np.isin(pushed, np.arange(count))
+    if wrong.any():
+        index = int(np.argmax(wrong))
+        raise InvalidInputError(
+            f"push {index} is against body {pushed[index]:g}; the scenes have bodies 0 to {count - 1}"
+        )
 
 
 def _check_friction(friction: np.ndarray, batch: int) -> None:

@@ -14,11 +14,13 @@ from numpy import ndarray
 
 from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
 from sain_core.model_checks.response_check import answering, check_step
-from sain_core.push import TOOL_RADIUS
+from sain_core.push import TOOL_RADIUS, PushLimits, pushed_bodies
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET
-from sain_core.types import Mask, Pushes, Scalars, Scenes
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Indices, Pushes, Scalars, Scenes
 from sain_model.compute.batch_checks import check_batch
 from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import run_blocks
@@ -30,6 +32,7 @@ from sain_model.physics.corrections import (
     corrected_pushes,
 )
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
+from sain_model.physics.outlines import Touched, push_bodies
 from sain_model.physics.planar_kernels import CHUNK, push_block, push_conditioned_block
 
 NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
@@ -124,6 +127,7 @@ class PlanarPrior:
     """Predicts pushes by simulating them in the plane. A `Dynamics`."""
 
     config: PlanarConfig = PlanarConfig()
+    bodies: Bodies | None = None  # that are pushed; None: disks
 
     @cached_property
     def _physics(self) -> Physics:
@@ -131,7 +135,11 @@ class PlanarPrior:
 
     def at(self, friction: float) -> Self:
         """Return this prior with another friction between disks and table."""
-        return type(self)(replace(self.config, friction=friction))
+        return replace(self, config=replace(self.config, friction=friction))
+
+    def with_bodies(self, bodies: Bodies) -> Self:
+        """Return this prior for scenes of these bodies."""
+        return replace(self, bodies=bodies)
 
     def with_history(self, history: PushHistory) -> Self:
         """Return this prior with the friction that an episode's earlier pushes tell of."""
@@ -142,7 +150,7 @@ class PlanarPrior:
         return FrictionFilter(self, self.config.friction, config)
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
+        """Predict the settled scenes (B, N, 8) after pushes (B, 3 or 4) from scenes (B, N, 8).
 
         Args:
             scenes: settled scenes; velocities are taken as zero.
@@ -165,19 +173,24 @@ class PlanarPrior:
 
         Raises:
             InvalidInputError: wrong shapes, NaN or Inf.
+            ConfigError: some body is no disk.
         """
         check_batch(scenes, pushes, friction)
         check_corrections(corrections, scenes)
-        start = scenes[:, MID, RADIUS] + self.config.tool_radius + self.config.clearance
+        if not self._of_disks:
+            raise ConfigError("only disks can be corrected; take a model without corrections")
+        start = self._tool_distance(scenes, pushes)
         pushes, told = corrected_pushes(pushes, corrections), corrected_disks(corrections)
         return self._simulate(scenes, pushes, friction, start, told)[0]
 
     def step_with_contacts(
         self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None
-    ) -> tuple[Scenes, Mask]:
-        """As `step`, and tell for each push whether the tool touched more than the mid disk."""
-        check_batch(scenes, pushes, friction)
-        start = scenes[:, MID, RADIUS] + self.config.tool_radius + self.config.clearance
+    ) -> tuple[Scenes, Touched]:
+        """As `step`, and tell for each push which bodies the tool touched, (B, N)."""
+        check_batch(scenes, pushes, friction, self.bodies)
+        if not self._of_disks:
+            return self._push_bodies(scenes, pushes, friction)
+        start = self._tool_distance(scenes, pushes)
         return self._simulate(scenes, pushes, friction, start)
 
     def step_as_nominal(self, scenes: Scenes, pushes: Pushes) -> Scenes:
@@ -187,7 +200,7 @@ class PlanarPrior:
         disks that are believed too large are undone without giving them speed.
         """
         check_batch(scenes, pushes)
-        start = scenes[:, MID, RADIUS] + self.config.tool_radius + self.config.clearance
+        start = self._tool_distance(scenes, pushes)
         believed = scenes.copy()
         believed[..., MASS] = NOMINAL_MASS
         believed[..., RADIUS] = NOMINAL_RADIUS
@@ -196,6 +209,25 @@ class PlanarPrior:
         predicted[..., MASS:] = scenes[..., MASS:]
         return predicted
 
+    @property
+    def _of_disks(self) -> bool:
+        return self.bodies is None or (self.bodies.all_round and not self.bodies.fixed)
+
+    def _push_bodies(
+        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None
+    ) -> tuple[Scenes, Touched]:
+        """Run the kernels for bodies of any shape."""
+        assert self.bodies is not None
+        if friction is None:
+            friction = np.full(len(scenes), self.config.friction)
+        limits = PushLimits(tool_radius=self.config.tool_radius, clearance=self.config.clearance)
+        return push_bodies(scenes, pushes, friction, self.bodies, limits, self._physics)
+
+    def _tool_distance(self, scenes: Scenes, pushes: Pushes) -> Scalars:
+        """Return how far from the pushed disk's centre the tool's axis starts, (B,) [m]."""
+        radius = scenes[np.arange(len(scenes)), pushed_bodies(pushes), RADIUS]
+        return np.asarray(radius + self.config.tool_radius + self.config.clearance)
+
     def _simulate(
         self,
         scenes: Scenes,
@@ -203,14 +235,14 @@ class PlanarPrior:
         friction: Scalars | None,
         start: Scalars,
         told: Float[ndarray, "B N 7"] | None = None,
-    ) -> tuple[Scenes, Mask]:
+    ) -> tuple[Scenes, Touched]:
         """Run the kernels on a copy, the extra disks in an order of their own."""
         batch = len(scenes)
         if friction is None:
             friction = np.full(batch, self.config.friction)
-        order = _canonical_order(scenes)
+        order = _canonical_order(scenes, pushed_bodies(pushes))
         after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
-        touched = np.zeros(batch, dtype=bool)
+        touched = np.zeros(scenes.shape[:2], dtype=bool)
         rows = after, plain(pushes), plain(friction), start
         corrections = None if told is None else np.take_along_axis(told, order, axis=1)
 
@@ -221,9 +253,10 @@ class PlanarPrior:
                 push_conditioned_block(first, *rows, self._physics, touched, corrections)
 
         run_blocks(work, batch, CHUNK)
-        predicted = np.empty_like(after)
+        predicted, pressed = np.empty_like(after), np.empty_like(touched)
         np.put_along_axis(predicted, order, after, axis=1)
-        return predicted, touched
+        np.put_along_axis(pressed, order[..., 0], touched, axis=1)
+        return predicted, pressed
 
 
 def step_knowing(
@@ -238,14 +271,18 @@ def step_knowing(
         return check_step(prior.step(scenes, pushes), scenes, "the prior")
 
 
-def _canonical_order(scenes: Scenes) -> np.ndarray:
-    """Return an order of the disks (B, N, 1) in which extra disks come by their place.
+def _canonical_order(scenes: Scenes, pushed: Indices) -> np.ndarray:
+    """Return an order of the disks (B, N, 1) in which the pushed one is the first.
 
     The solver visits contacts one after another, which would let the numbering leak into the
-    last digits. Sorting the disks from 2 on by their distance to the target keeps it out.
+    last digits. Sorting the disks from 2 on by their distance to disk 1 keeps it out.
     """
     order = np.broadcast_to(np.arange(scenes.shape[1]), scenes.shape[:2]).copy()
+    np.put_along_axis(order, pushed[:, None], 0, axis=1)
+    order[:, MID] = pushed
     if scenes.shape[1] > 3:
-        offset = scenes[:, 2:, POSITION] - scenes[:, TARGET : TARGET + 1, POSITION]
-        order[:, 2:] = 2 + np.argsort((offset**2).sum(-1), axis=1, kind="stable")
+        placed = np.take_along_axis(scenes, order[..., None], axis=1)
+        offset = placed[:, 2:, POSITION] - placed[:, TARGET : TARGET + 1, POSITION]
+        sort = np.argsort((offset**2).sum(-1), axis=1, kind="stable")
+        order[:, 2:] = np.take_along_axis(order[:, 2:], sort, axis=1)
     return order[..., None]

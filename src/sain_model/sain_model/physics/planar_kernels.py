@@ -167,17 +167,16 @@ def look_ahead(work, slowing, physics, rest):
 
 
 @compiled
-def touches_another(work):
-    """Say whether the tool presses on a disk other than the mid disk."""
-    for disk in range(2, work.bodies.shape[0]):
+def note_touched(work, touched):
+    """Note which disks (N,) the tool presses on."""
+    for disk in range(1, work.bodies.shape[0]):
         if work.impulses[disk * (disk - 1) // 2, ALONG] > 0.0:
-            return True
-    return False
+            touched[disk - 1] = True
 
 
 @compiled_apart
-def push_scene(disks, push, friction, start, physics, work):
-    """Carry out one push in place; say whether the tool touched a disk other than the mid."""
+def push_scene(disks, push, friction, start, physics, work, touched):
+    """Carry out one push in place; note which disks (N,) the tool touched."""
     load(disks, push, start, physics, work)
     bodies = work.bodies
     heading = push[LOCATION] + push[ANGLE]
@@ -185,28 +184,26 @@ def push_scene(disks, push, friction, start, physics, work):
     start_x, start_y = bodies[TOOL, X], bodies[TOOL, Y]
     distance = first_touch(bodies, way_x, way_y)
     if distance >= push[LENGTH]:
-        return False
+        return
     profile = make_profile(push[LENGTH], physics.speed, physics.acceleration)
     time = time_of(profile, distance)
     slowing = physics.friction_scale * friction * physics.gravity
-    touched = False
     for _ in range(MOST_STEPS):
         speed = tool_speed(profile, time)
         bodies[TOOL, X], bodies[TOOL, Y] = start_x + distance * way_x, start_y + distance * way_y
         bodies[TOOL, VX], bodies[TOOL, VY] = speed * way_x, speed * way_y
         rest = until_kink(profile, time)
         count, step = look_ahead(work, slowing, physics, rest)
-        touched |= touches_another(work)
+        note_touched(work, touched)
         prepare_contacts(count, step, physics, work)
         time += step
         distance, speed = travelled(profile, time), tool_speed(profile, time)
         bodies[TOOL, VX], bodies[TOOL, VY] = speed * way_x, speed * way_y
         fastest = flow(work, count, slowing, physics, step)
-        touched |= touches_another(work)
+        note_touched(work, touched)
         if fastest == 0.0 and time >= profile.end - 1e-9:
             break
     unload(disks, work)
-    return touched
 
 
 @compiled
@@ -220,13 +217,19 @@ def push_block(first, scenes, pushes, friction, start, physics, touched):
         friction: with the table, (B,).
         start: from the mid disk's centre to the tool's axis before it travels, (B,) [m].
         physics: the rest.
-        touched: (B,) bool, receives whether the tool touched a disk other than the mid disk.
+        touched: (B, N) bool, receives which disks the tool touched.
     """
     work = make_workspace(scenes.shape[1])
     for index in range(first, min(first + CHUNK, scenes.shape[0])):
         if pushes[index, LENGTH] > 0.0:
-            touched[index] = push_scene(
-                scenes[index], pushes[index], friction[index], start[index], physics, work
+            push_scene(
+                scenes[index],
+                pushes[index],
+                friction[index],
+                start[index],
+                physics,
+                work,
+                touched[index],
             )
 
 
@@ -243,6 +246,12 @@ def push_conditioned_block(first, scenes, pushes, friction, start, physics, touc
             for column in range(corrections.shape[2]):  # a slice takes seconds to compile
                 work.corrections[disk, column] = corrections[index, disk, column]
         if pushes[index, LENGTH] > 0.0:
-            touched[index] = push_scene(
-                scenes[index], pushes[index], friction[index], start[index], physics, work
+            push_scene(
+                scenes[index],
+                pushes[index],
+                friction[index],
+                start[index],
+                physics,
+                work,
+                touched[index],
             )

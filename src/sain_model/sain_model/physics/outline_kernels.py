@@ -1,0 +1,221 @@
+"""Bodies with outlines in the compiled planar world, and its scratch memory.
+
+Bodies are rows of one array: row 0 is the tool, which no impulse moves. The pushed body is row 1.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sain_core.scene import MASS as STATE_MASS
+from sain_core.scene import OMEGA as STATE_OMEGA
+from sain_core.scene import RADIUS as STATE_RADIUS
+from sain_core.scene import THETA as STATE_THETA
+from sain_core.scene import VX as STATE_VX
+from sain_core.scene import X as STATE_X
+from sain_core.scene import Y as STATE_Y
+from sain_model.compute.compiling import compiled
+
+TOOL = 0
+DISK_INERTIA = 0.5  # share of mass x radius^2, of the uniform disk that `Physics.inertia` is of
+DISK_FEET = 0.7  # radii, where the disks stand that `Physics.foot_radius` is of
+
+# Columns of a body [SI units]. `LIGHTNESS` is 1 / mass and `TURN` 1 / moment of inertia, both 0
+# for what nothing moves. `ROUND` is the radius that its corners are rounded with, `REACH` that of
+# the circumscribed circle, `TWIST` the arm on which friction resists a turn on the spot.
+X, Y, VX, VY, SPIN, COS, SIN, TURNED, LIGHTNESS, TURN, ROUND, REACH, TWIST = range(13)
+BODY_SIZE = 13
+# Columns of a corner in its body's frame, with the side to the next one: its direction and length.
+CORNER_X, CORNER_Y, SIDE_X, SIDE_Y, LENGTH, CONVEX = range(6)
+CORNER_SIZE = 6
+# Columns of a support in its body's frame. `SHARE` is of the load, `LEAN_X` and `LEAN_Y` how it
+# grows with a shift of the load [1/m]. `YIELD` says how light the body is to turn from here.
+FOOT_X, FOOT_Y, SHARE, LEAN_X, LEAN_Y, YIELD, PULL_X, PULL_Y = range(8)
+SUPPORT_SIZE = 8
+# Columns of a contact: normal and arms about both bodies' centres where the impulse acts (in the
+# middle of a step), and where it has to keep the bodies apart (at its end). Arms: of the impulse
+# along the normal, and across it. Then what the solver needs, and where the features are.
+NORMAL_X, NORMAL_Y, ARM_POINT, REACH_POINT, ARM_SIDE, REACH_SIDE = range(6)
+END_X, END_Y, END_ARM_POINT, END_REACH_POINT, END_ARM_SIDE, END_REACH_SIDE = range(6, 12)
+GAP, BIAS, NORMAL_MASS, RIM_MASS, ALONG, ACROSS = range(12, 18)
+POINT_X, POINT_Y, CORNER_AT_X, CORNER_AT_Y, FACE_X, FACE_Y = range(18, 24)
+CONTACT_SIZE = 24
+POINT_BODY, SIDE_BODY, FEATURE, KEY = range(4)  # integer columns of a contact
+MOST_CONTACTS = 24  # of a pair, a guard; two polygons that lie side by side have two to four
+
+
+class OutlineWorkspace(NamedTuple):
+    """Scratch memory of one push of N bodies with M corners and F supports in all."""
+
+    bodies: np.ndarray  # (N + 1, BODY_SIZE)
+    first_corner: np.ndarray  # (N + 2,) int64
+    corners: np.ndarray  # (M + 1, CORNER_SIZE)
+    first_support: np.ndarray  # (N + 2,) int64
+    supports: np.ndarray  # (F, SUPPORT_SIZE)
+    before: np.ndarray  # (N + 1, 3) vx, vy, spin at the start of the step
+    change: np.ndarray  # (N + 1, 3) their rates of change in the last step
+    grip: np.ndarray  # (N + 1,) speed that the table can take from a slow body [m/s]
+    held: np.ndarray  # (N + 1, 3) and what it has taken
+    tilt: np.ndarray  # (N + 1, 2) shift of the load on the table by what pushed a body last [m]
+    contacts: np.ndarray  # (C, CONTACT_SIZE)
+    features: np.ndarray  # (C, 4) int64
+    kept: np.ndarray  # (C, 2) impulses of the last step [N s]
+    kept_keys: np.ndarray  # (C,) int64
+    count: np.ndarray  # (2,) int64, contacts of this step and of the last
+    touched: np.ndarray  # (N + 1,) bool
+
+
+@compiled
+def make_outline_workspace(table):
+    """Return scratch memory for the bodies of a table."""
+    rows = table.rounding.shape[0] + 1
+    contacts = rows * (rows - 1) // 2 * MOST_CONTACTS
+    return OutlineWorkspace(
+        np.zeros((rows, BODY_SIZE)),
+        np.zeros(rows + 1, np.int64),
+        np.zeros((table.corners.shape[0] + 1, CORNER_SIZE)),
+        np.zeros(rows + 1, np.int64),
+        np.zeros((table.supports.shape[0], SUPPORT_SIZE)),
+        np.zeros((rows, 3)),
+        np.zeros((rows, 3)),
+        np.zeros(rows),
+        np.zeros((rows, 3)),
+        np.zeros((rows, 2)),
+        np.zeros((contacts, CONTACT_SIZE)),
+        np.zeros((contacts, 4), np.int64),
+        np.zeros((contacts, 2)),
+        np.zeros(contacts, np.int64),
+        np.zeros(2, np.int64),
+        np.zeros(rows, np.bool_),
+    )
+
+
+@compiled
+def load_bodies(states, order, table, start_x, start_y, physics, work):
+    """Fill the scratch memory from a scene (N, 8), taken as at rest.
+
+    Args:
+        states: the scene.
+        order: number of the body of each row but the tool's, (N,).
+        table: of the bodies.
+        start_x: where the tool's axis stands [m].
+        start_y: likewise.
+        physics: for the tool's radius and the bodies' feet and inertia.
+        work: to fill.
+    """
+    bodies = work.bodies
+    bodies[TOOL, X], bodies[TOOL, Y] = start_x, start_y
+    bodies[TOOL, COS] = 1.0
+    bodies[TOOL, ROUND] = bodies[TOOL, REACH] = physics.tool_radius
+    work.first_corner[1] = 1
+    work.corners[TOOL, CONVEX] = 1.0  # the tool's one corner is its axis
+    for index in range(states.shape[0]):
+        row, body = index + 1, order[index]
+        _load_body(bodies, row, states[body], table, body, physics)
+        _load_corners(work, row, states[body, STATE_RADIUS], table, body)
+        _load_supports(work, row, states[body], table, body, physics)
+    for row in range(bodies.shape[0]):
+        work.touched[row] = False
+    forget_steps(work)
+
+
+@compiled
+def _load_body(bodies, row, state, table, body, physics):
+    radius = state[STATE_RADIUS]
+    bodies[row, X], bodies[row, Y] = state[STATE_X], state[STATE_Y]
+    bodies[row, VX] = bodies[row, VY] = bodies[row, SPIN] = bodies[row, TURNED] = 0.0
+    bodies[row, COS], bodies[row, SIN] = np.cos(state[STATE_THETA]), np.sin(state[STATE_THETA])
+    bodies[row, ROUND] = table.rounding[body] * radius
+    bodies[row, REACH] = table.reach[body] * radius
+    if table.fixed[body]:
+        bodies[row, LIGHTNESS] = bodies[row, TURN] = 0.0
+    else:
+        inertia = physics.inertia / DISK_INERTIA * table.inertia[body] * radius * radius
+        bodies[row, LIGHTNESS] = 1.0 / state[STATE_MASS]
+        bodies[row, TURN] = bodies[row, LIGHTNESS] / inertia
+
+
+@compiled
+def _load_corners(work, row, radius, table, body):
+    """Scale an outline; a corner is convex where the way turns left."""
+    corners = work.corners
+    first, last = table.first_corner[body], table.first_corner[body + 1]
+    start = work.first_corner[row]
+    end = start + last - first
+    work.first_corner[row + 1] = end
+    for index in range(start, end):
+        corners[index, CORNER_X] = radius * table.corners[first + index - start, 0]
+        corners[index, CORNER_Y] = radius * table.corners[first + index - start, 1]
+    before = end - 1
+    for index in range(start, end):
+        after = index + 1 if index + 1 < end else start
+        x = corners[after, CORNER_X] - corners[index, CORNER_X]
+        y = corners[after, CORNER_Y] - corners[index, CORNER_Y]
+        length = np.sqrt(x * x + y * y)
+        scale = 1.0 / length if length > 0.0 else 0.0  # a disk's one corner has no side
+        corners[index, SIDE_X], corners[index, SIDE_Y] = scale * x, scale * y
+        corners[index, LENGTH] = length
+    for index in range(start, end):
+        left = corners[before, SIDE_X] * corners[index, SIDE_Y]
+        left -= corners[before, SIDE_Y] * corners[index, SIDE_X]
+        corners[index, CONVEX] = 1.0 if left >= 0.0 else 0.0
+        before = index
+
+
+@compiled
+def _load_supports(work, row, state, table, body, physics):
+    """Place the supports, where `foot_radius` says that those of a disk stand."""
+    bodies, supports = work.bodies, work.supports
+    scale = physics.foot_radius / DISK_FEET * state[STATE_RADIUS]
+    first, last = table.first_support[body], table.first_support[body + 1]
+    start = work.first_support[row]
+    work.first_support[row + 1] = start + last - first
+    heaviness = physics.inertia / (physics.foot_radius * physics.foot_radius)  # as of a disk's foot
+    twist = 0.0
+    for index in range(first, last):
+        foot = start + index - first
+        x, y = scale * table.supports[index, 0], scale * table.supports[index, 1]
+        supports[foot, FOOT_X], supports[foot, FOOT_Y] = x, y
+        supports[foot, SHARE] = table.supports[index, 2]
+        supports[foot, LEAN_X] = table.supports[index, 3] / scale
+        supports[foot, LEAN_Y] = table.supports[index, 4] / scale
+        squared = x * x + y * y
+        if bodies[row, LIGHTNESS] > 0.0:
+            lightness = bodies[row, TURN] / bodies[row, LIGHTNESS]
+            supports[foot, YIELD] = heaviness * squared * lightness
+        twist += supports[foot, SHARE] * np.sqrt(squared)
+    bodies[row, TWIST] = twist
+
+
+@compiled
+def forget_steps(work):
+    """Clear what is kept from step to step."""
+    for body in range(work.bodies.shape[0]):
+        work.grip[body] = 0.0
+        work.tilt[body, 0] = work.tilt[body, 1] = 0.0
+        work.change[body, 0] = work.change[body, 1] = work.change[body, 2] = 0.0
+    for contact in range(work.count[0]):
+        work.contacts[contact, ALONG] = work.contacts[contact, ACROSS] = 0.0
+    work.count[1] = 0
+
+
+@compiled
+def unload_bodies(states, order, work, touched):
+    """Write the bodies, at rest, back to the scene, and which of them the tool has touched."""
+    bodies = work.bodies
+    for index in range(states.shape[0]):
+        row, body = index + 1, order[index]
+        touched[body] = work.touched[row]
+        states[body, STATE_X], states[body, STATE_Y] = bodies[row, X], bodies[row, Y]
+        if bodies[row, TURNED] != 0.0:
+            heading = states[body, STATE_THETA] + bodies[row, TURNED]
+            states[body, STATE_THETA] = np.pi - (np.pi - heading) % (2.0 * np.pi)
+        for column in range(STATE_VX, STATE_OMEGA + 1):
+            states[body, column] = 0.0
+
+
+@compiled
+def outer_speed(bodies, row):
+    """Return a bound on the speed of any point of a body [m/s]."""
+    sliding = np.sqrt(bodies[row, VX] ** 2 + bodies[row, VY] ** 2)
+    return sliding + abs(bodies[row, SPIN]) * bodies[row, REACH]

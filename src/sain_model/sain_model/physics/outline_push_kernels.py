@@ -1,0 +1,210 @@
+"""Whole pushes of bodies of any shape on a table, compiled; blocks of a batch can run in parallel.
+
+Time goes from the tool's first touch until everything lies still again, in steps as long as
+what happens allows: to the next collision, to a kink in the tool's speed, to where a body stops.
+"""
+
+import numpy as np
+
+from sain_model.compute.compiling import compiled, compiled_apart
+from sain_model.physics.impulse_kernels import (
+    foresee,
+    keep_impulses,
+    note_lean,
+    part_overlaps,
+    prepare_impulses,
+    recall_impulses,
+    solve_impulses,
+)
+from sain_model.physics.outline_kernels import (
+    COS,
+    LIGHTNESS,
+    SIN,
+    SPIN,
+    TOOL,
+    TURNED,
+    VX,
+    VY,
+    X,
+    Y,
+    forget_steps,
+    load_bodies,
+    make_outline_workspace,
+    outer_speed,
+    unload_bodies,
+)
+from sain_model.physics.planar_kernels import CHUNK, COLLISION, MOST_STEPS, SHORTEST_STEP, STILL
+from sain_model.physics.support_kernels import brake
+from sain_model.physics.tool_kernels import make_profile, time_of, tool_speed, travelled, until_kink
+from sain_model.physics.touching_kernels import find_touching, first_touch_of
+
+
+@compiled
+def calm_time(bodies, slowing, physics):
+    """Return the longest step [s] in which friction changes no body's motion too much.
+
+    A body that does not spin slides straight and slows evenly: it may stop in one step.
+
+    Args:
+        bodies: rows of bodies.
+        slowing: deceleration of a sliding body [m/s^2].
+        physics: for the limits.
+    """
+    step = physics.longest_step
+    for row in range(1, bodies.shape[0]):
+        stop = outer_speed(bodies, row) / slowing
+        if stop > 0.0:
+            if bodies[row, SPIN] != 0.0:
+                stop = max(physics.stop_share * stop, physics.stop_step)
+            step = min(step, stop)
+    return step
+
+
+@compiled
+def carry(bodies, row, step, before):
+    """Move a body on by one step [s] with the mean of its velocities before and after."""
+    if outer_speed(bodies, row) < STILL:
+        bodies[row, VX] = bodies[row, VY] = bodies[row, SPIN] = 0.0
+    bodies[row, X] += step * 0.5 * (bodies[row, VX] + before[row, 0])
+    bodies[row, Y] += step * 0.5 * (bodies[row, VY] + before[row, 1])
+    angle = step * 0.5 * (bodies[row, SPIN] + before[row, 2])
+    if angle != 0.0:
+        cos, sin = bodies[row, COS], bodies[row, SIN]
+        keep = 1.0 - 0.5 * angle * angle
+        cos, sin = keep * cos - angle * sin, keep * sin + angle * cos
+        scale = 1.5 - 0.5 * (cos * cos + sin * sin)  # Newton's step towards a length of 1
+        bodies[row, TURNED] += angle
+        bodies[row, COS], bodies[row, SIN] = scale * cos, scale * sin
+
+
+@compiled
+def advance(work, slowing, physics, step):
+    """Move everything on by one step [s]; return a bound on the speeds after it [m/s].
+
+    Args:
+        work: scratch memory with contacts prepared for this step.
+        slowing: deceleration of a sliding body [m/s^2].
+        physics: for the frictions.
+        step: duration [s].
+    """
+    bodies, before, change = work.bodies, work.before, work.change
+    less = slowing * step
+    for row in range(1, bodies.shape[0]):
+        before[row, 0], before[row, 1] = bodies[row, VX], bodies[row, VY]
+        before[row, 2] = bodies[row, SPIN]
+        work.grip[row] = 0.0
+        if bodies[row, LIGHTNESS] == 0.0:
+            continue
+        if outer_speed(bodies, row) > 2.0 * less:
+            brake(work, row, less, physics, step)
+        else:
+            work.grip[row] = less
+            work.held[row, 0] = work.held[row, 1] = work.held[row, 2] = 0.0
+    solve_impulses(work, physics)
+    note_lean(work, physics, step)
+    part_overlaps(work)
+    fastest = 0.0
+    for row in range(1, bodies.shape[0]):
+        carry(bodies, row, step, before)
+        change[row, 0] = (bodies[row, VX] - before[row, 0]) / step
+        change[row, 1] = (bodies[row, VY] - before[row, 1]) / step
+        change[row, 2] = (bodies[row, SPIN] - before[row, 2]) / step
+        fastest = max(fastest, outer_speed(bodies, row))
+    return fastest
+
+
+@compiled
+def plan_step(work, slowing, physics, rest):
+    """Let collide what collides now, list the contacts, and return a good step [s].
+
+    Args:
+        work: scratch memory.
+        slowing: deceleration of a sliding body [m/s^2].
+        physics: for the limits.
+        rest: the step ends no later than this [s].
+    """
+    keep_impulses(work)
+    step = min(rest, calm_time(work.bodies, slowing, physics))
+    find_touching(work, step)
+    recall_impulses(work)
+    impact, approach, turning = foresee(work, step)
+    if approach > COLLISION:
+        forget_steps(work)
+        prepare_impulses(work, 0.0, physics)
+        solve_impulses(work, physics)
+        step = min(rest, calm_time(work.bodies, slowing, physics))
+        keep_impulses(work)
+        find_touching(work, step)
+        recall_impulses(work)
+        impact, approach, turning = foresee(work, step)
+    step = min(step, max(impact, SHORTEST_STEP))
+    if turning * step > physics.bend:
+        step = max(physics.bend / turning, SHORTEST_STEP)
+    return step
+
+
+@compiled_apart
+def push_bodies(states, order, push, friction, table, physics, work, touched):
+    """Carry out one push in place.
+
+    Args:
+        states: scene (N, 8).
+        order: number of the body of each row but the tool's, (N,).
+        push: where the tool's axis starts [m], its heading [rad], its way [m]; (4,).
+        friction: with the table.
+        table: of the bodies.
+        physics: the rest.
+        work: scratch memory.
+        touched: (N,) bool, receives which bodies the tool touched.
+    """
+    load_bodies(states, order, table, push[0], push[1], physics, work)
+    bodies = work.bodies
+    way_x, way_y, length = np.cos(push[2]), np.sin(push[2]), push[3]
+    distance = first_touch_of(work, way_x, way_y)
+    if distance >= length:
+        return
+    profile = make_profile(length, physics.speed, physics.acceleration)
+    time = time_of(profile, distance)
+    slowing = physics.friction_scale * friction * physics.gravity
+    for _ in range(MOST_STEPS):
+        speed = tool_speed(profile, time)
+        bodies[TOOL, X], bodies[TOOL, Y] = push[0] + distance * way_x, push[1] + distance * way_y
+        bodies[TOOL, VX], bodies[TOOL, VY] = speed * way_x, speed * way_y
+        step = plan_step(work, slowing, physics, until_kink(profile, time))
+        prepare_impulses(work, step, physics)
+        time += step
+        distance, speed = travelled(profile, time), tool_speed(profile, time)
+        bodies[TOOL, VX], bodies[TOOL, VY] = speed * way_x, speed * way_y
+        fastest = advance(work, slowing, physics, step)
+        if fastest == 0.0 and time >= profile.end - 1e-9:
+            break
+    unload_bodies(states, order, work, touched)
+
+
+@compiled
+def push_bodies_block(first, scenes, order, pushes, friction, table, physics, touched):
+    """Carry out up to `CHUNK` pushes, from the one numbered `first` on, in place.
+
+    Args:
+        first: number of the first one.
+        scenes: (B, N, 8), changed to what they become.
+        order: (B, N), bodies by row.
+        pushes: (B, 4), see `push_bodies`.
+        friction: with the table, (B,).
+        table: of the bodies.
+        physics: the rest.
+        touched: (B, N) bool, receives which bodies the tool touched.
+    """
+    work = make_outline_workspace(table)
+    for index in range(first, min(first + CHUNK, scenes.shape[0])):
+        if pushes[index, 3] > 0.0:
+            push_bodies(
+                scenes[index],
+                order[index],
+                pushes[index],
+                friction[index],
+                table,
+                physics,
+                work,
+                touched[index],
+            )

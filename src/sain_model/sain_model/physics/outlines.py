@@ -1,0 +1,139 @@
+"""Pushes of bodies of any shape, for the compiled kernels: tables of corners and of supports.
+
+Everything is in the body's frame, in units of the state's radius, so that one table serves all
+scenes. A disk is an outline of one corner, rounded by its radius; the tool likewise.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from sain_core.push import LENGTH, PushLimits, pushed_bodies, strokes
+from sain_core.scene import POSITION, unit
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.shape import REGULAR_FEET, Shape
+from sain_core.types import Indices, Points, Pushes, Scalars, Scenes
+from sain_model.compute.compiling import plain
+from sain_model.compute.thread_pool import run_blocks
+from sain_model.physics.body_kernels import Physics
+from sain_model.physics.outline_push_kernels import push_bodies_block
+from sain_model.physics.planar_kernels import CHUNK
+
+Touched = Bool[ndarray, "B N"]
+
+STRAIGHT: Final = 1e-9  # [rad], a corner that turns less is a point in the middle of a side
+SHARE, ALONG_X, ALONG_Y = 2, 3, 4  # columns of a support after its x and y
+
+
+class BodyTable(NamedTuple):
+    """N bodies with M corners and F supports in all; those of body i from `first[i]` on."""
+
+    first_corner: Int[ndarray, "N+1"]
+    corners: Float[ndarray, "M 2"]  # counter-clockwise
+    first_support: Int[ndarray, "N+1"]
+    supports: Float[ndarray, "F 5"]  # x, y, share of the load, and how it grows along x and y
+    rounding: Float[ndarray, "N"]  # 1 for a disk, 0 for an outline with straight sides
+    reach: Float[ndarray, "N"]  # circumscribed radius
+    inertia: Float[ndarray, "N"]  # upright moment, share of mass x radius^2
+    fixed: Bool[ndarray, "N"]
+
+
+def push_bodies(
+    scenes: Scenes,
+    pushes: Pushes,
+    friction: Scalars,
+    bodies: Bodies,
+    limits: PushLimits,
+    physics: Physics,
+) -> tuple[Scenes, Touched]:
+    """Simulate pushes of bodies of any shape.
+
+    Args:
+        scenes: (B, N, 8).
+        pushes: (B, 3) or (B, 4).
+        friction: with the table, (B,).
+        bodies: N of them.
+        limits: where the tool starts.
+        physics: the rest.
+
+    Returns:
+        The settled scenes, and which bodies the tool touched (B, N).
+    """
+    start, heading = strokes(scenes, pushes, limits, bodies)
+    ways = np.column_stack([start, heading, pushes[:, LENGTH]])
+    order = _canonical_order(scenes, pushed_bodies(pushes))
+    after, table = plain(scenes.copy()), body_table(bodies)
+    touched = np.zeros(scenes.shape[:2], dtype=bool)
+
+    def work(first: int) -> None:
+        push_bodies_block(first, after, order, ways, plain(friction), table, physics, touched)
+
+    run_blocks(work, len(scenes), CHUNK)
+    return after, touched
+
+
+def _canonical_order(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
+    """Return the bodies by their distance from the pushed one, which is the first.
+
+    The solver visits contacts one after another, which would let the numbering leak into the
+    last digits. The order keeps it out.
+    """
+    middle = np.take_along_axis(scenes, pushed[:, None, None], axis=1)[..., POSITION]
+    apart = ((scenes[..., POSITION] - middle) ** 2).sum(axis=-1)
+    np.put_along_axis(apart, pushed[:, None], -1.0, axis=1)
+    return np.argsort(apart, axis=1, kind="stable")
+
+
+def body_table(bodies: Bodies) -> BodyTable:
+    """Return the table of some bodies."""
+    corners = [_corners(shape) for shape in bodies.shapes]
+    supports = [load_shares(_supports(shape)) for shape in bodies.shapes]
+    return BodyTable(
+        _starts(corners),
+        np.concatenate(corners),
+        _starts(supports),
+        np.concatenate(supports),
+        np.array([float(shape.is_round) for shape in bodies.shapes]),
+        np.array([shape.circumradius for shape in bodies.shapes]),
+        np.array([shape.inertia(1.0, 1.0)[2] for shape in bodies.shapes]),
+        np.array([body in bodies.fixed for body in range(len(bodies))]),
+    )
+
+
+def load_shares(supports: Points) -> Float[ndarray, "F 5"]:
+    """Return supports (F, 2) with how they share the load of a body whose weight acts at p.
+
+    Statics asks that the shares sum to 1 and balance at p: A w = (1, p_x, p_y). Three supports
+    leave one answer, the barycentric coordinates of p; of more, the least norm is taken, as by
+    supports that are equally stiff.
+
+    Returns:
+        (F, 5): x, y, the share at p = 0, and its derivatives by p_x and p_y.
+    """
+    balance = np.column_stack([np.ones(len(supports)), supports]).T
+    return np.column_stack([supports, np.linalg.pinv(balance)])
+
+
+def _corners(shape: Shape) -> Points:
+    """Return the corners (M, 2) of an outline, without points in the middle of a side."""
+    if shape.is_round:
+        return np.zeros((1, 2))
+    outline = shape.outline(1.0)
+    here, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
+    cross = here[:, 0] * after[:, 1] - here[:, 1] * after[:, 0]
+    turn = np.arctan2(cross, (here * after).sum(axis=1))
+    return np.ascontiguousarray(outline[np.abs(turn) > STRAIGHT])
+
+
+def _supports(shape: Shape) -> Points:
+    """Return the points (F, 2) that carry a body; a round one that lies flat has three as well."""
+    if shape.is_round:
+        away, bearing = np.array(REGULAR_FEET).T
+        return np.asarray(away[:, None] * unit(bearing))
+    return shape.supports(1.0)
+
+
+def _starts(groups: list[Points]) -> Int[ndarray, "N+1"]:
+    return np.cumsum([0, *map(len, groups)])

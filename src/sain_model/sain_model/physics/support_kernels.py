@@ -1,0 +1,138 @@
+"""Friction between bodies and table, compiled: Coulomb's law at each support."""
+
+import numpy as np
+
+from sain_model.compute.compiling import compiled
+from sain_model.physics.outline_kernels import (
+    COS,
+    FOOT_X,
+    FOOT_Y,
+    LEAN_X,
+    LEAN_Y,
+    LIGHTNESS,
+    PULL_X,
+    PULL_Y,
+    REACH,
+    SHARE,
+    SIN,
+    SPIN,
+    TURN,
+    TWIST,
+    VX,
+    VY,
+    YIELD,
+)
+
+
+@compiled
+def brake(work, row, slowing, physics, step):
+    """Slow a sliding body down by the friction of one step.
+
+    The direction is taken at the velocity expected in the middle of the step, from the change
+    in the last one; that makes the step second order.
+
+    Args:
+        work: scratch memory.
+        row: of the body.
+        slowing: what friction takes from a support in this step, under the whole load [m/s].
+        physics: for the heights at which forces act.
+        step: duration [s].
+    """
+    bodies, change, tilt = work.bodies, work.change, work.tilt
+    vx = bodies[row, VX] + 0.5 * step * change[row, 0]
+    vy = bodies[row, VY] + 0.5 * step * change[row, 1]
+    spin = bodies[row, SPIN] + 0.5 * step * change[row, 2]
+    if spin == 0.0 and tilt[row, 0] == 0.0 and tilt[row, 1] == 0.0:
+        share = slowing / max(np.sqrt(vx * vx + vy * vy), slowing)
+        bodies[row, VX] -= share * vx
+        bodies[row, VY] -= share * vy
+    else:
+        x, y = _pull_back(work, row, vx, vy, spin, slowing, physics)
+        # Braking acts below the centre of mass, a push mostly above: both load what is in front.
+        arm = physics.middle_height / (physics.gravity * step)
+        _slow_down(work, row, arm * x + tilt[row, 0], arm * y + tilt[row, 1])
+
+
+@compiled
+def _pull_back(work, row, vx, vy, spin, slowing, physics):
+    """Write what friction takes from each support under a whole load; return its mean [m/s]."""
+    supports, bodies = work.supports, work.bodies
+    cos, sin = bodies[row, COS], bodies[row, SIN]
+    mean_x, mean_y = 0.0, 0.0
+    across_yields = 1.0 / physics.yield_across - 1.0
+    for foot in range(work.first_support[row], work.first_support[row + 1]):
+        arm_x = cos * supports[foot, FOOT_X] - sin * supports[foot, FOOT_Y]
+        arm_y = sin * supports[foot, FOOT_X] + cos * supports[foot, FOOT_Y]
+        x, y = vx - spin * arm_y, vy + spin * arm_x
+        squared = arm_x * arm_x + arm_y * arm_y
+        if squared > 0.0:
+            # A solver gives way to where a support is lighter to move: across its arm.
+            if physics.axes_yield > 0.0:
+                light = physics.axes_yield * supports[foot, YIELD] / squared
+                x /= 1.0 + light * arm_y * arm_y
+                y /= 1.0 + light * arm_x * arm_x
+            else:
+                light = across_yields * supports[foot, YIELD]
+                less = light / (1.0 + light) * (arm_x * y - arm_y * x) / squared
+                x, y = x + less * arm_y, y - less * arm_x
+        # Friction never turns a support back: below `slowing` it falls linearly.
+        share = slowing / max(np.sqrt(x * x + y * y), slowing)
+        supports[foot, PULL_X], supports[foot, PULL_Y] = share * x, share * y
+        mean_x += supports[foot, SHARE] * share * x
+        mean_y += supports[foot, SHARE] * share * y
+    return mean_x, mean_y
+
+
+@compiled
+def _slow_down(work, row, shift_x, shift_y):
+    """Take from a body what its supports have found, loaded as its weight acts at a shift [m]."""
+    supports, bodies = work.supports, work.bodies
+    first, last = work.first_support[row], work.first_support[row + 1]
+    cos, sin = bodies[row, COS], bodies[row, SIN]
+    fore, left = cos * shift_x + sin * shift_y, cos * shift_y - sin * shift_x
+    lean = 1.0  # share of the shift at which the first support lifts off
+    for foot in range(first, last):
+        grows = supports[foot, LEAN_X] * fore + supports[foot, LEAN_Y] * left
+        if supports[foot, SHARE] + lean * grows < 0.0:
+            lean = -supports[foot, SHARE] / grows
+    total_x, total_y, across = 0.0, 0.0, 0.0
+    for foot in range(first, last):
+        grows = supports[foot, LEAN_X] * fore + supports[foot, LEAN_Y] * left
+        load = supports[foot, SHARE] + lean * grows
+        x, y = load * supports[foot, PULL_X], load * supports[foot, PULL_Y]
+        arm_x = cos * supports[foot, FOOT_X] - sin * supports[foot, FOOT_Y]
+        arm_y = sin * supports[foot, FOOT_X] + cos * supports[foot, FOOT_Y]
+        total_x += x
+        total_y += y
+        across += arm_x * y - arm_y * x
+    bodies[row, VX] -= total_x
+    bodies[row, VY] -= total_y
+    bodies[row, SPIN] -= across * bodies[row, TURN] / bodies[row, LIGHTNESS]
+
+
+@compiled
+def hold_back(work, row):
+    """Let the table hold a slow body back as far as friction can, against what pushes it.
+
+    Sticking and creeping cannot be told from the velocity before the step: this is solved along
+    with the contacts, with an ellipsoid as limit surface (Goyal, Ruina and Papadopoulos, "Planar
+    sliding with dry friction", Wear 143, 1991; the ellipsoid is Howe and Cutkosky's).
+
+    Returns:
+        The change of velocity that this made [m/s].
+    """
+    bodies, held, grip = work.bodies, work.held, work.grip[row]
+    turn_grip = bodies[row, TWIST] * bodies[row, TURN] / bodies[row, LIGHTNESS]
+    x = held[row, 0] - bodies[row, VX]
+    y = held[row, 1] - bodies[row, VY]
+    spin = held[row, 2] - bodies[row, SPIN]
+    squared = x * x + y * y + (spin / turn_grip) ** 2
+    if squared > grip * grip:
+        scale = grip / np.sqrt(squared)
+        x, y, spin = scale * x, scale * y, scale * spin
+    change_x, change_y, change_spin = x - held[row, 0], y - held[row, 1], spin - held[row, 2]
+    bodies[row, VX] += change_x
+    bodies[row, VY] += change_y
+    bodies[row, SPIN] += change_spin
+    held[row, 0], held[row, 1], held[row, 2] = x, y, spin
+    return max(abs(change_x), abs(change_y), abs(change_spin) * bodies[row, REACH])
