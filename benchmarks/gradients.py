@@ -32,6 +32,8 @@ from sain_model.dynamics.load import load_sain
 from sain_mppi.algorithms.gradient import descend, take_slopes
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.cost import cost_terms, make_rollout, total_cost
+from sain_mppi.search.goal import Goal
+from sain_mppi.search.objective import TargetObjective
 from sain_mppi.search.proposals import draw_permitted, propose
 from sain_mppi.search.sampling import inside_limits
 from sain_mppi.search.search import Search
@@ -70,6 +72,7 @@ class Place:
     """Sequences in one scene, and what they cost."""
 
     search: Search
+    goal: Goal
     sequences: PushSequences
     costs: Scalars
 
@@ -82,19 +85,16 @@ def places(model: RolloutModel, command: Command) -> list[Place]:
     found = []
     for seed in range(1000, 1000 + command.scenes):
         case: ScenarioScene = SCENARIOS["anywhere"].scene(seed)
-        search = Search(model, CONFIG, Feasibility(), case.disks, case.goal)
+        config = replace(CONFIG, gradient=replace(CONFIG.gradient, steps=command.descended))
+        objective = TargetObjective(case.goal, config.weights, Feasibility())
+        search = Search(model, config, Feasibility(), case.disks, objective)
         random = generator(seed, "slopes")
 
-        def draw(
-            count: int, search: Search = search, random: np.random.Generator = random
-        ) -> PushSequences:
-            return propose(search, None, 0, count, CONFIG, random)
-
-        drawn = draw_permitted(search, draw, 512, CONFIG.horizon, random)
+        draw = partial(propose, search, None, 0, random)
+        drawn = draw_permitted(search, draw, 512, random)
         costs = search.evaluate(drawn)
         best = np.argsort(costs, kind="stable")[: command.starts]
-        config = replace(CONFIG, gradient=replace(CONFIG.gradient, steps=command.descended))
-        found.append(Place(search, *descend(search, drawn[best], costs[best], config)))
+        found.append(Place(search, case.goal, *descend(search, drawn[best], costs[best])))
     return found
 
 
@@ -103,7 +103,7 @@ def distances(where: list[Place]) -> Scalars:
     left = []
     for place in where:
         predicted = place.search.model.rollout(place.search.scene, place.sequences)
-        off = predicted[:, -1, TARGET, POSITION] - place.search.goal
+        off = predicted[:, -1, TARGET, POSITION] - place.goal
         left.append(np.linalg.norm(off, axis=1))
     return np.concatenate(left)
 
@@ -143,7 +143,7 @@ def cost_slopes(place: Place, poses: ndarray) -> tuple[ndarray, ndarray]:
     def costs(poses: ndarray, pushes: ndarray) -> Scalars:
         there = predicted.copy()
         there[..., POSE] = poses
-        rollout = make_rollout(search.scene, pushes, there, search.goal)
+        rollout = make_rollout(search.scene, pushes, there, place.goal)
         return total_cost(cost_terms(rollout, CONFIG.weights, search.feasibility))
 
     by_pose, by_push = np.zeros_like(poses), np.zeros_like(place.sequences)

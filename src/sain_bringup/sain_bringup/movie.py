@@ -107,14 +107,8 @@ def film(
 ) -> list[Image.Image]:
     """Render moments from a camera that stands where no picture hides the target or the goal.
 
-    Args:
-        renderer: takes the pictures; its camera is moved.
-        moments: what to show.
-        goal: (2,) [m].
-        ring: radius of the ring about the goal [m].
-        tolerance: of the goal [m].
-        title: written on each picture.
-        status: called with a line about the progress.
+    A ring of this radius [m] is drawn about the goal (2,), the title on each picture. `status` is
+    called with a line about the progress.
     """
     eyes = renderer.eyes([(moment.joints, moment.scene) for moment in moments], goal, ring)
     for last, eye in [*((False, eye) for eye in eyes[:VIEWS]), (True, eyes[0])]:

@@ -4,13 +4,15 @@ The four kinds of the paper's Fig. 1 all are a `Dynamics`; planner, evaluation a
 any of them. One step is one whole push, from settled scene to settled scene.
 """
 
-from typing import Protocol, runtime_checkable
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_core.errors import ConfigError
 from sain_core.push import LENGTH
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 
 Radii = Float[ndarray, "K H N"]
@@ -60,12 +62,55 @@ class RegionModel(Protocol):
         ...
 
 
+@runtime_checkable
+class ShapedDynamics(Protocol):
+    """A `Dynamics` that can predict bodies of other shapes and roles than the paper's disks."""
+
+    def with_bodies(self, bodies: Bodies) -> Dynamics:
+        """Return the dynamics for these bodies. Pure: `self` stays as it is.
+
+        Raises:
+            ConfigError: it cannot predict such bodies.
+        """
+        ...
+
+
+@runtime_checkable
+class ShapedRollout(Protocol):
+    """A `RolloutModel` that can predict bodies of other shapes and roles."""
+
+    def with_bodies(self, bodies: Bodies) -> RolloutModel:
+        """Return the model for these bodies; as `ShapedDynamics`."""
+        ...
+
+
+def shaped(dynamics: Dynamics, bodies: Bodies | None) -> Dynamics:
+    """Return a dynamics for these bodies; None: disks with the paper's roles.
+
+    Raises:
+        ConfigError: it can only predict disks.
+    """
+    if bodies is None or bodies == Bodies.disks(len(bodies)):
+        return dynamics
+    if isinstance(dynamics, ShapedDynamics):
+        return dynamics.with_bodies(bodies)
+    names = ", ".join(shape.name for shape in bodies.shapes)
+    raise ConfigError(
+        f"{type(dynamics).__name__} can only predict disks; the bodies are {names}:"
+        " use a model with the method with_bodies"
+    )
+
+
 class IdentityPrior:
     """f_p(s, a) = s: the prior that the paper deploys (section II-D)."""
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         """Return the scenes unchanged."""
         return scenes.copy()
+
+    def with_bodies(self, bodies: Bodies) -> Self:
+        """Return the same: it moves no body of any shape."""
+        return self
 
 
 class StepwiseRollout:
@@ -89,6 +134,13 @@ class StepwiseRollout:
                 current[moving] = self.dynamics.step(current[moving], pushes[moving, step])
             predicted[:, step] = current
         return predicted
+
+
+def shaped_rollout(model: RolloutModel, bodies: Bodies) -> RolloutModel:
+    """Return a rollout model for these bodies, as `shaped`."""
+    if isinstance(model, ShapedRollout):
+        return model.with_bodies(bodies)
+    raise ConfigError(f"{type(model).__name__} can only predict disks with the paper's roles")
 
 
 def scenes_before(scene: Scene, predicted: PredictedScenes) -> PredictedScenes:

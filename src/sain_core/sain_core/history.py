@@ -10,11 +10,18 @@ from typing import Protocol, Self, runtime_checkable
 import numpy as np
 
 from sain_core.dataset import Column, Transitions
-from sain_core.dynamics import Dynamics, RolloutModel, StepwiseRollout
+from sain_core.dynamics import (
+    Dynamics,
+    RolloutModel,
+    StepwiseRollout,
+    shaped,
+    shaped_rollout,
+)
 from sain_core.errors import InvalidInputError
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
-from sain_core.types import PushArray, Scene
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import PushArray, Pushes, Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +36,10 @@ class PushHistory(Transitions):
     def __post_init__(self) -> None:
         """Check that the arrays can be what they should be."""
         shape = self.state.shape
-        if len(shape) != 3 or shape[1] < 2 or shape[2] != STATE_SIZE:
-            raise InvalidInputError(f"past state has shape (P, N, 8) with N >= 2, not {shape}")
-        for name, right in ((Column.ACTION, (shape[0], PUSH_SIZE)), (Column.NEXT_STATE, shape)):
+        if len(shape) != 3 or shape[1] < 1 or shape[2] != STATE_SIZE:
+            raise InvalidInputError(f"past state has shape (P, N, 8) with N >= 1, not {shape}")
+        size = PUSH_SIZE + (self.action.shape[-1] == PUSH_SIZE + 1)
+        for name, right in ((Column.ACTION, (shape[0], size)), (Column.NEXT_STATE, shape)):
             found = getattr(self, name).shape
             if found != right:
                 raise InvalidInputError(f"past {name} has shape {right}, not {found}")
@@ -64,7 +72,7 @@ class PushHistory(Transitions):
                 raise InvalidInputError(f"{name} has shape {array.shape}; its past has {right}")
         return type(self)(
             np.concatenate([self.state, scene[None]]),
-            np.concatenate([self.action, push[None]]),
+            np.concatenate(_as_wide(self.action, push[None])),
             np.concatenate([self.next_state, next_scene[None]]),
         )
 
@@ -75,6 +83,12 @@ class PushHistory(Transitions):
     def latest(self, most: int) -> Self:
         """Return the history of the latest pushes, at most so many."""
         return self.select(slice(max(len(self) - most, 0), None))
+
+
+def _as_wide(*pushes: Pushes) -> list[Pushes]:
+    """Return pushes (B, 3) and (B, 4) with equal numbers: three of them are against body 0."""
+    size = max(some.shape[1] for some in pushes)
+    return [np.pad(some, ((0, 0), (0, size - some.shape[1]))) for some in pushes]
 
 
 @runtime_checkable
@@ -100,8 +114,16 @@ class LearningRollout(Protocol):
         ...
 
 
-def informed_rollout(model: RolloutModel, history: PushHistory) -> RolloutModel:
-    """Return what a rollout model becomes by these pushes: itself, if it cannot learn."""
+def informed_rollout(
+    model: RolloutModel, history: PushHistory, bodies: Bodies | None = None
+) -> RolloutModel:
+    """Return what a rollout model becomes by these pushes: itself, if it cannot learn.
+
+    Raises:
+        ConfigError: it cannot predict these bodies.
+    """
     if isinstance(model, StepwiseRollout):
-        return StepwiseRollout(informed(model.dynamics, history))
+        return StepwiseRollout(informed(shaped(model.dynamics, bodies), history))
+    if bodies is not None and bodies != Bodies.disks(len(bodies)):
+        model = shaped_rollout(model, bodies)
     return model.with_history(history) if isinstance(model, LearningRollout) else model

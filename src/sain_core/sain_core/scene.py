@@ -1,9 +1,10 @@
-"""A scene is N disks on the table, N >= 2, each with a state of 8 numbers.
+"""A scene is N bodies on the table, N >= 1, each with a state of 8 numbers.
 
 ``x y theta vx vy omega mass radius`` [m, m, rad, m/s, m/s, rad/s, kg, m], in the frame
-``world``: origin below the arm's base, x forward, y left, z up, table at z = 0. Disk 0 is the
-mid disk, the only one that the tool may touch; disk 1 is the target; the others are in the way.
-The paper's s in R^16 (section II-B c) is N = 2, flattened.
+``world``: origin below the arm's base, x forward, y left, z up, table at z = 0. Shapes and roles
+are separate (`sain_core.shapes.bodies`). Without them, all bodies are disks as in the paper: disk 0
+is the mid disk, the only one that the tool may touch; disk 1 is the target; the others are in the
+way. The paper's s in R^16 (section II-B c) is N = 2, flattened.
 """
 
 from dataclasses import dataclass
@@ -76,18 +77,27 @@ def make_scene(
 
 
 def check_scene(scene: Scene, table: Table | None = None) -> Scene:
-    """Return the scene when it is one that can exist.
+    """Return the scene of disks when it is one that can exist.
+
+    Bodies of other shapes: `sain_core.shapes.bodies.check_bodies`.
 
     Args:
-        scene: array that should be (N, 8), N >= 2.
+        scene: array that should be (N, 8), N >= 1.
         table: when given, every disk's centre must lie on it.
 
     Raises:
         InvalidInputError: wrong shape, NaN or Inf, mass or radius not positive, disks overlapping.
         OffTableError: a disk off the table.
     """
-    if scene.ndim != 2 or scene.shape[1] != STATE_SIZE or scene.shape[0] < 2:
-        raise InvalidInputError(f"a scene has shape (N, 8) with N >= 2, not {scene.shape}")
+    check_states(scene, table)
+    _check_overlap(scene)
+    return scene
+
+
+def check_states(scene: Scene, table: Table | None = None) -> None:
+    """Check a scene as `check_scene`, but for overlaps."""
+    if scene.ndim != 2 or scene.shape[1] != STATE_SIZE or scene.shape[0] < 1:
+        raise InvalidInputError(f"a scene has shape (N, 8) with N >= 1, not {scene.shape}")
     if not np.isfinite(scene).all():
         disk, column = (int(i) for i in np.argwhere(~np.isfinite(scene))[0])
         value = scene[disk, column]
@@ -99,10 +109,8 @@ def check_scene(scene: Scene, table: Table | None = None) -> Scene:
             raise InvalidInputError(
                 f"{STATE_NAMES[column]} of disk {disk} is {value}; it must be positive"
             )
-    _check_overlap(scene)
     if table is not None:
         check_on_table(scene, table)
-    return scene
 
 
 def check_scenes(scenes: Scenes) -> Scenes:

@@ -9,11 +9,15 @@ import numpy as np
 
 from sain_core.dynamics import RolloutModel, regions_of
 from sain_core.feasibility import Feasibility
+from sain_core.push import PUSH_SIZE
 from sain_core.scene import OVERLAP_TOLERANCE, check_scene, move_apart, surface_gaps
+from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.types import PushArray, PushSequences, Scene
 from sain_mppi.algorithms import ALGORITHMS
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.goal import Goal, check_goal, check_in_reach
+from sain_mppi.search.objective import make_objective
+from sain_mppi.search.poses import PoseGoal
 from sain_mppi.search.result import PlanResult
 from sain_mppi.search.sampling import shift
 from sain_mppi.search.search import Search
@@ -42,20 +46,22 @@ class Planner:
 
     def reset(self) -> None:
         """Forget the last plan."""
-        self._elites: PushSequences = np.empty((0, self.config.horizon, 3))
+        self._elites: PushSequences = np.empty((0, self.config.horizon, PUSH_SIZE))
         self._scene: Scene | None = None  # that they begin from
-        self._goal: Goal | None = None
+        self._goal: Goal | PoseGoal | None = None
 
     def plan(
         self,
         scene: Scene,
-        goal: Goal,
+        goal: Goal | PoseGoal,
         generator: np.random.Generator,
         deadline: float | None = None,
         wide: bool = False,
         refused: Sequence[PushArray] = (),
+        bodies: Bodies | None = None,
+        start: Scene | None = None,
     ) -> PlanResult:
-        """Plan from a settled scene (N, 8) towards a goal (2,) for the target.
+        """Plan from a settled scene (N, 8) towards a goal (2,) for the target, or poses of bodies.
 
         From the scene of the last plan, and for its goal, the search begins with what the last
         one found; from another scene with what follows on its first push.
@@ -67,8 +73,10 @@ class Planner:
             deadline: `time.monotonic` at which the plan is wanted: the best one until then. One
                 small batch of sequences is always rolled out. None: as the settings say.
             wide: look further about, and not where the last plan would go on.
-            refused: (3,) each, pushes that were refused from this scene: nothing like them is
+            refused: (A,) each, pushes that were refused from this scene: nothing like them is
                 planned.
+            bodies: shapes and roles; None: disks with the paper's roles.
+            start: (N, 8), the scene in which the goal was given; None: this one.
 
         Raises:
             InvalidInputError: a scene or goal that cannot exist.
@@ -77,16 +85,25 @@ class Planner:
             NoPushError: no push that moves the mid disk is permitted.
             ModelUnavailableError: nothing that the model predicted is finite.
         """
-        scene = as_disks(scene)
-        check_scene(scene, self.feasibility.table)
-        check_goal(goal, self.feasibility.table)
-        check_in_reach(goal, scene, self.feasibility)
+        table, first = self.feasibility.table, scene if start is None else start
+        if bodies is None or bodies.all_round:
+            scene = as_disks(scene)
+            check_scene(scene, table)
+        else:
+            check_bodies(scene, bodies, table, SEEN_OVERLAP)
+        if isinstance(goal, PoseGoal):
+            goal.check(scene, bodies or Bodies.disks(len(scene)), table)
+        else:
+            check_goal(goal, table)
+            check_in_reach(goal, scene, self.feasibility)
         if deadline is None and self.config.deadline > 0.0:
             deadline = monotonic() + self.config.deadline
         config = self.config.widened() if wide else self.config
-        search = Search(self.model, config, self.feasibility, scene, goal, refused, deadline)
-        ALGORITHMS[config.algorithm](search, self._start(scene, goal, config), config, generator)
-        self._elites, self._scene, self._goal = search.elites.sequences, scene.copy(), goal.copy()
+        objective = make_objective(goal, first, config.weights, self.feasibility, bodies)
+        search = Search(self.model, config, self.feasibility, scene, objective, refused, deadline)
+        ALGORITHMS[config.algorithm](search, self._start(scene, goal, search), generator)
+        self._elites, self._scene = search.elites.sequences, scene.copy()
+        self._goal = goal if isinstance(goal, PoseGoal) else goal.copy()
         return search.result()
 
     def complete(self, scene: Scene, result: PlanResult) -> PlanResult:
@@ -98,14 +115,22 @@ class Planner:
         regions = regions_of(self.model, scene, result.pushes[None], result.predicted[None])
         return result if regions is None else replace(result, regions=regions[0])
 
+    def _is_same(self, goal: Goal | PoseGoal) -> bool:
+        last = self._goal
+        if isinstance(goal, PoseGoal) or isinstance(last, PoseGoal):
+            return goal is last or (isinstance(goal, PoseGoal) and goal == last)
+        return last is not None and np.array_equal(goal, last)
+
     def _is_last(self, scene: Scene) -> bool:
         return self._scene is not None and np.array_equal(scene, self._scene)
 
-    def _start(self, scene: Scene, goal: Goal, config: PlannerConfig) -> PushSequences:
-        """Return what the last plan leaves (E, H, 3): nothing for another goal or horizon."""
-        same_goal = self._goal is not None and np.array_equal(goal, self._goal)
-        if not (config.warm_start and same_goal) or self._elites.shape[1] != config.horizon:
-            return np.empty((0, config.horizon, 3))
+    def _start(self, scene: Scene, goal: Goal | PoseGoal, search: Search) -> PushSequences:
+        """Return what the last plan leaves (E, H, A): nothing for another goal or horizon."""
+        config, size = search.config, search.objective.push_size
+        if not (config.warm_start and self._is_same(goal)):
+            return np.empty((0, config.horizon, size))
+        if self._elites.shape[1:] != (config.horizon, size):
+            return np.empty((0, config.horizon, size))
         return self._elites if self._is_last(scene) else shift(self._elites)
 
 

@@ -24,7 +24,7 @@ REFUSED = [
     ((0.0, 1.0, 0.1), ErrorCode.OUT_OF_RANGE, "push angle is 1.0000 rad; allowed: +-0.7854 rad"),
     ((0.0, 0.0, 0.2), ErrorCode.OUT_OF_RANGE, "push length is 0.2000 m; allowed: [0, 0.15] m"),
     ((0.0, 0.0, -0.1), ErrorCode.OUT_OF_RANGE, "push length is -0.1000 m"),
-    ((pi, 0.0, 0.1), ErrorCode.BLOCKED, "the tool would pass another disk with a gap of"),
+    ((pi, 0.0, 0.1), ErrorCode.BLOCKED, "the tool would pass another body with a gap of"),
 ]
 
 
@@ -68,12 +68,14 @@ def test_a_tool_that_meets_another_disk_goes_back_and_leaves_no_trace(config, be
         for observer in (None, seen.append):
             with pytest.raises(BlockedError) as caught:
                 world.carry_out(into_target, on_step=observer)
-            assert "the tool would come to touch disk 1; only the mid disk" in str(caught.value)
+            assert "the tool would come to touch body 1; this push may touch only" in str(
+                caught.value
+            )
             assert np.array_equal(world.observe(), before)
             assert np.array_equal(world.sample().joint_positions, joints)
             assert world.time == time
         assert not seen  # nobody sees a push that is refused
-        unguarded = calm.carry_out(into_target, guarded=False).after
+        unguarded = calm.carry_out(into_target, pushed=None).after
         assert unguarded[1, X] > before[1, X] + 0.01  # it was really in the way
         calm.reset(start)
         calm.push(bench.straight)
@@ -94,8 +96,8 @@ def test_a_scene_in_motion_takes_no_push(world, bench):
         ({(MID, X): np.nan}, InvalidInputError, "x of disk 0 is nan; must be finite"),
         ({(1, X): 0.45}, InvalidInputError, "disks 0 and 1 overlap by"),
         ({(1, X): 1.5}, OffTableError, "disk 1 at (1.500, 0.000) m is off the table"),
-        ({(1, MASS): 7.0}, InvalidInputError, "mass of disk 1 is 7 in the scene and 8 in this"),
-        ({(0, RADIUS): 0.075}, InvalidInputError, "radius of disk 0 is 0.075 in the scene"),
+        ({(1, MASS): 7.0}, InvalidInputError, "mass of body 1 is 7 in the scene and 8 in this"),
+        ({(0, RADIUS): 0.075}, InvalidInputError, "radius of body 0 is 0.075 in the scene"),
     ],
 )
 def test_a_scene_that_cannot_be_is_refused_and_the_world_stays(
@@ -114,5 +116,5 @@ def test_a_scene_that_cannot_be_is_refused_and_the_world_stays(
 
 def test_a_scene_with_another_number_of_disks_is_refused(world):
     scene = nominal_parameters(3).scene(np.array([[0.4, 0.0], [0.6, 0.0], [0.4, 0.3]]))
-    with pytest.raises(InvalidInputError, match="the scene has 3 disks; this world has 2"):
+    with pytest.raises(InvalidInputError, match="the scene has 3 bodies; this world has 2"):
         world.reset(scene)

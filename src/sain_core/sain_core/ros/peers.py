@@ -14,10 +14,7 @@ POLL_S: Final = 0.05
 def refuse_peers(node: Node, topics: Iterable[str], wait_s: float) -> None:
     """Look for other publishers of a node's own topics, before it publishes them itself.
 
-    Args:
-        node: resolves the names.
-        topics: which nobody else may publish.
-        wait_s: how long peers may take to be discovered [s].
+    For so long, as peers take their time to be discovered.
 
     Raises:
         BusyError: naming topic and peer.

@@ -11,7 +11,14 @@ from itertools import combinations
 from typing import Final, Self
 
 from sain_core.errors import ConfigError, InvalidInputError
-from sain_core.scene import OVERLAP_TOLERANCE, POSITION, RADIUS
+from sain_core.scene import (
+    OVERLAP_TOLERANCE,
+    POSITION,
+    RADIUS,
+    Table,
+    check_scene,
+    check_states,
+)
 from sain_core.shapes.registry import get_shape
 from sain_core.shapes.shape import Shape
 from sain_core.types import Scene
@@ -96,25 +103,32 @@ class Bodies:
         return tuple(body for body, role in enumerate(self.roles) if role == Role.FIXED)
 
 
-def check_bodies(scene: Scene, bodies: Bodies) -> None:
-    """Check that a scene (N, 8) can consist of these bodies.
+def check_bodies(
+    scene: Scene, bodies: Bodies, table: Table | None = None, most: float = OVERLAP_TOLERANCE
+) -> Scene:
+    """Return a scene (N, 8) when it can exist and consist of these bodies.
 
     Raises:
-        InvalidInputError: another number of bodies, or two whose outlines overlap by more than
-            `OVERLAP_TOLERANCE`.
+        InvalidInputError: as `check_scene`; another number of bodies; or two whose outlines overlap
+            by more than `most` [m].
+        OffTableError: a body off the table.
     """
+    if bodies.all_round and len(scene) == len(bodies):
+        return check_scene(scene, table)
+    check_states(scene, table)
     if len(scene) != len(bodies):
         raise InvalidInputError(
             f"the scene has {len(scene)} bodies; {len(bodies)} shapes are known"
         )
     for first, second in combinations(range(len(scene)), 2):
         deep = overlap(scene, bodies, first, second)
-        if deep > OVERLAP_TOLERANCE:
+        if deep > most:
             raise InvalidInputError(
                 f"bodies {first} ({bodies.shapes[first].name}) and {second}"
                 f" ({bodies.shapes[second].name}) overlap by {1e3 * deep:.1f} mm;"
-                f" at most {1e3 * OVERLAP_TOLERANCE:g} mm is allowed"
+                f" at most {1e3 * most:g} mm is allowed"
             )
+    return scene
 
 
 def overlap(scene: Scene, bodies: Bodies, first: int, second: int) -> float:

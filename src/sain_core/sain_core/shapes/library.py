@@ -96,8 +96,8 @@ SHAPES: Final = (
     Compound.of("star", *_star(5, 0.5)),
     Compound.of("star_6", *_star(6, 0.6)),
     Compound.of("arrow", _box(2, 1, y=0.5), ((2, 0), (3.5, 1), (2, 2))),
-    Compound.of("ring_segment", *_ring_segment(-pi / 3, pi / 3, 0.6, 8)),
-    Compound.of("half_ring", *_ring_segment(-pi / 2, pi / 2, 0.55, 10)),
+    Compound.of("ring_segment", *_ring_segment(-pi / 3, pi / 3, 0.6, 5)),
+    Compound.of("half_ring", *_ring_segment(-pi / 2, pi / 2, 0.55, 7)),
     *(
         Compound.of(f"random_{seed}", _random_polygon(seed, count))
         for seed, count in enumerate(RANDOM_CORNERS)

@@ -16,7 +16,7 @@ from sain_core.types import Points
 
 TOLERANCE: Final = 1e-6  # [radii], within which corners and centroids are equal
 GRID: Final = 1e-9  # [radii], to which corners of a union are rounded
-MOST_PARTS: Final = 16
+MOST_PARTS: Final = 12
 MOST_CORNERS: Final = 64  # of one part
 FOOT_INSET: Final = 0.06  # [radii], from the outline to the middle of a foot, where there is room
 FOOT_PLACES: Final = 48  # along the inset outline, of which three are chosen

@@ -11,7 +11,7 @@ from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
 from sain_eval.calibration_settings import CalibrationConfig
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_mppi.loop.settings import AgentConfig
+from sain_mppi.loop.agent import AgentConfig
 from sain_mppi.search.config import PlannerConfig
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 

@@ -1,8 +1,7 @@
 """Many episodes over worker processes, paired seeds for all controllers, in any order."""
 
-import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing import get_context
@@ -14,7 +13,8 @@ from sain_eval.loop.controllers import AgentMaker, agent_maker
 from sain_eval.loop.results import SceneRecord, scene_records
 from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
-from sain_mppi.loop.settings import AgentConfig
+from sain_mppi.loop.agent import AgentConfig
+from sain_sim.collecting.workers import environment
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -61,21 +61,14 @@ def run_jobs(jobs: Sequence[EpisodeJob], workers: int) -> Iterator[list[SceneRec
     if workers == 1:
         yield from map(run_job, jobs)
         return
-    limits = dict.fromkeys(THREAD_LIMITS, "1")  # read once, when a worker starts
-    before = {name: os.environ.get(name) for name in limits}
-    os.environ.update(limits)
     pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    try:
-        futures: list[Future[list[SceneRecord]]] = [pool.submit(run_job, job) for job in jobs]
-        for future in as_completed(futures):
-            yield future.result()
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+    with environment(dict.fromkeys(THREAD_LIMITS, "1")):  # read once, when a worker starts
+        try:
+            futures = [pool.submit(run_job, job) for job in jobs]
+            for future in as_completed(futures):
+                yield future.result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
 
 
 @cache

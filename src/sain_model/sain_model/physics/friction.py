@@ -22,7 +22,7 @@ from sain_core.history import PushHistory
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.types import Pushes, Scalars, Scenes
 
-WATCHED: Final = (MID, TARGET)
+WATCHED: Final = slice(MID, TARGET + 1)  # the first bodies, one or two
 CHUNK: Final = 32_768  # predictions at a time: bounds memory
 
 
@@ -156,10 +156,10 @@ class FrictionFilter:
 
     def errors(
         self, scenes: Scenes, pushes: Pushes, next_scenes: Scenes
-    ) -> Float[ndarray, "M F 2"]:
+    ) -> Float[ndarray, "M F W"]:
         """Return how far off mid disk and target are predicted at each friction [m]."""
         grid, count = self.grid, len(pushes)
-        errors = np.empty((count, len(grid), len(WATCHED)))
+        errors = np.empty((count, len(grid), min(scenes.shape[1], WATCHED.stop)))
         size = max(CHUNK // len(grid), 1)
         for first in range(0, count, size):
             rows = slice(first, min(first + size, count))
@@ -173,7 +173,7 @@ class FrictionFilter:
         return errors
 
     def weigh(
-        self, errors: Float[ndarray, "M F 2"], moved: Float[ndarray, "M 2"]
+        self, errors: Float[ndarray, "M F W"], moved: Float[ndarray, "M W"]
     ) -> Float[ndarray, "M F"]:
         """Return the log-likelihood of errors [m] of disks that moved so far [m]."""
         config = self.config
@@ -226,7 +226,7 @@ class FrictionFilter:
         return EpisodeFriction(np.where(pushes == 0, self.nominal, np.exp(mean)), spread, pushes)
 
 
-def ways(scenes: Scenes, next_scenes: Scenes) -> Float[ndarray, "M 2"]:
+def ways(scenes: Scenes, next_scenes: Scenes) -> Float[ndarray, "M W"]:
     """Return how far mid disk and target moved [m]."""
     moved = (next_scenes - scenes)[:, WATCHED, POSITION]
     return np.asarray(np.linalg.norm(moved, axis=-1))

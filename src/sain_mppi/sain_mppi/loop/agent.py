@@ -2,19 +2,48 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+from sain_core.config import Config, option
 from sain_core.dynamics import RolloutModel
 from sain_core.errors import CancelledError, SainError
+from sain_core.feasibility import Feasibility
 from sain_core.push import push_ids
 from sain_core.scene import check_on_table
 from sain_core.seeding import generator
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_mppi.loop.decision import Decider, PlanJob, PushDecision, Stop, StopReason, Task, View
-from sain_mppi.loop.goal_tracker import GoalTracker
+from sain_mppi.loop.goal_tracker import GoalTracker, GoalTrackerConfig
 from sain_mppi.loop.memory import EpisodeMemory
 from sain_mppi.loop.planning import PlanningDecider
-from sain_mppi.loop.settings import AgentConfig
+from sain_mppi.search.config import PlannerConfig
+
+SERVICE = "service"
+IN_PROCESS = "in_process"
+
+
+@dataclass(frozen=True)
+class AgentConfig(Config):
+    """How the agent decides, wherever it runs."""
+
+    prior: str = option("planar", "name of the prior that replaces a failed model")
+    seed: int = option(0, "seed; the same seed and scenes give the same plans", minimum=0)
+    history: bool = option(True, "infer friction from the earlier pushes of the episode")
+    planner: PlannerConfig = PlannerConfig()
+    goal_tracker: GoalTrackerConfig = GoalTrackerConfig()
+    feasibility: Feasibility = Feasibility()
+
+
+@dataclass(frozen=True)
+class MppiConfig(AgentConfig):
+    """What the planner's node plans with."""
+
+    dynamics: str = option(SERVICE, "where the model runs", choices=(SERVICE, IN_PROCESS))
+    model: str = option("sain", "model in process: its name, or the path of a checkpoint")
+    model_timeout: float = option(
+        2.0, "longest wait for a reply of the model", unit="s", minimum=0.01, maximum=600.0
+    )
 
 
 class Agent:
@@ -38,6 +67,7 @@ class Agent:
         self._tracker = GoalTracker(config.goal_tracker, config.feasibility.table, clock)
         self._memory = EpisodeMemory()
         self._push_ids = push_ids()
+        self._bodies: tuple[int, Bodies | None] = (0, None)  # of which episode
         self._running: PlanJob | None = None
 
     @property
@@ -56,6 +86,10 @@ class Agent:
     def see(self, scene: Scene, episode_id: int, scene_id: int, settled: bool) -> None:
         """Take note of a scene (N, 8), with the ids by which a push names it."""
         self._tracker.see(View(scene, episode_id, scene_id, settled, self._clock()))
+
+    def meet(self, episode_id: int, bodies: Bodies) -> None:
+        """Take note of the shapes and roles of an episode's bodies; without them, all are disks."""
+        self._bodies = (episode_id, bodies)
 
     def learn(self, episode_id: int, scene: Scene, push: PushArray, next_scene: Scene) -> None:
         """Take note that a push (3,), whoever sent it, led from one scene (N, 8) to another.
@@ -86,6 +120,9 @@ class Agent:
         job = self._tracker.next_job()
         if job is None:
             return None
+        episode, bodies = self._bodies
+        if episode == job.view.episode_id:
+            job = replace(job, bodies=bodies)
         if stop := self._tracker.stop(job):
             return stop
         past = self._memory.of(job.view.episode_id, len(job.view.scene))

@@ -10,9 +10,11 @@ import numpy as np
 from sain_core.errors import SainError
 from sain_core.history import PushHistory
 from sain_core.scene import MASS, POSITION, RADIUS, target_distance
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_mppi.loop.progress_monitor import LastPush
-from sain_mppi.search.goal import Goal
+from sain_mppi.search.goal import Goal, goal_reached
+from sain_mppi.search.poses import PoseGoal
 from sain_mppi.search.result import PlanResult
 
 STREAM_DECIMALS = 6  # of the numbers that name a random stream: 1 um, far above rounding
@@ -24,8 +26,8 @@ class Task:
 
     goal_id: int
     episode_id: int
-    goal: Goal
-    tolerance: float  # [m]
+    goal: Goal | PoseGoal
+    tolerance: float  # [m], of a goal of the target; poses have their own
     max_pushes: int
 
 
@@ -59,6 +61,7 @@ class PlanJob:
         refused: (3,) each, pushes that were refused from this scene.
         history: the episode's earlier pushes.
         cancelled: set once the decision is no longer wanted.
+        bodies: shapes and roles; None: disks with the paper's roles.
     """
 
     task: Task
@@ -69,11 +72,28 @@ class PlanJob:
     refused: tuple[PushArray, ...] = ()
     history: PushHistory = field(default_factory=PushHistory.empty)
     cancelled: Event = field(default_factory=Event)
+    bodies: Bodies | None = None
+
+    @property
+    def known_bodies(self) -> Bodies:
+        """Shapes and roles."""
+        return self.bodies or Bodies.disks(len(self.view.scene))
 
     @property
     def distance(self) -> float:
-        """The distance [m] from the target to the goal."""
-        return float(target_distance(self.view.scene, self.task.goal))
+        """The distance [m] from the target to the goal, or the largest of bodies to their poses."""
+        goal, scene = self.task.goal, self.view.scene
+        if isinstance(goal, PoseGoal):
+            return float(goal.errors(scene, self.known_bodies)[0].max())
+        return float(target_distance(scene, goal))
+
+    @property
+    def reached(self) -> bool:
+        """Whether the scene is settled and the goal reached."""
+        goal, scene = self.task.goal, self.view.scene
+        if isinstance(goal, PoseGoal):
+            return goal.reached(scene, self.start, self.known_bodies)
+        return goal_reached(scene, goal, self.task.tolerance)
 
     @property
     def stream(self) -> tuple[str, int, int]:
@@ -83,7 +103,9 @@ class PlanJob:
         refusals since. It holds no id from the wire: whoever plays the same episode draws the same.
         """
         disks = self.start[:, [*range(POSITION.stop), MASS, RADIUS]]
-        words = np.concatenate([self.task.goal, disks.ravel()]).round(STREAM_DECIMALS) + 0.0
+        goal = self.task.goal
+        numbers = goal.numbers if isinstance(goal, PoseGoal) else goal
+        words = np.concatenate([numbers, disks.ravel()]).round(STREAM_DECIMALS) + 0.0
         return words.tobytes().hex(), self.pushes, len(self.refused)
 
 

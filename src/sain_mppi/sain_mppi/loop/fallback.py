@@ -5,9 +5,10 @@ from threading import Event
 from typing import Protocol, runtime_checkable
 
 from sain_core.dynamics import Radii, RegionModel, RolloutModel
-from sain_core.errors import CancelledError, SainError
+from sain_core.errors import CancelledError, ConfigError, SainError
 from sain_core.history import PushHistory, informed_rollout
 from sain_core.model_checks.response_check import check_finite_answer, check_rollout
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, PushSequences, Scene
 
 logger = logging.getLogger(__name__)
@@ -35,11 +36,16 @@ class FallbackRollout:
         self._model = model
         self._physics: RolloutModel | None = physics  # None: without the history so far
         self._history: PushHistory | None = None
+        self._bodies: Bodies | None = None
         self._cancelled = Event()
         self.failure: SainError | None = None
 
     def begin(
-        self, history: PushHistory, until: float | None = None, cancelled: Event | None = None
+        self,
+        history: PushHistory,
+        until: float | None = None,
+        cancelled: Event | None = None,
+        bodies: Bodies | None = None,
     ) -> None:
         """Begin a new plan: the model gets another chance.
 
@@ -49,11 +55,16 @@ class FallbackRollout:
             history: the episode's earlier pushes, which model and physics learn from.
             until: a model that has not answered by this `time.monotonic` fails; None: no limit.
             cancelled: once it is set, the plan ends with `CancelledError`.
+            bodies: shapes and roles; None: disks with the paper's roles.
         """
         self.failure = None
         self._cancelled = cancelled or Event()
-        self._history, self._physics = history, None
-        self._model = informed_rollout(self._models[0], history)
+        self._history, self._bodies, self._physics = history, bodies, None
+        try:
+            self._model = informed_rollout(self._models[0], history, bodies)
+        except ConfigError as error:  # it cannot predict such bodies
+            self.failure = error
+            return
         if isinstance(self._model, Impatient):
             self._model.until(until)
 
@@ -70,7 +81,7 @@ class FallbackRollout:
                 self.failure = error
         if self._physics is None:
             assert self._history is not None
-            self._physics = informed_rollout(self._models[1], self._history)
+            self._physics = informed_rollout(self._models[1], self._history, self._bodies)
         return self._physics.rollout(scene, pushes)
 
     def regions(

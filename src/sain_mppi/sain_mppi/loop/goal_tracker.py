@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from sain_core.config import Config, option
-from sain_core.errors import ErrorCode, NoPushError
+from sain_core.errors import ErrorCode, GoalLostError, NoPushError
 from sain_core.scene import Table
 from sain_core.types import PushArray
 from sain_mppi.loop.decision import PlanJob, Stop, StopReason, Task, View
-from sain_mppi.search.goal import check_goal, check_tolerance, goal_reached
+from sain_mppi.search.goal import check_goal, check_tolerance
+from sain_mppi.search.poses import PoseGoal
 
 LOOK_AGAIN: Final = (ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE)
 """Refusals that say that the scene was not the current one: the next scene to arrive is."""
@@ -76,8 +77,9 @@ class GoalTracker:
         self.task, self.pushes, self._refused, self._start = None, 0, (), None
         self._decided, self._awaited, self._latest = None, None, None
         self._unanswered.clear()
-        check_goal(task.goal, self._table)
-        check_tolerance(task.tolerance)
+        if not isinstance(task.goal, PoseGoal):  # poses need the bodies: the planner checks them
+            check_goal(task.goal, self._table)
+            check_tolerance(task.tolerance)
         self.task = task
 
     def see(self, view: View) -> None:
@@ -107,8 +109,13 @@ class GoalTracker:
     def stop(self, job: PlanJob) -> Stop | None:
         """Return why a job needs no decision; None: it needs one."""
         task = job.task
-        if goal_reached(job.view.scene, task.goal, task.tolerance):
+        if job.reached:
             return Stop(task, StopReason.REACHED, job)
+        if isinstance(task.goal, PoseGoal):
+            moved = task.goal.moved(job.view.scene, job.start)
+            if moved is not None:
+                lost = GoalLostError(f"body {moved} was to be kept where it was, and was moved")
+                return Stop(task, StopReason.FAILED, job, lost)
         if task.max_pushes and self.pushes >= task.max_pushes:
             return Stop(task, StopReason.EXHAUSTED, job)
         count = len(job.refused)

@@ -14,7 +14,7 @@ from sain_mppi.loop.fallback import FallbackRollout
 from sain_mppi.loop.progress_monitor import ProgressMonitor
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.cost import resting_cost
+from sain_mppi.search.objective import make_objective
 
 MODEL_SHARE: Final = 0.8  # of the time for a plan: a model that is silent so long is late
 
@@ -50,7 +50,7 @@ class PlanningDecider(Decider):
             self._monitor.reset()
             self._session = job.session
         self._model.begin(
-            job.history, started + MODEL_SHARE * time if time else None, job.cancelled
+            job.history, started + MODEL_SHARE * time if time else None, job.cancelled, job.bodies
         )
         scene, goal = job.view.scene, job.task.goal
         self._look(job)
@@ -62,6 +62,8 @@ class PlanningDecider(Decider):
             deadline=started + time if time else None,
             wide=bool(concern),
             refused=job.refused,
+            bodies=job.bodies,
+            start=job.start,
         )
         self._monitor.expect(scene, plan.predicted[0])
         failure, last = self._model.failure, self._monitor.last
@@ -71,11 +73,12 @@ class PlanningDecider(Decider):
         """Compare the scene with what was expected; raise when it is no use going on."""
         scene, monitor = job.view.scene, self._monitor
         weights = self._config.weights
-        monitor.look(scene, resting_cost(scene, job.task.goal, weights, self._feasibility))
+        goal = make_objective(job.task.goal, job.start, weights, self._feasibility, job.bodies)
+        monitor.look(scene, goal.rest_cost(scene))
         if monitor.hopeless:
             raise NoProgressError(
-                f"{monitor.without} pushes in a row brought nothing, the target is"
-                f" {1e3 * job.distance:.0f} mm from the goal; choose another goal, move a disk, or"
+                f"{monitor.without} pushes in a row brought nothing, the distance is"
+                f" {1e3 * job.distance:.0f} mm; choose another goal, move a disk, or"
                 " send the goal again"
             )
 

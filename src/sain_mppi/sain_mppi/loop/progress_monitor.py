@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.scene import MID, POSITION, TARGET
+from sain_core.scene import POSITION, TARGET
 from sain_core.types import Scalars, Scene
 from sain_mppi.search.config import ProgressConfig
 
@@ -22,7 +22,7 @@ class LastPush:
     @property
     def surprising(self) -> bool:
         """Whether mid disk or target is where it was not expected."""
-        return bool((self.errors > self.expected)[[MID, TARGET]].any())
+        return bool((self.errors > self.expected)[: TARGET + 1].any())
 
 
 class ProgressMonitor:

@@ -13,8 +13,9 @@ from numpy import ndarray
 from sain_core.config import Config, option
 from sain_core.dynamics import Radii, scenes_before
 from sain_core.feasibility import Feasibility, tool_gap
-from sain_core.push import LENGTH, PUSH_SIZE
+from sain_core.push import LENGTH
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Mask, Points, PredictedScenes, PushSequences, Scalars, Scene
 from sain_mppi.search.goal import Goal
 
@@ -91,6 +92,27 @@ class CostWeights(Config):
     )
     effort: float = option(0.05, "weight of the tool's travel", unit="1/m", minimum=0.0)
     pushes: float = option(0.01, "cost of each push of non-zero length", minimum=0.0)
+    lever: float = option(
+        1.0,
+        "pose goals: weight of a heading, as the distance of points from a body's middle, in"
+        " circumscribed radii",
+        minimum=0.0,
+    )
+    running_pose: float = option(
+        5.0,
+        "pose goals: weight of the distances after all pushes but the last",
+        unit="1/m",
+        minimum=0.0,
+    )
+    around: float = option(
+        20.0,
+        "pose goals: weight of a body where the tool cannot get behind it",
+        unit="1/m",
+        minimum=0.0,
+    )
+    keep: float = option(
+        200.0, "pose goals: weight of moving a body that is to be kept", unit="1/m", minimum=0.0
+    )
 
 
 @dataclass(frozen=True)
@@ -99,11 +121,17 @@ class Rollout:
 
     before: PredictedScenes  # (K, H, N, 8), the scene that each push starts from
     after: PredictedScenes  # (K, H, N, 8), the scene that each push leads to
-    pushes: PushSequences  # (K, H, 3)
+    pushes: PushSequences  # (K, H, A)
+    moving: Mask  # (K, H), pushes that are not of zero length
+
+
+@dataclass(frozen=True)
+class TargetRollout(Rollout):
+    """A rollout towards a goal of the target."""
+
     goal: Goal
     error: Points  # (K, H, 2), target minus goal after each push
     distance: Float[ndarray, "K H"]
-    moving: Mask  # (K, H), pushes that are not of zero length
     regions: Radii | None = None  # (K, H, N) [m]; None: not asked for, or not known
 
 
@@ -113,17 +141,20 @@ def make_rollout(
     predicted: PredictedScenes,
     goal: Goal,
     regions: Radii | None = None,
-) -> Rollout:
+) -> TargetRollout:
     """Bundle sequences, their prediction and the goal for the cost terms."""
     before = scenes_before(scene, predicted)
     error = predicted[..., TARGET, POSITION] - goal
     distance = np.linalg.norm(error, axis=-1)
     moving = pushes[..., LENGTH] > 0.0
-    return Rollout(before, predicted, pushes, goal, error, distance, moving, regions)
+    return TargetRollout(before, predicted, pushes, moving, goal, error, distance, regions)
 
 
 def cost_terms(
-    rollout: Rollout, weights: CostWeights, feasibility: Feasibility
+    rollout: TargetRollout,
+    weights: CostWeights,
+    feasibility: Feasibility,
+    bodies: Bodies | None = None,
 ) -> dict[str, Scalars]:
     """Return every term (K,), already weighted. Not finite where the prediction is not."""
     remaining = np.minimum(rollout.distance[:, -1] / weights.done_within, 1.0)  # (K,)
@@ -133,23 +164,14 @@ def cost_terms(
         "alignment": weights.alignment * remaining * misalignment(rollout),
         "approach": weights.approach * remaining * approach_distance(rollout),
         "caution": weights.caution * overshoot_risk(rollout, weights, feasibility),
-        "clearance": weights.clearance * tool_nearness(rollout, weights, feasibility),
+        "clearance": weights.clearance * tool_nearness(rollout, weights, feasibility, bodies),
         "reach": weights.reach * remaining * reach_excess(rollout, weights, feasibility),
         "edge": weights.edge * edge_nearness(rollout, weights, feasibility),
-        "blocked": weights.blocked * blocked_pushes(rollout, feasibility),
+        "blocked": weights.blocked * blocked_pushes(rollout, feasibility, bodies),
         "risk": weights.risk * target_regions(rollout),
         "effort": weights.effort * rollout.pushes[..., LENGTH].sum(axis=1),
         "pushes": weights.pushes * rollout.moving.sum(axis=1),
     }
-
-
-def resting_cost(
-    scene: Scene, goal: Goal, weights: CostWeights, feasibility: Feasibility, horizon: int = 1
-) -> float:
-    """Return what doing nothing costs: so many pushes of zero length from a scene (N, 8)."""
-    stay = np.broadcast_to(scene, (1, horizon, *scene.shape))
-    rollout = make_rollout(scene, np.zeros((1, horizon, PUSH_SIZE)), stay, goal)
-    return float(total_cost(cost_terms(rollout, weights, feasibility))[0])
 
 
 def total_cost(terms: dict[str, Scalars]) -> Scalars:
@@ -158,7 +180,7 @@ def total_cost(terms: dict[str, Scalars]) -> Scalars:
     return np.where(np.isfinite(total), total, np.inf)
 
 
-def position_cost(rollout: Rollout, weights: CostWeights) -> Scalars:
+def position_cost(rollout: TargetRollout, weights: CostWeights) -> Scalars:
     """Return the paper's Q-weighted squared error (eq. 6), running and terminal."""
     squared = np.square(rollout.error) @ np.asarray(weights.position)  # (K, H)
     if weights.orientation > 0.0:
@@ -167,7 +189,7 @@ def position_cost(rollout: Rollout, weights: CostWeights) -> Scalars:
     return weights.running * squared[:, :-1].sum(axis=1) + weights.terminal * squared[:, -1]
 
 
-def misalignment(rollout: Rollout) -> Scalars:
+def misalignment(rollout: TargetRollout) -> Scalars:
     """Return 0 when the mid disk ends straight behind the target, seen from the goal, to 1."""
     last = rollout.after[:, -1]
     to_target = last[:, TARGET, POSITION] - last[:, MID, POSITION]
@@ -177,7 +199,7 @@ def misalignment(rollout: Rollout) -> Scalars:
     return 0.5 * (1.0 - cosine)
 
 
-def approach_distance(rollout: Rollout) -> Scalars:
+def approach_distance(rollout: TargetRollout) -> Scalars:
     """Return the mid disk's distance [m] at the end to where it touches the target from behind."""
     last = rollout.after[:, -1]
     to_goal = -rollout.error[:, -1] / np.maximum(rollout.distance[:, -1:], 1e-9)
@@ -186,7 +208,9 @@ def approach_distance(rollout: Rollout) -> Scalars:
     return np.asarray(np.linalg.norm(last[:, MID, POSITION] - spot, axis=-1))
 
 
-def overshoot_risk(rollout: Rollout, weights: CostWeights, feasibility: Feasibility) -> Scalars:
+def overshoot_risk(
+    rollout: TargetRollout, weights: CostWeights, feasibility: Feasibility
+) -> Scalars:
     """Return by how much [m] targets that slide too far would go past the goal for good, summed.
 
     For good: the tool cannot stand where it would push them back from.
@@ -201,14 +225,16 @@ def overshoot_risk(rollout: Rollout, weights: CostWeights, feasibility: Feasibil
     return np.asarray((lost * np.maximum(weights.uncertainty * travel - left, 0.0)).sum(axis=1))
 
 
-def tool_nearness(rollout: Rollout, weights: CostWeights, feasibility: Feasibility) -> Scalars:
+def tool_nearness(
+    rollout: Rollout, weights: CostWeights, feasibility: Feasibility, bodies: Bodies | None = None
+) -> Scalars:
     """Return how deep the tool's way enters the gap it should keep, in gaps squared, summed."""
-    gap = tool_gap(rollout.before, rollout.pushes, feasibility.limits)
+    gap = tool_gap(rollout.before, rollout.pushes, feasibility.limits, bodies)
     lacking = _shortfall(gap, weights.tool_gap) * rollout.moving
     return np.asarray(np.square(lacking).sum(axis=1))
 
 
-def reach_excess(rollout: Rollout, weights: CostWeights, feasibility: Feasibility) -> Scalars:
+def reach_excess(rollout: TargetRollout, weights: CostWeights, feasibility: Feasibility) -> Scalars:
     """Return how far mid disk and target end beyond where the tool gets behind them.
 
     In margins, squared and summed: a mid disk pushed to where no approach is left ends the
@@ -223,7 +249,9 @@ def reach_excess(rollout: Rollout, weights: CostWeights, feasibility: Feasibilit
     return np.asarray(np.square(_shortfall(room, weights.reach_margin)).sum(axis=1))
 
 
-def edge_nearness(rollout: Rollout, weights: CostWeights, feasibility: Feasibility) -> Scalars:
+def edge_nearness(
+    rollout: TargetRollout, weights: CostWeights, feasibility: Feasibility
+) -> Scalars:
     """Return how deep any disk's centre enters the margin along the table's edge, worst, squared.
 
     The target may go as near to the edge as its goal is.
@@ -242,13 +270,15 @@ def _edge_room(points: Points, table: Table) -> Scalars:
     return np.asarray(np.minimum(across, np.minimum(y - table.y_min, table.y_max - y)))
 
 
-def blocked_pushes(rollout: Rollout, feasibility: Feasibility) -> Scalars:
+def blocked_pushes(
+    rollout: Rollout, feasibility: Feasibility, bodies: Bodies | None = None
+) -> Scalars:
     """Return how many pushes of a sequence could not be carried out when their turn comes."""
-    allowed = feasibility.mask(rollout.before, rollout.pushes)
+    allowed = feasibility.mask(rollout.before, rollout.pushes, bodies)
     return np.asarray((~allowed).sum(axis=1).astype(np.float64))
 
 
-def target_regions(rollout: Rollout) -> Scalars:
+def target_regions(rollout: TargetRollout) -> Scalars:
     """Return the radii [m] of the regions that should hold the target, summed over the pushes."""
     if rollout.regions is None:
         return np.zeros(len(rollout.pushes))

@@ -6,28 +6,32 @@ from typing import Final
 import numpy as np
 
 from sain_core.feasibility import Feasibility
-from sain_core.push import ANGLE, LENGTH, LOCATION
+from sain_core.push import LENGTH, LOCATION, PUSH_SIZE, pushed_bodies
 from sain_core.scene import wrap_angle
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Mask, PushArray, Pushes, Scene
 
 REFUSED_NEARBY: Final = np.array([0.15, 0.15, 0.02])  # [rad, rad, m], too like a refused push
 
 
 def permitted(
-    scene: Scene, pushes: Pushes, feasibility: Feasibility, refused: Sequence[PushArray] = ()
+    scene: Scene,
+    pushes: Pushes,
+    feasibility: Feasibility,
+    refused: Sequence[PushArray] = (),
+    bodies: Bodies | None = None,
 ) -> Mask:
-    """Tell which pushes (B, 3) touch the mid disk, can be carried out, and were not refused.
+    """Tell which pushes (B, A) touch their body in a scene (N, 8) and can be carried out.
 
-    Args:
-        scene: (N, 8), the one that is pushed in.
-        pushes: to be judged.
-        feasibility: what the arm can do.
-        refused: (3,) each; what is very like one of them is not permitted either.
+    What was refused, (A,) each, or is very like it, is not permitted either.
     """
     scenes = np.broadcast_to(scene, (len(pushes), *scene.shape))
-    ok = feasibility.mask(scenes, pushes) & (pushes[:, LENGTH] > feasibility.limits.clearance)
+    ok = feasibility.mask(scenes, pushes, bodies) & (
+        pushes[:, LENGTH] > feasibility.limits.clearance
+    )
     for one in refused:
         apart = np.abs(pushes - one)
         apart[:, LOCATION] = np.abs(wrap_angle(pushes[:, LOCATION] - one[LOCATION]))
-        ok &= (apart > REFUSED_NEARBY)[:, [LOCATION, ANGLE, LENGTH]].any(axis=1)
+        unlike = (apart[:, :PUSH_SIZE] > REFUSED_NEARBY).any(axis=1)
+        ok &= unlike | (pushed_bodies(pushes) != pushed_bodies(one))
     return np.asarray(ok)

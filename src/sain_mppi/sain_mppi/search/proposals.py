@@ -8,17 +8,13 @@ import numpy as np
 from sain_core.errors import NoPushError
 from sain_core.push import LENGTH, PushLimits
 from sain_core.types import PushSequences
-from sain_mppi.search.candidates import go_around_sequences, straight_sequences
-from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.sampling import (
     Sequence,
     gaussian_sequences,
     stop_early,
-    uniform_sequences,
 )
 from sain_mppi.search.search import Search
 
-STRAIGHT_SHARE: Final = 0.25  # of the candidates; the others go around
 SURPLUS: Final = 2  # sequences drawn for each one wanted: those are dropped whose first push is
 # not permitted
 LAST_RESORT: Final = 256  # uniform draws in a hard place, besides four for each one wanted
@@ -28,17 +24,12 @@ def draw_permitted(
     search: Search,
     draw: Callable[[int], PushSequences],
     count: int,
-    horizon: int,
     generator: np.random.Generator,
 ) -> PushSequences:
     """Return up to so many sequences (K, H, 3) whose first push can be carried out.
 
-    Args:
-        search: says which can.
-        draw: returns about as many sequences as it is asked for, the dearest to it first.
-        count: sequences wanted.
-        horizon: pushes in each.
-        generator: of the uniform draws that are added where most of the others are blocked.
+    `draw` returns about as many sequences as it is asked for, the dearest to it first. Uniform
+    draws are added where most of them are blocked.
 
     Raises:
         NoPushError: no first push is permitted.
@@ -46,8 +37,8 @@ def draw_permitted(
     sequences = draw(SURPLUS * count)
     sequences = sequences[search.permitted(sequences[:, 0])]
     if len(sequences) < count:
-        limits = search.feasibility.limits
-        more = uniform_sequences(limits, generator, 4 * count + LAST_RESORT, horizon)
+        wanted = 4 * count + LAST_RESORT
+        more = search.objective.uniform(generator, wanted, search.config.horizon)
         sequences = np.concatenate([sequences, more[search.permitted(more[:, 0])]])
     if not len(sequences):
         raise NoPushError(
@@ -60,17 +51,16 @@ def propose(
     search: Search,
     mean: Sequence | None,
     round_number: int,
-    count: int,
-    config: PlannerConfig,
     generator: np.random.Generator,
+    count: int,
 ) -> PushSequences:
     """Draw sequences (count, H, 3) of all kinds, shuffled; behind the mean, where there is one.
 
     Without a mean what would be drawn about it is drawn uniformly.
     """
-    scene, goal, limits = search.scene, search.goal, search.feasibility.limits
+    config = search.config
+    objective, limits = search.objective, search.feasibility.limits
     informed = round(count * config.candidate_share)
-    straight = round(informed * STRAIGHT_SHARE)
     about_mean = count - informed
     if mean is None:
         about_mean = 0
@@ -78,10 +68,9 @@ def propose(
         about_mean -= min(round(count * config.uniform_share), about_mean)
     uniform = count - informed - about_mean
     horizon = config.horizon
-    drawn = uniform_sequences(limits, generator, uniform, horizon)
+    drawn = objective.uniform(generator, uniform, horizon)
     parts = [
-        straight_sequences(scene, goal, limits, generator, straight, horizon),
-        go_around_sequences(scene, goal, limits, generator, informed - straight, horizon),
+        objective.candidates(search.scene, generator, informed, horizon),
         stop_early(drawn, config.stop_share, generator),
     ]
     if mean is not None:

@@ -8,11 +8,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.config import Config, option
-from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, PushLimits
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PUSH_SIZE, PushLimits
 from sain_core.scene import wrap_angle
-from sain_core.types import PushSequences, Scalars
+from sain_core.types import PushArray, Pushes, PushSequences, Scalars
 
-Sequence = Float[ndarray, "H 3"]
+Sequence = Float[ndarray, "H A"]
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def reflect(values: Scalars, low: float, high: float) -> Scalars:
 
 def inside_limits(pushes: PushSequences, limits: PushLimits) -> PushSequences:
     """Bring pushes (..., 3) into the limits: locations wrap, angles and lengths reflect."""
-    inside = np.empty_like(pushes)
+    inside = pushes.copy()
     inside[..., LOCATION] = wrap_angle(pushes[..., LOCATION])
     inside[..., ANGLE] = reflect(pushes[..., ANGLE], -limits.max_angle, limits.max_angle)
     inside[..., LENGTH] = reflect(pushes[..., LENGTH], 0.0, limits.max_length)
@@ -74,8 +74,10 @@ def gaussian_sequences(
 ) -> PushSequences:
     """Draw sequences (count, H, 3) about a mean (H, 3), each with its own scale of noise."""
     scale = np.exp(generator.uniform(np.log(spread), 0.0, (count, 1, 1)))
-    noise = generator.standard_normal((count, *mean.shape)) * deviations * scale
-    return inside_limits(mean + noise, limits)
+    noise = generator.standard_normal((count, len(mean), PUSH_SIZE)) * deviations * scale
+    drawn = np.broadcast_to(mean, (count, *mean.shape)).copy()
+    drawn[..., :PUSH_SIZE] += noise
+    return inside_limits(drawn, limits)
 
 
 def coloured_noise(
@@ -120,12 +122,27 @@ def stop_early(
 
 
 def weighted_mean(sequences: PushSequences, weights: Scalars) -> Sequence:
-    """Return the mean (H, 3) of sequences (K, H, 3); locations are averaged on the circle."""
+    """Return the mean (H, A) of sequences (K, H, A); locations are averaged on the circle.
+
+    Where pushes name bodies, each push of the mean is of those against the body with most weight.
+    """
+    if sequences.shape[-1] > PUSH_SIZE:
+        return np.stack([_mean_push(step, weights) for step in sequences.swapaxes(0, 1)])
     mean = np.einsum("k,khp->hp", weights, sequences)
     sine = weights @ np.sin(sequences[..., LOCATION])
     cosine = weights @ np.cos(sequences[..., LOCATION])
     mean[:, LOCATION] = wrap_angle(np.arctan2(sine, cosine))
     return mean
+
+
+def _mean_push(pushes: Pushes, weights: Scalars) -> PushArray:
+    """Return the mean (4,) of the pushes (K, 4) against the body that has most of the weight."""
+    bodies, which = np.unique(pushes[:, BODY], return_inverse=True)
+    best = int(np.argmax(np.bincount(which, weights=weights)))
+    mine = which == best
+    of_body = weights[mine] / weights[mine].sum()
+    mean = weighted_mean(pushes[mine, None, :PUSH_SIZE], of_body)[0]
+    return np.append(mean, bodies[best])
 
 
 def shift(sequences: PushSequences) -> PushSequences:

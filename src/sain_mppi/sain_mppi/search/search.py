@@ -9,7 +9,7 @@ from sain_core.dynamics import Radii, RolloutModel, regions_of
 from sain_core.errors import ModelUnavailableError
 from sain_core.feasibility import Feasibility
 from sain_core.model_checks.response_check import check_rollout
-from sain_core.scene import MID, POSITION
+from sain_core.scene import POSITION
 from sain_core.types import (
     Mask,
     PredictedScenes,
@@ -20,12 +20,11 @@ from sain_core.types import (
     Scene,
 )
 from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.cost import cost_terms, make_rollout, resting_cost, total_cost
-from sain_mppi.search.elites import Elites
+from sain_mppi.search.cost import total_cost
 from sain_mppi.search.feasible_mask import permitted
-from sain_mppi.search.goal import Goal
+from sain_mppi.search.objective import Objective
 from sain_mppi.search.pacing import Pacing
-from sain_mppi.search.result import PlanResult, Times
+from sain_mppi.search.result import Elites, PlanResult, Times
 from sain_mppi.search.weights import cost_spread, effective_samples, softmin_weights
 
 
@@ -38,32 +37,23 @@ class Search:
         config: PlannerConfig,
         feasibility: Feasibility,
         scene: Scene,
-        goal: Goal,
+        objective: Objective,
         refused: Sequence[PushArray] = (),
         deadline: float | None = None,
     ) -> None:
-        """Begin with nothing found.
+        """Begin with nothing found, in a scene (N, 8) from which some pushes (3,) were refused.
 
-        Args:
-            model: predicts.
-            config: how to plan.
-            feasibility: what the arm can do.
-            scene: (N, 8), where the plan starts.
-            goal: (2,), for the target.
-            refused: (3,) each, pushes that were refused from this scene.
-            deadline: `time.monotonic` at which the plan is wanted; None: whenever.
+        The plan is wanted at the deadline, a `time.monotonic`; None: whenever.
         """
         self.model, self.config, self.feasibility = model, config, feasibility
-        self.scene, self.goal, self.refused = scene, goal, refused
-        self.elites = Elites(config.horizon, config.shown)
+        self.scene, self.objective, self.refused = scene, objective, refused
+        self.elites = Elites(config.horizon, config.shown, objective.push_size)
         self.effective = 0.0
         self.samples = self.rounds = 0
         self._pacing = Pacing(deadline)
         self._rollout_time = self._cost_time = 0.0
         self._began = perf_counter()
-        self.rest_cost = resting_cost(
-            self.scene, self.goal, config.weights, self.feasibility, config.horizon
-        )
+        self.rest_cost = objective.rest_cost(scene, config.horizon)
 
     @property
     def improves(self) -> bool:
@@ -78,13 +68,15 @@ class Search:
     @property
     def where(self) -> str:
         """The situation, for messages."""
-        x, y = self.scene[MID, POSITION]
+        body = self.objective.pushable[0]
+        x, y = self.scene[body, POSITION]
+        name = "mid disk" if self.objective.bodies is None else f"body {body}"
         refused = f", {len(self.refused)} refused before" if self.refused else ""
-        return f"from here: mid disk at ({x:.3f}, {y:.3f}) m{refused}"
+        return f"from here: {name} at ({x:.3f}, {y:.3f}) m{refused}"
 
     def permitted(self, pushes: Pushes) -> Mask:
-        """Tell which pushes (B, 3) touch the mid disk, can be carried out, and were not refused."""
-        return permitted(self.scene, pushes, self.feasibility, self.refused)
+        """Tell which pushes (B, A) touch their body, can be carried out, and were not refused."""
+        return permitted(self.scene, pushes, self.feasibility, self.refused, self.objective.bodies)
 
     def evaluate(self, sequences: PushSequences) -> Scalars:
         """Roll out sequences (K, H, 3) and return what they cost (K,); their first pushes must be
@@ -172,8 +164,7 @@ class Search:
     ) -> tuple[Scalars, dict[str, Scalars]]:
         regions = self._regions(sequences, predicted) if self.config.weights.risk > 0.0 else None
         begun = perf_counter()
-        rollout = make_rollout(self.scene, sequences, predicted, self.goal, regions)
-        terms = cost_terms(rollout, self.config.weights, self.feasibility)
+        terms = self.objective.terms(self.scene, sequences, predicted, regions)
         costs = total_cost(terms)
         self._cost_time += perf_counter() - begun
         return costs, terms

@@ -3,7 +3,6 @@
 import functools
 import hashlib
 import logging
-import os
 import platform
 import secrets
 import socket
@@ -19,7 +18,7 @@ import sain_core
 import sain_sim
 from sain_core.errors import ConfigError, SainError
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
-from sain_sim.collecting.workers import WorkerPool
+from sain_sim.collecting.workers import WorkerPool, environment
 
 LOCAL: Final = "local"
 AUTO: Final = "auto"
@@ -45,7 +44,7 @@ def ray_cluster(address: str, workers: int) -> Iterator[ModuleType]:
     _knock(address)
     with (
         tempfile.TemporaryDirectory(prefix="sain-ray-", ignore_cleanup_errors=True) as folder,
-        _variables(_environment(address, folder)),
+        environment(_environment(address, folder)),
     ):
         ray = _import_ray()
         try:
@@ -98,21 +97,6 @@ def _environment(address: str, folder: str) -> dict[str, str]:
     # without a token of ours Ray would write one to ~/.ray.
     alone = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0", "RAY_AUTH_MODE": "token"}
     return {**silent, **alone, "RAY_AUTH_TOKEN": _token(), "TMPDIR": folder}
-
-
-@contextmanager
-def _variables(values: dict[str, str]) -> Iterator[None]:
-    """Set environment variables for a while; the processes of a local cluster inherit them."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 @functools.cache

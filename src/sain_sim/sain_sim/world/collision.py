@@ -5,16 +5,18 @@ how the feet share the load, and must not be left to rounding. A core of full he
 narrower, stops it from tipping far where the table ends.
 """
 
-from functools import cache
+from functools import lru_cache
 from math import cos, sin
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from shapely import Polygon as Ring
 
 from sain_core.scene import DISK_HEIGHT
-from sain_core.shapes.shape import Pair, Shape, Solid
+from sain_core.shapes.shape import Pair, Shape, Solid, prism_surface
+from sain_core.types import Points
 from sain_sim.arm.client import Client
 
 FOOT_RADIUS: Final = 0.004  # [m]
@@ -24,6 +26,7 @@ UNSEEN: Final = [0.001, 0.001, 0.001]  # [m], half the sides of a shape that is 
 CENTRED: Final[Pair] = (0.0, 0.0)  # offset of a centre of mass that is in the middle
 HULL_MARGIN: Final = 0.001  # [m], which PyBullet adds all around a convex hull
 THINNEST_HULL: Final = 0.0001  # [m]
+MOST_PIECES: Final = 16  # of a body; Bullet leaves out further ones without an error
 
 
 class Build(NamedTuple):
@@ -56,7 +59,9 @@ def unseen_shape(client: Client) -> int:
 def collision_shape(client: Client, build: Build) -> int:
     """Create the collision shape of a body with its origin in the body's centre of mass."""
     slabs, feet = _slabs(build), _feet(build)
-    kind, more = _primitive(client, build.shape, slabs, len(feet))
+    if build.shape.solid is Solid.PRISM:
+        return _hulls(client, build, slabs, feet)
+    kind = client.GEOM_BOX if build.shape.solid is Solid.BOX else client.GEOM_CYLINDER
     collision: int = client.createCollisionShapeArray(
         shapeTypes=[kind] * len(slabs) + [client.GEOM_SPHERE] * len(feet),
         radii=[slab.radius for slab in slabs] + [FOOT_RADIUS] * len(feet),
@@ -64,7 +69,26 @@ def collision_shape(client: Client, build: Build) -> int:
         halfExtents=[[slab.radius, slab.radius, slab.height / 2] for slab in slabs]
         + [[0.0, 0.0, 0.0]] * len(feet),
         collisionFramePositions=[slab.middle for slab in slabs] + feet,
-        **more,
+    )
+    return collision
+
+
+def _hulls(client: Client, build: Build, slabs: list[Slab], feet: list[list[float]]) -> int:
+    """Create the collision shape of a prism: a convex hull for each part of each slab.
+
+    Where these are too many, the core lacks its smallest parts.
+    """
+    hulls = [
+        (hull, slab)
+        for slab in slabs
+        for hull in _part_files(build.shape, build.radius, slab.radius, slab.height)
+    ][: MOST_PIECES - len(feet)]
+    collision: int = client.createCollisionShapeArray(
+        shapeTypes=[client.GEOM_MESH] * len(hulls) + [client.GEOM_SPHERE] * len(feet),
+        radii=[0.0] * len(hulls) + [FOOT_RADIUS] * len(feet),
+        fileNames=[str(hull.path) for hull, _ in hulls] + [""] * len(feet),
+        meshScales=[[1.0, 1.0, 1.0]] * (len(hulls) + len(feet)),
+        collisionFramePositions=[slab.middle for _, slab in hulls] + feet,
     )
     return collision
 
@@ -88,35 +112,31 @@ def _feet(build: Build) -> list[list[float]]:
     return [[away * cos(turn) - x, away * sin(turn) - y, drop] for away, turn in places]
 
 
-def _primitive(
-    client: Client, shape: Shape, slabs: list[Slab], feet: int
-) -> tuple[int, dict[str, Any]]:
-    """Return Bullet's kind of a shape's slabs, and what else it needs for slabs and feet."""
-    if shape.solid is Solid.CYLINDER:
-        return client.GEOM_CYLINDER, {}
-    if shape.solid is Solid.BOX:
-        return client.GEOM_BOX, {}
-    scales = []
-    for slab in slabs:  # of a prism of radius 1 m and height DISK_HEIGHT
-        width = slab.radius - HULL_MARGIN
-        height = max(slab.height - 2 * HULL_MARGIN, THINNEST_HULL)
-        scales.append([width, width, height / DISK_HEIGHT])
-    return client.GEOM_MESH, {
-        "fileNames": [str(_prism(shape).path)] * len(slabs) + [""] * feet,
-        "meshScales": scales + [[1.0, 1.0, 1.0]] * feet,
-    }
-
-
 class _MeshFile:
-    """The prism of a shape of radius 1 m on disk, as long as this object exists."""
+    """A prism on disk, as long as this object exists."""
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, corners: Points, height: float) -> None:
         self._folder = TemporaryDirectory(prefix="sain-shape-")
         self.path = Path(self._folder.name) / "prism.obj"
-        corners = shape.triangles(1.0).reshape(-1, 3).tolist()
-        faces = np.arange(1, len(corners) + 1).reshape(-1, 3).tolist()
-        lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a} {b} {c}" for a, b, c in faces]
+        scale = [1.0, 1.0, height / DISK_HEIGHT]
+        points = (prism_surface(corners).reshape(-1, 3) * scale).tolist()
+        faces = np.arange(1, len(points) + 1).reshape(-1, 3).tolist()
+        lines = [f"v {x} {y} {z}" for x, y, z in points] + [f"f {a} {b} {c}" for a, b, c in faces]
         self.path.write_text("\n".join(lines) + "\n")
 
 
-_prism: Final = cache(_MeshFile)
+@lru_cache(maxsize=64)
+def _part_files(
+    shape: Shape, radius: float, slab_radius: float, height: float
+) -> tuple[_MeshFile, ...]:
+    """Return the hulls of a prism's slab, each smaller by the margin that Bullet adds.
+
+    A slab that is narrower than the body keeps its distance from the outline of every part. Parts
+    that are thinner than that have none.
+    """
+    inset = HULL_MARGIN + (radius - slab_radius)
+    rings = [Ring(part).buffer(-inset, join_style="mitre") for part in shape.parts(radius)]
+    rings = sorted((ring for ring in rings if not ring.is_empty), key=lambda ring: -ring.area)
+    corners = [np.array(ring.exterior.coords)[:-1] for ring in rings]
+    thickness = max(height - 2 * HULL_MARGIN, THINNEST_HULL)
+    return tuple(_MeshFile(points, thickness) for points in corners)

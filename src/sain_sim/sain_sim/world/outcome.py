@@ -7,7 +7,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.push import LENGTH, PushLimits, push_direction, tool_end, tool_start
+from sain_core.push import LENGTH, PushLimits, strokes
+from sain_core.scene import unit
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Mask, PushArray, Scene
 
 
@@ -20,10 +22,12 @@ class Stroke:
     heading: float
 
     @classmethod
-    def of_push(cls, scene: Scene, push: PushArray, limits: PushLimits) -> "Stroke":
-        """Return the tool's way for a push (3,) in a scene (N, 8)."""
-        heading = float(push_direction(push))
-        return cls(tool_start(scene, push, limits), tool_end(scene, push, limits), heading)
+    def of_push(
+        cls, scene: Scene, push: PushArray, limits: PushLimits, bodies: Bodies | None = None
+    ) -> "Stroke":
+        """Return the tool's way for a push (3,) or (4,) in a scene (N, 8), of disks by default."""
+        start, heading = strokes(scene, push, limits, bodies)
+        return cls(start, start + push[LENGTH] * unit(heading), float(heading))
 
     @property
     def length(self) -> float:

@@ -5,7 +5,7 @@ one between disks and table. Rims and tool keep its nominal value.
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Final, NamedTuple, Self
 
 import numpy as np
@@ -13,8 +13,9 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.scene import MASS, RADIUS, make_scene
+from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.disk import THREE_FEET
-from sain_core.shapes.registry import check_shape, get_shape
+from sain_core.shapes.registry import check_shape
 from sain_core.shapes.shape import Pair, Shape
 from sain_core.types import Angles, Points, Scene
 from sain_sim.world.roughness import SMOOTH, Roughness
@@ -58,7 +59,7 @@ class WorldParameters(Config):
         minimum=0.02,
         maximum=0.2,
     )
-    shapes: tuple[str, ...] = option((THREE_FEET, THREE_FEET), "shape of each disk")
+    shapes: tuple[str, ...] = option((THREE_FEET, THREE_FEET), "shape of each body")
     friction: float = option(
         NOMINAL_FRICTION, "friction with the table", minimum=0.005, maximum=1.5
     )
@@ -69,18 +70,22 @@ class WorldParameters(Config):
         NOMINAL_FRICTION, "friction of the tool on a disk", minimum=0.0, maximum=1.5
     )
     roughness: Roughness = SMOOTH
+    roles: tuple[str, ...] = option(
+        (), "pushable, movable or fixed, for each body; none: only the first is pushable"
+    )
 
     def __post_init__(self) -> None:
         """Check the fields, and that they are about the same disks."""
         super().__post_init__()
         counts = {len(self.masses), len(self.radii), len(self.shapes)}
-        if len(counts) > 1 or min(counts) < 2:
+        if len(counts) > 1 or min(counts) < 1:
             raise ConfigError(
                 f"WorldParameters has {len(self.masses)} masses, {len(self.radii)} radii and"
-                f" {len(self.shapes)} shapes; it needs one of each for every disk, 2 or more"
+                f" {len(self.shapes)} shapes; it needs one of each for every body, 1 or more"
             )
         for name in self.shapes:
             check_shape(name)
+        _ = self.bodies  # checks the roles
         self.roughness.check_count(self.count)
         for shape in self.body_shapes if self.roughness.feet else ():
             if not shape.feet:
@@ -91,10 +96,15 @@ class WorldParameters(Config):
         """The number of disks N."""
         return len(self.masses)
 
+    @cached_property
+    def bodies(self) -> Bodies:
+        """Shape and role of each body."""
+        return Bodies.named(self.shapes, self.roles)
+
     @property
     def body_shapes(self) -> tuple[Shape, ...]:
         """What each disk is like."""
-        return tuple(map(get_shape, self.shapes))
+        return self.bodies.shapes
 
     @property
     def mass_offsets(self) -> tuple[Pair, ...]:
@@ -112,12 +122,14 @@ class WorldParameters(Config):
         scene: Scene,
         friction: float = NOMINAL_FRICTION,
         shapes: tuple[str, ...] | None = None,
+        roles: tuple[str, ...] = (),
     ) -> Self:
         """Return parameters with the masses and radii of a scene (N, 8)."""
         return cls(
             masses=tuple(scene[:, MASS].tolist()),
             radii=tuple(scene[:, RADIUS].tolist()),
             shapes=shapes or (THREE_FEET,) * len(scene),
+            roles=roles,
             friction=friction,
         )
 

@@ -87,7 +87,7 @@ class BulletPrior(Closeable):
         limits = self._world.config.feasibility.limits
         stroke = stand_back(Stroke.of_push(scene, push, limits), start, limits)
         self._world.load(start, parameters)
-        after = self._world.carry_out(stroke, guarded=False).after
+        after = self._world.carry_out(stroke, pushed=None).after
         predicted = scene.copy()
         predicted[:, POSE] += after[:, POSE] - start[:, POSE]
         predicted[:, THETA] = wrap_angle(predicted[:, THETA])

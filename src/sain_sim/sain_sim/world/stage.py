@@ -38,6 +38,7 @@ class Stage:
         self.tool_friction = parameters.tool_friction / friction
         self.table_friction = parameters.friction / friction  # of a table alone
         self._roughness = parameters.roughness
+        self._masses = parameters.masses  # also of fixed bodies, which have none in Bullet
         self.tables = self._build_tables(table, parameters)
         self.floor = self._build_floor(table)
         self.disks = [
@@ -97,8 +98,8 @@ class Stage:
     def scene(self, states: Sequence[BodyState]) -> Scene:
         """Return the scene (N, 8) of disks in these states."""
         rows = [
-            (*disk.planar(state), disk.build.mass, disk.build.radius)
-            for disk, state in zip(self.disks, states, strict=True)
+            (*disk.planar(state), mass, disk.build.radius)
+            for disk, state, mass in zip(self.disks, states, self._masses, strict=True)
         ]
         return np.array(rows)
 
@@ -110,9 +111,11 @@ class Stage:
         """Tell whether every disk on the table is settled; fallen disks do not count."""
         return all(disk.still() or disk.fallen() for disk in self.disks)
 
-    def touched_by(self, body: int, link: int) -> int | None:
-        """Return the first disk but the mid disk that a body's link touches, if any."""
-        for index, disk in enumerate(self.disks[1:], start=1):
+    def touched_by(self, body: int, link: int, pushed: int) -> int | None:
+        """Return the first body but the pushed one that another body's link touches, if any."""
+        for index, disk in enumerate(self.disks):
+            if index == pushed:
+                continue
             for contact in self._client.getContactPoints(body, disk.id, link):
                 distance, force = contact[8], contact[9]
                 if distance <= 0.0 or force > 0.0:
@@ -124,7 +127,9 @@ def _builds(parameters: WorldParameters) -> list[Build]:
     """Return how each disk is made."""
     shapes = parameters.body_shapes
     feet = parameters.roughness.feet or [shape.feet for shape in shapes]
-    columns = (parameters.masses, parameters.radii, feet, parameters.mass_offsets)
+    fixed = parameters.bodies.fixed
+    masses = [0.0 if body in fixed else mass for body, mass in enumerate(parameters.masses)]
+    columns = (masses, parameters.radii, feet, parameters.mass_offsets)
     return [Build(*row) for row in zip(shapes, *columns, strict=True)]
 
 

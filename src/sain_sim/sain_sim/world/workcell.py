@@ -150,38 +150,39 @@ class Workcell:
             phase=phase,
         )
 
-    def perform(self, route: Route, watches: Watches, guarded: bool) -> None:
+    def perform(self, route: Route, watches: Watches, pushed: int | None) -> None:
         """Push and wait until the disks are still; show the arm's ways through the air, if wished.
 
         The tool waits where the push ended. Its ways through the air are shown and not simulated:
         the disks end in the same bytes with and without them.
 
         Raises:
-            BlockedError: when guarded, at the step in which the tool touches another disk.
+            BlockedError: at the step in which the tool touches another body than the pushed one;
+                never without one.
         """
         if self._config.full_motion:
             self._show(np.concatenate([route.approach, route.lower]), "approach", watches)
         self.arm.place(route.stroke[0])
-        self._follow(route.stroke, "push", watches, guarded)
-        self.settle("settle", watches, guarded)
+        self._follow(route.stroke, "push", watches, pushed)
+        self.settle("settle", watches, pushed)
         if self._config.full_motion:
             self._show(route.lift, "lift", watches)
         self.arm.place(route.lift[-1])
 
-    def settle(self, phase: str, watches: Watches, guarded: bool) -> None:
+    def settle(self, phase: str, watches: Watches, pushed: int | None) -> None:
         """Step until two tests in a row find the disks settled, or for the longest wait."""
         looks = 0
         longest = round(self._config.max_settle_time / self._config.motion.time_step)
         for step in range(1, longest + 1):
-            self._step(phase, watches, guarded)
+            self._step(phase, watches, pushed)
             if step % STEPS_PER_LOOK == 0:
                 looks = looks + 1 if self.stage.still() else 0
                 if looks == 2:
                     return
 
-    def _follow(self, joints: Joints, phase: str, watches: Watches, guarded: bool) -> None:
+    def _follow(self, joints: Joints, phase: str, watches: Watches, pushed: int | None) -> None:
         for _ in self.arm.follow(joints):
-            self._step(phase, watches, guarded)
+            self._step(phase, watches, pushed)
 
     def _show(self, joints: Joints, phase: str, watches: Watches) -> None:
         """Let time pass and the watches see the arm along joints (T, 7), without simulating it."""
@@ -198,16 +199,19 @@ class Workcell:
     def _due(self, watches: Watches) -> list[Watch]:
         return [watch for watch in watches if self.steps % watch.every == 0]
 
-    def _step(self, phase: str, watches: Watches, guarded: bool) -> None:
+    def _step(self, phase: str, watches: Watches, pushed: int | None) -> None:
         self.stage.before_step()
         if self.arm.spring is not None:
             self.arm.spring.pull()
         self._client.stepSimulation()
         self.steps += 1
-        if guarded and (disk := self.stage.touched_by(self.arm.body, self.arm.stick)):
-            raise BlockedError(
-                f"the tool would come to touch disk {disk}; only the mid disk may be touched"
-            )
+        if pushed is not None:
+            touched = self.stage.touched_by(self.arm.body, self.arm.stick, pushed)
+            if touched is not None:
+                raise BlockedError(
+                    f"the tool would come to touch body {touched}; this push may touch only"
+                    f" body {pushed}"
+                )
         if watches and (due := self._due(watches)):
             sample = self.sample(phase)
             for watch in due:

@@ -1,4 +1,4 @@
-"""The simulated world: a table, disks, and a Panda that pushes the mid disk with its stick."""
+"""The simulated world: a table, bodies, and a Panda that pushes them with its stick."""
 
 from itertools import accumulate
 from typing import Final, Protocol, runtime_checkable
@@ -6,7 +6,9 @@ from typing import Final, Protocol, runtime_checkable
 import numpy as np
 
 from sain_core.errors import BlockedError, StaleSceneError
-from sain_core.scene import Table, check_on_table, check_scene
+from sain_core.push import check_pushed, pushed_bodies
+from sain_core.scene import MID, Table, check_on_table
+from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Client, Closeable
 from sain_sim.arm.kinematics import Joints
@@ -14,7 +16,7 @@ from sain_sim.arm.panda import ArmConfig, PandaModel
 from sain_sim.world.bodies import resting
 from sain_sim.world.outcome import Observer, Sample, Stroke, StrokeOutcome, is_idle
 from sain_sim.world.parameters import WorldParameters
-from sain_sim.world.refusals import check_gap, check_reach, check_same_disks
+from sain_sim.world.refusals import check_gap, check_reach, check_same_bodies
 from sain_sim.world.workcell import Origin, Route, Watch, Watches, Workcell, WorldConfig
 
 __all__ = ["Viewer", "World", "WorldConfig"]
@@ -62,7 +64,7 @@ class World(Closeable):
         self._client = Client()
         self._steps = 0
         self._viewer = viewer
-        self.load(check_scene(_in_a_row(parameters, table), table))
+        self.load(check_bodies(_in_a_row(parameters, table), parameters.bodies, table))
 
     def reset(self, scene: Scene, parameters: WorldParameters | None = None) -> Scene:
         """Put the disks where a scene (N, 8) has them, at rest, and the arm at home.
@@ -78,8 +80,9 @@ class World(Closeable):
             InvalidInputError: not a scene, or one of other disks than these.
             OffTableError: a disk off the table.
         """
-        check_scene(scene, self.config.feasibility.table)
-        check_same_disks(scene, parameters or self.parameters)
+        wanted = parameters or self.parameters
+        check_same_bodies(scene, wanted)
+        check_bodies(scene, wanted.bodies, self.config.feasibility.table)
         self.load(scene, parameters)
         return self.observe()
 
@@ -123,7 +126,7 @@ class World(Closeable):
     def check(self, push: PushArray) -> Stroke:
         """Return the tool's way for a push (3,) that can be carried out from here.
 
-        Only `push` finds a disk that is moved into the tool's way.
+        Only `push` finds a body that is moved into the tool's way.
 
         Raises:
             InvalidInputError: wrong shape, NaN or Inf.
@@ -137,16 +140,16 @@ class World(Closeable):
 
     def _plan(self, push: PushArray) -> tuple[Stroke, Route | None]:
         """Return the tool's way for a push (3,) and the joints along it; see `check`."""
-        feasibility = self.config.feasibility
-        feasibility.limits.check(push)
+        feasibility, bodies = self.config.feasibility, self.parameters.bodies
+        check_pushed(feasibility.limits.check(push), bodies)
         scene = self.observe()
         check_on_table(scene, feasibility.table)
         if not self._cell.stage.still():
             raise StaleSceneError("the disks still move; a push needs a settled scene")
         if not is_idle(push):
-            check_reach(scene, push, feasibility)
-            check_gap(scene, push, feasibility)
-        stroke = Stroke.of_push(scene, push, feasibility.limits)
+            check_reach(scene, push, feasibility, bodies)
+            check_gap(scene, push, feasibility, bodies)
+        stroke = Stroke.of_push(scene, push, feasibility.limits, bodies)
         route = None if is_idle(push) else self._route(stroke)
         return stroke, route
 
@@ -169,10 +172,15 @@ class World(Closeable):
         if route is None:
             scene = self.observe()
             return StrokeOutcome(scene, scene.copy(), 0.0, True, self._cell.stage.fallen())
-        return self._perform(route, self._watches(on_step, every), guarded=True)
+        pushed = int(pushed_bodies(push))
+        return self._perform(route, self._watches(on_step, every), pushed)
 
     def carry_out(
-        self, stroke: Stroke, on_step: Observer | None = None, every: int = 1, guarded: bool = True
+        self,
+        stroke: Stroke,
+        on_step: Observer | None = None,
+        every: int = 1,
+        pushed: int | None = MID,
     ) -> StrokeOutcome:
         """Move the tool along a stroke, without the checks of `push`.
 
@@ -180,38 +188,38 @@ class World(Closeable):
             stroke: the tool's way in the world.
             on_step: as in `push`.
             every: as in `push`.
-            guarded: refuse when the tool would touch another disk than the mid disk.
+            pushed: refuse when the tool would touch another body than this; None: never refuse.
 
         Raises:
             UnreachableError: a pose on the way.
-            BlockedError: only when guarded.
+            BlockedError: only with a `pushed` body.
         """
-        return self._perform(self._route(stroke), self._watches(on_step, every), guarded)
+        return self._perform(self._route(stroke), self._watches(on_step, every), pushed)
 
-    def _perform(self, route: Route, watches: Watches, guarded: bool) -> StrokeOutcome:
+    def _perform(self, route: Route, watches: Watches, pushed: int | None) -> StrokeOutcome:
         before, origin = self.observe(), self._cell.now
-        if guarded and watches:  # look ahead
-            self._attempt(origin, route, (), guarded)
+        if pushed is not None and watches:  # look ahead
+            self._attempt(origin, route, (), pushed)
             self._build(origin)
-        self._attempt(origin, route, watches, guarded)
+        self._attempt(origin, route, watches, pushed)
         duration = (self._cell.steps - self._steps) * self.config.motion.time_step
         self._steps = self._cell.steps
         stage = self._cell.stage
         return StrokeOutcome(before, self.observe(), duration, stage.still(), stage.fallen())
 
-    def _attempt(self, origin: Origin, route: Route, watches: Watches, guarded: bool) -> None:
+    def _attempt(self, origin: Origin, route: Route, watches: Watches, pushed: int | None) -> None:
         """Execute a route in a new workcell; when it is blocked, restore the origin."""
         if self._cell.origin is not origin:
             self._build(origin)
         try:
-            self._cell.perform(route, watches, guarded)
+            self._cell.perform(route, watches, pushed)
         except BlockedError:
             self._build(origin)
             raise
 
     def settle(self, on_step: Observer | None = None, every: int = 1) -> bool:
         """Wait for the disks to settle, at most the longest wait; tell whether they are settled."""
-        self._cell.settle("rest", self._watches(on_step, every), guarded=False)
+        self._cell.settle("rest", self._watches(on_step, every), pushed=None)
         self._steps = self._cell.steps
         return self._cell.stage.still()
 

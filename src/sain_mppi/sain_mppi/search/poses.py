@@ -1,0 +1,240 @@
+"""Goals that are poses of one or several bodies, and what predicted pushes towards them cost."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from sain_core.errors import InvalidInputError, OffTableError, OutOfRangeError
+from sain_core.feasibility import Feasibility
+from sain_core.push import LENGTH
+from sain_core.scene import POSITION, RADIUS, THETA, Table, is_settled
+from sain_core.shapes.bodies import Bodies, overlap
+from sain_core.types import Angles, Scalars, Scene, Scenes
+from sain_mppi.search.cost import CostWeights, Rollout, blocked_pushes
+
+MOST_SHARED: Final = 1e-3  # [m], by which the bodies of two goals may overlap
+
+
+@dataclass(frozen=True)
+class BodyPose:
+    """Where one body should come to rest.
+
+    Attributes:
+        body: its row in the scene.
+        x: [m].
+        y: [m].
+        heading: [rad], modulo the symmetry of its shape; None: any.
+        tolerance: [m], of the place.
+        heading_tolerance: [rad].
+    """
+
+    body: int
+    x: float
+    y: float
+    heading: float | None = None
+    tolerance: float = 0.02
+    heading_tolerance: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name in ("x", "y", "heading"):
+            value = getattr(self, name)
+            if value is not None and not np.isfinite(value):
+                raise InvalidInputError(
+                    f"{name} of the goal of body {self.body} is {value}; it must be finite"
+                )
+        for name in ("tolerance", "heading_tolerance"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise OutOfRangeError(
+                    f"{name} of body {self.body} is {value}; it must be positive and finite"
+                )
+
+
+@dataclass(frozen=True)
+class PoseGoal:
+    """Poses of one or several bodies, and bodies that may not be moved.
+
+    Attributes:
+        poses: at most one for each body.
+        keep: bodies that must stay where they are when the goal is given.
+        keep_tolerance: [m], by which these may be moved.
+    """
+
+    poses: tuple[BodyPose, ...]
+    keep: tuple[int, ...] = ()
+    keep_tolerance: float = 0.005
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """All numbers of the goal in one array; NaN for a heading that is free."""
+        poses = [(p.body, p.x, p.y, np.nan if p.heading is None else p.heading) for p in self.poses]
+        return np.array([*np.ravel(poses), *self.keep], dtype=np.float64)
+
+    def check(self, scene: Scene, bodies: Bodies, table: Table) -> None:
+        """Check that these bodies can have these poses.
+
+        Raises:
+            InvalidInputError: no pose, two for one body, a body that does not exist, a heading for
+                a disk, a pose for a fixed body, poses that overlap each other or a fixed body.
+            OffTableError: a pose off the table.
+        """
+        if not self.poses:
+            raise InvalidInputError("the goal has no poses; give one or more")
+        wanted = [pose.body for pose in self.poses]
+        for pose in self.poses:
+            self._check_pose(pose, wanted, scene, bodies, table)
+        for body in self.keep:
+            if not 0 <= body < len(bodies):
+                raise InvalidInputError(
+                    f"body {body} is to be kept; the scene has bodies 0 to {len(bodies) - 1}"
+                )
+            if body in wanted:
+                raise InvalidInputError(f"body {body} is to be kept and to be moved to a pose")
+        self._check_room(scene, bodies)
+
+    def _check_pose(
+        self, pose: BodyPose, wanted: list[int], scene: Scene, bodies: Bodies, table: Table
+    ) -> None:
+        if not 0 <= pose.body < len(bodies):
+            raise InvalidInputError(
+                f"a goal is given for body {pose.body}; the scene has bodies 0 to {len(bodies) - 1}"
+            )
+        shape = bodies.shapes[pose.body]
+        if wanted.count(pose.body) > 1:
+            raise InvalidInputError(
+                f"body {pose.body} has {wanted.count(pose.body)} goals; allowed: 1"
+            )
+        if pose.heading is not None and shape.is_round:
+            raise InvalidInputError(
+                f"the goal of body {pose.body} has heading {pose.heading:.3f} rad; it is a disk and"
+                " has none: leave the heading out"
+            )
+        if pose.body in bodies.fixed:
+            raise InvalidInputError(f"body {pose.body} is fixed; it cannot be moved to a goal")
+        if not table.contains(np.array([pose.x, pose.y])):
+            raise OffTableError(
+                f"the goal ({pose.x:.3f}, {pose.y:.3f}) m of body {pose.body} is off the table;"
+                f" it covers {table.describe()}"
+            )
+
+    def _check_room(self, scene: Scene, bodies: Bodies) -> None:
+        """Check that no two bodies would overlap, of those whose places are given."""
+        placed = self.placed(scene)
+        given = [pose.body for pose in self.poses if self._is_definite(pose, bodies)]
+        for index, body in enumerate(given):
+            for other in (*given[:index], *bodies.fixed):
+                deep = overlap(placed, bodies, body, other)
+                if deep > MOST_SHARED:
+                    what = "fixed body" if other in bodies.fixed else "goal of body"
+                    raise InvalidInputError(
+                        f"the goal of body {body} overlaps {what} {other} by {1e3 * deep:.1f} mm"
+                    )
+
+    def _is_definite(self, pose: BodyPose, bodies: Bodies) -> bool:
+        return pose.heading is not None or bodies.shapes[pose.body].is_round
+
+    def placed(self, scene: Scene) -> Scene:
+        """Return a scene (N, 8) with the bodies at their goals, all others where they are."""
+        placed = scene.copy()
+        for pose in self.poses:
+            placed[pose.body, POSITION] = pose.x, pose.y
+            if pose.heading is not None:
+                placed[pose.body, THETA] = pose.heading
+        return placed
+
+    def errors(self, scenes: Scenes, bodies: Bodies) -> tuple[Scalars, Angles]:
+        """Return distances [m] and turns [rad] (..., P) of bodies to their poses; 0 where free."""
+        apart = [
+            np.hypot(scenes[..., pose.body, 0] - pose.x, scenes[..., pose.body, 1] - pose.y)
+            for pose in self.poses
+        ]
+        turns = [heading_error(scenes[..., pose.body, THETA], pose, bodies) for pose in self.poses]
+        return np.stack(apart, axis=-1), np.stack(turns, axis=-1)
+
+    def reached(self, scene: Scene, start: Scene, bodies: Bodies) -> bool:
+        """Tell whether a scene (N, 8) is settled and fulfils the goal that was given at `start`."""
+        if not is_settled(scene):
+            return False
+        apart, turns = self.errors(scene, bodies)
+        near = all(d <= pose.tolerance for d, pose in zip(apart, self.poses, strict=True))
+        turned = all(abs(t) <= p.heading_tolerance for t, p in zip(turns, self.poses, strict=True))
+        return near and turned and self.moved(scene, start) is None
+
+    def moved(self, scene: Scene, start: Scene) -> int | None:
+        """Return the first body that was to be kept and was moved, if any."""
+        for body in self.keep:
+            if np.hypot(*(scene - start)[body, POSITION]) > self.keep_tolerance:
+                return body
+        return None
+
+
+def heading_error(headings: Angles, pose: BodyPose, bodies: Bodies) -> Angles:
+    """Return by how much headings (...,) [rad] differ from a pose's, modulo the symmetry."""
+    if pose.heading is None:
+        return np.zeros_like(headings)
+    turn = bodies.shapes[pose.body].symmetry
+    return np.asarray(np.mod(headings - pose.heading + turn / 2, turn) - turn / 2)
+
+
+def pose_distance(goal: PoseGoal, scenes: Scenes, bodies: Bodies, lever: float) -> Scalars:
+    """Return for each pose (..., P) the root mean square distance [m] of points about the body.
+
+    The points are `lever` circumscribed radii from its middle: sqrt(d^2 + 2 r^2 (1 - cos turn)).
+    """
+    apart, turns = goal.errors(scenes, bodies)
+    reach = [bodies.shapes[p.body].circumradius * scenes[..., p.body, RADIUS] for p in goal.poses]
+    away = lever * np.stack(reach, axis=-1)
+    return np.sqrt(apart**2 + 2.0 * away**2 * (1.0 - np.cos(turns)))
+
+
+def reach_around(
+    goal: PoseGoal, rollout: Rollout, feasibility: Feasibility, bodies: Bodies
+) -> Scalars:
+    """Return how far [m] bodies end where the tool cannot get behind them, summed (K,).
+
+    A body whose far side the tool does not reach can be pushed away and not back.
+    """
+    reach, limits = feasibility.reach, feasibility.limits
+    total = np.zeros(len(rollout.after))
+    for pose in goal.poses:
+        state = rollout.after[:, -1, pose.body]
+        radius = np.linalg.norm(state[:, POSITION], axis=-1)
+        need = bodies.shapes[pose.body].circumradius * state[:, RADIUS] + limits.tool_radius
+        # What the goal itself asks for is no fault.
+        there = float(np.hypot(pose.x, pose.y))
+        far = np.maximum(reach.outer - need, there)
+        near = np.minimum(reach.inner + need, there)
+        total += np.maximum(radius - far, 0.0) + np.maximum(near - radius, 0.0)
+    return total
+
+
+def pose_terms(
+    goal: PoseGoal,
+    rollout: Rollout,
+    weights: CostWeights,
+    feasibility: Feasibility,
+    bodies: Bodies,
+    start: Scene,
+) -> dict[str, Scalars]:
+    """Return every cost term (K,), already weighted. Not finite where the prediction is not."""
+    distance = pose_distance(goal, rollout.after, bodies, weights.lever).sum(axis=-1)  # (K, H)
+    return {
+        "distance": weights.distance * distance[:, -1],
+        "running": weights.running_pose * distance[:, :-1].sum(axis=1),
+        "around": weights.around * reach_around(goal, rollout, feasibility, bodies),
+        "keep": weights.keep * kept_moved(goal, rollout, start),
+        "blocked": weights.blocked * blocked_pushes(rollout, feasibility, bodies),
+        "effort": weights.effort * rollout.pushes[..., LENGTH].sum(axis=1),
+        "pushes": weights.pushes * rollout.moving.sum(axis=1),
+    }
+
+
+def kept_moved(goal: PoseGoal, rollout: Rollout, start: Scene) -> Scalars:
+    """Return how far [m] bodies that may not be moved are moved at most, summed (K,)."""
+    total = np.zeros(len(rollout.after))
+    for body in goal.keep:
+        way = rollout.after[:, :, body, POSITION] - start[body, POSITION]
+        total += np.linalg.norm(way, axis=-1).max(axis=1)
+    return total
