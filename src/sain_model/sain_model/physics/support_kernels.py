@@ -4,6 +4,11 @@ import numpy as np
 
 from sain_model.compute.compiling import compiled
 from sain_model.physics.outline_kernels import (
+    ARM_X,
+    ARM_Y,
+    HELD_X,
+    HELD_Y,
+    LIMIT,
     COS,
     FOOT_X,
     FOOT_Y,
@@ -23,6 +28,7 @@ from sain_model.physics.outline_kernels import (
     YIELD,
 )
 
+SLOW = 1.0  # a support is slow that friction could stop in this many steps under a whole load
 
 @compiled
 def brake(work, row, slowing, physics, step):
@@ -48,7 +54,7 @@ def brake(work, row, slowing, physics, step):
     x, y = _pull_back(work, row, vx, vy, spin, slowing, turns, physics)
     # Braking acts below the centre of mass, a push mostly above: both load what is in front.
     arm = physics.middle_height / (physics.gravity * step)
-    _slow_down(work, row, arm * x + tilt[row, 0], arm * y + tilt[row, 1], turns)
+    _slow_down(work, row, arm * x + tilt[row, 0], arm * y + tilt[row, 1], slowing, turns)
 
 
 @compiled
@@ -62,7 +68,9 @@ def _pull_back(work, row, vx, vy, spin, slowing, turns, physics):
     for foot in range(work.first_support[row], work.first_support[row + 1]):
         arm_x = cos * supports[foot, FOOT_X] - sin * supports[foot, FOOT_Y]
         arm_y = sin * supports[foot, FOOT_X] + cos * supports[foot, FOOT_Y]
+        supports[foot, ARM_X], supports[foot, ARM_Y] = arm_x, arm_y
         x, y = vx - spin * arm_y, vy + spin * arm_x
+        supports[foot, LIMIT] = x * x + y * y < (SLOW * slowing) ** 2
         squared = arm_x * arm_x + arm_y * arm_y
         if squared > 0.0:
             # A solver gives way to where a support is lighter to move: across its arm.
@@ -83,7 +91,7 @@ def _pull_back(work, row, vx, vy, spin, slowing, turns, physics):
 
 
 @compiled
-def _slow_down(work, row, shift_x, shift_y, turns):
+def _slow_down(work, row, shift_x, shift_y, slowing, turns):
     """Take from a body what its supports have found, loaded as its weight acts at a shift [m]."""
     supports, bodies = work.supports, work.bodies
     first, last = work.first_support[row], work.first_support[row + 1]
@@ -98,15 +106,46 @@ def _slow_down(work, row, shift_x, shift_y, turns):
     for foot in range(first, last):
         grows = supports[foot, LEAN_X] * fore + supports[foot, LEAN_Y] * left
         load = supports[foot, SHARE] + lean * grows
-        x, y = load * supports[foot, PULL_X], load * supports[foot, PULL_Y]
-        arm_x = cos * supports[foot, FOOT_X] - sin * supports[foot, FOOT_Y]
-        arm_y = sin * supports[foot, FOOT_X] + cos * supports[foot, FOOT_Y]
-        total_x += x
-        total_y += y
-        across += arm_x * y - arm_y * x
+        if supports[foot, LIMIT] == 0.0:
+            x, y = load * supports[foot, PULL_X], load * supports[foot, PULL_Y]
+            total_x += x
+            total_y += y
+            across += supports[foot, ARM_X] * y - supports[foot, ARM_Y] * x
+        else:
+            work.stuck[row] = True
+            supports[foot, LIMIT] = load * slowing
+            supports[foot, HELD_X] = supports[foot, HELD_Y] = 0.0
     bodies[row, VX] -= total_x
     bodies[row, VY] -= total_y
     bodies[row, SPIN] -= turns * across * bodies[row, TURN] / bodies[row, LIGHTNESS]
+
+
+@compiled
+def hold_supports(work, row):
+    """Let the table hold slow supports of a body back, each by Coulomb's law."""
+    supports, bodies = work.supports, work.bodies
+    turn = bodies[row, TURN] / bodies[row, LIGHTNESS]
+    change = 0.0
+    for foot in range(work.first_support[row], work.first_support[row + 1]):
+        limit = supports[foot, LIMIT]
+        if limit > 0.0:
+            arm_x, arm_y = supports[foot, ARM_X], supports[foot, ARM_Y]
+            x = bodies[row, VX] - bodies[row, SPIN] * arm_y
+            y = bodies[row, VY] + bodies[row, SPIN] * arm_x
+            # Across its arm a support is lighter to move than along it.
+            less = turn * (arm_x * y - arm_y * x) / (1.0 + turn * (arm_x**2 + arm_y**2))
+            x, y = x + less * arm_y, y - less * arm_x
+            x, y = supports[foot, HELD_X] - x, supports[foot, HELD_Y] - y
+            size = np.sqrt(x * x + y * y)
+            if size > limit:
+                x, y = x * limit / size, y * limit / size
+            dx, dy = x - supports[foot, HELD_X], y - supports[foot, HELD_Y]
+            supports[foot, HELD_X], supports[foot, HELD_Y] = x, y
+            bodies[row, VX] += dx
+            bodies[row, VY] += dy
+            bodies[row, SPIN] += turn * (arm_x * dy - arm_y * dx)
+            change = max(change, abs(dx), abs(dy))
+    return change
 
 
 @compiled

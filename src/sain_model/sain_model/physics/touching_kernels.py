@@ -21,9 +21,11 @@ from sain_model.physics.outline_kernels import (
     GAP,
     KEY,
     KIND,
+    LEFT,
     LENGTH,
     LIGHTNESS,
     MOST_CONTACTS,
+    PAST,
     POINT_BODY,
     POINT_X,
     POINT_Y,
@@ -142,6 +144,7 @@ def _list_in_front(work, point_body, side_body, point, x, y, cos, sin, near, mee
         if kind != NOTHING and off < near and count[0] < limit:
             number = count[0]
             contacts[number, GAP] = off
+            contacts[number, PAST], contacts[number, LEFT] = along, corners[side, LENGTH] - along
             features[number, POINT_BODY], features[number, SIDE_BODY] = point_body, side_body
             features[number, KIND] = kind
             features[number, KEY] = (point * total + side) * 2 + kind
@@ -175,7 +178,7 @@ def _list_way_out(work, point_body, side_body, point, x, y, cos, sin):
     corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
     own_first, own_last = work.first_corner[point_body], work.first_corner[point_body + 1]
     before = point - 1 if point > own_first else own_last - 1
-    best, highest, best_faces = -1, -np.inf, False
+    best, highest, best_faces, past = -1, -np.inf, False, 0.0
     for side in range(work.first_corner[side_body], work.first_corner[side_body + 1]):
         dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
         along = dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
@@ -187,9 +190,10 @@ def _list_way_out(work, point_body, side_body, point, x, y, cos, sin):
             dips = max(dips, nx * corners[before, SIDE_X] + ny * corners[before, SIDE_Y])
             faces = dips < FACING
             if (faces and not best_faces) or (faces == best_faces and off > highest):
-                best, highest, best_faces = side, off, faces
+                best, highest, best_faces, past = side, off, faces, along
     number = count[0]
     contacts[number, GAP] = highest
+    contacts[number, PAST], contacts[number, LEFT] = past, corners[best, LENGTH] - past
     features[number, POINT_BODY], features[number, SIDE_BODY] = point_body, side_body
     features[number, KIND] = ON_SIDE
     features[number, KEY] = (point * corners.shape[0] + best) * 2 + ON_SIDE
