@@ -138,16 +138,6 @@ def test_bags_that_rosbags_wrote(
     assert compare(rows(tmp_path / "other"), tmp_path / "other") > 0
 
 
-def test_a_sqlite3_bag_without_rosbags_says_what_to_install(
-    bag: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    metadata = bag / "metadata.yaml"
-    metadata.write_text(metadata.read_text().replace("identifier: mcap", "identifier: sqlite3"))
-    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
-    with pytest.raises(DatasetError, match=r"`pip install 'sain_bags\[sqlite3\]'` to read it here"):
-        Bag(bag)
-
-
 def test_a_sqlite3_bag_that_is_none(bag: Path) -> None:
     metadata = bag / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace("identifier: mcap", "identifier: sqlite3"))

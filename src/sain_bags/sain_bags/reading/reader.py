@@ -1,13 +1,12 @@
 """Reads bags without ROS: every message is decoded with the definitions that the bag carries."""
 
 import struct
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from mcap.records import McapRecord
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -197,18 +196,9 @@ class Bag:
         Raises:
             DatasetError: a bit is not as it was written.
         """
-        for _ in self.records():
-            pass
-
-    def records(self) -> Iterator[McapRecord]:
-        """Yield every record as `mcap` has it, comparing every CRC on the way.
-
-        Raises:
-            DatasetError: a bit is not as it was written.
-        """
         for file in self._content.paths:
             with opened(file) as stream:
-                yield from StreamReader(stream, validate_crcs=True).records
+                deque(StreamReader(stream, validate_crcs=True).records, maxlen=0)
                 check_summary(stream)
 
     def _type_hashes(self) -> dict[tuple[str, str], str]:

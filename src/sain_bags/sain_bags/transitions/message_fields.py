@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from sain_bags.bag.message_types import MessageTypes, read_types
+from sain_bags.bag.layouts import MessageTypes, read_types
 from sain_bags.reading.bag_files import BagChannel
 from sain_bags.transitions.recorded_episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
 from sain_core.dataset import FRICTIONS
