@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Final, Protocol, runtime_checkable
 
-from sain_bags.bag.metadata import INFINITE, OfferedQos
+from sain_bags.bag.metadata import INFINITE, TopicQos
 from sain_bags.reading.reader import Bag, Raw, TopicSummary
 from sain_core.config import Config, option
 from sain_core.errors import DatasetError
@@ -199,9 +199,9 @@ def choose_topics(
     return tuple(topic for topic in bag.topics if topic.name in chosen)
 
 
-def merge_offers(offers: Sequence[OfferedQos]) -> OfferedQos:
+def merge_offers(offers: Sequence[TopicQos]) -> TopicQos:
     """Return one profile that serves every subscriber that one of a topic's publishers served."""
-    first = offers[0] if offers else OfferedQos()
+    first = offers[0] if offers else TopicQos()
     latched = any(qos.durability == "transient_local" for qos in offers)
     known = max((qos.depth for qos in offers), default=0)
     same = all(
@@ -209,7 +209,7 @@ def merge_offers(offers: Sequence[OfferedQos]) -> OfferedQos:
         == (first.deadline, first.lifespan, first.liveliness, first.liveliness_lease_duration)
         for qos in offers
     )
-    return OfferedQos(
+    return TopicQos(
         history="keep_all" if any(qos.history == "keep_all" for qos in offers) else "keep_last",
         depth=known or (max(len(offers), 1) if latched else DEPTH),
         reliability="best_effort"

@@ -1,7 +1,6 @@
 """Bags that were made elsewhere convert to the same rows, or it is said what is wrong with them."""
 
 import hashlib
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from rich.console import Console
 from rosbags.highlevel import AnyReader
 
-from sain_bags.bag.metadata import OfferedQos, Topic
+from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.cli.info import show
 from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import read_timings
@@ -24,13 +24,13 @@ from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import OutputError
 
 TEXT = "string data\n"
-LATCHED = OfferedQos(durability="transient_local")
-PASSING = OfferedQos(durability="transient_local", lifespan=(10, 0))
+LATCHED = TopicQos(durability="transient_local")
+PASSING = TopicQos(durability="transient_local", lifespan=(10, 0))
 SECOND = 1_000_000_000
 
 
-def topic(name: str, *offered: OfferedQos, publishers: int = 1) -> Topic:
-    return Topic(name, "std_msgs/msg/String", TEXT, "", offered or (OfferedQos(),), publishers)
+def topic(name: str, *offered: TopicQos, publishers: int = 1) -> Topic:
+    return Topic(name, "std_msgs/msg/String", TEXT, "", offered or (TopicQos(),), publishers)
 
 
 def text(value: int) -> bytes:

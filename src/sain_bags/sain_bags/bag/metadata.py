@@ -27,8 +27,8 @@ RMW_WORDS: Final[dict[str, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True)
-class OfferedQos:
-    """The quality of service that one publisher offers, in rosbag2's terms."""
+class TopicQos:
+    """The quality of service at one end of a topic, in rosbag2's terms."""
 
     history: str = "unknown"  # not known to peers through discovery
     depth: int = 0
@@ -56,7 +56,7 @@ class Topic:
     type: str  # for example std_msgs/msg/Header
     definition: str  # of the type and all it refers to
     type_hash: str = ""  # RIHS01_..., empty when not known
-    offered_qos: tuple[OfferedQos, ...] = ()
+    offered_qos: tuple[TopicQos, ...] = ()
     publishers: int = 1  # that it ever had
 
     @property
@@ -127,7 +127,7 @@ def whole_span(spans: Sequence[Span]) -> Span:
     return Span(start, end, sum(span.messages for span in some))
 
 
-def read_profiles(text: str) -> tuple[OfferedQos, ...]:
+def read_profiles(text: str) -> tuple[TopicQos, ...]:
     """Return the profiles in a channel's metadata; none where they cannot be parsed.
 
     Up to version 8 of the layout, rosbag2 wrote rmw's numbers for the words.
@@ -138,14 +138,14 @@ def read_profiles(text: str) -> tuple[OfferedQos, ...]:
         return ()
 
 
-def _profile(record: Mapping[str, Any]) -> OfferedQos:
+def _profile(record: Mapping[str, Any]) -> TopicQos:
     values: dict[str, Any] = {"depth": int(record["depth"])}
     for name, words in RMW_WORDS.items():
         value = record[name]
         values[name] = value if isinstance(value, str) else words[value]
     for name in ("deadline", "lifespan", "liveliness_lease_duration"):
         values[name] = (int(record[name]["sec"]), int(record[name]["nsec"]))
-    return OfferedQos(**values)
+    return TopicQos(**values)
 
 
 def metadata_record(metadata: Mapping[str, Any]) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Bags whose storage is not MCAP, or that rosbag2 compressed: copied, for as long as they are read."""
+"""Bags that are no MCAP files, or that rosbag2 compressed: copied, for as long as they are read."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory

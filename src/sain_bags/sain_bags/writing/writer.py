@@ -6,6 +6,7 @@ rosbag2 and its readers refuse such a folder, and what was flushed (`BagConfig.f
 can still be recovered from the file.
 """
 
+import shutil
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +15,6 @@ from typing import Final
 
 from sain_bags.bag.metadata import Topic, bag_metadata, write_metadata
 from sain_bags.mcap.integrity import RESCUE
-from sain_bags.mcap.preallocated_file import free_space, removed_on_error
 from sain_bags.writing.latched import Held, Latched
 from sain_bags.writing.split_file import SplitFile
 from sain_bags.writing.split_files import SplitFiles
@@ -223,7 +223,7 @@ class BagWriter:
         self._check_free_space()
 
     def _check_free_space(self) -> None:
-        free, least = free_space(self.folder), self._config.min_free_space
+        free, least = shutil.disk_usage(self.folder).free, self._config.min_free_space
         if free < least:
             raise OutputError(
                 f"only {free / 1e6:,.1f} MB are left on the disk for the bag {self.folder};"
@@ -234,13 +234,15 @@ class BagWriter:
         folder = self.folder
         try:
             folder.mkdir(parents=True)
-            with removed_on_error(folder):
+            try:
                 self._check_free_space()
                 return self._begin_file()
+            except BaseException:
+                folder.rmdir()
+                raise
         except FileExistsError as error:
-            raise OutputError(
-                f"{folder} exists; a bag is never overwritten, choose another"
-            ) from error
+            message = f"{folder} exists; a bag is never overwritten, choose another"
+            raise OutputError(message) from error
         except OSError as error:
             raise self._error(error) from error
 
