@@ -58,14 +58,10 @@ class Passage:
         config: PassageConfig = PassageConfig(),
         latched: Mapping[str, int] | None = None,
     ) -> None:
-        """Plan to play these topics.
+        """Plan to play topics, by their full names.
 
-        Args:
-            bag: to be played.
-            topics: full names.
-            config: which part, and how fast.
-            latched: how many messages to keep of each topic that late joiners get the last ones
-                of; what came before the start is played at the start.
+        `latched` has the number of messages that late joiners get of a topic. Those that came
+        before the start are played at the start.
 
         Raises:
             DatasetError: nothing of the bag lies in that part.

@@ -11,7 +11,7 @@ order, then the fields, each aligned to its own size as counted from there.
 import struct
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy import ndarray
@@ -38,7 +38,8 @@ PADDING: Final = 3  # [bytes], that a middleware may put at the end
 LENGTH: Final = 4  # [bytes], of the length of a string or a sequence
 
 
-class Field(NamedTuple):
+@dataclass(frozen=True)
+class Field:
     """One field of a message."""
 
     name: str

@@ -2,14 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, Final
 
 import yaml
 from mcap.records import Metadata
 
+from sain_bags.mcap.integrity import RESCUE
+from sain_core.errors import DatasetError
+
 LAYOUT_VERSION: Final = 9
 METADATA_FILE: Final = "metadata.yaml"
+METADATA_ROOT: Final = "rosbag2_bagfile_information"
 METADATA_RECORD: Final = "rosbag2"  # by this name a file's record of the same content is found
 METADATA_KEY: Final = "serialized_metadata"
 INFINITE: Final = (9_223_372_036, 854_775_807)  # [s, ns], rmw's duration without end
@@ -95,14 +99,7 @@ def bag_metadata(
     custom_data: Mapping[str, str],
     ros_distro: str,
 ) -> dict[str, Any]:
-    """Return the metadata of a bag, with rosbag2's keys.
-
-    Args:
-        files: in the order in which they were written.
-        topics: each with its number of messages.
-        custom_data: whatever the recording should say about itself.
-        ros_distro: for example jazzy.
-    """
+    """Return the metadata of a bag, with rosbag2's keys; each topic with its count of messages."""
     span = whole_span([file.span for file in files])
     return {
         "version": LAYOUT_VERSION,
@@ -163,10 +160,52 @@ def read_record(record: Metadata) -> dict[str, Any]:
 
 def write_metadata(folder: Path, metadata: Mapping[str, Any]) -> None:
     """Write ``metadata.yaml``, whole or not at all."""
-    content = {"rosbag2_bagfile_information": dict(metadata)}
+    content = {METADATA_ROOT: dict(metadata)}
     part = folder / f".{METADATA_FILE}.part"
     part.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
     part.replace(folder / METADATA_FILE)
+
+
+def find_files(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
+    """Return the content of a bag's ``metadata.yaml``, and its files; for a file, the file alone.
+
+    Raises:
+        DatasetError: it is no bag, or was not closed.
+    """
+    if path.suffix == ".db3" and path.is_file():
+        raise DatasetError(f"{path} is a file of a sqlite3 bag; name the folder that it is in")
+    if path.is_file():
+        return {}, (path,)
+    if not path.is_dir():
+        raise DatasetError(f"no bag at {path}")
+    if not (path / METADATA_FILE).is_file():
+        if not any(path.glob("*.mcap")):
+            raise DatasetError(f"{path} is no bag: it has no {METADATA_FILE}")
+        raise DatasetError(f"{path} was not closed: it has no {METADATA_FILE}; {RESCUE}")
+    metadata = read_metadata(path)
+    named = metadata.get("relative_file_paths") or []
+    # Up to version 3 of the layout the folder's name stood before the file's.
+    files = tuple(path / PurePath(name).name for name in named)
+    missing = [file.name for file in files if not file.is_file()]
+    if not files or missing:
+        what = f"; {missing[0]} is not there" if missing else ""
+        raise DatasetError(f"{path / METADATA_FILE} names the files {named}{what}")
+    return metadata, files
+
+
+def read_metadata(folder: Path) -> dict[str, Any]:
+    """Return the content of ``metadata.yaml``.
+
+    Raises:
+        DatasetError: it cannot be read.
+    """
+    path = folder / METADATA_FILE
+    try:
+        return dict(yaml.safe_load(path.read_text(encoding="utf-8"))[METADATA_ROOT])
+    except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError) as error:
+        raise DatasetError(
+            f"{path} cannot be read ({error}); `ros2 bag reindex` makes a new one"
+        ) from error
 
 
 def _span(span: Span) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColu
 from sain_bags.cli.options import RecoverOptions
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import RecoveryOutcome, Report
-from sain_bags.recovery.verified_summary import read_sidecar
+from sain_bags.recovery.sidecar import read_sidecar
 
 LISTED: Final = 20  # losses that are printed one by one
 

@@ -81,9 +81,7 @@ class DatasetFolder:
     ) -> None:
         """Write the rows in the format, then the card, which completes the data set.
 
-        Args:
-            card: of the data set, without its split.
-            progress: called with the number of rows written, and of all.
+        `progress` is called with the number of rows written, and of all.
 
         Raises:
             OutputError: the folder cannot be written, or the disk is full.
@@ -120,11 +118,7 @@ class DatasetFolder:
 
 
 def _read_identity(folder: Path) -> CardContent | None:
-    """Return the identity of the conversion in a folder; None: the folder is new or empty.
-
-    Raises:
-        OutputError: it is no folder, or holds what no conversion has made.
-    """
+    """Return the identity of the conversion in a folder; None: the folder is new or empty."""
     path = folder / IDENTITY_FILE
     try:
         if not folder.exists() or not any(folder.iterdir()):

@@ -31,12 +31,7 @@ class OpenedChunk:
 
 
 def chunk_content_fits(head: bytes, length: int) -> bool:
-    """Tell whether the lengths inside a chunk agree with the record's.
-
-    Args:
-        head: the first bytes of the record's content.
-        length: of the whole content [bytes].
-    """
+    """Tell from its first bytes whether the lengths in a chunk agree with the record's [bytes]."""
     start = CHUNK_HEAD.size
     size = int.from_bytes(head[start : start + 4], "little")
     end = start + 4 + size
@@ -73,11 +68,7 @@ def chunk_data(content: memoryview) -> tuple[memoryview, bool]:
 
 
 def message_places(data: memoryview) -> list[int]:
-    """Return where the message records of a chunk begin.
-
-    Raises:
-        DatasetError: its records do not fit into it.
-    """
+    """Return where the message records of a chunk begin."""
     head = RECORD_HEAD.size
     return [start - head for opcode, start, _ in _records(data) if opcode == Opcode.MESSAGE]
 

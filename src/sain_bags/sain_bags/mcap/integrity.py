@@ -9,7 +9,7 @@ from typing import IO, Final
 
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Footer, McapRecord
+from mcap.records import Footer
 from mcap.stream_reader import StreamReader
 
 from sain_core.errors import DatasetError
@@ -68,15 +68,3 @@ def check_summary(stream: IO[bytes]) -> Footer:
         if rest or crc != footer.summary_crc:
             raise McapError("its summary does not match its CRC")
     return footer
-
-
-def summary_records(stream: IO[bytes]) -> Iterator[McapRecord]:
-    """Yield the records of the summary, after comparing its CRC; none where there is no summary.
-
-    Raises:
-        McapError: the file has no end, or the summary is damaged.
-    """
-    start = check_summary(stream).summary_start
-    if start:
-        stream.seek(start)
-        yield from StreamReader(stream, skip_magic=True).records

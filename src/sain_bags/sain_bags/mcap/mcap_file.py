@@ -17,11 +17,12 @@ from typing import IO, Any, Final
 import numpy as np
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Schema, Statistics
+from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
+from mcap.stream_reader import StreamReader
 from numpy import ndarray
 
 from sain_bags.mcap.chunks import CHUNK_HEAD, MESSAGE_HEAD, RECORD_HEAD, chunk_data, message_places
-from sain_bags.mcap.integrity import opened, summary_records
+from sain_bags.mcap.integrity import check_summary, opened
 from sain_core.errors import DatasetError
 
 MAGIC_SIZE: Final = 8
@@ -77,27 +78,31 @@ class McapFile:
         """
         self.path = path
         self.channels: dict[int, Channel] = {}
-        self._schemas: dict[int, Schema] = {}
+        self.schemas: dict[int, Schema] = {}
+        self.metadata: list[str] = []  # names of its metadata
         self._chunks: list[Stretch] = []
         statistics: Statistics | None = None
         with opened(path) as stream:
-            for record in summary_records(stream):
+            footer = check_summary(stream)
+            self.is_verified = bool(footer.summary_crc)
+            if not footer.summary_start:
+                raise McapError("it has no summary")
+            stream.seek(footer.summary_start)
+            for record in StreamReader(stream, skip_magic=True).records:
                 if isinstance(record, Statistics):
                     statistics = record
                 elif isinstance(record, Schema):
-                    self._schemas[record.id] = record
+                    self.schemas[record.id] = record
                 elif isinstance(record, Channel):
                     self.channels[record.id] = record
                 elif isinstance(record, ChunkIndex):
                     self._chunks.append(_stretch(record))
+                elif isinstance(record, MetadataIndex):
+                    self.metadata.append(record.name)
             if statistics is None:
                 raise McapError("it has no summary")
         self.statistics: Statistics = statistics
         self._chunks.sort(key=lambda chunk: chunk.offset)
-
-    def schema(self, channel: Channel) -> Schema | None:
-        """Return what describes a channel's messages; None: nothing does."""
-        return self._schemas.get(channel.schema_id)
 
     def stretches(self, channels: Collection[int]) -> tuple[Stretch, ...]:
         """Return those that may hold messages of these channels, in the order of the file."""
@@ -211,11 +216,7 @@ def _at(data: ndarray, places: ndarray, channels: Collection[int]) -> Messages:
 
 
 def _scan(stream: IO[bytes]) -> Iterator[Stretch]:
-    """Find chunks, and messages without one, in a file whose summary does not name them.
-
-    Raises:
-        McapError: a record does not fit, or the data does not match its CRC.
-    """
+    """Find chunks, and messages without one, in a file whose summary does not name them."""
     stream.seek(0)
     crc = zlib.crc32(stream.read(MAGIC_SIZE))
     times: list[int] = []

@@ -11,6 +11,7 @@ from numpy import ndarray
 
 from sain_bags.mcap.mcap_file import CHANNELS, McapFile, Stretch
 from sain_bags.reading.batches import Batch, in_order, make_batch
+from sain_core.errors import DatasetError
 
 NEVER: Final = (1 << 63) - 1  # [ns], later than every message
 
@@ -33,20 +34,31 @@ class BagChannel:
         """Return its messages' type; empty: nothing tells."""
         return self.schema.name if self.schema else ""
 
+    def definition(self) -> str:
+        """Return the text that describes its messages (``ros2msg``).
+
+        Raises:
+            DatasetError: they are not CDR, or described in another way.
+        """
+        encoding, schema = self.channel.message_encoding, self.schema
+        if schema is None or (encoding, schema.encoding) != ("cdr", "ros2msg"):
+            described = schema.encoding if schema else "nothing"
+            raise DatasetError(
+                f"{self.topic} is {encoding!r} and described by {described!r};"
+                " only CDR that a ros2msg text describes can be decoded"
+            )
+        return schema.data.decode(errors="replace")
+
 
 class BagFiles:
     """Files that are read as one."""
 
     def __init__(self, paths: Sequence[Path]) -> None:
-        """Read their summaries.
-
-        Raises:
-            DatasetError: one is no whole MCAP file, or its summary is damaged.
-        """
+        """Read their summaries; raises `DatasetError`."""
         self.paths = tuple(paths)
         self._files = [McapFile(path) for path in paths]
         self.channels = tuple(
-            BagChannel(number, channel, file.schema(channel))
+            BagChannel(number, channel, file.schemas.get(channel.schema_id))
             for number, file in enumerate(self._files)
             for channel in file.channels.values()
         )
@@ -57,15 +69,7 @@ class BagFiles:
         return tuple(file.statistics for file in self._files)
 
     def batches(self, topics: Collection[str] | None, start: int | None) -> Iterator[Batch]:
-        """Yield messages by the thousand, in the order in which they were received.
-
-        Args:
-            topics: only these; None: all.
-            start: stretches that end before then are left out [ns since the epoch]; None: none.
-
-        Raises:
-            DatasetError: damage was found on the way.
-        """
+        """Yield messages as `Bag.batches` does, but not the stretches that end before the start."""
         wanted = [self._wanted(number, topics) for number in range(len(self._files))]
         counts = [np.zeros(CHANNELS, dtype=np.int64) for _ in self._files]
         yield from in_order(self._stretches(wanted, start, counts))

@@ -50,13 +50,7 @@ class Batch:
 
 
 def make_batch(messages: Messages, channels: ndarray, rank: int) -> Batch:
-    """Return the messages of one stretch.
-
-    Args:
-        messages: of one stretch.
-        channels: numbers in the bag, by the numbers in the file.
-        rank: the stretch's place in the bag.
-    """
+    """Return the messages of one stretch; `channels` has their numbers in the bag."""
     heads = messages.heads
     batch = Batch(
         messages.data,

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
-from sain_bags.bag.bag_folder import find_files
+from sain_bags.bag.metadata import find_files
 from sain_bags.mcap.integrity import check_summary, opened
 from sain_bags.reading.bag_files import BagChannel, BagFiles
 from sain_bags.reading.batches import Batch
@@ -176,15 +176,7 @@ class Bag:
     def batches(
         self, topics: Collection[str] | None = None, start: int | None = None
     ) -> Iterator[Batch]:
-        """Yield messages by the thousand, in the order in which they were received.
-
-        Args:
-            topics: only these; None: all.
-            start: only those received then or later [ns since the epoch]; None: all.
-
-        Raises:
-            DatasetError: damage was found on the way.
-        """
+        """Yield messages by the thousand; arguments and errors are those of `raw_messages`."""
         for batch in self._content.batches(topics, start):
             chosen = batch if start is None else batch[batch.log_times >= start]
             if len(chosen):
@@ -228,12 +220,11 @@ class Bag:
 
 
 def _decoder(source: BagChannel, path: Path) -> Callable[[bytes], Any]:
-    encoding = source.channel.message_encoding
-    found = DecoderFactory().decoder_for(encoding, source.schema)
-    if found is None:
-        described = source.schema.encoding if source.schema else "nothing"
-        raise DatasetError(
-            f"{path}: {source.topic} is {encoding!r} and described by {described!r};"
-            " only CDR that a ros2msg text describes can be decoded"
-        )
+    try:
+        source.definition()
+    except DatasetError as error:
+        raise DatasetError(f"{path}: {error}") from error
+    found: Callable[[bytes], Any] | None
+    found = DecoderFactory().decoder_for(source.channel.message_encoding, source.schema)
+    assert found is not None
     return found

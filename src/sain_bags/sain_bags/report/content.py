@@ -32,10 +32,7 @@ class Content:
 def read_content(bag: Bag, limits: Limits = Limits(), progress: Progress = lambda: None) -> Content:
     """Read a whole bag, comparing each chunk with its CRC, for its page.
 
-    Args:
-        bag: any bag; one without episodes still has topics.
-        limits: how much is shown.
-        progress: called for each message of an episode.
+    `progress` is called for each message of an episode. A bag without episodes still has topics.
 
     Raises:
         DatasetError: damage, or messages that make no sense.

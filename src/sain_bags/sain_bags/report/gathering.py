@@ -14,6 +14,7 @@ from sain_bags.transitions.recorded_episodes import (
     SCENE,
     Episode,
     collect_episodes,
+    namespaces,
     parent_of,
 )
 from sain_core.errors import DatasetError, InvalidInputError
@@ -64,9 +65,7 @@ class Gathered:
 
 def graphs(bag: Bag) -> tuple[str, ...]:
     """Return the namespaces in which the bag has scenes, or results with scenes in them."""
-    shown = {SCENE, PUSH_RESULT}
-    found = {parent_of(topic.name) for topic in bag.topics if topic.type in shown}
-    return tuple(sorted(found))
+    return namespaces(bag, SCENE, PUSH_RESULT)
 
 
 def messages_to_read(bag: Bag) -> int:

@@ -34,12 +34,7 @@ class RecordableTypes:
         self._asker = ThreadPoolExecutor(1, "asker")  # messages do not wait for the answer
 
     def learn(self, name: str, topic: str, publisher: TopicEndpointInfo) -> RecordableType:
-        """Return what is known of a type.
-
-        Args:
-            name: of the type.
-            topic: with messages of it, full name.
-            publisher: of the topic.
+        """Return what is known of the type that a publisher of a topic sends.
 
         Raises:
             InvalidInputError: it is not installed, and cannot be recorded without.

@@ -54,13 +54,7 @@ class Recorder(Node):
     """Subscribes to topics as they appear, and writes their bytes as they come."""
 
     def __init__(self, writer: BagWriter, selection: Selection, **options: Any) -> None:
-        """Record with a writer that the caller closes; `work` does it all.
-
-        Args:
-            writer: of the bag.
-            selection: the topics to record.
-            **options: of the node.
-        """
+        """Record with a writer that the caller closes; `work` does it all."""
         overrides = [Parameter(name, value=value) for name, value in ENTITIES.items()]
         super().__init__(
             "recorder", start_parameter_services=False, parameter_overrides=overrides, **options

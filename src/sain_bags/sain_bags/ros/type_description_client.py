@@ -25,11 +25,6 @@ def ask_definition(topic: str, publisher: TopicEndpointInfo, of: Node) -> str:
     """Return the definition of what a publisher sends, with those of all it refers to.
 
     It waits for the answer; empty: the publisher's node gave none.
-
-    Args:
-        topic: full name.
-        publisher: of the topic.
-        of: a node of the context to ask in.
     """
     context = of.context
     node = Node(NAME, context=context, start_parameter_services=False, enable_rosout=False)

@@ -37,11 +37,7 @@ class PushStretch(NamedTuple):
         return list(zip(episodes, self.goals.places(rows), strict=True))
 
     def with_goals(self, earlier: Mapping[int, Message]) -> PairedPushes:
-        """Return the pushes, each with the latest goal of its episode, or else the latest for any.
-
-        Args:
-            earlier: the latest goals before the stretch, by episode.
-        """
+        """Return the pushes, each with the latest goal of its episode, else the latest for any."""
         found = [goal for _, goal in self.given()]
         episodes = self.pushes.episodes
         chosen = self._latest(episodes)
@@ -103,13 +99,9 @@ def find_contiguous(
     known: Callable[[ndarray], ndarray],
     with_predictions: bool,
 ) -> Contiguous | None:
-    """Return the contiguous pushes of a batch; None: there are none.
+    """Return the contiguous pushes of a batch of so many messages; None: there are none.
 
-    Args:
-        messages: of the batch, by channel.
-        count: of all messages in the batch.
-        known: tells which push ids (R,) occurred in an earlier batch.
-        with_predictions: whether a push needs a prediction to be complete.
+    `known` tells which push ids (R,) occurred in an earlier batch.
     """
     kinds = {one.kind: one for one in messages}
     if PUSH_RESULT not in kinds or SCENE in kinds or len(kinds) < len(messages):

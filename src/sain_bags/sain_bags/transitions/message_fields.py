@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from sain_bags.bag.layouts import MessageTypes, read_types
-from sain_bags.reading.bag_files import BagChannel
+from sain_bags.bag.layouts import MessageTypes
 from sain_bags.transitions.recorded_episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
 from sain_core.dataset import FRICTIONS
 from sain_core.errors import DatasetError
@@ -33,22 +32,6 @@ FIELDS: Final = {
     ),
 }  # fmt: skip
 TEXTS: Final = frozenset({"model", "error_message"})
-
-
-def channel_types(channel: BagChannel) -> MessageTypes:
-    """Return the message types that a channel's schema describes.
-
-    Raises:
-        DatasetError: they are not CDR, or described in another way.
-    """
-    schema, encoding = channel.schema, channel.channel.message_encoding
-    if schema is None or (encoding, schema.encoding) != ("cdr", "ros2msg"):
-        described = schema.encoding if schema else "nothing"
-        raise DatasetError(
-            f"{channel.topic} is {encoding!r} and described by {described!r};"
-            " only CDR that a ros2msg text describes can be decoded"
-        )
-    return read_types(schema.name, schema.data.decode(errors="replace"))
 
 
 def all_paths(fields: Sequence[str]) -> list[str]:

@@ -151,9 +151,10 @@ def read_episodes(bag: Bag, namespace: str | None = None) -> tuple[Episode, ...]
         raise DatasetError(f"{bag.path} holds a message that makes no sense: {error}") from error
 
 
-def namespaces(bag: Bag) -> tuple[str, ...]:
-    """Return the namespaces in which the bag has scenes."""
-    return tuple(sorted({parent_of(topic.name) for topic in bag.topics if topic.type == SCENE}))
+def namespaces(bag: Bag, *types: str) -> tuple[str, ...]:
+    """Return the namespaces in which the bag has messages of some types, or else scenes."""
+    wanted = types or (SCENE,)
+    return tuple(sorted({parent_of(topic.name) for topic in bag.topics if topic.type in wanted}))
 
 
 def collect_episodes(messages: Iterable[Received]) -> tuple[Episode, ...]:

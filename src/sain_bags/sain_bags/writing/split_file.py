@@ -21,15 +21,7 @@ class SplitFile:
     def __init__(
         self, path: Path, compression: str, chunk_size: int, about: Mapping[str, str], ros: str
     ) -> None:
-        """Create the file with the metadata of the bag.
-
-        Args:
-            path: of the file; must not exist.
-            compression: of chunks: none, lz4 or zstd.
-            chunk_size: chunks end at this size [bytes].
-            about: whatever the recording should say about itself.
-            ros: ROS's distribution, for example jazzy.
-        """
+        """Create the file with the metadata of the bag."""
         self.name = path.name
         self._ros = ros
         self._file = PreallocatedFile(path)
@@ -59,14 +51,15 @@ class SplitFile:
     @property
     def counts(self) -> dict[str, int]:
         """Messages in the file, by topic."""
-        counts = self._mcap.contents.counts
+        counts = self._mcap.statistics.channel_message_counts
         return {topic: counts.get(number, 0) for topic, number in self._channels.items()}
 
     @property
     def summary(self) -> FileSummary:
         """The file's entry in ``metadata.yaml``."""
-        contents = self._mcap.contents
-        return FileSummary(self.name, Span(contents.start, contents.end, contents.messages))
+        found = self._mcap.statistics
+        span = Span(found.message_start_time, found.message_end_time, found.message_count)
+        return FileSummary(self.name, span)
 
     def channel(self, topic: Topic) -> int:
         """Describe a topic, if that was not done; return its number."""
