@@ -99,7 +99,8 @@ def named_push(push_id: int, episode: int) -> str:
 
 
 def _about(pushes: PairedPushes, push: int) -> str:
-    return named_push(int(pushes.push_ids[push]), int(pushes.planned_in[push]))
+    ids = pushes.ids[push]
+    return named_push(int(ids["push_id"]), int(ids["planned_in"]))
 
 
 def _possible(scene: Scene, name: str) -> Scene:

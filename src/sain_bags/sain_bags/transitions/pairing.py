@@ -174,8 +174,9 @@ class Pairing:
         pushes = stretch.with_goals(self._goals)
         self._ready.append(pushes)
         self._goals.update(stretch.given())
-        self._done.add_all(pushes.push_ids)
-        self._executed.append(np.stack([pushes.planned_in, pushes.planned_from], axis=-1))
+        self._done.add_all(pushes.ids["push_id"])
+        planned = [pushes.ids[name] for name in ("planned_in", "planned_from")]
+        self._executed.append(np.stack(planned, axis=-1))
         while sum(map(len, self._executed)) - len(self._executed[0]) > self._window:
             self._executed.popleft()
 
@@ -187,11 +188,9 @@ class Pairing:
         for push, row in enumerate(rows.tolist()):
             while len(goals) > len(goal_spots) - given[push]:
                 self.goal(*goals.popleft())
-            planned = int(pushes.planned_in[push]), int(pushes.planned_from[push])
-            number, time = int(pushes.push_ids[push]), int(pushes.times[push])
-            pending = self._wait(PendingPush(number, planned, time))
-            pending.result, pending.code = (table, row), OK
-            pending.episode_id = int(pushes.episodes[push])
+            number, planned_in, planned_from, episode, code, time = pushes.ids[push].item()
+            pending = self._wait(PendingPush(number, (planned_in, planned_from), time))
+            pending.result, pending.code, pending.episode_id = (table, row), code, episode
             if pushes.predictions is not None:
                 pending.prediction = (pushes.predictions[0], int(pushes.predictions[1][push]))
             self._release_complete()
