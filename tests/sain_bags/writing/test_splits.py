@@ -19,7 +19,7 @@ from sain_bags.reading.timing import read_timings
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import RecoveryOutcome
 from sain_bags.writing.gaps import MISSING_KEY
-from sain_bags.writing.split_file import SplitFile
+from sain_bags.writing.split_files import SplitFile
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import OutputError
 
@@ -158,7 +158,7 @@ def test_a_disk_that_fails_while_a_file_is_ended_stops_the_recording(
     writer = BagWriter(tmp_path / "bag", BagConfig(split_duration=1.0))
     writer.add_topic(topic("/chat"))
     writer.write("/chat", text(1), SECOND)
-    monkeypatch.setattr(SplitFile, "finish", fail)
+    monkeypatch.setattr(SplitFile, "close", fail)
     with pytest.raises(OutputError, match="Input/output error"):
         for number in range(2, 1000):
             writer.write("/chat", text(number), SECOND * number)

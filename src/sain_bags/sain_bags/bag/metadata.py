@@ -1,6 +1,6 @@
 """``metadata.yaml``, the file that makes a folder a rosbag2 bag: version 9 of its layout."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any, Final
@@ -85,22 +85,14 @@ class Span:
     messages: int = 0
 
 
-@dataclass(frozen=True)
-class FileSummary:
-    """One file of a bag."""
-
-    name: str  # in the bag's folder
-    span: Span
-
-
 def bag_metadata(
-    files: Sequence[FileSummary],
+    files: Mapping[str, Span],
     topics: Sequence[tuple[Topic, int]],
     custom_data: Mapping[str, str],
     ros_distro: str,
 ) -> dict[str, Any]:
     """Return the metadata of a bag, with rosbag2's keys; each topic with its count of messages."""
-    span = whole_span([file.span for file in files])
+    span = whole_span(files.values())
     return {
         "version": LAYOUT_VERSION,
         "storage_identifier": "mcap",
@@ -108,14 +100,14 @@ def bag_metadata(
         "topics_with_message_count": [_topic(topic, count) for topic, count in topics],
         "compression_format": "",  # of the layout; MCAP compresses its chunks by itself
         "compression_mode": "",
-        "relative_file_paths": [file.name for file in files],
-        "files": [{"path": file.name, **_span(file.span)} for file in files],
+        "relative_file_paths": list(files),
+        "files": [{"path": name, **_span(found)} for name, found in files.items()],
         "custom_data": dict(custom_data) or None,
         "ros_distro": ros_distro,
     }
 
 
-def whole_span(spans: Sequence[Span]) -> Span:
+def whole_span(spans: Iterable[Span]) -> Span:
     """Return the span of all messages; parts without any do not count."""
     some = [span for span in spans if span.messages]
     if not some:

@@ -16,8 +16,7 @@ from typing import Final
 from sain_bags.bag.metadata import Topic, bag_metadata, write_metadata
 from sain_bags.mcap.integrity import RESCUE
 from sain_bags.writing.latched import Held, Latched
-from sain_bags.writing.split_file import SplitFile
-from sain_bags.writing.split_files import SplitFiles
+from sain_bags.writing.split_files import SplitFile, SplitFiles
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError, OutputError
 
@@ -120,7 +119,7 @@ class BagWriter:
         try:
             if self._is_file_done(received):
                 self._split(received)
-            self._file.write(self._channels[topic], sequence, received, published, data)
+            self._file.add_message(self._channels[topic], sequence, received, published, data)
         except OSError as error:
             raise self._error(error) from error
         self._file_start = self._file_start or received
@@ -202,7 +201,8 @@ class BagWriter:
         self._file, self._file_start, self._flush_at = file, 0, None
         self._channels = {name: file.channel(topic) for name, topic in self._topics.items()}
         for topic, held in self._latched:
-            file.write(self._channels[topic], held.sequence, received, held.published, held.data)
+            number = self._channels[topic]
+            file.add_message(number, held.sequence, received, held.published, held.data)
 
     def _begin_file(self) -> SplitFile:
         path = self.folder / f"{self.folder.name}_{len(self.split_files)}.mcap"
@@ -214,7 +214,7 @@ class BagWriter:
     def _metadata(self) -> dict[str, object]:
         counts = self.split_files.counts(self._topics)
         topics = [(topic, counts[name]) for name, topic in self._topics.items()]
-        return bag_metadata(self.split_files.summaries, topics, self.custom_data, self._ros_distro)
+        return bag_metadata(self.split_files.spans, topics, self.custom_data, self._ros_distro)
 
     def _check(self) -> None:
         if self._file.full:
