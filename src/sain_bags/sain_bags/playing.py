@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Final, Protocol, runtime_checkable
 
-from sain_bags.bag.metadata import INFINITE, TopicQos
+from sain_bags.bag.metadata import TopicQos
 from sain_bags.reading.reader import Bag, Raw, TopicSummary
 from sain_core.config import Config, option
 from sain_core.errors import DatasetError
@@ -197,25 +197,17 @@ def choose_topics(
 
 def merge_offers(offers: Sequence[TopicQos]) -> TopicQos:
     """Return one profile that serves every subscriber that one of a topic's publishers served."""
-    first = offers[0] if offers else TopicQos()
     latched = any(qos.durability == "transient_local" for qos in offers)
+    lossy = offers and all(qos.reliability == "best_effort" for qos in offers)
     known = max((qos.depth for qos in offers), default=0)
-    same = all(
-        (qos.deadline, qos.lifespan, qos.liveliness, qos.liveliness_lease_duration)
-        == (first.deadline, first.lifespan, first.liveliness, first.liveliness_lease_duration)
-        for qos in offers
-    )
-    return TopicQos(
+    names = ("deadline", "lifespan", "liveliness", "liveliness_lease_duration")
+    same = len({tuple(getattr(qos, name) for name in names) for qos in offers}) == 1
+    return replace(
+        offers[0] if same else TopicQos(),
         history="keep_all" if any(qos.history == "keep_all" for qos in offers) else "keep_last",
         depth=known or (max(len(offers), 1) if latched else DEPTH),
-        reliability="best_effort"
-        if offers and all(qos.reliability == "best_effort" for qos in offers)
-        else "reliable",
+        reliability="best_effort" if lossy else "reliable",
         durability="transient_local" if latched else "volatile",
-        deadline=first.deadline if same else INFINITE,
-        lifespan=first.lifespan if same else INFINITE,
-        liveliness=first.liveliness if same else "automatic",
-        liveliness_lease_duration=first.liveliness_lease_duration if same else INFINITE,
     )
 
 

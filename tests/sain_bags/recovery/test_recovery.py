@@ -210,7 +210,7 @@ def test_a_recording_that_was_killed_is_saved(tmp_path: Path) -> None:
     writer.close()
     assert report.outcome == RecoveryOutcome.LOSSY
     assert report.missing is None
-    assert "metadata.yaml is missing" in report.note
+    assert "metadata.yaml is missing" in report.sidecar.note
     assert [message[1] for message in saved(tmp_path / "out" / "out_0.mcap")] == [1000, 1001, 1002]
 
 

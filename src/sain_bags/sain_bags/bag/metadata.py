@@ -6,7 +6,7 @@ from pathlib import Path, PurePath
 from typing import Any, Final
 
 import yaml
-from mcap.records import Metadata
+from mcap.records import Metadata, Statistics
 
 from sain_bags.mcap.integrity import RESCUE
 from sain_core.errors import DatasetError
@@ -105,6 +105,11 @@ def bag_metadata(
         "custom_data": dict(custom_data) or None,
         "ros_distro": ros_distro,
     }
+
+
+def span_of(file: Statistics) -> Span:
+    """Return the span of a file's messages."""
+    return Span(file.message_start_time, file.message_end_time, file.message_count)
 
 
 def whole_span(spans: Iterable[Span]) -> Span:

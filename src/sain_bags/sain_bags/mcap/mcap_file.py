@@ -21,8 +21,15 @@ from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
 from numpy import ndarray
 
-from sain_bags.mcap.chunks import CHUNK_HEAD, MESSAGE_HEAD, RECORD_HEAD, chunk_data, message_places
-from sain_bags.mcap.integrity import check_summary, opened
+from sain_bags.mcap.integrity import (
+    CHUNK_HEAD,
+    MESSAGE_HEAD,
+    RECORD_HEAD,
+    check_summary,
+    chunk_data,
+    message_places,
+    opened,
+)
 from sain_core.errors import DatasetError
 
 MAGIC_SIZE: Final = 8

@@ -10,10 +10,9 @@ from typing import Any, Final, NamedTuple
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
-from sain_bags.bag.metadata import find_files
+from sain_bags.bag.metadata import find_files, span_of, whole_span
 from sain_bags.mcap.integrity import check_summary, opened
-from sain_bags.reading.bag_files import BagChannel, BagFiles
-from sain_bags.reading.batches import Batch
+from sain_bags.reading.bag_files import BagChannel, BagFiles, Batch
 from sain_bags.reading.foreign import CopiedBag, is_foreign
 from sain_core.errors import DatasetError
 
@@ -72,6 +71,7 @@ class Bag:
         self._content = BagFiles((self._copy.file,) if self._copy else self.files)
         self.channels = self._content.channels
         self._statistics = self._content.statistics
+        self._span = whole_span(map(span_of, self._statistics))
 
     @property
     def file(self) -> Path:
@@ -107,20 +107,17 @@ class Bag:
     @property
     def message_count(self) -> int:
         """Messages in the bag."""
-        return sum(part.message_count for part in self._statistics)
+        return self._span.messages
 
     @property
     def start(self) -> int:
         """When the first message was received [ns since the epoch]."""
-        filled = (part for part in self._statistics if part.message_count)
-        return min((part.message_start_time for part in filled), default=0)
+        return self._span.start
 
     @property
     def duration(self) -> float:
         """Time from the first to the last message [s]."""
-        filled = (part for part in self._statistics if part.message_count)
-        end = max((part.message_end_time for part in filled), default=0)
-        return 1e-9 * (end - self.start)
+        return 1e-9 * (self._span.end - self._span.start)
 
     @property
     def custom_data(self) -> dict[str, str]:

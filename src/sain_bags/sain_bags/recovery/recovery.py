@@ -12,7 +12,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
 from sain_bags.bag.metadata import METADATA_RECORD, read_record
-from sain_bags.mcap.chunks import MESSAGE_HEAD, OpenedChunk, open_chunk
+from sain_bags.mcap.integrity import MESSAGE_HEAD, OpenedChunk, open_chunk
 from sain_bags.mcap.mcap_file import McapFile
 from sain_bags.mcap.scanner import Gap, Record, Scanner, is_exact, parse
 from sain_bags.recovery.bag_copy import BagCopy
@@ -40,7 +40,7 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
         with BagCopy(out) as copy:
             files = tuple(_recover_file(path, copy, advance) for path in sidecar.files)
             sidecar = complete_sidecar(sidecar, files[-1].about, files[-1].described_bag)
-            report = _report(files, copy, sidecar)
+            report = Report(files, copy.counts, copy.span, sidecar)
             if report.outcome != RecoveryOutcome.NOTHING:
                 copy.finish(_custom_data(sidecar, report, source), sidecar.ros_distro)
             return report
@@ -49,18 +49,6 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
     except OSError as error:
         reason = error.strerror or error
         raise OutputError(f"cannot recover {source} to {out}: {reason}") from error
-
-
-def _report(files: tuple[FileReport, ...], copy: BagCopy, sidecar: Sidecar) -> Report:
-    return Report(
-        files=files,
-        counts=copy.counts,
-        start=copy.span.start,
-        end=copy.span.end,
-        listed=sidecar.counts,
-        lost=sidecar.lost,
-        note=sidecar.note,
-    )
 
 
 def _custom_data(sidecar: Sidecar, report: Report, source: Path) -> dict[str, str]:

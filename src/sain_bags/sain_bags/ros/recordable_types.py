@@ -1,7 +1,7 @@
 """What is known of the types of messages, of those that are installed and of others.
 
-The node that publishes another type is asked for its definition. Every node of ROS 2 Jazzy and later
-answers on ``<node>/get_type_description`` by default.
+The node that publishes another type is asked for its definition. Every node of ROS 2 Jazzy and
+later answers on ``<node>/get_type_description`` by default.
 """
 
 import time

@@ -167,13 +167,10 @@ class PairedPushes:
     def part(self, chosen: slice) -> "PairedPushes":
         """Return some of the pushes, which have no goals yet."""
         sent, before, after = ((table, rows[chosen]) for table, rows in self.messages)
-        return PairedPushes(
-            np.arange(len(self.places[chosen])),
-            self.ids[chosen],
-            self.predictions and (self.predictions[0], self.predictions[1][chosen]),
-            self.source,
-            (sent, before, after),
-        )
+        predictions = self.predictions and (self.predictions[0], self.predictions[1][chosen])
+        ids, messages = self.ids[chosen], (sent, before, after)
+        places = np.arange(len(ids))
+        return PairedPushes(places, ids, predictions, self.source, messages)
 
 
 def as_columns(pushes: Sequence[PendingPush], places: Sequence[int]) -> PairedPushes:

@@ -14,7 +14,6 @@ from sain_bags.transitions.dropped import (
     UNSETTLED,
     Dropped,
     drop,
-    no_detail,
     why_no_goal,
     why_no_row,
     why_senseless,
@@ -76,7 +75,7 @@ class RowMaker:
         left = np.ones(len(pushes), dtype=bool)
         if not self._keep_unsettled:
             left &= before.settled & after.settled
-            drop(pushes, np.flatnonzero(~left), UNSETTLED, no_detail, dropped)
+            drop(pushes, np.flatnonzero(~left), UNSETTLED, None, dropped)
         alike = (before.counts == after.counts) & (before.counts >= MIN_DISKS)
         drop(pushes, np.flatnonzero(left & ~alike), SENSELESS, why_senseless, dropped)
         left &= alike
@@ -94,7 +93,9 @@ class RowMaker:
         physics, predicted = pushes.physics(chosen, count), pushes.predicted[chosen]
         kept = np.ones(len(chosen), dtype=bool)
 
-        def keep(right: ndarray, reason: str, why: Callable[[PairedPushes, int], str]) -> None:
+        def keep(
+            right: ndarray, reason: str, why: Callable[[PairedPushes, int], str] | None = None
+        ) -> None:
             drop(pushes, chosen[kept & ~right], reason, why, dropped)
             np.logical_and(kept, right, out=kept)
 
@@ -111,7 +112,7 @@ class RowMaker:
         finite = np.isfinite(pushes.goal_values).all(axis=-1) | ~pushes.given
         keep(finite[chosen], SENSELESS, why_no_goal)
         if self._moved_only:
-            keep(_moved(before, after), NOT_MOVED, no_detail)
+            keep(_moved(before, after), NOT_MOVED)
         if not kept.all():
             chosen, before, after, physics = (
                 array[kept] for array in (chosen, before, after, physics)

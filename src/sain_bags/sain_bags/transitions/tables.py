@@ -13,8 +13,7 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.bag.layouts import Layout, find_layout, read_types
-from sain_bags.reading.bag_files import BagChannel
-from sain_bags.reading.batches import Batch
+from sain_bags.reading.bag_files import BagChannel, Batch
 from sain_bags.transitions.message_fields import DISKS, FIELDS, all_paths, check_path
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_NAMES, STATE_SIZE

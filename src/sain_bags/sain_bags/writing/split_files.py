@@ -4,7 +4,14 @@ from collections.abc import Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
-from sain_bags.bag.metadata import METADATA_RECORD, Span, Topic, bag_metadata, metadata_record
+from sain_bags.bag.metadata import (
+    METADATA_RECORD,
+    Span,
+    Topic,
+    bag_metadata,
+    metadata_record,
+    span_of,
+)
 from sain_bags.mcap.mcap_writer import McapWriter
 from sain_bags.mcap.preallocated_file import PreallocatedFile
 
@@ -38,8 +45,7 @@ class SplitFile(McapWriter):
     @property
     def span(self) -> Span:
         """When its messages were received."""
-        found = self.statistics
-        return Span(found.message_start_time, found.message_end_time, found.message_count)
+        return span_of(self.statistics)
 
     def channel(self, topic: Topic) -> int:
         """Describe a topic, if that was not done; return its number."""
