@@ -196,10 +196,13 @@ def _indexed(
     named, owner = named[order], np.concatenate(owners)[order] if owners else np.empty(0)
     places = named["place"].astype(np.int64)
     found = _at(data, places, channels)
-    fits = len(found.heads) == len(named) and (np.diff(places) > 0).all()
-    if not fits or (found.heads["log_time"] != named["log_time"]).any():
-        raise McapError("the index of a chunk does not fit it")
-    if (found.heads["channel"] != owner).any():
+    heads = found.heads
+    fits = len(heads) == len(named) and (np.diff(places) > 0).all()
+    if not (
+        fits
+        and np.array_equal(heads["log_time"], named["log_time"])
+        and np.array_equal(heads["channel"], owner)
+    ):
         raise McapError("the index of a chunk does not fit it")
     return found
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from mcap.records import Channel, Schema, Statistics
+from mcap.records import Channel, Schema
 from numpy import ndarray
 
 from sain_bags.mcap.mcap_file import CHANNELS, McapFile, Messages, Stretch
@@ -94,22 +94,31 @@ class BagFiles:
         """Read their summaries; raises `DatasetError`."""
         self.paths = tuple(paths)
         self._files = [McapFile(path) for path in paths]
+        self.statistics = tuple(file.statistics for file in self._files)
         self.channels = tuple(
             BagChannel(number, channel, file.schemas.get(channel.schema_id))
             for number, file in enumerate(self._files)
             for channel in file.channels.values()
         )
 
-    @property
-    def statistics(self) -> tuple[Statistics, ...]:
-        """What each file says about itself."""
-        return tuple(file.statistics for file in self._files)
+    def batches(
+        self, topics: Collection[str] | None = None, start: int | None = None
+    ) -> Iterator[Batch]:
+        """Yield messages by the thousand, in the order in which they were received.
 
-    def batches(self, topics: Collection[str] | None, start: int | None) -> Iterator[Batch]:
-        """Yield messages as `Bag.batches` does, but not the stretches that end before the start."""
+        Args:
+            topics: only these; None: all.
+            start: only those received then or later [ns since the epoch]; None: all.
+
+        Raises:
+            DatasetError: damage was found on the way.
+        """
         wanted = [self._wanted(number, topics) for number in range(len(self._files))]
         counts = [np.zeros(CHANNELS, dtype=np.int64) for _ in self._files]
-        yield from in_order(self._stretches(wanted, start, counts))
+        for batch in in_order(self._stretches(wanted, start, counts)):
+            chosen = batch if start is None else batch[batch.log_times >= start]
+            if len(chosen):
+                yield chosen
         if start is None:
             for file, numbers, found in zip(self._files, wanted, counts, strict=True):
                 file.compare({number: int(found[number]) for number in numbers})

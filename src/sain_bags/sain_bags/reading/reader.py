@@ -12,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from sain_bags.bag.metadata import find_files, span_of, whole_span
 from sain_bags.mcap.integrity import check_summary, opened
-from sain_bags.reading.bag_files import BagChannel, BagFiles, Batch
+from sain_bags.reading.bag_files import BagChannel, BagFiles
 from sain_bags.reading.foreign import CopiedBag, is_foreign
 from sain_core.errors import DatasetError
 
@@ -52,7 +52,7 @@ class Received:
     publish_time: int  # [ns since the epoch]
 
 
-class Bag:
+class Bag(BagFiles):
     """A whole bag: a rosbag2 folder with one or more files, or one MCAP file alone.
 
     Everything that is read is checked against the CRCs in MCAP files. Of any other storage a copy
@@ -68,10 +68,8 @@ class Bag:
         self.path = path
         self.metadata, self.files = find_files(path)
         self._copy = CopiedBag(path) if is_foreign(self.metadata) else None
-        self._content = BagFiles((self._copy.file,) if self._copy else self.files)
-        self.channels = self._content.channels
-        self._statistics = self._content.statistics
-        self._span = whole_span(map(span_of, self._statistics))
+        super().__init__((self._copy.file,) if self._copy else self.files)
+        self._span = whole_span(map(span_of, self.statistics))
 
     @property
     def file(self) -> Path:
@@ -90,7 +88,7 @@ class Bag:
         about: dict[tuple[str, str], Mapping[str, str]] = {}
         for found in self.channels:
             key = found.topic, found.type
-            numbers = self._statistics[found.file].channel_message_counts
+            numbers = self.statistics[found.file].channel_message_counts
             counts[key] += numbers.get(found.channel.id, 0)
             about[key] = {**about.get(key, {}), **found.channel.metadata}
         hashes = self._type_hashes()
@@ -170,22 +168,13 @@ class Bag:
         for _, raw in self._numbered(topics, start):
             yield raw
 
-    def batches(
-        self, topics: Collection[str] | None = None, start: int | None = None
-    ) -> Iterator[Batch]:
-        """Yield messages by the thousand; arguments and errors are those of `raw_messages`."""
-        for batch in self._content.batches(topics, start):
-            chosen = batch if start is None else batch[batch.log_times >= start]
-            if len(chosen):
-                yield chosen
-
     def check(self) -> None:
         """Read the whole file and compare every CRC.
 
         Raises:
             DatasetError: a bit is not as it was written.
         """
-        for file in self._content.paths:
+        for file in self.paths:
             with opened(file) as stream:
                 deque(StreamReader(stream, validate_crcs=True).records, maxlen=0)
                 check_summary(stream)
