@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from sain_bags.transitions.contiguous import PushStretch
+from sain_bags.transitions.message_fields import GOAL
 from sain_bags.transitions.messages import ChannelMessages
 from sain_bags.transitions.paired_pushes import FROM_RESULT, IDS, PairedPushes
 from sain_bags.transitions.pairing import Pairing, PendingPush
-from sain_bags.transitions.recorded_episodes import GOAL
 from sain_bags.transitions.tables import MessageTable
 
 NUMBERS = count()

@@ -11,7 +11,8 @@ from rich.text import Text
 from sain_bags.cli.options import InfoOptions
 from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
-from sain_bags.transitions.recorded_episodes import Episode, namespaces, read_episodes
+from sain_bags.transitions.message_fields import namespaces
+from sain_bags.transitions.recorded_episodes import Episode, read_episodes
 from sain_bags.writing.gaps import read_gaps
 from sain_core.cli.fitting_table import FittingTable
 

@@ -6,9 +6,8 @@ from typing import Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.message_fields import WORLD
+from sain_bags.transitions.message_fields import WORLD, parent_of
 from sain_bags.transitions.messages import MessageReader
-from sain_bags.transitions.recorded_episodes import parent_of
 from sain_bags.transitions.sources import Source
 from sain_core.dataset import FRICTIONS, Column, Columns
 

@@ -92,10 +92,9 @@ class McapFile:
         with opened(path) as stream:
             footer = check_summary(stream)
             self.is_verified = bool(footer.summary_crc)
-            if not footer.summary_start:
-                raise McapError("it has no summary")
             stream.seek(footer.summary_start)
-            for record in StreamReader(stream, skip_magic=True).records:
+            reader = StreamReader(stream, skip_magic=True)
+            for record in reader.records if footer.summary_start else ():
                 if isinstance(record, Statistics):
                     statistics = record
                 elif isinstance(record, Schema):
@@ -181,28 +180,23 @@ def _indexed(
     data: ndarray, content: bytes, stretch: Stretch, channels: Collection[int]
 ) -> Messages:
     """Pick the messages that the indexes name, when each is what its index says it is."""
-    entries, owners = [], []
+    entries, owners = [np.empty(0, INDEX_ENTRY)], [np.empty(0, np.uint16)]
     indexes = stretch.indexes
     for channel in indexes.keys() & channels:
         start = indexes[channel] - stretch.offset
         opcode, length, owner, size = INDEX_HEAD.unpack_from(content, start)
         if (opcode, length, owner) != (Opcode.MESSAGE_INDEX, size + 6, channel) or size % 16:
             raise McapError("the index of a chunk is damaged")
-        start += INDEX_HEAD.size
-        entries.append(np.frombuffer(content, INDEX_ENTRY, size // 16, start))
+        entries.append(np.frombuffer(content, INDEX_ENTRY, size // 16, start + INDEX_HEAD.size))
         owners.append(np.full(size // 16, channel, dtype=np.uint16))
-    named = np.concatenate(entries) if entries else np.empty(0, INDEX_ENTRY)
+    named = np.concatenate(entries)
     order = np.argsort(named["place"], kind="stable")
-    named, owner = named[order], np.concatenate(owners)[order] if owners else np.empty(0)
+    named, owner = named[order], np.concatenate(owners)[order]
     places = named["place"].astype(np.int64)
     found = _at(data, places, channels)
-    heads = found.heads
-    fits = len(heads) == len(named) and (np.diff(places) > 0).all()
-    if not (
-        fits
-        and np.array_equal(heads["log_time"], named["log_time"])
-        and np.array_equal(heads["channel"], owner)
-    ):
+    right = np.array_equal(found.heads["log_time"], named["log_time"])
+    right &= np.array_equal(found.heads["channel"], owner)
+    if not right or (np.diff(places) <= 0).any():
         raise McapError("the index of a chunk does not fit it")
     return found
 

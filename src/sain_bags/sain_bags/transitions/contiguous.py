@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.message_fields import PUSH
+from sain_bags.transitions.message_fields import GOAL, PREDICTION, PUSH, PUSH_RESULT, SCENE
 from sain_bags.transitions.messages import ChannelMessages
 from sain_bags.transitions.paired_pushes import FROM_RESULT, IDS, NONE, OK, PairedPushes
-from sain_bags.transitions.recorded_episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
 from sain_bags.transitions.tables import Message
 
 ANY_EPISODE = 0  # in a goal: it holds for all

@@ -17,15 +17,13 @@ from numpy import ndarray
 
 from sain_bags.transitions.contiguous import ANY_EPISODE, PushStretch, find_contiguous
 from sain_bags.transitions.id_ranges import IdRanges
-from sain_bags.transitions.message_fields import PUSH
+from sain_bags.transitions.message_fields import GOAL, PREDICTION, PUSH, SCENE
 from sain_bags.transitions.messages import ChannelMessages
 from sain_bags.transitions.paired_pushes import NONE, OK, PairedPushes, PendingPush, SceneId
-from sain_bags.transitions.recorded_episodes import GOAL, PREDICTION, SCENE
 from sain_bags.transitions.tables import Message
 
 WINDOW: Final = 1000  # pushes that wait, scenes and predictions that are kept for pushes to come
 SHORT: Final = 16  # contiguous pushes that are faster paired one by one
-
 
 Paired = list[PendingPush] | PairedPushes  # in the order of the pushes
 Calls = tuple[Callable[..., None], Iterator[tuple[Any, ...]]]  # a method and its arguments

@@ -8,10 +8,10 @@ from typing import Any, Final
 
 from sain_bags.bag.metadata import METADATA_FILE
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.message_fields import PUSH
-from sain_bags.transitions.recorded_episodes import (
+from sain_bags.transitions.message_fields import (
     GOAL,
     PREDICTION,
+    PUSH,
     PUSH_RESULT,
     SCENE,
     namespaces,
