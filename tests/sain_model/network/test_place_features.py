@@ -59,7 +59,7 @@ def test_what_pulls_along_the_world_is_learned_in_its_frame_alone(dataset, tmp_p
         trainer.run()
         sain = SainDynamics(trainer.network, prior, "planar")
         predicted = sain.step(split.test.state, split.test.action)
-        left[frame] = measure(predicted, split.test, 0).target_mean
+        left[frame] = measure(predicted, split.test, 0)["target_mean"]
     assert left[WORLD_FRAME] < 2.0 and left[WORLD_FRAME] < 0.5 * left[PUSH_FRAME]
 
 

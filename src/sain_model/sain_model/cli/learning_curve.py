@@ -7,13 +7,14 @@ import torch
 from rich.console import Console
 
 from sain_core.cli.fitting_table import FittingTable
+from sain_core.drawing.figures import write_png
 from sain_core.provenance import ros2_command
 from sain_core.storage import write_json, write_whole
 from sain_model.cli.options import LearningCurveOptions
 from sain_model.data.dataset import load_transitions, split_by_episode
 from sain_model.evaluation.markdown import markdown_table
 from sain_model.training.learning_curve import Point, learning_curve
-from sain_model.training.plots import save_curves
+from sain_model.training.plots import draw_curves
 
 
 def run(command: LearningCurveOptions, console: Console) -> None:
@@ -42,7 +43,7 @@ def run(command: LearningCurveOptions, console: Console) -> None:
     }
     write_json(command.out / "curves.json", report)
     write_whole(command.out / "curves.md", markdown(points).encode())
-    save_curves(command.out / "curves.png", points)
+    write_png(draw_curves(points), command.out / "curves.png")
     console.print(_table(points, len(split.test)), soft_wrap=True)
     console.print(f"written to {command.out}")
 

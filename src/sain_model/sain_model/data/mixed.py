@@ -23,6 +23,7 @@ from sain_model.data.dataset import (
     Dataset,
     Split,
     from_shards,
+    limit_training,
     read_shards,
     split_by_episode,
 )
@@ -91,13 +92,16 @@ def load_datasets(paths: Sequence[Path]) -> Dataset | MixedDataset:
 
 
 def split_datasets(
-    data: Dataset | MixedDataset, seed: int, validation: float, test: float
+    data: Dataset | MixedDataset, seed: int, validation: float, test: float, transitions: int = 0
 ) -> Split | MixedSplit:
-    """Split a data set so that no episode is in two parts; see `split_by_episode`."""
+    """Split a data set as `split_by_episode` does; see `limit_training`, 0: all transitions."""
+    split: Split | MixedSplit
     if isinstance(data, Dataset):
-        return split_by_episode(data, seed, validation, test)
-    parts = draw_parts(data.episode, seed, validation, test)
-    return MixedSplit(*(data.select(rows) for rows in parts))
+        split = split_by_episode(data, seed, validation, test)
+    else:
+        parts = draw_parts(data.episode, seed, validation, test)
+        split = MixedSplit(*(data.select(rows) for rows in parts))
+    return limit_training(split, transitions) if transitions else split
 
 
 def _disks(part: Dataset) -> int:

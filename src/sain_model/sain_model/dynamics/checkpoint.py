@@ -6,7 +6,6 @@ pins the weights by their SHA-256. Nothing is unpickled. What does not fit is re
 
 import dataclasses
 import hashlib
-import io
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import safetensors.torch
-import torch
 from safetensors import SafetensorError
 from torch import nn
 
@@ -125,13 +123,6 @@ def save_checkpoint(
 def card_json(card: ModelCard) -> str:
     """Return the card as it is written: indented, keys in the order of `ModelCard`."""
     return json.dumps(dataclasses.asdict(card), indent=2) + "\n"
-
-
-def write_torch(path: Path, state: dict[str, Any]) -> None:
-    """Write tensors and plain values, to go on from, whole or not at all."""
-    buffer = io.BytesIO()
-    torch.save(state, buffer)
-    write_whole(path, buffer.getvalue())
 
 
 def load_checkpoint(path: Path) -> tuple[InteractionNetwork, ModelCard, str]:

@@ -7,13 +7,14 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from sain_core.scene import MID, TARGET, THETA, wrap_angle
+from sain_core.scene import MID, TARGET
 from sain_core.types import Mask
 from sain_model.data.windows import Windows
 from sain_model.evaluation.metrics import (
-    bootstrap_over_episodes,
+    heading_errors,
     position_errors,
     ratio_over_episodes,
+    statistics,
     target_moved,
 )
 
@@ -58,28 +59,16 @@ def _row(
     if not rows.any():
         return None
     said, truth = predicted[rows, step - 1], windows.next_scenes[rows, step - 1]
-    turned = 1e3 * np.abs(wrap_angle(said[..., THETA] - truth[..., THETA]))
+    turned = heading_errors(said, truth)
     episodes = windows.episodes[rows]
     return {
         "windows": int(rows.sum()),
         "episodes": len(np.unique(episodes)),
-        "target": _statistics(position_errors(said, truth, TARGET), episodes, seed),
-        "mid": _statistics(position_errors(said, truth, MID), episodes, seed),
-        "target_heading": _statistics(turned[:, TARGET], episodes, seed),
-        "mid_heading": _statistics(turned[:, MID], episodes, seed),
+        "target": statistics(position_errors(said, truth, TARGET), episodes, seed),
+        "mid": statistics(position_errors(said, truth, MID), episodes, seed),
+        "target_heading": statistics(turned[:, TARGET], episodes, seed),
+        "mid_heading": statistics(turned[:, MID], episodes, seed),
         "contacts_agreed": _agreement(windows, predicted, rows, step),
-    }
-
-
-def _statistics(values: ndarray, episodes: ndarray, seed: int) -> dict[str, float]:
-    """Return mean with 95 % interval over episodes, median and p95 [mm or mrad]."""
-    low, high = bootstrap_over_episodes(values, episodes, seed)
-    return {
-        "mean": float(values.mean()),
-        "low": low,
-        "high": high,
-        "median": float(np.median(values)),
-        "p95": float(np.quantile(values, 0.95)),
     }
 
 

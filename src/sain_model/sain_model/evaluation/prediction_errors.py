@@ -1,6 +1,5 @@
 """How well dynamics predict single pushes: errors beside the floor, with intervals."""
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -53,8 +52,7 @@ def evaluate(
         known = np.isfinite(predicted).all(axis=(1, 2))
         for part, rows in (("all", known), ("target_moved", known & moved)):
             if rows.any():
-                errors = measure(predicted[rows], data.select(rows), seed)
-                result[part][name] = asdict(errors)
+                result[part][name] = measure(predicted[rows], data.select(rows), seed)
     result["by_history"] = errors_by_history(data, predictions)
     result["reducible_error_removed"] = _shares(data, predictions)
     result["intervals"] = {

@@ -20,8 +20,7 @@ from sain_model.dynamics.physics_gradient import conditioned_moves, moves
 from sain_model.network.settings import WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.settings import CorrectionTrainingConfig, cosine
-from sain_model.training.training_loop import Step, TrainingLoop
-from sain_model.training.training_state import LossHistory
+from sain_model.training.training_loop import LossHistory, Step, TrainingLoop
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from sain_model.dynamics.settings import SHIPPED, LossConfig
 from sain_model.evaluation.held_out import held_out_part
 from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.training.options import DEFAULT, TrainOptions
 from sain_model.training.settings import EPISODE, NOTHING, TrainingConfig
 
 KEPT: Final = ("prior", "prior_friction", "history")  # and its network: weights fit no others
@@ -92,12 +93,13 @@ class Parent:
             },
         )
 
-    def check_settings(self, config: TrainingConfig) -> None:
+    def check_options(self, options: TrainOptions) -> None:
         """Check that a training keeps what the weights were made for.
 
         Raises:
             ConfigError: naming the option that asks for something else.
         """
+        config = options.training
         kept = {**vars(self.settings), **vars(self.settings.network)}
         asked = {**vars(config), **vars(config.network)}
         for name in (*KEPT, *vars(config.network)):
@@ -107,6 +109,13 @@ class Parent:
                     f"{option} is {asked[name]!r}; {self.name} has {kept[name]!r}, and its weights"
                     f" fit nothing else: leave {option} or --from out"
                 )
+        if options.preset != DEFAULT:
+            asked_for = f"--preset {options.preset}"
+        elif options.rollout.wanted:
+            asked_for = "--steps-ahead"
+        else:
+            return
+        raise ConfigError(f"{asked_for} is for new weights; leave it or --from out")
 
     def check_data(self, data: Dataset | MixedDataset) -> None:
         """Check that a data set is new to it: what is held out must not have been learned from.
