@@ -12,8 +12,8 @@ from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
 from sain_model.dynamics.checkpoint import save_checkpoint
 from sain_model.dynamics.load import sain_class
-from sain_model.evaluation.error_table import error_table, gain_line, history_table, interval_table
-from sain_model.evaluation.held_out import held_out_errors
+from sain_model.evaluation.error_table import error_tables, gain_line
+from sain_model.evaluation.prediction_errors import held_out_errors
 from sain_model.network.settings import ON_STATE
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.interval_fit import fit_intervals
@@ -49,11 +49,8 @@ def run(command: TrainOptions, console: Console) -> None:
     card = make_card(command, data, split, learned, errors)
     path = command.out / f"{command.name}.safetensors"
     save_checkpoint(path, sain.network, card)
-    for part in ("all", "target_moved"):
-        console.print(error_table(errors, part), soft_wrap=True)
-    console.print(history_table(errors), soft_wrap=True)
-    for intervals in errors["intervals"].values():
-        console.print(interval_table(intervals), soft_wrap=True)
+    for table in error_tables(errors):
+        console.print(table, soft_wrap=True)
     if parent:
         console.print(gain_line(errors["fine_tuning"], parent.name, errors["held_out"]))
     if history.best < 0:

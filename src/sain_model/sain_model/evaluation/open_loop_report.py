@@ -58,21 +58,25 @@ def report_open_loop(
         for step in steps
         if loop.windows.known[:, step - 1].any()
     }
-    text = markdown(report) + _refusals(refusals(others or {}))
+    text = markdown(report) + "".join(
+        f"* {name}: pushes that could not be carried out in the scenes that it predicted, and moved"
+        f" nothing: {count}\n"
+        for name, count in refusals(others or {}).items()
+    )
     write_whole(out.with_name(f"{out.stem}_open_loop.md"), text.encode())
     save_open_loop_plot(out.with_name(f"{out.stem}_open_loop.png"), loop, seed)
     return report
 
 
 def _errors(loop: OpenLoop, models: list[str], step: int, seed: int) -> dict[str, Any]:
-    errors = errors_after(loop.windows, loop.predictions, loop.earlier, step, seed)
+    errors = errors_after(loop, step, seed)
     means = {name: row["target"]["mean"] for name, row in errors["all"].items()}
     learned = [name for name in means if name.startswith(tuple(models))]
     physics = [name for name in means if name not in (*learned, *BELOW_ALL)]
     best = min(physics, key=means.__getitem__)
     found = {"errors": errors, "best_physics": best}
     for below in [best] + [name for name in models if name == LEARNED]:
-        every = ratios(loop.windows, loop.predictions, step, below, seed)
+        every = ratios(loop, step, below, seed)
         found[f"ratio_to_{below}"] = {name: every[name] for name in learned if name in every}
     return found
 
@@ -88,15 +92,6 @@ def markdown(report: dict[str, Any]) -> str:
             parts.append(f"### After {pushes}, {part}\n\n{table}\n")
         parts += [_ratios(key, values) for key, values in found.items() if "ratio_to" in key]
     return "".join(parts)
-
-
-def _refusals(counts: Mapping[str, int]) -> str:
-    lines = [
-        f"* {name}: pushes that could not be carried out in the scenes that it predicted, and moved"
-        f" nothing: {count}\n"
-        for name, count in counts.items()
-    ]
-    return "".join(lines)
 
 
 def _cells(name: str, row: dict[str, Any]) -> list[str]:

@@ -20,9 +20,9 @@ from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, parse_card
 from sain_model.dynamics.load import card_part, load_sain, shipped_checkpoint
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
 from sain_model.dynamics.settings import SHIPPED, LossConfig
-from sain_model.evaluation.held_out import held_out_part
 from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.evaluation.prediction_errors import held_out_part
 from sain_model.training.options import DEFAULT, TrainOptions
 from sain_model.training.settings import EPISODE, NOTHING, TrainingConfig
 
