@@ -12,8 +12,9 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSE, POSITION, TARGET, wrap_angle
 from sain_model.data.dataset import Dataset, Split, split_by_episode
 from sain_model.data.windows import make_windows
+from sain_model.dynamics.loss import rollout_loss
 from sain_model.dynamics.recurrent import PhysicsChain
-from sain_model.dynamics.rollouts import roll, rollout_loss
+from sain_model.dynamics.rollouts import roll
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import (
     CHAINS,

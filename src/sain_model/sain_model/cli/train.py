@@ -12,6 +12,7 @@ from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
 from sain_model.dynamics.checkpoint import save_checkpoint
 from sain_model.dynamics.load import sain_class
+from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.error_table import error_tables, gain_line
 from sain_model.evaluation.prediction_errors import held_out_errors
 from sain_model.network.settings import ON_STATE
@@ -22,7 +23,7 @@ from sain_model.training.plots import draw_losses
 from sain_model.training.progress import epoch_bar, event_log
 from sain_model.training.push_training import Trainer, prior_and_filter
 from sain_model.training.rollout_training import RolloutTrainer
-from sain_model.training.training_card import Learned, make_card, save_settings
+from sain_model.training.training_card import make_card, save_settings
 from sain_model.training.training_loop import LossHistory
 
 
@@ -41,18 +42,18 @@ def run(command: TrainOptions, console: Console) -> None:
     split = split_datasets(data, config.seed, config.validation, config.test, config.transitions)
     if parent:
         parent.check_data(data)
-    learned = learn(command, data, split, console, parent)
-    sain, history = learned.sain, learned.history
+    sain, histories = learn(command, data, split, console, parent)
     errors = held_out_errors(split, sain)
     if parent:
         errors["fine_tuning"] = parent.gain(sain, split)
-    card = make_card(command, data, split, learned, errors)
+    card = make_card(command, data, split, sain, histories, errors, parent)
     path = command.out / f"{command.name}.safetensors"
     save_checkpoint(path, sain.network, card)
     for table in error_tables(errors):
         console.print(table, soft_wrap=True)
     if parent:
         console.print(gain_line(errors["fine_tuning"], parent.name, errors["held_out"]))
+    history = histories[0]
     if history.best < 0:
         console.print(f"no epoch did better on the validation episodes than {command.parent}:")
         console.print(f"{path}: its weights, with regions fitted anew")
@@ -66,7 +67,7 @@ def learn(
     split: Split | MixedSplit,
     console: Console,
     parent: Parent | None = None,
-) -> Learned:
+) -> tuple[SainDynamics, list[LossHistory]]:
     """Train on single pushes, then on rollouts if wanted, and fit the regions of predictions."""
     config = command.training
     rollouts = command.rollout if command.rollout.wanted else None
@@ -83,7 +84,7 @@ def learn(
     save_settings("train", command, data)
     _run(trainer, command, console)
     write_png(draw_losses(trainer.history), command.out / "loss.png")
-    after = None
+    histories = [trainer.history]
     if rollouts and isinstance(split, Split):
         learner = RolloutTrainer(
             trainer.network, split, prior, rollouts, config, command.out, friction
@@ -91,13 +92,13 @@ def learn(
         with epoch_bar(console, rollouts.rollout_epochs, learner.epoch) as advance:
             learner.run(advance)
         write_png(draw_losses(learner.history), command.out / "rollout_loss.png")
-        after = learner.history
+        histories.append(learner.history)
     infers = friction.config if friction else None
     sain = sain_class(rollouts)(
         trainer.network, prior, config.prior, friction=infers, recurrent=rollouts is not None
     )
     intervals = fit_intervals(sain, split.validation.parts[0])
-    return Learned(replace(sain, intervals=intervals), trainer.history, after, parent)
+    return replace(sain, intervals=intervals), histories
 
 
 def _run(trainer: Trainer, command: TrainOptions, console: Console) -> None:

@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import Self
 
@@ -86,7 +87,8 @@ def load_datasets(paths: Sequence[Path]) -> Dataset | MixedDataset:
         first += len(names)
     hashes = tuple(part.sha256 for part in labelled)
     sha256 = hashlib.sha256(" ".join(hashes).encode()).hexdigest()
-    grouped = groupby(sorted(labelled, key=_disks), key=_disks)
+    disks = attrgetter("disks")
+    grouped = groupby(sorted(labelled, key=disks), key=disks)
     parts = tuple(_joined(list(group), sha256, hashes) for _, group in grouped)
     return parts[0] if len(parts) == 1 else MixedDataset(parts, sha256, hashes)
 
@@ -102,10 +104,6 @@ def split_datasets(
         parts = draw_parts(data.episode, seed, validation, test)
         split = MixedSplit(*(data.select(rows) for rows in parts))
     return limit_training(split, transitions) if transitions else split
-
-
-def _disks(part: Dataset) -> int:
-    return part.disks
 
 
 def _by_count(path: Path) -> list[Dataset]:

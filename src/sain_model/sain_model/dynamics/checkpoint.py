@@ -17,7 +17,7 @@ from safetensors import SafetensorError
 from torch import nn
 
 from sain_core.errors import CheckpointError, ConfigError
-from sain_core.storage import write_whole
+from sain_core.storage import write_json, write_whole
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.network.feature_kernels import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork
@@ -116,13 +116,8 @@ def save_checkpoint(
         weights_sha256=hashlib.sha256(weights).hexdigest(),
     )
     write_whole(path, weights)
-    write_whole(card_path(path), card_json(card).encode())
+    write_json(card_path(path), dataclasses.asdict(card))
     return card
-
-
-def card_json(card: ModelCard) -> str:
-    """Return the card as it is written: indented, keys in the order of `ModelCard`."""
-    return json.dumps(dataclasses.asdict(card), indent=2) + "\n"
 
 
 def load_checkpoint(path: Path) -> tuple[InteractionNetwork, ModelCard, str]:

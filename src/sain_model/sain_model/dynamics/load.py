@@ -1,9 +1,9 @@
-"""What this package offers to the registry of models: its priors and checkpoints."""
+"""The checkpoints that this package offers to the registry of models; for priors see `priors`."""
 
 from importlib import resources
 from pathlib import Path
 
-from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.dynamics import Dynamics
 from sain_model.dynamics.checkpoint import (
     CORRECTION_ARCHITECTURE,
     card_path,
@@ -19,9 +19,7 @@ from sain_model.dynamics.priors import C, Settings, load_planar, load_prior, nam
 from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import (
-    IDENTITY,
     PHYSICS,
-    PLANAR_PRIORS,
     SHIPPED,
     CorrectionNetworkConfig,
     RolloutConfig,
@@ -30,19 +28,11 @@ from sain_model.physics.friction import FrictionConfig
 
 
 def load_builtin(name: str) -> Dynamics:
-    """Return a dynamics of this package: what `sain_core.plugins.load_dynamics` finds here.
-
-    Args:
-        name: ``planar``, ``planar_axes`` or ``identity``: that prior; ``sain``: the checkpoint
-            that comes with this package; anything else: the path of a checkpoint.
+    """Return the checkpoint ``sain``, which comes with this package, or the one at a path.
 
     Raises:
         CheckpointError: no sound checkpoint at that path.
     """
-    if name == IDENTITY:
-        return IdentityPrior()
-    if name in PLANAR_PRIORS:
-        return load_planar(name)
     path = shipped_checkpoint() if name == SHIPPED else Path(name).expanduser()
     if path.exists() and read_card(path).architecture == CORRECTION_ARCHITECTURE:
         return load_parameter_correction(path)
@@ -64,8 +54,7 @@ def load_sain(path: Path) -> SainDynamics:
         if card.rollouts is not None:
             rollouts = card_part("rollouts", RolloutConfig, card.rollouts)
         if card.intervals is not None:
-            with naming("intervals"):
-                intervals = Intervals.from_card(card.intervals)
+            intervals = card_part("intervals", Intervals, card.intervals)
     return sain_class(rollouts)(
         network,
         prior,

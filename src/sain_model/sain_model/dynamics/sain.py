@@ -222,12 +222,8 @@ class SainDynamics:
             return np.zeros(scenes.shape[:2])
         settle_threads()
         features = make_features(scenes, pushes, physics_next, self.network.config.features)
-        inputs = [
-            torch.from_numpy(array.astype(np.float32)).to(self.device)
-            for array in (features.disks, features.relations)
-        ]
         with torch.inference_mode():
-            each = self.network.to(self.device).each(*inputs)[..., :2]
+            each = self.network.to(self.device).each(*features.tensors(self.device))[..., :2]
         variance = each.double().var(dim=0).sum(dim=-1)  # (B, N), in any frame
         return np.where(pushes[:, LENGTH, None] == 0.0, 0.0, variance.sqrt().cpu().numpy())
 

@@ -74,12 +74,8 @@ def followed(
 ) -> Iterator[dict[str, Dynamics]]:
     """Give the same dynamics, each with a bar that shows how far it has come.
 
-    One that carries a state through its rollouts is asked for whole ones, and has no bar.
-
-    Args:
-        dynamics: by name.
-        pushes: how many each is going to predict.
-        console: where the bars are shown.
+    Each is going to predict so many pushes. One that carries a state through its rollouts is asked
+    for whole ones, and has no bar.
     """
     if not dynamics:
         yield {}

@@ -24,10 +24,7 @@ def measure_intervals(sain: SainDynamics, data: Dataset, seed: int) -> dict[str,
     Parts are thirds by the spread and by the radius, pushes that moved the target, and those
     with few or many earlier pushes. Distances are in mm.
 
-    Args:
-        sain: a model with intervals.
-        data: pushes that neither its weights nor its intervals were fitted to.
-        seed: for the bootstrap.
+    Neither the model's weights nor its intervals were fitted to this data.
     """
     assert sain.intervals is not None
     prediction = predict_with_history(sain, data)

@@ -36,17 +36,11 @@ Rollouts = Float[ndarray, "W T N 8"]
 
 @dataclass(frozen=True, eq=False)
 class OpenLoop:
-    """What every predictor says over the same windows.
-
-    Attributes:
-        windows: W windows of up to T pushes.
-        predictions: (W, T, N, 8) of each by its name; NaN where it cannot say.
-        earlier: how many pushes came before each window in its episode.
-    """
+    """What every predictor says over the same windows."""
 
     windows: Windows
-    predictions: dict[str, Rollouts]
-    earlier: Int[ndarray, "W"]
+    predictions: dict[str, Rollouts]  # of each by its name; NaN where it cannot say
+    earlier: Int[ndarray, "W"]  # how many pushes came before each window in its episode
 
 
 class NominalPlanar:
@@ -124,14 +118,8 @@ def predict_open_loop(
     for name, model, friction in learners:
         told = earlier_friction(friction, data).mean[first]
         predictions[name + HISTORY] = roll_out(model, windows.scenes, windows.pushes, told)
-    predictions |= _single(windows, {BULLET: data.physics_next, FLOOR: data.floor_next})
+    for name, scenes in ((BULLET, data.physics_next), (FLOOR, data.floor_next)):
+        # recorded for single pushes: known for the first one of a window alone
+        predictions[name] = np.full_like(windows.next_scenes, np.nan)
+        predictions[name][:, 0] = scenes[first]
     return OpenLoop(windows, predictions, earlier_pushes(data)[first])
-
-
-def _single(windows: Windows, recorded: dict[str, Scenes]) -> dict[str, Rollouts]:
-    """Return what was recorded for single pushes: known for the first push of a window alone."""
-    found = {}
-    for name, scenes in recorded.items():
-        found[name] = np.full_like(windows.next_scenes, np.nan)
-        found[name][:, 0] = scenes[windows.rows[:, 0]]
-    return found

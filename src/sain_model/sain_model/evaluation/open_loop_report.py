@@ -41,16 +41,15 @@ def report_open_loop(
 ) -> dict[str, Any]:
     """Roll out everything over held-out pushes; write NAME_open_loop.md and .png beside `out`.
 
+    Return what belongs into the JSON report `out`, which the caller writes.
+
     Args:
-        out: path of the JSON report, which is the caller's to write.
+        out: path of the JSON report.
         data: pushes that no model was trained on.
         models: by name: `open_loop.RECURRENT_SAIN` and the like.
         seed: of the bootstrap.
-        steps: after how many pushes errors are taken.
+        steps: after how many pushes errors are taken; those that no window reaches are left out.
         others: more physics by name.
-
-    Returns:
-        What belongs into the JSON report. Steps that no window reaches are left out.
     """
     loop = predict_open_loop(data, models, max(steps), others)
     report = {

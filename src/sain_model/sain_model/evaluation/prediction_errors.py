@@ -39,11 +39,7 @@ def evaluate(
 ) -> dict[str, Any]:
     """Return the errors of all there is to compare, over all pushes and where the target moved.
 
-    Args:
-        data: pushes that no model was trained on.
-        sain: the corrected prior, if there is one.
-        learned: the network alone, if there is one.
-        seed: for the bootstrap.
+    No model was trained on this data. `sain` is the corrected prior, `learned` the network alone.
     """
     predictions = predict_all(data, sain, learned)
     moved = target_moved(data.state, data.next_state)

@@ -6,7 +6,7 @@ are a candidate like those of every epoch: where nothing that was learned does b
 validation episodes, they are kept.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -34,15 +34,9 @@ to choose the best by; docs/training.md tells what was tried."""
 
 @dataclass(frozen=True)
 class Parent:
-    """A checkpoint to start from.
+    """A checkpoint to start from."""
 
-    Attributes:
-        name: what it was asked for by.
-        sain: the model.
-        card: what it says of itself.
-    """
-
-    name: str
+    name: str  # that it was asked for by
     sain: SainDynamics
     card: ModelCard
 
@@ -130,11 +124,6 @@ class Parent:
                     f"{self.name} has learned from this data set already (SHA-256 {sha[:16]}..);"
                     " fine-tune on episodes that it has not seen"
                 )
-
-    @property
-    def about(self) -> dict[str, Any]:
-        """Its card as its children have it on theirs: all but its errors."""
-        return {**asdict(self.card), "errors": {}}
 
     def gain(self, sain: SainDynamics, split: Split | MixedSplit) -> dict[str, Any]:
         """Return the target's mean errors on held-out episodes [mm], before and after.

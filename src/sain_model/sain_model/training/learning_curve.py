@@ -24,18 +24,10 @@ NETWORKS: Final = (LEARNED, SAIN, SAIN_HISTORY)
 
 @dataclass(frozen=True)
 class Point:
-    """The target's error of one predictor on the held-out episodes.
-
-    Attributes:
-        name: of the predictor.
-        transitions: how many a network was trained on; 0 for physics.
-        mean: [mm].
-        low: end of its 95 % bootstrap interval over episodes [mm].
-        high: the other end [mm].
-    """
+    """The target's mean error of one predictor on held-out episodes, with 95 % interval [mm]."""
 
     name: str
-    transitions: int
+    transitions: int  # that a network was trained on; 0 for physics
     mean: float
     low: float
     high: float
@@ -55,13 +47,12 @@ def learning_curve(
     stopped goes on from there.
 
     Args:
-        split: the largest size is taken from its training part.
-        config: of every network; its number of epochs and, for the network alone, its prior
-            are set here.
+        split: sizes are taken from its training part.
+        config: of every network, but for epochs and, for the network alone, the prior.
         sizes: numbers of transitions to train on.
         steps: of the optimiser.
         folder: for the state of each training, and its errors.
-        progress: told which training begins: its prior and its size.
+        progress: called with the prior and the size of each training that begins.
 
     Raises:
         DatasetError: a size that there are not so many transitions for, or nothing is held out.

@@ -13,7 +13,8 @@ from sain_core.types import Scalars
 from sain_model.compute.threads import one_numba_thread
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.windows import Windows, make_windows
-from sain_model.dynamics.rollouts import roll, rollout_loss
+from sain_model.dynamics.loss import rollout_loss
+from sain_model.dynamics.rollouts import roll
 from sain_model.dynamics.settings import RolloutConfig
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.friction import FrictionFilter
@@ -39,14 +40,8 @@ class RolloutTrainer(TrainingLoop):
     ) -> None:
         """Prepare the windows; go on from the folder's state when one is there.
 
-        Args:
-            network: to start from; trained in place.
-            split: what to learn from, and to choose the best epoch by.
-            prior: what is corrected.
-            config: how to roll out.
-            training: how it learned from single pushes: seed, decay and loss stay.
-            folder: of the state.
-            friction: infers the friction that the prior is conditioned on; None: it is nominal.
+        The network is trained in place. `training` is how it learned from single pushes: seed,
+        decay and loss stay.
 
         Raises:
             CheckpointError: the state in the folder is damaged or of other settings or data.

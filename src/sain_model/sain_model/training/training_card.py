@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,35 +22,20 @@ from sain_model.training.training_loop import LossHistory
 PACKAGES: Final = ("sain_model", "torch", "numpy", "numba", "scipy", "safetensors")
 
 
-@dataclass(frozen=True)
-class Learned:
-    """What a training gives.
-
-    Attributes:
-        sain: the model, with the regions of its predictions.
-        history: losses on single pushes.
-        rollouts: losses on rollouts afterwards; None: it did not learn from any.
-        parent: what it started from; None: new weights.
-    """
-
-    sain: SainDynamics
-    history: LossHistory
-    rollouts: LossHistory | None = None
-    parent: Parent | None = None
-
-
 def make_card(
     command: TrainOptions,
     data: Dataset | MixedDataset,
     split: Split | MixedSplit,
-    learned: Learned,
+    sain: SainDynamics,
+    histories: Sequence[LossHistory],
     errors: dict[str, Any],
+    parent: Parent | None,
 ) -> ModelCard:
-    """Return the card of what was trained."""
-    config, sain = command.training, learned.sain
-    training = {**asdict(config), **_losses(learned.history)}
-    if learned.rollouts:
-        training["rollouts"] = _losses(learned.rollouts)
+    """Return the card of what was trained: with losses on single pushes, then on rollouts."""
+    config = command.training
+    training = {**asdict(config), **_losses(histories[0])}
+    if len(histories) > 1:
+        training["rollouts"] = _losses(histories[1])
     return ModelCard(
         prior=config.prior,
         prior_config=prior_settings(sain.prior),
@@ -64,7 +49,7 @@ def make_card(
         errors=errors,
         versions=environment(),
         command=ros2_command("sain_model", "train"),
-        parent=learned.parent.about if learned.parent else None,
+        parent={**asdict(parent.card), "errors": {}} if parent else None,
     )
 
 

@@ -62,23 +62,14 @@ class Step(NamedTuple):
 
 
 class TrainingLoop(ABC):
-    """Trains a network; what it does depends on data, settings and seed alone.
-
-    Attributes:
-        network: in training.
-        epochs: in all.
-        patience: epochs without a better validation loss after which it ends; 0: it does not.
-        validate_every: epochs from one validation to the next.
-        max_grad_norm: norm to which longer gradients are cut; None: they are not.
-        history: the losses so far.
-    """
+    """Trains a network; what it does depends on data, settings and seed alone."""
 
     network: nn.Module
-    epochs: int
-    patience: int = 0
-    validate_every: int = 1
-    max_grad_norm: float | None = None
-    history: LossHistory
+    epochs: int  # in all
+    patience: int = 0  # epochs without a better validation loss after which it ends; 0: never
+    validate_every: int = 1  # epochs from one validation to the next
+    max_grad_norm: float | None = None  # to which longer gradients are cut; None: they are not
+    history: LossHistory  # so far
 
     def _begin(
         self,
