@@ -21,7 +21,7 @@ from sain_core.scene import (
     wrap_angle,
 )
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.sain import SainDynamics, check_physics_next
+from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.features import apply_residual, make_features, true_residual
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
@@ -138,9 +138,10 @@ def test_kinds_are_told_by_the_prior() -> None:
 
 
 def test_a_prediction_of_other_scenes_cannot_be_corrected(random_pushes: Draw) -> None:
-    scenes, _ = random_pushes(3, 0)
+    scenes, pushes = random_pushes(3, 0)
+    sain = SainDynamics(InteractionNetwork(), IdentityPrior(), "identity")
     with pytest.raises(InvalidInputError, match=r"physics_next has shape \(3, 2, 8\) like the sce"):
-        check_physics_next(scenes, np.concatenate([scenes, scenes[:, :1]], axis=1))
+        sain.correct(scenes, pushes, np.concatenate([scenes, scenes[:, :1]], axis=1))
 
 
 def test_the_shipped_checkpoint_corrects_but_little(random_pushes: Draw) -> None:

@@ -7,12 +7,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from sain_core.provenance import ros2_command
-from sain_model.data.dataset import (
-    check_held_out,
-    limit_training,
-    load_transitions,
-    split_by_episode,
-)
+from sain_model.data.dataset import check_held_out, load_transitions, split_by_episode
 from sain_model.dynamics.checkpoint import (
     CORRECTION_ARCHITECTURE,
     SUFFIX,
@@ -37,10 +32,8 @@ def run(command: TrainCorrectionOptions, console: Console) -> None:
     torch.set_num_threads(1)
     config = command.training
     data = load_transitions(command.dataset)
-    split = split_by_episode(data, config.seed, config.validation, config.test)
+    split = split_by_episode(data, config.seed, config.validation, config.test, config.transitions)
     check_held_out(split)
-    if config.transitions:
-        split = limit_training(split, config.transitions)
     prior = load_planar(command.prior, {"friction": config.prior_friction})
     trainers = make_trainers(split, prior, config, command.out)
     save_settings("train_correction", command, data)

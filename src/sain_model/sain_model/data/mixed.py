@@ -24,7 +24,6 @@ from sain_model.data.dataset import (
     Dataset,
     Split,
     from_shards,
-    limit_training,
     read_shards,
     split_by_episode,
 )
@@ -96,14 +95,18 @@ def load_datasets(paths: Sequence[Path]) -> Dataset | MixedDataset:
 def split_datasets(
     data: Dataset | MixedDataset, seed: int, validation: float, test: float, transitions: int = 0
 ) -> Split | MixedSplit:
-    """Split a data set as `split_by_episode` does; see `limit_training`, 0: all transitions."""
-    split: Split | MixedSplit
+    """Split a data set so that no episode is in two parts; see `split_by_episode`.
+
+    Raises:
+        DatasetError: too few episodes or transitions, or these are limited and numbers of disks
+            differ.
+    """
     if isinstance(data, Dataset):
-        split = split_by_episode(data, seed, validation, test)
-    else:
-        parts = draw_parts(data.episode, seed, validation, test)
-        split = MixedSplit(*(data.select(rows) for rows in parts))
-    return limit_training(split, transitions) if transitions else split
+        return split_by_episode(data, seed, validation, test, transitions)
+    if transitions:
+        raise DatasetError("--transitions needs data with one number of disks")
+    parts = draw_parts(data.episode, seed, validation, test)
+    return MixedSplit(*(data.select(rows) for rows in parts))
 
 
 def _by_count(path: Path) -> list[Dataset]:

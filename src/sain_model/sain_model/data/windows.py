@@ -65,10 +65,7 @@ class Windows:
 def make_windows(data: Dataset, steps: int, whole: bool = False) -> Windows:
     """Return one window of at most so many pushes from every push of the data on.
 
-    Args:
-        data: M pushes in any order.
-        steps: T, how many pushes a window has at most.
-        whole: only windows of all T pushes, not the shorter ones at the end of an episode.
+    `whole`: only windows of all T pushes, not the shorter ones at the end of an episode.
 
     Raises:
         DatasetError: no window is left.

@@ -45,7 +45,7 @@ class ModelCard:
         friction: how friction is inferred from an episode's earlier pushes; None: the model was
             trained without them, and knows the nominal friction alone.
         intervals: regions about its predictions, fitted to the validation episodes; None: not.
-        kind: one of `dynamics.sain.KINDS`; empty on cards older than the kind "recurrent".
+        kind: as in `dynamics.sain`; empty on cards older than the kind "recurrent".
         rollouts: how it was trained on rollouts of its own predictions; None: it was not.
         data: what it was trained on: path, SHA-256, transitions, episodes, split.
         training: settings, seed, epochs done, losses.

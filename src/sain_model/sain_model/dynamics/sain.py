@@ -31,7 +31,6 @@ from sain_model.physics.planar import PlanarPrior, step_knowing
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
 RESIDUAL: Final = "residual"  # Fig. 1c, equation 2
 RECURRENT: Final = "recurrent"  # Fig. 1d, equations 3 and 4: trained on its own rollouts
-KINDS: Final = (LEARNED, RESIDUAL, RECURRENT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +79,7 @@ class SainDynamics:
 
     @property
     def kind(self) -> str:
-        """One of `KINDS`: ``learned`` when the prior is the identity."""
+        """`LEARNED` when the prior is the identity, else `RESIDUAL` or `RECURRENT`."""
         if self.prior_name == IDENTITY:
             return LEARNED
         return RECURRENT if self.recurrent else RESIDUAL
@@ -175,7 +174,10 @@ class SainDynamics:
         Raises:
             InvalidInputError: arrays that do not fit together.
         """
-        check_physics_next(scenes, physics_next)
+        if physics_next.shape != scenes.shape:
+            raise InvalidInputError(
+                f"physics_next has shape {scenes.shape} like the scenes, not {physics_next.shape}"
+            )
         corrected = self._forward.correct(scenes, pushes, physics_next)
         if self.network.config.residual == ON_STATE:
             return _carried_over(corrected, physics_next, scenes)
@@ -245,15 +247,3 @@ def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Sc
     turned = scenes[..., THETA] + (corrected - physics_next)[..., THETA]
     moved[..., THETA] = wrap_angle(turned)
     return moved
-
-
-def check_physics_next(scenes: np.ndarray, physics_next: np.ndarray) -> None:
-    """Check that a prediction is one of these scenes.
-
-    Raises:
-        InvalidInputError: it has another shape.
-    """
-    if physics_next.shape != scenes.shape:
-        raise InvalidInputError(
-            f"physics_next has shape {scenes.shape} like the scenes, not {physics_next.shape}"
-        )

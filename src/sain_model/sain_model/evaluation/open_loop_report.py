@@ -29,6 +29,7 @@ COLUMNS: Final = (
     "mid heading",
     "contacts agreed",
 )
+STATISTICS: Final = ("{mean:.2f} [{low:.2f}, {high:.2f}]", "{median:.2f}", "{p95:.2f}")
 
 
 def report_open_loop(
@@ -94,16 +95,10 @@ def markdown(report: dict[str, Any]) -> str:
 
 
 def _cells(name: str, row: dict[str, Any]) -> list[str]:
-    target, mid = row["target"], row["mid"]
     return [
         name,
         str(row["windows"]),
-        f"{target['mean']:.2f} [{target['low']:.2f}, {target['high']:.2f}]",
-        f"{target['median']:.2f}",
-        f"{target['p95']:.2f}",
-        f"{mid['mean']:.2f} [{mid['low']:.2f}, {mid['high']:.2f}]",
-        f"{mid['median']:.2f}",
-        f"{mid['p95']:.2f}",
+        *(text.format(**row[disk]) for disk in ("target", "mid") for text in STATISTICS),
         f"{row['target_heading']['mean']:.0f}",
         f"{row['mid_heading']['mean']:.0f}",
         f"{100 * row['contacts_agreed']:.0f} %",

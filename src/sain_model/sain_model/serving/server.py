@@ -149,10 +149,8 @@ class ModelServer:
             The residual (B, N, 8), angles wrapped, and the next state (B, N, 8).
 
         Raises:
-            InvalidInputError: a scene that cannot exist.
-            OutOfRangeError: a push that no arm's limits could allow.
-            TooMuchWorkError: B x N is above the limit, or N alone.
-            ModelUnavailableError: the model answers with something that no answer can be.
+            InvalidInputError, OutOfRangeError, TooMuchWorkError, ModelUnavailableError: as
+                `rollout`, for B x N predictions.
         """
         self._check_work(len(scenes), scenes.shape[1])
         check_scenes(scenes)
