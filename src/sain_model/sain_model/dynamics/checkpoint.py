@@ -16,12 +16,11 @@ import safetensors.torch
 from safetensors import SafetensorError
 from torch import nn
 
-from sain_core.errors import CheckpointError, ConfigError
+from sain_core.errors import CheckpointError
 from sain_core.storage import write_json, write_whole
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.network.feature_kernels import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import NetworkConfig
 
 OLD_ARCHITECTURES: Final = {"network-inside-physics": "parameter-correction"}
 OLD_ROLLOUT_SETTINGS: Final = {
@@ -120,27 +119,12 @@ def save_checkpoint(
     return card
 
 
-def load_checkpoint(path: Path) -> tuple[InteractionNetwork, ModelCard, str]:
-    """Read a checkpoint; return the network, its card and the card's JSON text.
-
-    Raises:
-        CheckpointError: missing, truncated, not safetensors, of another architecture or with a
-            card that belongs to other weights; the message names the file and what is wrong.
-    """
-    content, card, text = read_checkpoint(path, ARCHITECTURE)
-    try:
-        network = InteractionNetwork(NetworkConfig(**card.network))
-    except (TypeError, ConfigError) as error:
-        raise CheckpointError(f"{card_path(path)}: network: {error}") from error
-    fill(path, content, network)
-    return network, card, text
-
-
 def read_checkpoint(path: Path, architecture: str) -> tuple[bytes, ModelCard, str]:
     """Read weights of an architecture, their card and the card's JSON text, and check them.
 
     Raises:
-        CheckpointError: as `load_checkpoint`.
+        CheckpointError: missing, truncated, of another architecture or with a card that belongs
+            to other weights; the message names the file and what is wrong.
     """
     content = _read(path)
     text = _read(card_path(path)).decode(errors="replace")

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from sain_core.dynamics import Dynamics
 from sain_model.dynamics.checkpoint import (
+    ARCHITECTURE,
     CORRECTION_ARCHITECTURE,
     card_path,
     fill,
-    load_checkpoint,
     read_card,
     read_checkpoint,
 )
@@ -24,6 +24,8 @@ from sain_model.dynamics.settings import (
     CorrectionNetworkConfig,
     RolloutConfig,
 )
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionConfig
 
 
@@ -45,8 +47,9 @@ def load_sain(path: Path) -> SainDynamics:
     Raises:
         CheckpointError: the checkpoint is not sound.
     """
-    network, card, text = load_checkpoint(path)
+    content, card, text = read_checkpoint(path, ARCHITECTURE)
     with naming(str(card_path(path))):
+        network = InteractionNetwork(card_part("network", NetworkConfig, card.network))
         prior = load_prior(card.prior, card.prior_config)
         friction = intervals = rollouts = None
         if card.friction is not None:
@@ -55,6 +58,7 @@ def load_sain(path: Path) -> SainDynamics:
             rollouts = card_part("rollouts", RolloutConfig, card.rollouts)
         if card.intervals is not None:
             intervals = card_part("intervals", Intervals, card.intervals)
+    fill(path, content, network)
     return sain_class(rollouts)(
         network,
         prior,

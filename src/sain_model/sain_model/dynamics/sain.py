@@ -15,7 +15,7 @@ from sain_core.history import PushHistory
 from sain_core.push import LENGTH
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
-from sain_model.compute.batch_checks import check_batch
+from sain_model.compute.batch_checks import check_batch, check_physics_next
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
 from sain_model.dynamics.intervals import Intervals, Prediction
@@ -174,10 +174,7 @@ class SainDynamics:
         Raises:
             InvalidInputError: arrays that do not fit together.
         """
-        if physics_next.shape != scenes.shape:
-            raise InvalidInputError(
-                f"physics_next has shape {scenes.shape} like the scenes, not {physics_next.shape}"
-            )
+        check_physics_next(scenes, physics_next)
         corrected = self._forward.correct(scenes, pushes, physics_next)
         if self.network.config.residual == ON_STATE:
             return _carried_over(corrected, physics_next, scenes)

@@ -2,7 +2,7 @@
 
 import traceback
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -46,7 +46,6 @@ class ModelNode(Node):
         # PyTorch takes a second to load: a mistake in the parameters is reported before.
         from sain_model.serving.server import load_server
 
-        self._load_server = load_server
         self.worker, self.loader = Worker(self, "serving"), Worker(self, "loading")
         self.server = self.worker.call(lambda: load_server(config))
         self.prepared: ModelServer | None = None
@@ -112,7 +111,7 @@ class ModelNode(Node):
     async def _on_load(
         self, request: LoadModel.Request, response: LoadModel.Response
     ) -> LoadModel.Response:
-        done = await self.loader.run(lambda: self._prepare(request.model))
+        done = await self.loader.run(lambda: self.server.with_model(request.model))
         error = done.exception()
         if error is None:
             self.prepared = done.result()
@@ -129,7 +128,7 @@ class ModelNode(Node):
         names = [str(one.value) for one in parameters if one.name == "model"]
         if not names or self.prepared is not None:
             return SetParametersResult(successful=True)
-        done = self.loader.wait(lambda: self._prepare(names[-1]))
+        done = self.loader.wait(lambda: self.server.with_model(names[-1]))
         error = done.exception()
         if error is not None:
             reason = self._refusal(error)[1]
@@ -143,10 +142,6 @@ class ModelNode(Node):
             described = self.server.description
             self.get_logger().info(f"serves {described.model} now, {described.model_hash[:16]}")
             self._report()
-
-    def _prepare(self, name: str) -> "ModelServer":
-        """Return a server of another model; nothing is served differently yet."""
-        return self._load_server(replace(self.server.config, model=name))
 
     def _refusal(self, error: BaseException) -> tuple[int, str]:
         code, message = error_reply(error)

@@ -1,6 +1,6 @@
 """Answers what a model is asked over a wire: checked and bounded. No middleware here."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -47,8 +47,8 @@ class Description:
 class ModelServer:
     """One model, asked for single pushes in a batch or for whole sequences.
 
-    It never serves another one: that gets a server of its own, made on any thread, and the node
-    goes on with it in one assignment.
+    It never serves another one: that gets a server of its own (`with_model`), made on any thread,
+    and the node goes on with it in one assignment.
     """
 
     def __init__(self, dynamics: Dynamics, config: ServingConfig) -> None:
@@ -65,6 +65,10 @@ class ModelServer:
         self.description = describe_model(config.model, dynamics)
         self._usual = dynamics
         self._learned: tuple[PushHistory, Dynamics] | None = None
+
+    def with_model(self, name: str) -> "ModelServer":
+        """Return a server of another model with these settings; see `load_server`."""
+        return load_server(replace(self.config, model=name))
 
     def try_out(self) -> None:
         """Answer requests of both kinds, so that none from outside waits for compilation.
