@@ -23,7 +23,7 @@ train: Final = Command(
 )
 train_correction: Final = Command(
     "sain_model train_correction",
-    options="sain_model.cli.options:TrainCorrectionOptions",
+    options="sain_model.training.options:TrainCorrectionOptions",
     work="sain_model.cli.train_correction:run",
     resumes="epoch",
 )
