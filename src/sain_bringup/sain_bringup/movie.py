@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 JOINTS: Final = "sensor_msgs/msg/JointState"
 INK: Final = (43, 48, 54)
-FAINT: Final = (110, 117, 124)
 GREEN: Final = (24, 128, 78)
 RING: Final = (26, 158, 102)  # the goal's, as `sain_sim.rendering.render` draws it
 RARE: Final = (GREEN, RING, INK)

@@ -18,7 +18,6 @@ from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 PAPER_SCENARIOS: Final = "paper,paper_shift,paper_cube"
 PAPER_CONTROLLERS: Final = "null,straight,random,planar,sain"
 PAPER_TOLERANCES: Final = "0.05,0.02,0.01,0.005"
-PAPER_SCENES: Final = 40  # paper Table I
 
 
 @dataclass(frozen=True)
