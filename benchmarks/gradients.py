@@ -82,19 +82,15 @@ def places(model: RolloutModel, command: Command) -> list[Place]:
     found = []
     for seed in range(1000, 1000 + command.scenes):
         case: ScenarioScene = SCENARIOS["anywhere"].scene(seed)
-        search = Search(model, CONFIG, Feasibility(), case.disks, case.goal)
+        config = replace(CONFIG, gradient=replace(CONFIG.gradient, steps=command.descended))
+        search = Search(model, config, Feasibility(), case.disks, case.goal)
         random = generator(seed, "slopes")
 
-        def draw(
-            count: int, search: Search = search, random: np.random.Generator = random
-        ) -> PushSequences:
-            return propose(search, None, 0, count, CONFIG, random)
-
-        drawn = draw_permitted(search, draw, 512, CONFIG.horizon, random)
+        draw = partial(propose, search, None, 0, random)
+        drawn = draw_permitted(search, draw, 512, random)
         costs = search.evaluate(drawn)
         best = np.argsort(costs, kind="stable")[: command.starts]
-        config = replace(CONFIG, gradient=replace(CONFIG.gradient, steps=command.descended))
-        found.append(Place(search, *descend(search, drawn[best], costs[best], config)))
+        found.append(Place(search, *descend(search, drawn[best], costs[best])))
     return found
 
 

@@ -18,7 +18,8 @@ import tyro
 from rclpy.node import Node
 from rich.console import Console
 
-from sain_bringup.graph import MODEL, PLANNER, SIMULATOR, GraphConfig, graph_commands
+from sain_bringup.graph import MODEL, PLANNER, SIMULATOR, graph_commands
+from sain_bringup.options import ClosedLoopOptions
 from sain_bringup.processes import Supervisor
 from sain_bringup.ros.director import Director
 from sain_core.cli.fitting_table import FittingTable
@@ -64,8 +65,8 @@ def start_graph(supervisor: Supervisor, folder: Path) -> None:
     """Start the graph as `closed_loop` does."""
     with ros_context():
         director = Director(supervisor.check, timeout=300.0)
-        config = GraphConfig("/sain", "sain", 0, folder / "bag")
-        for name, command in graph_commands(config).items():
+        commands = graph_commands(ClosedLoopOptions(), "/sain", folder / "bag", {})
+        for name, command in commands.items():
             supervisor.start(name, command)
         director.wait_for_graph(
             lambda: supervisor.starting((SIMULATOR, MODEL, PLANNER)), lambda missing: None

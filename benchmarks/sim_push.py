@@ -22,7 +22,7 @@ from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Client
 from sain_sim.arm.motion import MotionConfig
 from sain_sim.episodes.samplers import CircleSampler
-from sain_sim.episodes.start import StartConfig, draw_start
+from sain_sim.episodes.start import draw_start
 from sain_sim.rendering.render import CameraConfig, Renderer
 from sain_sim.world.bodies import resting
 from sain_sim.world.outcome import Sample, Stroke
@@ -56,7 +56,7 @@ def cases(options: Options) -> list[Case]:
     with World(nominal_parameters()) as world:
         while len(drawn) < options.pushes:
             parameters = sample_parameters(random)
-            start = draw_start(random, parameters, StartConfig(), table)
+            start = draw_start(random, parameters, table)
             push = CircleSampler().draw(random, start)
             world.load(start, parameters)
             try:

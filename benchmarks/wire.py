@@ -8,6 +8,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_core.ros.qos import SERVICE
@@ -56,5 +57,5 @@ class Asker:
         response = future.result()
         if response.error_code != ErrorCode.OK:
             raise RuntimeError(response.error_message)
-        codec.decode_floats(response.residual, self.scenes.shape, "residual")
-        return np.asarray(codec.decode_floats(response.next_state, self.scenes.shape, "next_state"))
+        wire.decode_floats(response.residual, self.scenes.shape, "residual")
+        return np.asarray(wire.decode_floats(response.next_state, self.scenes.shape, "next_state"))

@@ -9,9 +9,8 @@ from sain_core.dynamics import StepwiseRollout
 from sain_core.errors import ErrorCode
 from sain_core.scene import make_scene
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.loop.agent import planning_agent
+from sain_mppi.loop.agent import AgentConfig, planning_agent
 from sain_mppi.loop.decision import PushDecision, Task
-from sain_mppi.loop.settings import AgentConfig
 
 scene = make_scene(
     positions=np.array([[0.45, 0.0], [0.591, 0.0]]),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sain_core.config import Config, show_value
 from sain_model.serving.settings import ServingConfig
-from sain_mppi.loop.settings import MppiConfig
+from sain_mppi.loop.agent import MppiConfig
 from sain_sim.node.simulator import SimulatorConfig
 
 PAGE = Path(__file__).parents[1] / "docs" / "parameters.md"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sain_bringup.graph import GraphConfig, executable, graph_commands
+from sain_bringup.graph import executable, graph_commands
 from sain_bringup.options import (
     ClosedLoopOptions,
     episode_plans,
@@ -105,27 +105,23 @@ def prefix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_commands_say_it_all(prefix: Path) -> None:
-    config = GraphConfig(
-        "/lab",
-        "planar",
-        7,
-        Path("out/bag"),
-        custom_data=(("a", "b c"),),
-        params_file=Path("p.yaml"),
-    )
-    commands = graph_commands(config)
+def test_commands_say_it_all(prefix: Path, tmp_path: Path) -> None:
+    parameters = tmp_path / "p.yaml"
+    parameters.write_text("mppi_node: {ros__parameters: {}}")
+    options = ClosedLoopOptions(model="planar", seed=7, params_file=parameters)
+    about = ("/lab", Path("out/bag"), {"a": "b c"})
+    commands = graph_commands(options, *about)
     assert list(commands) == ["model", "recorder", "simulator", "planner"]
     for command in commands.values():
         assert "__ns:=/lab" in command
         assert command.count("--ros-args") == 1
     assert commands["model"][-2:] == ["-p", "model:=planar"]
     assert "a=b c" in commands["recorder"]
-    assert "p.yaml" not in commands["recorder"]
-    assert "p.yaml" in commands["planner"]
+    assert str(parameters) not in commands["recorder"]
+    assert str(parameters) in commands["planner"]
     assert "seed:=7" in commands["planner"]
     assert "gui:=true" not in commands["simulator"]
-    assert "gui:=true" in graph_commands(replace(config, gui=True))["simulator"]
+    assert "gui:=true" in graph_commands(replace(options, gui=True), *about)["simulator"]
 
 
 def test_what_is_not_installed_is_named(prefix: Path) -> None:

@@ -52,21 +52,21 @@ def played(*targets: float, refused: int = 0, name: str = "paper") -> PlayedEpis
 
 def test_summary_figures() -> None:
     summary = played(0.45, 0.52, 0.59, refused=1).summary()
-    assert (summary.scenario, summary.seed) == ("paper", 4)
-    assert summary.success
-    assert (summary.pushes, summary.refused, summary.fallbacks) == (2, 1, 0)
-    assert summary.final_distance == pytest.approx(0.01)
-    assert summary.planning_time == pytest.approx(0.15)
-    assert summary.longest_planning_time == pytest.approx(0.2)
-    assert summary.model_error == pytest.approx(0.003 * 2**0.5)
-    assert summary.physics_error == pytest.approx(0.004 * 2**0.5)
+    assert (summary["scenario"], summary["seed"]) == ("paper", 4)
+    assert summary["success"]
+    assert (summary["pushes"], summary["refused"], summary["fallbacks"]) == (2, 1, 0)
+    assert summary["final_distance"] == pytest.approx(0.01)
+    assert summary["planning_time"] == pytest.approx(0.15)
+    assert summary["longest_planning_time"] == pytest.approx(0.2)
+    assert summary["model_error"] == pytest.approx(0.003 * 2**0.5)
+    assert summary["physics_error"] == pytest.approx(0.004 * 2**0.5)
 
 
 def test_an_episode_without_pushes_has_no_means() -> None:
     summary = played(0.45).summary()
-    assert not summary.success
-    assert summary.pushes == 0
-    assert summary.model_error is None
+    assert not summary["success"]
+    assert summary["pushes"] == 0
+    assert summary["model_error"] is None
     out = StringIO()
     Console(file=out, width=100).print(summary_table((summary,)))
     assert "not reached" in out.getvalue()

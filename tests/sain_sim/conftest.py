@@ -6,7 +6,7 @@ from sain_core.scene import unit, wrap_angle
 from sain_core.seeding import generator
 from sain_core.types import PushArray, Scene
 from sain_sim.episodes.samplers import CircleSampler
-from sain_sim.episodes.start import StartConfig, draw_start
+from sain_sim.episodes.start import draw_start
 from sain_sim.world.parameters import WorldParameters, nominal_parameters, sample_parameters
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
@@ -32,7 +32,7 @@ class Bench:
         random = generator(seed, "test")
         parameters = sample_parameters(random, count)
         table = WorldConfig().feasibility.table
-        return parameters, draw_start(random, parameters, StartConfig(), table)
+        return parameters, draw_start(random, parameters, table)
 
     @staticmethod
     def pushes(seed: int, scene: Scene, count: int) -> list[PushArray]:

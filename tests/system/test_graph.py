@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_core.scene import make_scene, target_distance
@@ -45,7 +46,7 @@ def test_the_target_is_brought_to_its_goal(graph, running):
     results = graph.heard["push_result"]
     assert results
     assert all(result.error_code == ErrorCode.OK for result in results)
-    last = codec.decode_disks(results[-1].after.disks)
+    last = wire.decode_disks(results[-1].after.disks)
     assert target_distance(last, goal) <= 0.02
     assert end.goal_distance == target_distance(last, goal)
 

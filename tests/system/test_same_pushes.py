@@ -7,6 +7,7 @@ one agent and one world for all episodes, and the arm's ways through the air sho
 import numpy as np
 import pytest
 
+from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_eval.loop.evaluation import EpisodeJob, play_job
@@ -44,9 +45,9 @@ def play_on_graph(graph, number, case):
     graph.wait(ended, f"the end of episode {number}")
     results = graph.find("push_result", episode_id=episode, error_code=int(ErrorCode.OK))
     refused = len(graph.find("push_result", episode_id=episode)) - len(results)
-    pushes = np.array([codec.decode_push(result.push) for result in results]).reshape(-1, 3)
+    pushes = np.array([wire.decode_push(result.push) for result in results]).reshape(-1, 3)
     last = results[-1].after if results else first
-    return pushes, codec.decode_disks(last.disks), refused, ended()[0].status == Plan.REACHED
+    return pushes, wire.decode_disks(last.disks), refused, ended()[0].status == Plan.REACHED
 
 
 @pytest.mark.parametrize("full_motion", [False, True])

@@ -84,11 +84,13 @@ def test_every_setting_has_a_text_with_its_values(package: str, name: str) -> No
     command = entry(package, name)
     shown = " ".join(start(package, name, "--help", COLUMNS="80").stdout.replace("│", " ").split())
     if isinstance(command, NodeCommand):
-        for parameter, default, allowed, meaning in describe_parameters(load(command.settings)()):
+        for parameter, default, allowed, meaning in describe_parameters(
+            load(command.name, command.settings)()
+        ):
             notes = "; ".join(filter(None, (allowed, f"default: {default}")))
             assert meaning and f"{parameter} {meaning} ({notes})" in shown
         return
-    options = load(command.options)
+    options = load(command.name, command.options)
     options = options if isinstance(options, type) else options([])
     for item in settings_in(options):
         text = item.metadata.get("description", "")

@@ -1,24 +1,11 @@
-"""The executables of this package."""
+"""The executables of this package, with the modules of it that they load."""
 
 from typing import Final
 
 from sain_core.cli.command_line import Command
 
 closed_loop: Final = Command(
-    "sain_bringup closed_loop",
-    options="sain_bringup.options:ClosedLoopOptions",
-    work="sain_bringup.ros.closed_loop:run",
-    ros=True,
+    "sain_bringup closed_loop", "options:ClosedLoopOptions", "ros.closed_loop:run", ros=True
 )
-push: Final = Command(
-    "sain_bringup push",
-    options="sain_bringup.options:PushOptions",
-    work="sain_bringup.ros.push:run",
-    ros=True,
-)
-watch: Final = Command(
-    "sain_bringup watch",
-    options="sain_bringup.options:WatchOptions",
-    work="sain_bringup.ros.watch:run",
-    ros=True,
-)
+push: Final = Command("sain_bringup push", "options:PushOptions", "ros.push:run", ros=True)
+watch: Final = Command("sain_bringup watch", "options:WatchOptions", "ros.watch:run", ros=True)

@@ -2,19 +2,17 @@
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Final
 
 from rich.console import Console
-from rich.live import Live
-from rich.padding import Padding
-from rich.spinner import Spinner
+from rich.markup import escape
+from rich.status import Status
 from rich.text import Text
 
 from sain_bringup.options import EpisodePlan
 
-REFRESH: Final = 12  # frames a second
 WIDTH: Final = 50  # of what a stage did, before the time it took
 SHOWN_DISTANCES: Final = 8  # of an episode, in one line
 
@@ -25,15 +23,14 @@ class Display:
     def __init__(self, console: Console) -> None:
         """Show on this console."""
         self.console = console
-        self._live: Live | None = None
-        self._spinner = Spinner("dots", style="cyan")
+        self._status = Status("", console=console, spinner_style="cyan")
 
     @contextmanager
     def stage(self, doing: str, done: str) -> Iterator[None]:
         """Show that something is under way, then that it is done and how long it took."""
         started = time.monotonic()
+        self.status(doing)
         with self._moving():
-            self.status(doing)
             yield
         seconds = time.monotonic() - started
         self._line("green", "✓", f"{done:<{WIDTH}}", f"{seconds:5.1f} s")
@@ -58,9 +55,7 @@ class Display:
 
     def status(self, text: str) -> None:
         """Change the moving line."""
-        if self._live is not None:
-            self._spinner.update(text=Text(text, style="dim"))
-            self._live.update(Padding(self._spinner, (0, 0, 0, 2)))
+        self._status.update(f"[dim]{escape(text)}[/]")
 
     def note(self, text: str) -> None:
         """Print a line that stays, for what deserves attention."""
@@ -75,18 +70,8 @@ class Display:
             soft_wrap=True,
         )
 
-    @contextmanager
-    def _moving(self) -> Iterator[None]:
-        if not self.console.is_terminal:
-            yield
-            return
-        live = Live(console=self.console, refresh_per_second=REFRESH, transient=True)
-        with live:
-            self._live = live
-            try:
-                yield
-            finally:
-                self._live = None
+    def _moving(self) -> AbstractContextManager[object]:
+        return self._status if self.console.is_terminal else nullcontext()
 
 
 class EpisodeView:

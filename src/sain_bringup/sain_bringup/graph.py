@@ -1,10 +1,11 @@
 """The processes of the graph: which executables, with which arguments."""
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from sain_bringup.options import ClosedLoopOptions
 from sain_core.errors import ConfigError
 
 SIMULATOR: Final = "simulator"
@@ -13,42 +14,34 @@ PLANNER: Final = "planner"
 RECORDER: Final = "recorder"
 
 
-@dataclass(frozen=True)
-class GraphConfig:
-    """What the processes are started with."""
-
-    namespace: str  # for example /sain
-    model: str
-    seed: int
-    bag: Path
-    real_time_factor: float = 0.0
-    gui: bool = False
-    params_file: Path | None = None
-    custom_data: tuple[tuple[str, str], ...] = ()
-    ros_arguments: tuple[str, ...] = ()  # further ones, for every node
-
-
-def graph_commands(config: GraphConfig) -> dict[str, list[str]]:
+def graph_commands(
+    options: ClosedLoopOptions, namespace: str, bag: Path, custom_data: Mapping[str, str]
+) -> dict[str, list[str]]:
     """Return the command of each process, by its name; the one that starts slowest comes first.
+
+    The recorder puts the custom data into the bag.
 
     Raises:
         ConfigError: a package of the graph is not installed.
     """
     # The recording is watched later, so the arm moves all the way and is not set down.
-    simulator: dict[str, object] = {
-        "real_time_factor": config.real_time_factor,
-        "bullet.full_motion": True,
-    }
-    planner: dict[str, object] = {"dynamics": "service", "seed": config.seed}
-    if config.gui:
-        simulator["gui"] = True
-    recorder = ["--out", str(config.bag), "--custom-data"]
-    recorder += [f"{key}={value}" for key, value in config.custom_data]
+    simulator = {"bullet.full_motion": "true"}
+    if options.gui:
+        simulator |= {"gui": "true", "real_time_factor": "1.0"}
+    about = [f"{key}={value}" for key, value in custom_data.items()]
+    recorder = [str(executable("sain_bags", "record")), "--out", str(bag), "--custom-data", *about]
+
+    def node(package: str, name: str, **parameters: str) -> list[str]:
+        files = [] if options.params_file is None else ["--params-file", str(options.params_file)]
+        given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
+        return [str(executable(package, name)), *to_namespace, *files, *given]
+
+    to_namespace = ["--ros-args", "-r", f"__ns:={namespace}"]
     return {
-        MODEL: _command(config, "sain_model", "model_node", {"model": config.model}),
-        RECORDER: _command(config, "sain_bags", "record", {}, recorder),
-        SIMULATOR: _command(config, "sain_sim", "sim_node", simulator),
-        PLANNER: _command(config, "sain_mppi", "mppi_node", planner),
+        MODEL: node("sain_model", "model_node", model=options.model),
+        RECORDER: [*recorder, *to_namespace],
+        SIMULATOR: node("sain_sim", "sim_node", **simulator),
+        PLANNER: node("sain_mppi", "mppi_node", dynamics="service", seed=str(options.seed)),
     }
 
 
@@ -67,22 +60,3 @@ def executable(package: str, name: str) -> Path:
         f"{package} {name} is not installed under AMENT_PREFIX_PATH; run inside ./env, or source"
         " the workspace's install/setup.bash"
     )
-
-
-def _command(
-    config: GraphConfig,
-    package: str,
-    name: str,
-    parameters: dict[str, object],
-    arguments: list[str] | None = None,
-) -> list[str]:
-    ros = ["-r", f"__ns:={config.namespace}", *config.ros_arguments]
-    if config.params_file is not None and package != "sain_bags":
-        ros += ["--params-file", str(config.params_file)]
-    for key, value in parameters.items():
-        ros += ["-p", f"{key}:={_yaml(value)}"]
-    return [str(executable(package, name)), *(arguments or []), "--ros-args", *ros]
-
-
-def _yaml(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 JOINTS: Final = "sensor_msgs/msg/JointState"
 INK: Final = (43, 48, 54)
-FAINT: Final = (110, 117, 124)
 GREEN: Final = (24, 128, 78)
 RING: Final = (26, 158, 102)  # the goal's, as `sain_sim.rendering.render` draws it
 RARE: Final = (GREEN, RING, INK)
@@ -108,14 +107,8 @@ def film(
 ) -> list[Image.Image]:
     """Render moments from a camera that stands where no picture hides the target or the goal.
 
-    Args:
-        renderer: takes the pictures; its camera is moved.
-        moments: what to show.
-        goal: (2,) [m].
-        ring: radius of the ring about the goal [m].
-        tolerance: of the goal [m].
-        title: written on each picture.
-        status: called with a line about the progress.
+    A ring of this radius [m] is drawn about the goal (2,), the title on each picture. `status` is
+    called with a line about the progress.
     """
     eyes = renderer.eyes([(moment.joints, moment.scene) for moment in moments], goal, ring)
     for last, eye in [*((False, eye) for eye in eyes[:VIEWS]), (True, eyes[0])]:

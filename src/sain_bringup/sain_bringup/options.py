@@ -1,7 +1,6 @@
 """Options of this package's commands, and the checks before any process starts."""
 
 import difflib
-import os
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -15,6 +14,7 @@ import yaml
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, OutputError
 from sain_core.plugins import check_model_name
+from sain_core.storage import make_folder
 from sain_eval.scenes.scenarios import SCENARIOS
 
 RECORDINGS: Final = Path("bags")
@@ -138,14 +138,7 @@ def make_output_folder(options: ClosedLoopOptions) -> Path:
     folder = options.out or RECORDINGS / time.strftime("closed_loop-%Y%m%d-%H%M%S")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise OutputError(f"{folder} exists; results are never overwritten, choose another --out")
-    probe = folder / ".probe"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe.write_bytes(os.urandom(1 << 16))
-        probe.unlink()
-    except OSError as error:
-        raise OutputError(f"cannot write to {folder}: {error.strerror or error}") from error
-    return folder
+    return make_folder(folder)
 
 
 def _check_parameter_file(path: Path) -> None:

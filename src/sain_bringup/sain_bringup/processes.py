@@ -87,13 +87,7 @@ class Supervisor:
         environment: dict[str, str] | None = None,
         patient: bool = False,
     ) -> None:
-        """Start a process.
-
-        Args:
-            name: what it is called in logs and errors.
-            command: the program and its arguments.
-            environment: variables to set on top of this process's own.
-            patient: it gets more time to end than others.
+        """Start a process, with more variables than this one has; `patient`: see `Child`.
 
         Raises:
             OutputError: its log cannot be written.
@@ -147,11 +141,7 @@ class Supervisor:
     def stop(self, config: StopConfig | None = None) -> list[str]:
         """End all processes: SIGINT, then SIGTERM, then SIGKILL, each to whole process groups.
 
-        Args:
-            config: how patiently; as the supervisor was told if None.
-
-        Returns:
-            The names of those that had to be killed.
+        Return the names of those that had to be killed.
         """
         config = config or self._config
         killed: list[str] = []

@@ -1,6 +1,6 @@
 """The summary of a recording: everything in it is read back from the bag."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,23 +15,7 @@ from sain_core.storage import write_json
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenarios import SCENARIOS
 
-
-@dataclass(frozen=True)
-class EpisodeSummary:
-    """One episode in figures; None where there is nothing to take a mean of."""
-
-    scenario: str
-    seed: int
-    success: bool
-    pushes: int
-    refused: int
-    fallbacks: int  # pushes that were planned without the model, which had failed
-    tolerance: float  # [m]
-    final_distance: float  # [m]
-    planning_time: float | None  # [s], mean over the pushes
-    longest_planning_time: float | None  # [s]
-    model_error: float | None  # [m], mean over the pushes, where the target came to rest
-    physics_error: float | None  # [m], the same for the nominal world
+EpisodeSummary = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -43,23 +27,23 @@ class PlayedEpisode:
     episode: Episode
 
     def summary(self) -> EpisodeSummary:
-        """Return the episode in figures."""
+        """Return the episode in figures [m, s]; None where there is nothing to take a mean of."""
         executed = self.episode.executed
         times = [push.plan.planning_time for push in executed if push.plan is not None]
-        return EpisodeSummary(
-            scenario=self.scenario,
-            seed=self.seed,
-            success=self.episode.success,
-            pushes=len(executed),
-            refused=len(self.episode.pushes) - len(executed),
-            fallbacks=sum(push.plan is not None and push.plan.fallback for push in executed),
-            tolerance=self.episode.tolerance,
-            final_distance=self.episode.final_distance,
-            planning_time=_mean(times),
-            longest_planning_time=max(times, default=None),
-            model_error=_mean([push.target_error for push in self.episode.records]),
-            physics_error=_mean([push.physics_error for push in self.episode.records]),
-        )
+        return {
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "success": self.episode.success,
+            "pushes": len(executed),
+            "refused": len(self.episode.pushes) - len(executed),
+            "fallbacks": sum(push.plan is not None and push.plan.fallback for push in executed),
+            "tolerance": self.episode.tolerance,
+            "final_distance": self.episode.final_distance,
+            "planning_time": _mean(times),
+            "longest_planning_time": max(times, default=None),
+            "model_error": _mean([push.target_error for push in self.episode.records]),
+            "physics_error": _mean([push.physics_error for push in self.episode.records]),
+        }
 
     def record(self) -> EpisodeRecord:
         """Return the episode as `sain_eval` draws it."""
@@ -93,8 +77,8 @@ def write_summary(path: Path, bag: Bag, summaries: tuple[EpisodeSummary, ...]) -
         "recording": dict(bag.custom_data),
         "messages": bag.message_count,
         "duration": bag.duration,
-        "successes": sum(summary.success for summary in summaries),
-        "episodes": [asdict(summary) for summary in summaries],
+        "successes": sum(summary["success"] for summary in summaries),
+        "episodes": list(summaries),
     }
     write_json(path, content)
 
@@ -108,13 +92,13 @@ def summary_table(summaries: tuple[EpisodeSummary, ...]) -> FittingTable:
     table.add_column("Goal")
     for summary in summaries:
         table.add_row(
-            f"{summary.scenario} {summary.seed}",
-            str(summary.pushes),
-            f"{1e3 * summary.final_distance:.1f} mm",
-            _scaled(summary.planning_time, "ms", 0),
-            _scaled(summary.model_error, "mm", 1),
-            _scaled(summary.physics_error, "mm", 1),
-            Text("reached", "green") if summary.success else Text("not reached", "red"),
+            f"{summary['scenario']} {summary['seed']}",
+            str(summary["pushes"]),
+            f"{1e3 * summary['final_distance']:.1f} mm",
+            _scaled(summary["planning_time"], "ms", 0),
+            _scaled(summary["model_error"], "mm", 1),
+            _scaled(summary["physics_error"], "mm", 1),
+            Text("reached", "green") if summary["success"] else Text("not reached", "red"),
         )
     return table
 

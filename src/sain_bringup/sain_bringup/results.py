@@ -47,7 +47,7 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
     display.console.print("\nWritten, to be opened in this order:")
     for path in written_files(folder):
         display.console.print(f"  {path}", markup=False, highlight=False, soft_wrap=True)
-    return bool(summaries) and all(summary.success for summary in summaries)
+    return bool(summaries) and all(summary["success"] for summary in summaries)
 
 
 def written_files(folder: Path) -> list[Path]:
@@ -59,9 +59,8 @@ def written_files(folder: Path) -> list[Path]:
 
 def draw_pictures(folder: Path, played: tuple[PlayedEpisode, ...]) -> list[Path]:
     """Draw a top view of each episode, and one picture of all."""
-    from sain_bringup.overview import draw_overview  # matplotlib takes a while to load
-    from sain_core.drawing.figures import write_png
-    from sain_eval.plots.pictures import draw_episode
+    from sain_core.drawing.figures import write_png  # matplotlib takes a while to load
+    from sain_eval.plots.pictures import draw_episode, draw_overview
 
     records = [episode.record() for episode in played]
     paths = [

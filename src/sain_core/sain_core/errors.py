@@ -38,117 +38,85 @@ class ErrorCode(IntEnum):
 
 
 class SainError(Exception):
-    """Base of every error that SAIN raises on purpose."""
+    """Base of every error that SAIN raises on purpose; `code` says which kind it is on the wire."""
 
     code = ErrorCode.INTERNAL
 
+    def __init_subclass__(cls, code: ErrorCode = ErrorCode.INTERNAL) -> None:
+        """Declare a kind of error."""
+        cls.code = code
 
-class InvalidInputError(SainError, ValueError):
+
+class InvalidInputError(SainError, ValueError, code=ErrorCode.INVALID):
     """An array of the wrong shape, or one that holds NaN or Inf."""
 
-    code = ErrorCode.INVALID
 
-
-class OutOfRangeError(SainError, ValueError):
+class OutOfRangeError(SainError, ValueError, code=ErrorCode.OUT_OF_RANGE):
     """A number outside the range that is allowed for it."""
 
-    code = ErrorCode.OUT_OF_RANGE
 
-
-class StaleSceneError(SainError):
+class StaleSceneError(SainError, code=ErrorCode.STALE_SCENE):
     """A push planned from a scene that is no longer the current, settled one."""
 
-    code = ErrorCode.STALE_SCENE
 
-
-class BusyError(SainError):
+class BusyError(SainError, code=ErrorCode.BUSY):
     """A request that came while another one is being carried out."""
 
-    code = ErrorCode.BUSY
 
-
-class UnknownEpisodeError(SainError):
+class UnknownEpisodeError(SainError, code=ErrorCode.UNKNOWN_EPISODE):
     """A request for an episode that is not the one running."""
 
-    code = ErrorCode.UNKNOWN_EPISODE
 
-
-class DuplicatePushError(SainError):
+class DuplicatePushError(SainError, code=ErrorCode.DUPLICATE_PUSH):
     """A push id that was seen before: each is executed at most once."""
 
-    code = ErrorCode.DUPLICATE_PUSH
 
-
-class UnreachableError(SainError):
+class UnreachableError(SainError, code=ErrorCode.UNREACHABLE):
     """A push with a pose on its way that the arm cannot take, or a goal that needs one."""
 
-    code = ErrorCode.UNREACHABLE
 
-
-class BlockedError(SainError):
+class BlockedError(SainError, code=ErrorCode.BLOCKED):
     """A push on whose way the tool would touch a disk other than the mid disk."""
 
-    code = ErrorCode.BLOCKED
 
-
-class OffTableError(SainError, ValueError):
+class OffTableError(SainError, ValueError, code=ErrorCode.OFF_TABLE):
     """A disk or a goal that does not lie on the table."""
 
-    code = ErrorCode.OFF_TABLE
 
-
-class TooMuchWorkError(SainError):
+class TooMuchWorkError(SainError, code=ErrorCode.TOO_MUCH_WORK):
     """A request larger than the server accepts."""
 
-    code = ErrorCode.TOO_MUCH_WORK
 
-
-class ConfigError(SainError, ValueError):
+class ConfigError(SainError, ValueError, code=ErrorCode.CONFIG):
     """A setting with an unknown name, a wrong type or a value outside its range."""
 
-    code = ErrorCode.CONFIG
 
-
-class CheckpointError(SainError):
+class CheckpointError(SainError, code=ErrorCode.CHECKPOINT):
     """A checkpoint that is missing, damaged or of another architecture."""
 
-    code = ErrorCode.CHECKPOINT
 
-
-class DatasetError(SainError):
+class DatasetError(SainError, code=ErrorCode.DATASET):
     """A data set that is missing, damaged or lacks what is needed."""
 
-    code = ErrorCode.DATASET
 
-
-class ModelUnavailableError(SainError):
+class ModelUnavailableError(SainError, code=ErrorCode.MODEL_UNAVAILABLE):
     """The model did not answer, answered late, or answered with NaN."""
 
-    code = ErrorCode.MODEL_UNAVAILABLE
 
-
-class NoPushError(SainError):
+class NoPushError(SainError, code=ErrorCode.NO_PUSH):
     """No push in the limits can be carried out from this scene."""
 
-    code = ErrorCode.NO_PUSH
 
-
-class NoProgressError(SainError):
+class NoProgressError(SainError, code=ErrorCode.NO_PROGRESS):
     """Pushes that bring nothing any more."""
 
-    code = ErrorCode.NO_PROGRESS
 
-
-class OutputError(SainError, OSError):
+class OutputError(SainError, OSError, code=ErrorCode.OUTPUT):
     """An output folder that cannot be written, or that must not be overwritten."""
 
-    code = ErrorCode.OUTPUT
 
-
-class CancelledError(SainError):
+class CancelledError(SainError, code=ErrorCode.CANCELLED):
     """Work given up because something newer made it pointless."""
-
-    code = ErrorCode.CANCELLED
 
 
 def error_reply(error: BaseException) -> tuple[int, str]:

@@ -108,6 +108,32 @@ def _write_npz(file: IO[bytes], arrays: Mapping[str, ndarray]) -> None:
     file.write(whole.getbuffer())
 
 
+def append_json(path: Path, content: Any) -> None:
+    """Append a line of JSON to a file; raises `OutputError`."""
+    try:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(content) + "\n")
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def make_folder(folder: Path) -> Path:
+    """Return the folder of a command's results, made if need be, once a file was written there.
+
+    Raises:
+        OutputError: it is a file, cannot be made or cannot be written, or the disk is full.
+    """
+    probe = folder / ".probe"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.write_bytes(os.urandom(1 << 16))
+        probe.unlink()
+    except OSError as error:
+        reason = error.strerror or error
+        raise OutputError(f"cannot write to {folder}: {reason}; choose another --out") from error
+    return folder
+
+
 def write_json(path: Path, content: Any) -> Path:
     """Write what JSON can hold, as `write_whole` does."""
     return write_whole(path, (json.dumps(content, indent=2) + "\n").encode())

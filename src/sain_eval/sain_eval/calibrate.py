@@ -5,23 +5,23 @@ floor stands beside it: the same push once more, in Bullet, from the state that 
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from scipy.optimize import minimize
 
 from sain_core.errors import DatasetError
-from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, X, Y
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table
 from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars, Scenes
-from sain_eval.calibration_settings import CalibrationConfig
 from sain_model.data.dataset import Dataset
 from sain_model.evaluation.metrics import position_errors, target_moved
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 
-# Free parameters with a step that matters, a smallest and a largest value.
-FREE: Final = {
+FreeParameters = dict[str, tuple[float, float, float]]  # a step that matters, least, most
+
+FREE: Final[FreeParameters] = {
     "friction_scale": (0.05, 0.8, 1.3),
     "yield_across": (0.2, 0.2, 1.0),
     "tool_friction": (0.04, 0.0, 0.4),
@@ -34,7 +34,7 @@ FREE: Final = {
     "tool_height": (0.01, 0.0, 0.05),
     "disk_height": (0.01, 0.0, 0.05),
 }
-AXES_FREE: Final = {
+AXES_FREE: Final[FreeParameters] = {
     "axes_yield": (0.2, 0.1, 1.5),
     **{name: range_ for name, range_ in FREE.items() if name != "yield_across"},
 }
@@ -60,17 +60,7 @@ AXES_START: Final = replace(START, axes_yield=0.7)
 Progress = Callable[[int, float], None]  # evaluations so far, lowest cost
 
 
-@dataclass(frozen=True)
-class Accuracy:
-    """Errors of position over some pushes [mm]."""
-
-    pushes: int
-    target_mean: float
-    target_median: float
-    target_p95: float
-    mid_mean: float
-    mid_median: float
-    mid_p95: float
+Accuracy = dict[str, float]  # number of pushes, and errors of position over them [mm]
 
 
 @dataclass(frozen=True)
@@ -89,17 +79,18 @@ class Calibration:
     fit_pushes: int
     accuracy: dict[str, dict[str, Accuracy]]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return all of it as plain values."""
-        return asdict(self)
-
 
 def calibrate(
     data: Dataset,
-    config: CalibrationConfig = CalibrationConfig(),
+    fit_share: float,
+    evaluations: int,
+    seed: int = 0,
+    axes: bool = False,
     progress: Progress = lambda evaluations, cost: None,
 ) -> Calibration:
-    """Fit the free parameters to a part of the episodes and judge them on the others.
+    """Fit the free parameters to a share of the episodes and judge them on the others.
+
+    With `axes` the prior is fitted whose friction depends on the world's axes.
 
     Raises:
         DatasetError: the true friction is not known, or no push is left on the table.
@@ -107,15 +98,16 @@ def calibrate(
     if not np.isfinite(data.friction).all():
         raise DatasetError("the data has no true friction; collect it with `sain_sim collect`")
     data = data.select(on_table(data, Table()))
-    numbers = generator(config.seed, "calibrate").permutation(np.unique(data.episode))
-    fitting = np.isin(data.episode, numbers[: round(config.fit_share * len(numbers))])
+    numbers = generator(seed, "calibrate").permutation(np.unique(data.episode))
+    fitting = np.isin(data.episode, numbers[: round(fit_share * len(numbers))])
     moved = target_moved(data.state, data.next_state)
     part, rest = data.select(fitting & moved), data.select(~fitting)
     if not len(part) or not len(rest):
         raise DatasetError(f"{len(data)} pushes of {len(numbers)} episodes are too few to fit")
-    best = _fit(part, config, progress)
-    fitted = {name: float(getattr(best, name)) for name in _free(config)}
-    return Calibration(best, fitted, len(part), _judge(rest, _start(config), best))
+    free, start = (AXES_FREE, AXES_START) if axes else (FREE, START)
+    best = _fit(part, free, start, evaluations, progress)
+    fitted = {name: float(getattr(best, name)) for name in free}
+    return Calibration(best, fitted, len(part), _judge(rest, start, best))
 
 
 def on_table(data: Dataset, table: Table) -> Mask:
@@ -125,24 +117,22 @@ def on_table(data: Dataset, table: Table) -> Mask:
     """
     inside = np.ones(len(data), dtype=bool)
     for scenes in (data.state, data.next_state):
-        x, y, radius = scenes[..., X], scenes[..., Y], scenes[..., RADIUS]
-        inside &= ((x - radius >= table.x_min) & (x + radius <= table.x_max)).all(axis=-1)
-        inside &= ((y - radius >= table.y_min) & (y + radius <= table.y_max)).all(axis=-1)
+        places, radii = scenes[..., POSITION], scenes[..., RADIUS, None]
+        inside &= (table.contains(places - radii) & table.contains(places + radii)).all(axis=-1)
     return inside
 
 
-def _fit(data: Dataset, config: CalibrationConfig, progress: Progress) -> PlanarConfig:
+def _fit(
+    data: Dataset, free: FreeParameters, first: PlanarConfig, evaluations: int, progress: Progress
+) -> PlanarConfig:
     """Return the configuration with the lowest cost that Powell's method finds."""
-    steps, lows, highs = (np.array(column) for column in zip(*_free(config).values(), strict=True))
-    start = np.array([getattr(_start(config), name) for name in _free(config)])
+    steps, lows, highs = (np.array(column) for column in zip(*free.values(), strict=True))
+    start = np.array([getattr(first, name) for name in free])
     lowest, count = np.inf, 0
 
     def fitted(scaled: Scalars) -> PlanarConfig:
         values = np.round(np.clip(start + scaled * steps, lows, highs), 4).tolist()
-        return replace(
-            _start(config),
-            **dict(zip(_free(config), values, strict=True)),
-        )
+        return replace(first, **dict(zip(free, values, strict=True)))
 
     def cost(scaled: Scalars) -> float:
         nonlocal lowest, count
@@ -156,7 +146,7 @@ def _fit(data: Dataset, config: CalibrationConfig, progress: Progress) -> Planar
         np.zeros(len(start)),
         method="Powell",
         bounds=list(zip((lows - start) / steps, (highs - start) / steps, strict=True)),
-        options={"maxfev": config.evaluations, "xtol": 0.05, "ftol": 3e-4},
+        options={"maxfev": evaluations, "xtol": 0.05, "ftol": 3e-4},
     )
     return fitted(found.x)
 
@@ -167,16 +157,6 @@ def _cost(data: Dataset, config: PlanarConfig) -> float:
     off = 1e3 * np.linalg.norm((predicted - data.next_state)[..., POSITION], axis=-1)
     off = np.minimum(off[:, [MID, TARGET]], LARGE)
     return float((np.sqrt(SMALL**2 + off**2) + 0.02 * off**2).mean())
-
-
-def _free(config: CalibrationConfig) -> dict[str, tuple[float, float, float]]:
-    """Return what is fitted: step, smallest and largest value of each parameter."""
-    return AXES_FREE if config.axes else FREE
-
-
-def _start(config: CalibrationConfig) -> PlanarConfig:
-    """Return the parameters before the fit."""
-    return AXES_START if config.axes else START
 
 
 def _judge(
@@ -202,14 +182,10 @@ def _judge(
 
 def accuracy(predicted: Scenes, actual: Scenes) -> Accuracy:
     """Return the errors of predicted scenes (M, N, 8)."""
-    target = position_errors(predicted, actual, TARGET)
-    mid = position_errors(predicted, actual, MID)
-    return Accuracy(
-        pushes=len(predicted),
-        target_mean=float(target.mean()),
-        target_median=float(np.median(target)),
-        target_p95=float(np.quantile(target, 0.95)),
-        mid_mean=float(mid.mean()),
-        mid_median=float(np.median(mid)),
-        mid_p95=float(np.quantile(mid, 0.95)),
-    )
+    figures: Accuracy = {"pushes": len(predicted)}
+    for name, disk in (("target", TARGET), ("mid", MID)):
+        errors = position_errors(predicted, actual, disk)
+        figures[f"{name}_mean"] = float(errors.mean())
+        figures[f"{name}_median"] = float(np.median(errors))
+        figures[f"{name}_p95"] = float(np.quantile(errors, 0.95))
+    return figures

@@ -1,4 +1,4 @@
-"""The executables of this package."""
+"""The executables of this package, with the modules of it that they load."""
 
 from typing import Final
 
@@ -6,13 +6,11 @@ from sain_core.cli.command_line import Command
 
 evaluate: Final = Command(
     "sain_eval evaluate",
-    options="sain_eval.cli.options:EvaluateOptions",
-    work="sain_eval.cli.evaluate:run",
+    "cli.options:EvaluateOptions",
+    "cli.evaluate:run",
     resumes="episode",
     prefixes=True,
 )
 calibrate: Final = Command(
-    "sain_eval calibrate",
-    options="sain_eval.cli.options:CalibrateOptions",
-    work="sain_eval.cli.calibrate:run",
+    "sain_eval calibrate", "cli.options:CalibrateOptions", "cli.calibrate:run"
 )

@@ -1,4 +1,4 @@
-"""The executables of this package."""
+"""The executables of this package, with the modules of it that they load."""
 
 from typing import Final
 
@@ -9,32 +9,27 @@ model_node: Final = NodeCommand(
     "sain_model model_node",
     about="Serves one model of the dynamics. Predicts single pushes and sequences of pushes, and"
     " replaces the model while it runs.",
-    node="sain_model.ros.model_node:ModelNode",
-    settings="sain_model.serving.settings:ServingConfig",
+    node="ros.model_node:ModelNode",
+    settings="serving.settings:ServingConfig",
     publishes=("/diagnostics",),
     offers=("predict_residual", "rollout", "describe_model", "load_model"),
     example="model:=planar",
 )
 train: Final = Command(
-    "sain_model train",
-    options="sain_model.training.options:train_options",
-    work="sain_model.cli.train:run",
-    resumes="epoch",
+    "sain_model train", "training.options:train_options", "cli.train:run", resumes="epoch"
 )
 train_correction: Final = Command(
     "sain_model train_correction",
-    options="sain_model.training.options:TrainCorrectionOptions",
-    work="sain_model.cli.train_correction:run",
+    "training.options:TrainCorrectionOptions",
+    "cli.train_correction:run",
     resumes="epoch",
 )
 evaluate: Final = Command(
-    "sain_model evaluate",
-    options="sain_model.cli.options:EvaluateModelOptions",
-    work="sain_model.cli.evaluate:run",
+    "sain_model evaluate", "cli.options:EvaluateModelOptions", "cli.evaluate:run"
 )
 learning_curve: Final = Command(
     "sain_model learning_curve",
-    options="sain_model.cli.options:LearningCurveOptions",
-    work="sain_model.cli.learning_curve:run",
+    "cli.options:LearningCurveOptions",
+    "cli.learning_curve:run",
     resumes="epoch",
 )

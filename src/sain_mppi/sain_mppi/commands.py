@@ -1,4 +1,4 @@
-"""The executables of this package."""
+"""The executables of this package, with the modules of it that they load."""
 
 from typing import Final
 
@@ -8,8 +8,8 @@ mppi_node: Final = NodeCommand(
     "sain_mppi mppi_node",
     about="Plans one push for each settled scene until the target has reached the goal. Calls the"
     " model as a service, and plans with the prior when no model answers.",
-    node="sain_mppi.ros.mppi_node:MppiNode",
-    settings="sain_mppi.loop.settings:MppiConfig",
+    node="ros.mppi_node:MppiNode",
+    settings="loop.agent:MppiConfig",
     publishes=("push", "plan", "plan_markers", "/diagnostics"),
     subscribes=("scene", "push_result", "goal"),
     calls=("rollout",),

@@ -85,7 +85,7 @@ class Planner:
             deadline = monotonic() + self.config.deadline
         config = self.config.widened() if wide else self.config
         search = Search(self.model, config, self.feasibility, scene, goal, refused, deadline)
-        ALGORITHMS[config.algorithm](search, self._start(scene, goal, config), config, generator)
+        ALGORITHMS[config.algorithm](search, self._start(scene, goal, config), generator)
         self._elites, self._scene, self._goal = search.elites.sequences, scene.copy(), goal.copy()
         return search.result()
 

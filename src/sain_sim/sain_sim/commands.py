@@ -1,4 +1,4 @@
-"""The executables of this package."""
+"""The executables of this package, with the modules of it that they load."""
 
 from typing import Final
 
@@ -9,8 +9,8 @@ sim_node: Final = NodeCommand(
     "sain_sim sim_node",
     about="Simulates the table, the disks and the arm with PyBullet. Carries out one push at a time"
     " and publishes its result.",
-    node="sain_sim.ros.sim_node:SimNode",
-    settings="sain_sim.node.simulator:SimulatorConfig",
+    node="ros.sim_node:SimNode",
+    settings="node.simulator:SimulatorConfig",
     publishes=(
         "scene",
         "push_result",
@@ -26,8 +26,5 @@ sim_node: Final = NodeCommand(
     example="world:=rough",
 )
 collect: Final = Command(
-    "sain_sim collect",
-    options="sain_sim.collecting.collect:CollectConfig",
-    work="sain_sim.cli.collect:run",
-    resumes="shard",
+    "sain_sim collect", "collecting.collect:CollectConfig", "cli.collect:run", resumes="shard"
 )

@@ -11,9 +11,8 @@ from sain_core.scene import MID, POSITION
 from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_mppi.loop.agent import Agent
+from sain_mppi.loop.agent import Agent, AgentConfig
 from sain_mppi.loop.decision import Decider, PushDecision
-from sain_mppi.loop.settings import AgentConfig
 
 PAPER = SCENARIOS["paper"].scene(0)
 ANYWHERE = SCENARIOS["anywhere"].scene(1)

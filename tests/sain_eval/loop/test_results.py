@@ -14,8 +14,13 @@ from sain_eval.cli.evaluate import evaluate, jobs_of, show
 from sain_eval.cli.options import EvaluateOptions as Evaluate
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.journal import JOURNAL_FILE, Journal
-from sain_eval.loop.report import results_table
-from sain_eval.loop.results import SceneRecord, scene_records, summarise, write_results
+from sain_eval.loop.results import (
+    SceneRecord,
+    results_table,
+    scene_records,
+    summarise,
+    write_results,
+)
 from sain_eval.scenes.scenarios import SCENARIOS
 
 CASE = SCENARIOS["paper"].scene(0)

@@ -8,7 +8,6 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Wedge
 
-from sain_bringup.overview import draw_overview
 from sain_core.drawing.figures import write_png
 from sain_core.drawing.palette import PALETTE
 from sain_core.errors import OutputError
@@ -16,7 +15,7 @@ from sain_core.feasibility import Feasibility
 from sain_core.push import tool_end, tool_start
 from sain_core.scene import POSITION, RADIUS, TARGET
 from sain_eval.plots.legend import MARKS
-from sain_eval.plots.pictures import describe_result, draw_episode
+from sain_eval.plots.pictures import describe_result, draw_episode, draw_overview
 
 
 def legend(figure: Figure) -> list[str]:

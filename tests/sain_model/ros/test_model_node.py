@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
+from sain_core import wire
 from sain_core.dynamics import StepwiseRollout
 from sain_core.errors import CheckpointError, ConfigError, ErrorCode
 from sain_core.history import PushHistory
@@ -43,7 +44,7 @@ def test_a_rollout_is_the_model_s_own_to_the_last_bit(graph, model):
     sequences = pushes(16, 3)
     response = graph.call(Rollout, "rollout", rollout_request(sequences))
     assert (response.error_code, response.error_message) == (ErrorCode.OK, "")
-    predicted = codec.decode_rollout(response, (16, 3, 2))
+    predicted = wire.decode_rollout(response, (16, 3, 2))
     expected = StepwiseRollout(PlanarPrior()).rollout(SCENE, sequences)
     np.testing.assert_array_equal(predicted, expected)
     assert response.model == "planar"
@@ -111,7 +112,7 @@ def test_earlier_pushes_tell_the_service_the_friction(graph, model):
     assert (response.error_code, response.error_message) == (ErrorCode.OK, "")
     assert response.friction == pytest.approx(0.18, rel=0.05)
     told = StepwiseRollout(PlanarPrior().with_history(past)).rollout(SCENE, sequences)
-    np.testing.assert_array_equal(codec.decode_rollout(response, (4, 2, 2)), told)
+    np.testing.assert_array_equal(wire.decode_rollout(response, (4, 2, 2)), told)
     without = graph.call(Rollout, "rollout", rollout_request(sequences))
     assert without.friction == 0.12
 
@@ -144,7 +145,7 @@ def test_physics_alone_has_no_residual(graph, model):
     scenes, actions = np.stack([SCENE] * 4), pushes(4)
     response = predict(graph, scenes, actions)
     assert response.error_code == ErrorCode.OK
-    next_state = codec.decode_floats(response.next_state, (4, 2, 8), "next_state")
+    next_state = wire.decode_floats(response.next_state, (4, 2, 8), "next_state")
     np.testing.assert_array_equal(next_state, PlanarPrior().step(scenes, actions))
     assert not any(response.residual)
 

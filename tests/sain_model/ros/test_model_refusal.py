@@ -13,9 +13,9 @@ import torch
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
+from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.plugins import load_dynamics
-from sain_core.ros import codec
 from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import LoadModel, Rollout
 from sain_model.dynamics.checkpoint import card_path
@@ -96,7 +96,7 @@ def test_a_bad_checkpoint_is_refused_and_the_old_one_goes_on(graph, first, tmp_p
     assert reason in result.reason
     assert node.get_parameter("model").value == first
     answer = graph.call(Rollout, "rollout", request())
-    predicted = codec.decode_rollout(answer, (20, 2, 2))
+    predicted = wire.decode_rollout(answer, (20, 2, 2))
     assert predicted.tobytes() == answers_of(first)[answer.model_hash]
     assert not (tmp_path / "trace").exists()
 

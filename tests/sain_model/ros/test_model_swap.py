@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
+from sain_core import wire
 from sain_core.dynamics import IdentityPrior
 from sain_core.errors import ErrorCode
 from sain_core.plugins import load_dynamics
-from sain_core.ros import codec
 from sain_core.ros.qos import SERVICE
 from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import DescribeModel, LoadModel, Rollout
@@ -80,7 +80,7 @@ def test_a_stream_of_requests_goes_on_through_swaps(graph, first, second):
     stream.finish()
     for answer in stream.answered:
         assert answer.error_code == ErrorCode.OK
-        predicted = codec.decode_rollout(answer, (20, 2, 2))
+        predicted = wire.decode_rollout(answer, (20, 2, 2))
         assert predicted.tobytes() == expected[answer.model_hash]
     assert {answer.model_hash for answer in stream.answered} == set(expected)
     described = graph.call(DescribeModel, "describe_model", DescribeModel.Request())

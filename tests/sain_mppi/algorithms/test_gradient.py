@@ -51,7 +51,7 @@ class Recorded(Search):
 @pytest.mark.parametrize("seed", range(3))
 def test_it_gets_far_below_its_starts_on_a_smooth_model(scene, seed):
     search = Recorded(Gliding(), CONFIG, scene)
-    gradient(search, NOTHING, CONFIG, generator(seed))
+    gradient(search, NOTHING, generator(seed))
     predicted = search.result().predicted[-1, 1, POSITION]
     drawn = min(costs.min() for costs in search.drawn)
     assert search.elites.cost < 0.8 * drawn
@@ -63,15 +63,15 @@ def test_more_steps_lead_further_down(scene):
     for steps in (1, 3, 9):
         config = replace(CONFIG, gradient=GradientConfig(steps=steps))
         search = Recorded(Gliding(), config, scene)
-        gradient(search, NOTHING, config, generator(0))
+        gradient(search, NOTHING, generator(0))
         costs.append(search.elites.cost)
     assert costs[0] > costs[1] > costs[2]
 
 
 def test_rests_stay_rests_and_steps_stay_inside_the_limits(scene):
-    search = Recorded(Gliding(), CONFIG, scene)
+    search = Recorded(Gliding(), replace(CONFIG, samples=2, stop_share=1.0), scene)
     start = np.array([[[0.1, 0.7, 0.145], [0.0, 0.0, 0.0], [0.2, -0.78, 0.01]]])
-    gradient(search, start, replace(CONFIG, samples=2, stop_share=1.0), generator(0))
+    gradient(search, start, generator(0))
     probed = np.concatenate(search.probed)
     assert (probed[:, 1, LENGTH] == 0.0).all() and (probed[:, 2, LENGTH] != 0.01).any()
     limits = Feasibility().limits
@@ -81,7 +81,7 @@ def test_rests_stay_rests_and_steps_stay_inside_the_limits(scene):
 
 def test_probes_are_samples_and_no_round(scene):
     search = Recorded(Gliding(), CONFIG, scene)
-    gradient(search, NOTHING, CONFIG, generator(0))
+    gradient(search, NOTHING, generator(0))
     assert search.rounds == 1
     assert 32 < search.samples <= 32 + sum(map(len, search.probed))
     drawn = search.effective
@@ -93,7 +93,7 @@ def test_probes_are_samples_and_no_round(scene):
 
 def test_it_draws_again_where_nothing_helps(scene):
     search = Recorded(IdentityPrior(), CONFIG, scene)
-    gradient(search, NOTHING, CONFIG, generator(0))
+    gradient(search, NOTHING, generator(0))
     assert search.rounds == 1 + CONFIG.stuck_rounds and not search.improves
 
 

@@ -10,9 +10,8 @@ from sain_core.dynamics import StepwiseRollout
 from sain_core.errors import ErrorCode, InvalidInputError, ModelUnavailableError
 from sain_core.history import PushHistory
 from sain_core.scene import POSITION, TARGET
-from sain_mppi.loop.agent import Agent, planning_agent
+from sain_mppi.loop.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.loop.decision import Decider, PlanJob, PushDecision, Stop, StopReason, Task
-from sain_mppi.loop.settings import AgentConfig
 from sain_mppi.search.config import PlannerConfig
 
 CONFIG = AgentConfig(planner=PlannerConfig(samples=32, rounds=2, horizon=2))

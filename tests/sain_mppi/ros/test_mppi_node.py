@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from visualization_msgs.msg import Marker
 
+from sain_core import wire
 from sain_core.errors import ErrorCode
-from sain_core.ros import codec
 from sain_core.scene import POSITION, make_scene
 from sain_interfaces.msg import Plan
 from sain_model.physics.planar import PlanarPrior
@@ -31,8 +31,8 @@ def test_a_settled_scene_is_answered_with_one_push_and_its_plan(graph, straw, pl
     assert (made.status, made.error_code, made.fallback) == (Plan.PUSH, ErrorCode.OK, False)
     assert (made.goal_id, made.episode_id, made.scene_id) == (1, 1, 4)
     assert (made.samples, made.horizon, made.disks, made.dynamics) == (64, 2, 2, "planar")
-    pushes, predicted = codec.decode_plan(made)
-    np.testing.assert_array_equal(pushes[0], codec.decode_push(push))
+    pushes, predicted = wire.decode_plan(made)
+    np.testing.assert_array_equal(pushes[0], wire.decode_push(push))
     np.testing.assert_array_equal(predicted[0], PlanarPrior().step(START[None], pushes[:1])[0])
     assert made.goal_distance == pytest.approx(np.hypot(0.70 - 0.541, 0.05))
     assert made.planning_time >= made.rollout_time > 0.0
@@ -50,7 +50,7 @@ def test_a_plan_says_what_it_costs_what_else_was_tried_and_where_its_time_went(
     assert (made.algorithm, made.rollouts, made.rounds) == ("mppi_rounds", 96, 2)
     places = np.array(made.other_places).reshape(len(made.other_costs), 2, 2, 2)
     assert list(made.other_costs) == sorted(made.other_costs)
-    np.testing.assert_allclose(places[0], codec.decode_plan(made)[1][..., POSITION], atol=1e-6)
+    np.testing.assert_allclose(places[0], wire.decode_plan(made)[1][..., POSITION], atol=1e-6)
     assert made.rollout_time + made.cost_time < made.search_time < made.planning_time
     assert (made.concern, len(made.last_errors)) == ("", 0)
 
@@ -61,7 +61,7 @@ def test_a_plan_says_how_the_last_push_came_out_and_looks_further_after_a_surpri
     graph.aim(GOAL, 1)
     straw.show()
     first = nth_push(graph, 1)
-    after = PlanarPrior().step(START[None], codec.decode_push(first)[None])[0]
+    after = PlanarPrior().step(START[None], wire.decode_push(first)[None])[0]
     after[1, POSITION] += [0.0, 0.05]
     straw.answer(first, ErrorCode.OK, before=START, after=after)
     straw.show(scene_id=2, disks=after)
@@ -113,7 +113,7 @@ def test_viewers_get_the_plan_what_else_was_tried_and_a_ghost(graph, straw, plan
     markers = {(m.ns, m.id): m for m in graph.heard["plan_markers"][0].markers}
     others = markers["others", 0]
     assert len(others.points) == len(others.colors) == 2 * 2 * len(made.other_costs)
-    predicted = codec.decode_plan(made)[1]
+    predicted = wire.decode_plan(made)[1]
     for disk in (0, 1):
         ghost = markers["ghost", disk]
         assert (ghost.pose.position.x, ghost.pose.position.y) == tuple(predicted[0, disk, POSITION])
@@ -176,7 +176,7 @@ def test_a_push_refused_for_itself_is_replaced_by_another(graph, straw, planner)
     second = nth_push(graph, 2)
     assert second.push_id != first.push_id
     assert second.scene_id == first.scene_id
-    assert np.abs(codec.decode_push(second) - codec.decode_push(first)).max() > 0.01
+    assert np.abs(wire.decode_push(second) - wire.decode_push(first)).max() > 0.01
 
 
 @pytest.mark.parametrize("code", [ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE])
@@ -244,7 +244,7 @@ def test_the_seed_decides_the_plan(graph, straw, planner):
         straw.show()
         push = nth_push(graph, count + 1)
         graph.stop(node)
-        return codec.decode_push(push)
+        return wire.decode_push(push)
 
     graph.stop(planner)
     graph.aim(GOAL, 1)

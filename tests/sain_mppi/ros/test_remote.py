@@ -8,6 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from visualization_msgs.msg import Marker
 
+from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_core.scene import POSITION
@@ -27,8 +28,8 @@ class Remote:
 
     def on_rollout(self, request, response):
         self.asked += 1
-        self.pasts.append(codec.decode_past(request))
-        scene, pushes = codec.decode_rollout_request(request)
+        self.pasts.append(wire.decode_past(request))
+        scene, pushes = wire.decode_rollout_request(request)
         self.answer(scene, pushes, response)
         return response
 
@@ -72,7 +73,7 @@ def test_the_service_is_used_when_it_answers(graph, straw):
     made = plan(graph, goal_id=1)
     assert (made.fallback, made.dynamics) == (False, "standing still")
     assert remote.asked >= 2
-    np.testing.assert_array_equal(codec.decode_plan(made)[1], np.stack([START] * 2))
+    np.testing.assert_array_equal(wire.decode_plan(made)[1], np.stack([START] * 2))
 
 
 def test_the_service_gets_the_episode_s_earlier_pushes_and_no_others(graph, straw):
@@ -89,7 +90,7 @@ def test_the_service_gets_the_episode_s_earlier_pushes_and_no_others(graph, stra
     assert {len(past) for past in remote.pasts} == {0, 1}
     known = remote.pasts[-1]
     np.testing.assert_array_equal(known.state[0], START)
-    np.testing.assert_array_equal(known.action[0], codec.decode_push(first))
+    np.testing.assert_array_equal(known.action[0], wire.decode_push(first))
     np.testing.assert_array_equal(known.next_state[0], after)
     plan(graph, push_id=second.push_id)  # nothing more is asked for it
     straw.answer(second, ErrorCode.OK)  # a result without scenes teaches nothing

@@ -17,7 +17,7 @@ from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import load_shards
 from sain_sim.commands import collect as main
 from sain_sim.episodes.samplers import GridSampler
-from sain_sim.episodes.start import StartConfig, draw_start
+from sain_sim.episodes.start import draw_start
 from sain_sim.world.parameters import RANGES, WIDE, sample_parameters
 from sain_sim.world.workcell import WorldConfig
 
@@ -169,7 +169,7 @@ def test_a_cube_starts_with_a_side_to_the_mid_disk_and_room_for_its_corners():
         random = generator(seed, "start")
         drawn = sample_parameters(random, 3)
         cube = dataclasses.replace(drawn, shapes=(THREE_FEET, "cube", THREE_FEET))
-        scene = draw_start(random, cube, StartConfig(), table)
+        scene = draw_start(random, cube, table)
         corners = cube.radii[TARGET] * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
         turn = scene[TARGET, THETA]
         turned = corners @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
@@ -207,14 +207,13 @@ def test_starts_have_room_and_half_of_the_targets_at_the_mid_disk():
     gaps = []
     for seed in range(100):
         random = generator(seed, "start")
-        scene = draw_start(random, sample_parameters(random, 4), StartConfig(), table)
+        scene = draw_start(random, sample_parameters(random, 4), table)
         assert surface_gaps(scene).min() >= 0.0
         gaps.append(surface_gaps(scene)[0, 1])
     assert 30 < (np.array(gaps) <= 0.002).sum() < 70
     with pytest.raises(ConfigError, match="no room for 5 disks"):
-        crowded = StartConfig(spread=0.1)
         random = generator(0, "start")
-        draw_start(random, sample_parameters(random, 5), crowded, table)
+        draw_start(random, sample_parameters(random, 5), table, spread=0.1)
 
 
 def test_the_papers_grid_is_drawn_evenly():

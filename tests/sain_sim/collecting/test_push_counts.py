@@ -1,5 +1,4 @@
 import json
-from pathlib import Path
 
 import pytest
 
@@ -53,22 +52,19 @@ def test_a_journal_forgets_what_is_to_come_again_and_what_is_half_written(tmp_pa
     journal = CollectionJournal(tmp_path, 0)
     for episode in range(4):
         journal.add(episode, PushCounts(episodes=1, moved=episode + 1))
-    journal.close()
     whole = (tmp_path / JOURNAL_FILE).read_bytes()
     (tmp_path / JOURNAL_FILE).write_bytes(whole[:-20])
     resumed = CollectionJournal(tmp_path, 2)
     assert resumed.total == PushCounts(episodes=2, moved=3)
     for episode in (2, 3):
         resumed.add(episode, PushCounts(episodes=1, moved=episode + 1))
-    resumed.close()
     assert (tmp_path / JOURNAL_FILE).read_bytes() == whole
     assert resumed.total == PushCounts(episodes=4, moved=10)
 
 
 def test_a_journal_on_a_full_disk_says_so(tmp_path) -> None:
     journal = CollectionJournal(tmp_path, 0)
-    journal._file.close()
-    full_disk = Path("/dev/full")
-    with full_disk.open("ab", buffering=0) as full, pytest.raises(OutputError, match="No space"):
-        journal._file = full
+    (tmp_path / JOURNAL_FILE).unlink()
+    (tmp_path / JOURNAL_FILE).symlink_to("/dev/full")
+    with pytest.raises(OutputError, match="No space left on device"):
         journal.add(0, PushCounts())

@@ -3,8 +3,9 @@ import pytest
 
 from sain_core.errors import ConfigError
 from sain_core.shapes.disk import THREE_FEET
-from sain_sim.rendering.meshes import cylinder, ring
+from sain_core.shapes.registry import get_shape
 from sain_sim.rendering.render import CameraConfig, Renderer
+from sain_sim.rendering.scenery import flat_faces, ring
 from sain_sim.rendering.shading import Caster, brightness, table_points
 from sain_sim.rendering.window import Window
 from sain_sim.world.parameters import nominal_parameters
@@ -62,7 +63,7 @@ def test_rays_meet_the_table_where_the_camera_looks():
 
 
 def test_meshes_are_round_and_whole():
-    mesh = cylinder(0.08, -0.02, 0.02)
+    mesh = flat_faces(get_shape(THREE_FEET).triangles(0.08))
     corners = np.array(mesh["vertices"])
     assert np.isclose(np.hypot(corners[:, 0], corners[:, 1]).max(), 0.08)
     assert corners[:, 2].min() == -0.02 and corners[:, 2].max() == 0.02

@@ -6,6 +6,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
+from sain_core import wire
 from sain_core.errors import BusyError, ErrorCode
 from sain_core.ros import codec
 from sain_core.scene import make_scene
@@ -39,8 +40,8 @@ def test_a_push_is_carried_out_and_everything_said_about_it_fits_together(graph,
     result = graph.result(7)
     assert (result.error_code, result.error_message) == (ErrorCode.OK, "")
     assert (result.push.push_id, result.push.length, result.push.source) == (7, 0.1, "test")
-    before, after = codec.decode_disks(result.before.disks), codec.decode_disks(result.after.disks)
-    np.testing.assert_array_equal(before, codec.decode_disks(scene.disks))
+    before, after = wire.decode_disks(result.before.disks), wire.decode_disks(result.after.disks)
+    np.testing.assert_array_equal(before, wire.decode_disks(scene.disks))
     assert after[0, 0] - before[0, 0] > 0.05
     assert after[1, 0] - before[1, 0] > 0.05
     assert result.after.scene_id == result.before.scene_id + 1
@@ -48,10 +49,10 @@ def test_a_push_is_carried_out_and_everything_said_about_it_fits_together(graph,
     graph.wait(lambda: graph.find("physics_prediction", push_id=7), "the shadow world")
     prediction = graph.find("physics_prediction", push_id=7)[0]
     assert (prediction.error_code, prediction.scene_id) == (ErrorCode.OK, scene.scene_id)
-    expected = codec.decode_disks(prediction.disks)
+    expected = wire.decode_disks(prediction.disks)
     assert 0.0 < np.abs(expected[:, :2] - after[:, :2]).max() < 0.03
     graph.wait(lambda: latest(graph).scene_id == result.after.scene_id, "the new scene")
-    np.testing.assert_array_equal(codec.decode_disks(latest(graph).disks), after)
+    np.testing.assert_array_equal(wire.decode_disks(latest(graph).disks), after)
     moving = [m for m in graph.heard["scene"] if not m.settled]
     assert moving
     assert all(message.scene_id == scene.scene_id for message in moving)
@@ -211,7 +212,7 @@ def test_disks_that_are_given_are_taken_as_they_are(graph, simulator):
         np.array([0.3, -2.0, 1.0]),
     )
     message = graph.reset(disks=codec.encode_disks(wanted), shapes=["disk", "cube", "disk"])
-    np.testing.assert_allclose(codec.decode_disks(message.disks), wanted, atol=1e-9)
+    np.testing.assert_allclose(wire.decode_disks(message.disks), wanted, atol=1e-9)
 
 
 def test_the_clock_never_goes_back_also_over_a_reset(graph, simulator):
@@ -241,6 +242,6 @@ def test_two_simulators_repeat_each_other_to_the_last_bit(graph):
         graph.push(graph.reset(seed=9), push_id, (0.2, -0.1, 0.12))
         result = graph.result(push_id)
         graph.stop(node)
-        return codec.decode_disks(result.after.disks)
+        return wire.decode_disks(result.after.disks)
 
     np.testing.assert_array_equal(play(51), play(52))

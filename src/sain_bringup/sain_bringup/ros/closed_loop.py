@@ -7,7 +7,7 @@ from typing import Final
 from rich.console import Console
 
 from sain_bringup.display import Display
-from sain_bringup.graph import MODEL, PLANNER, RECORDER, SIMULATOR, GraphConfig, graph_commands
+from sain_bringup.graph import MODEL, PLANNER, RECORDER, SIMULATOR, graph_commands
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.options import (
     EPISODES_KEY,
@@ -79,17 +79,8 @@ def play(
         namespace = director.get_namespace()
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
         about |= provenance("sain_bringup")
-        config = GraphConfig(
-            namespace=namespace,
-            model=options.model,
-            seed=options.seed,
-            bag=folder / "bag",
-            real_time_factor=1.0 if options.gui else 0.0,
-            gui=options.gui,
-            params_file=options.params_file,
-            custom_data=tuple(about.items()),
-        )
-        for name, command in graph_commands(config).items():
+        commands = graph_commands(options, namespace, folder / "bag", about)
+        for name, command in commands.items():
             supervisor.start(name, command, patient=name == RECORDER)
         director.wait_for_graph(
             lambda: supervisor.starting((SIMULATOR, MODEL, PLANNER)),

@@ -13,11 +13,12 @@ from sain_bringup.display import EpisodeView
 from sain_bringup.graph import PLANNER
 from sain_bringup.ros.readiness import Missing, missing_parts
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
-from sain_core.ros.codec import decode_disks, encode_disks, encode_goal
+from sain_core.ros.codec import encode_disks, encode_goal
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.peers import refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import target_distance
+from sain_core.wire import decode_disks
 from sain_eval.scenes.scenarios import ScenarioScene
 from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult
 from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
@@ -42,12 +43,9 @@ class Director(Node):
     """Plays episodes. All waiting is done in `wait`, which looks after the graph meanwhile."""
 
     def __init__(self, check: Callable[[], None], timeout: float) -> None:
-        """Join the graph.
+        """Join the graph. Wait for any one thing no longer than the timeout [s].
 
-        Args:
-            check: called again and again while waiting; raises when the graph is broken.
-            timeout: longest wait for any one thing [s].
-
+        While waiting, `check` is called again and again; it raises when the graph is broken.
         """
         super().__init__("closed_loop", namespace=NAMESPACE)
         self._joined = time.monotonic()
@@ -78,12 +76,10 @@ class Director(Node):
     def wait_for_graph(
         self, starting: Callable[[], list[str]], show: Callable[[str], None]
     ) -> None:
-        """Wait until every part is up and connected.
+        """Wait until every part is up and connected; show which processes are waited for.
 
-        Args:
-            starting: returns the names of this run's own processes that are not ready. Without it
-                another graph that runs already could pass for this one.
-            show: called with the processes that are waited for, again and again.
+        `starting` returns the names of this run's own processes that are not ready. Without it
+        another graph that runs already could pass for this one.
 
         Raises:
             GraphTimeoutError: naming what is missing.
@@ -114,12 +110,7 @@ class Director(Node):
         return missing
 
     def play(self, case: ScenarioScene, tolerance: float, view: EpisodeView) -> None:
-        """Play one episode to its end.
-
-        Args:
-            case: what to start from.
-            tolerance: how near is near enough [m].
-            view: is told of everything that happens.
+        """Play one episode until the target is within tolerance [m], or no push follows.
 
         Raises:
             SainError: the simulator refused the scene, or nothing happened any more.

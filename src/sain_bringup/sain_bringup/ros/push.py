@@ -1,11 +1,9 @@
 """``ros2 run sain_bringup push``: one push by hand, and what became of it."""
 
-import time
 from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-import rclpy
 from rclpy.node import Node
 from rich.console import Console
 from rich.markup import escape
@@ -14,15 +12,15 @@ from sain_bringup.options import PushOptions
 from sain_core.cli.fitting_table import FittingTable
 from sain_core.errors import ErrorCode, SainError
 from sain_core.push import push_ids
-from sain_core.ros.codec import decode_disks, encode_push
-from sain_core.ros.node_main import NAMESPACE, ros_context
+from sain_core.ros.codec import encode_push
+from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import POSITION, THETA
 from sain_core.types import PushArray
+from sain_core.wire import decode_disks
 from sain_interfaces.msg import Push, PushResult, Scene
 
 DISK_NAMES: Final = ("mid disk", "target")
-SPIN: Final = 0.05  # [s]
 
 
 class SilentSimulatorError(SainError):
@@ -67,11 +65,8 @@ class PushSender(Node):
         return self._result
 
     def _wait(self, done: Callable[[], bool], problem: str) -> None:
-        deadline = time.monotonic() + self._timeout_s
-        while not done():
-            if time.monotonic() > deadline:
-                raise SilentSimulatorError(f"{problem} (waited {self._timeout_s:g} s)")
-            rclpy.spin_once(self, timeout_sec=SPIN)
+        if not spin_until(self, done, self._timeout_s):
+            raise SilentSimulatorError(f"{problem} (waited {self._timeout_s:g} s)")
 
     def _on_scene(self, message: Scene) -> None:
         self._scene = message if message.settled else None

@@ -7,6 +7,9 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from sain_bringup.graph import MODEL, PLANNER, RECORDER, SIMULATOR
+from sain_model import commands as commands_of_model
+from sain_mppi import commands as commands_of_mppi
+from sain_sim import commands as commands_of_sim
 
 PROCESSES: Final = {  # by the name of the node in each
     "sim_node": SIMULATOR,
@@ -14,30 +17,14 @@ PROCESSES: Final = {  # by the name of the node in each
     "mppi_node": PLANNER,
     "recorder": RECORDER,
 }
-SERVERS: Final = {
-    "reset_scene": "sim_node",
-    "rollout": "model_node",
-    "describe_model": "model_node",
+NODES: Final = {
+    "sim_node": commands_of_sim.sim_node,
+    "model_node": commands_of_model.model_node,
+    "mppi_node": commands_of_mppi.mppi_node,
 }
-PUBLISHED: Final = {
-    "sim_node": (
-        "scene",
-        "push_result",
-        "physics_prediction",
-        "world_parameters",
-        "joint_states",
-        "markers",
-        "/clock",
-    ),
-    "mppi_node": ("push", "plan", "plan_markers"),
-    "model_node": ("/diagnostics",),
-    "closed_loop": ("goal",),
-}
-LISTENERS: Final = {  # besides the recorder, which listens to all
-    "scene": ("mppi_node",),
-    "goal": ("mppi_node",),
-    "push_result": ("mppi_node",),
-    "push": ("sim_node",),
+SERVERS: Final = {service: name for name, node in NODES.items() for service in node.offers}
+PUBLISHED: Final = {name: node.publishes for name, node in NODES.items()} | {
+    "closed_loop": ("goal",)
 }
 
 
@@ -69,6 +56,7 @@ def _missing_topics(node: Node) -> Iterator[Missing]:
                 yield Missing(PROCESSES[publisher], f"topic {name}")
                 continue
             found = {info.node_name for info in node.get_subscriptions_info_by_topic(name)}
-            for listener in ("recorder", *LISTENERS.get(topic, ())):
+            listeners = [other for other, command in NODES.items() if topic in command.subscribes]
+            for listener in ("recorder", *listeners):
                 if listener not in found:
                     yield Missing(PROCESSES[listener], f"{PROCESSES[listener]} on {name}")

@@ -15,10 +15,9 @@ from rich.console import Console
 
 from sain_bringup.options import WatchOptions
 from sain_core.errors import ConfigError
-from sain_core.ros.node_main import NAMESPACE, ros_context
+from sain_core.ros.node_main import NAMESPACE, SPIN, ros_context, spin_until
 
 PROGRAM: Final = "ros2 run sain_bringup watch"
-SPIN: Final = 0.05  # [s]
 QUIET: Final = 1.0  # [s] without a new topic: all are seen
 SHOWN: Final = 12  # numbers of an array
 
@@ -61,11 +60,9 @@ class Watcher(Node):
             ConfigError: nobody publishes it.
         """
         name = self.resolve_topic_name(topic)
-        deadline = time.monotonic() + timeout_s
-        while not (publishers := self.get_publishers_info_by_topic(name)):
-            if time.monotonic() > deadline:
-                raise ConfigError(self._unknown(name))
-            rclpy.spin_once(self, timeout_sec=SPIN)
+        if not spin_until(self, lambda: self.count_publishers(name) > 0, timeout_s):
+            raise ConfigError(self._unknown(name))
+        publishers = self.get_publishers_info_by_topic(name)
         qos = matching_qos([publisher.qos_profile for publisher in publishers])
         kind = message_class(publishers[0].topic_type)
         self.create_subscription(kind, name, self._on_message, qos)

@@ -27,10 +27,10 @@ class Command:
 
     Attributes:
         name: package and executable, as after ``ros2 run``.
-        options: ``module:name`` of the dataclass of its options, or of a function that returns
-            one for the given arguments. Its docstring is the text of the help.
-        work: ``module:name`` of a function of the options and a console; it returns the exit code,
-            or None for 0.
+        options: ``module:name``, in the package, of the dataclass of its options, or of a function
+            that returns one for the given arguments. Its docstring is the text of the help.
+        work: ``module:name``, in the package, of a function of the options and a console; it
+            returns the exit code, or None for 0.
         resumes: what the same command continues from after Ctrl-C; "": it starts again.
         ros: whether it accepts ``--ros-args``.
         prefixes: whether nested settings are called ``--group.name``; otherwise ``--name``.
@@ -49,12 +49,11 @@ class Command:
             given = sys.argv[1:] if arguments is None else arguments
             own = split_ros_arguments(given)[0] if self.ros else given
             try:
-                options = read_options(
-                    load(self.options), f"ros2 run {self.name}", own, self.prefixes
-                )
+                kind = load(self.name, self.options)
+                options = read_options(kind, f"ros2 run {self.name}", own, self.prefixes)
             except SainError as error:
                 return self._fail(error, WRONG_USAGE if isinstance(error, ConfigError) else 1)
-            work = load(self.work)
+            work = load(self.name, self.work)
         return self._run(work, options)
 
     def _run(self, work: Callable[..., int | None], options: Any) -> int:
@@ -81,13 +80,7 @@ class Command:
 
 
 def read_options(options: Any, program: str, arguments: list[str], prefixes: bool = False) -> Any:
-    """Return what arguments ask for.
-
-    Args:
-        options: a dataclass, or a function that returns one for the arguments.
-        program: the name in the help.
-        arguments: without those for ROS.
-        prefixes: whether nested settings are called ``--group.name``.
+    """Return what arguments, without those for ROS, ask for; see `Command` for the options.
 
     Raises:
         ConfigError: a value that is not allowed.
@@ -174,10 +167,10 @@ def _group_of(kind: str, options: type, prefix: str = "") -> str | None:
     return next((group for group in found if group is not None), None)
 
 
-def load(path: str) -> Any:
-    """Import a module and return what it calls so, given as ``module:name``."""
+def load(command: str, path: str) -> Any:
+    """Return what stands at ``module:name`` in the package of a command."""
     module, _, name = path.partition(":")
-    return getattr(import_module(module), name)
+    return getattr(import_module(f"{command.split()[0]}.{module}"), name)
 
 
 @contextmanager

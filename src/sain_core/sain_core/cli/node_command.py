@@ -29,8 +29,8 @@ class NodeCommand:
     Attributes:
         name: package and executable, as after ``ros2 run``.
         about: what the node does.
-        node: ``module:name`` of its class.
-        settings: ``module:name`` of the `Config` that its parameters are made from.
+        node: ``module:name``, in the package, of its class.
+        settings: likewise, of the `Config` that its parameters are made from.
         publishes, subscribes, offers, calls: names of its topics and services.
         example: a parameter in the help's example, as ``name:=value``.
     """
@@ -58,7 +58,7 @@ class NodeCommand:
                 return WRONG_USAGE
             from sain_core.ros.node_main import node_main
 
-            node = load(self.node)
+            node = load(self.name, self.node)
         try:
             node_main(node, self.name.split()[1])
         except KeyboardInterrupt:
@@ -83,7 +83,7 @@ class NodeCommand:
                 )
         yield ""
         yield "parameters:"
-        for name, default, allowed, meaning in describe_parameters(load(self.settings)()):
+        for name, default, allowed, meaning in self._parameters():
             yield f"  {name}"
             notes = f"{meaning} (" + "; ".join(filter(None, (allowed, f"default: {default}"))) + ")"
             indent = " " * 6
@@ -98,9 +98,12 @@ class NodeCommand:
         yield "example:"
         yield f"  ros2 run {self.name} --ros-args -p {self.example}"
 
+    def _parameters(self) -> list[tuple[str, str, str, str]]:
+        return describe_parameters(load(self.name, self.settings)())
+
     def _problem(self, own: list[str]) -> str:
         word, _, value = own[0].partition("=")
-        names = [row[0] for row in describe_parameters(load(self.settings)())]
+        names = [row[0] for row in self._parameters()]
         near = get_close_matches(word.lstrip("-").replace("-", "_"), names, n=1)
         name = near[0] if near else "NAME"
         value = value or next((other for other in own[1:2] if not other.startswith("-")), "VALUE")

@@ -23,14 +23,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def style_axes(axes: Axes, title: str = "", grid: str | None = "y", **labels: Any) -> None:
-    """Give axes the common look.
-
-    Args:
-        axes: where something is drawn.
-        title: written above, at the left.
-        grid: "x", "y", "both" or None.
-        labels: ``xlabel`` and ``ylabel``, with their units.
-    """
+    """Give axes the common look, a title, ``xlabel`` and ``ylabel``; grid is x, y, both or None."""
     axes.set_title(title, fontsize=TEXT + 1, loc="left", color=PALETTE.ink)
     axes.set(**labels)
     for axis in (axes.xaxis, axes.yaxis):

@@ -25,9 +25,7 @@ HORIZON: Final = 3
 def check_dynamics(dynamics: Dynamics, disks: tuple[int, ...] = (2, 3)) -> None:
     """Check that a dynamics keeps the contract, by predictions of random pushes.
 
-    Args:
-        dynamics: the model.
-        disks: how many disks the scenes have; a model that takes two only is checked with (2,).
+    `disks` is how many the scenes have; a model that takes two only is checked with (2,).
 
     Raises:
         ModelUnavailableError: naming all that it does not keep.

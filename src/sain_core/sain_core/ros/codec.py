@@ -1,8 +1,7 @@
-"""From arrays to messages, and back: the one codec of every node.
+"""From arrays to messages: the one encoder of every node. The decoder is `sain_core.wire`.
 
 Float arrays cross as ``array.array``: `rclpy` copies that in one go, while a list or an ndarray
 is checked number by number (20 times slower for 100,000 doubles). Doubles arrive bit for bit.
-Decoding is `sain_core.wire`, which needs no ROS; it is offered here under the same roof.
 """
 
 from array import array
@@ -15,43 +14,9 @@ from sain_core.history import PushHistory
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
 from sain_core.types import Points, PushArray, Pushes, Scene, Scenes
-from sain_core.wire import (
-    decode_disks,
-    decode_floats,
-    decode_goal,
-    decode_past,
-    decode_plan,
-    decode_predict_request,
-    decode_push,
-    decode_result,
-    decode_rollout,
-    decode_rollout_request,
-)
 from sain_interfaces.msg import DiskState, Goal, Plan, Push
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import PredictResidual, Rollout
-
-__all__ = [
-    "decode_disks",
-    "decode_floats",
-    "decode_goal",
-    "decode_past",
-    "decode_plan",
-    "decode_predict_request",
-    "decode_push",
-    "decode_result",
-    "decode_rollout",
-    "decode_rollout_request",
-    "encode_disks",
-    "encode_floats",
-    "encode_goal",
-    "encode_push",
-    "encode_scene",
-    "encode_time",
-    "fill_past",
-    "fill_plan",
-    "header",
-]
 
 WORLD_FRAME = "world"
 

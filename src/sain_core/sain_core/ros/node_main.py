@@ -4,6 +4,7 @@ import logging
 import os
 import re
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NoReturn
@@ -22,6 +23,9 @@ NAMESPACE = "sain"
 
 RCL_SOURCE = re.compile(r", at /\S+:\d+")
 """Where in its own source an error of rcl was raised: of no use to the reader."""
+
+SPIN = 0.05
+"""[s] between looks at what is waited for."""
 
 INTERRUPTS = (ExternalShutdownException, ROSInterruptException)
 
@@ -73,6 +77,16 @@ def node_main(make_node: Callable[[], Node], name: str) -> NoReturn:
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
+
+
+def spin_until(node: Node, done: Callable[[], bool], timeout_s: float) -> bool:
+    """Spin a node until something is done; tell whether that was within the time [s]."""
+    deadline = time.monotonic() + timeout_s
+    while not done():
+        if time.monotonic() > deadline:
+            return False
+        rclpy.spin_once(node, timeout_sec=SPIN)
+    return True
 
 
 @contextmanager

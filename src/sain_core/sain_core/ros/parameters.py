@@ -27,10 +27,7 @@ ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 def read_parameters(node: Node, config_class: type[C], default: C | None = None) -> C:
     """Declare the parameters of a node, all of them, and return their values.
 
-    Args:
-        node: has no other parameters than these.
-        config_class: what the parameters are made from.
-        default: values of parameters that are not given; those of the class if None.
+    What is not given is as in `default`, or as in the class if None.
 
     Raises:
         ConfigError: an unknown name, a wrong type, or a value that is not allowed.

@@ -1,28 +1,13 @@
-"""How each kind of topic is delivered."""
+"""How each kind of topic is delivered: reliably, as ROS does by default."""
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
-RELIABLE = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+RELIABLE = QoSProfile(depth=10)
 """Scenes, pushes, results, plans and all else that has no need of its own."""
 
-LATCHED = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Goals: who joins late gets the last one."""
 
-SERVICE = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=100,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.VOLATILE,
-)
+SERVICE = QoSProfile(depth=100)
 """Requests and answers of a service that may be asked faster than it answers: at ROS's own depth of
 10 the middleware drops what more comes in a burst, in silence."""

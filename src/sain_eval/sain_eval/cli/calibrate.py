@@ -1,19 +1,21 @@
 """``ros2 run sain_eval calibrate``: fit the planar prior to Bullet with the arm, and report."""
 
+from dataclasses import asdict
 from typing import Final
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from sain_core.provenance import ros2_command
-from sain_core.storage import write_json, write_whole
+from sain_core.storage import make_folder, write_json, write_whole
 from sain_eval.calibrate import Calibration, calibrate
 from sain_eval.cli.options import CalibrateOptions
-from sain_eval.loop.files import output_folder
 from sain_model.data.dataset import Dataset, load_transitions
+from sain_model.evaluation.markdown import markdown_table
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 
+ERRORS: Final = ("", "pushes", "target mean", "median", "p95", "mid mean", "median", "p95")
 PARTS: Final = {"all": "All pushes", "target_moved": "Pushes that moved the target"}
 
 
@@ -23,22 +25,24 @@ def run(command: CalibrateOptions, console: Console) -> None:
     Raises:
         DatasetError, OutputError: see `sain_core.errors`.
     """
-    out = output_folder(command.out)
+    out = make_folder(command.out)
     data = _data(command, console)
     with _bar(console) as bar:
-        task = bar.add_task("fit", total=command.fit.evaluations, cost=float("nan"))
+        task = bar.add_task("fit", total=command.evaluations, cost=float("nan"))
 
         def advance(evaluations: int, cost: float) -> None:
             bar.update(task, completed=evaluations, cost=cost)
 
-        calibration = calibrate(data, command.fit, advance)
+        calibration = calibrate(
+            data, command.fit_share, command.evaluations, command.seed, command.axes, advance
+        )
     command_text = ros2_command("sain_eval", "calibrate")
     text = markdown(calibration, data, command_text)
     write_whole(out / "calibration.md", text.encode())
     content = {
-        "command": ros2_command("sain_eval", "calibrate"),
+        "command": command_text,
         "data_sha256": data.sha256,
-        **calibration.as_dict(),
+        **asdict(calibration),
     }
     write_json(out / "calibration.json", content)
     console.print(text, highlight=False, markup=False)
@@ -53,18 +57,14 @@ def markdown(calibration: Calibration, data: Dataset, command: str) -> str:
         f" {calibration.fit_pushes} and judged on other episodes. Positions in mm.",
     ]
     for part, rows in calibration.accuracy.items():
-        lines += ["", f"## {PARTS[part]}", ""]
-        lines.append("| | pushes | target mean | median | p95 | mid mean | median | p95 |")
-        lines.append("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
-        lines += [
-            f"| {name} | {row.pushes} | {row.target_mean:.2f} | {row.target_median:.2f} |"
-            f" {row.target_p95:.2f} | {row.mid_mean:.2f} | {row.mid_median:.2f} |"
-            f" {row.mid_p95:.2f} |"
+        cells = [
+            [name, str(row["pushes"]), *(f"{row[column]:.2f}" for column in list(row)[1:])]
             for name, row in rows.items()
         ]
-    lines += ["", "## Fitted parameters", "", "| parameter | value |", "| --- | ---: |"]
-    lines += [f"| {name} | {value:.4g} |" for name, value in calibration.fitted.items()]
-    return "\n".join(lines) + "\n"
+        lines += ["", f"## {PARTS[part]}", "", markdown_table(ERRORS, cells).rstrip("\n")]
+    fitted = [[name, f"{value:.4g}"] for name, value in calibration.fitted.items()]
+    lines += ["", "## Fitted parameters", "", markdown_table(("parameter", "value"), fitted)]
+    return "\n".join(lines)
 
 
 def _data(command: CalibrateOptions, console: Console) -> Dataset:
@@ -82,11 +82,6 @@ def _data(command: CalibrateOptions, console: Console) -> Dataset:
 
 
 def _bar(console: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("lowest cost {task.fields[cost]:.3f}, left"),
-        TimeRemainingColumn(),
-        console=console,
-    )
+    cost = "lowest cost {task.fields[cost]:.3f}, left"
+    columns = (BarColumn(), MofNCompleteColumn(), cost, TimeRemainingColumn())
+    return Progress("{task.description}", *columns, console=console)

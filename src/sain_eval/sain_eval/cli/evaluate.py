@@ -9,21 +9,25 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
-    TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
 
 from sain_core.cli.fitting_table import FittingTable
 from sain_core.provenance import ros2_command
-from sain_core.storage import write_whole
+from sain_core.storage import make_folder, write_whole
 from sain_eval.cli.options import EvaluateOptions
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.evaluation import EpisodeJob, run_jobs
-from sain_eval.loop.files import output_folder
 from sain_eval.loop.journal import Journal
-from sain_eval.loop.report import HEADER, results_table, table_cells
-from sain_eval.loop.results import SceneRecord, summarise, write_results
+from sain_eval.loop.results import (
+    HEADER,
+    SceneRecord,
+    results_table,
+    summarise,
+    table_cells,
+    write_results,
+)
 
 TABLE_FILE: Final = "table.md"
 
@@ -43,11 +47,18 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     """
     for name in options.controller_names:
         agent_maker(name, options.agent)  # a bad name should not wait for its first scene
-    journal = Journal(output_folder(options.out), options.settings())
+    journal = Journal(make_folder(options.out), options.settings())
     jobs = jobs_of(options, journal.done)
     if len(jobs) < len(journal.done):
         console.print(f"{len(journal.done)} episodes are done already", highlight=False)
-    with _progress(console) as progress:
+    columns = (
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        "left",
+        TimeRemainingColumn(),
+    )
+    with Progress("episodes", *columns, console=console) as progress:
         task = progress.add_task("episodes", total=len(jobs))
         for records in run_jobs(jobs, options.workers):
             journal.add(records)
@@ -101,15 +112,3 @@ def _picture(options: EvaluateOptions, scenario: str, seed: int, controller: str
     if seed >= options.seed + options.pictures:
         return None
     return options.out / f"{scenario}_{seed}_{controller.replace('/', '_')}.png"
-
-
-def _progress(console: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=console,
-    )

@@ -1,20 +1,19 @@
 """Many episodes over worker processes, paired seeds for all controllers, in any order."""
 
-import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 
 from sain_core.drawing.figures import write_png
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
-from sain_eval.loop.controllers import AgentMaker, agent_maker
+from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.results import SceneRecord, scene_records
 from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
-from sain_mppi.loop.settings import AgentConfig
+from sain_mppi.loop.agent import AgentConfig
+from sain_sim.collecting.workers import environment
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -40,7 +39,7 @@ class EpisodeJob:
 def play_job(job: EpisodeJob) -> EpisodeOutcome:
     """Run one episode to the tightest tolerance."""
     case = job.case()
-    agent = _maker(job.controller, job.agent)(case)
+    agent = agent_maker(job.controller, job.agent)(case)
     return run_episode(case, agent, min(job.tolerances))
 
 
@@ -61,24 +60,11 @@ def run_jobs(jobs: Sequence[EpisodeJob], workers: int) -> Iterator[list[SceneRec
     if workers == 1:
         yield from map(run_job, jobs)
         return
-    limits = dict.fromkeys(THREAD_LIMITS, "1")  # read once, when a worker starts
-    before = {name: os.environ.get(name) for name in limits}
-    os.environ.update(limits)
     pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    try:
-        futures: list[Future[list[SceneRecord]]] = [pool.submit(run_job, job) for job in jobs]
-        for future in as_completed(futures):
-            yield future.result()
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
-@cache
-def _maker(controller: str, config: AgentConfig) -> AgentMaker:
-    """Load each model once in a process."""
-    return agent_maker(controller, config)
+    with environment(dict.fromkeys(THREAD_LIMITS, "1")):  # read once, when a worker starts
+        try:
+            futures = [pool.submit(run_job, job) for job in jobs]
+            for future in as_completed(futures):
+                yield future.result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)

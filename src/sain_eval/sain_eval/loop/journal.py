@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sain_core.errors import OutputError
+from sain_core.storage import append_json
 from sain_eval.loop.results import SceneRecord
 
 JOURNAL_FILE: Final = "episodes.jsonl"
@@ -61,12 +62,7 @@ class Journal:
 
     def add(self, records: list[SceneRecord]) -> None:
         """Write one episode's records, one for each tolerance."""
-        line = json.dumps([dataclasses.asdict(record) for record in records])
-        try:
-            with self.path.open("a") as file:
-                file.write(line + "\n")
-        except OSError as error:
-            raise OutputError(f"cannot write {self.path}: {error.strerror or error}") from error
+        append_json(self.path, [dataclasses.asdict(record) for record in records])
         self._take(records)
 
     def _take(self, records: list[SceneRecord]) -> None:

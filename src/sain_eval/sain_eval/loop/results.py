@@ -5,6 +5,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from math import isnan
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,12 +16,24 @@ from sain_core.scene import target_distance
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
 from sain_eval.loop.closed_loop import EpisodeOutcome
-from sain_eval.loop.statistics import Interval, bootstrap_mean, number_or_none, wilson_interval
+from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
 from sain_eval.scenes.scenarios import ScenarioScene
+from sain_model.evaluation.markdown import markdown_table
 
 SCHEMA: Final = "sain-results-1"
 RESULTS_FILE: Final = "results.json"
 PACKAGES: Final = ("numpy", "scipy", "numba", "torch", "pybullet", "sain_core")
+
+HEADER: Final = (
+    "scenario",
+    "controller",
+    "within",
+    "solved",
+    "95 % interval",
+    "pushes",
+    "prediction error",
+    "planning",
+)
 
 
 @dataclass(frozen=True)
@@ -109,11 +122,38 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
 
 
 def _interval(interval: Interval) -> dict[str, float | None]:
-    return {name: number_or_none(v) for name, v in dataclasses.asdict(interval).items()}
+    """Return an interval with None for NaN, which JSON does not have."""
+    return {name: None if isnan(v) else v for name, v in dataclasses.asdict(interval).items()}
 
 
 def _mean(values: list[float]) -> float | None:
     return float(np.mean(values)) if values else None
+
+
+def results_table(summary: Sequence[dict[str, Any]]) -> str:
+    """Return the summary as a markdown table, a line for each row of `summarise`."""
+    return markdown_table(HEADER, map(table_cells, summary))
+
+
+def table_cells(row: dict[str, Any]) -> list[str]:
+    """Return the cells of one row of the summary, as `HEADER` names them."""
+    rate, pushes = row["rate"], row["pushes"]["estimate"]
+    return [
+        row["scenario"],
+        row["controller"],
+        f"{100 * row['tolerance']:g} cm",
+        f"{row['successes']}/{row['scenes']}",
+        f"{100 * rate['low']:.0f}-{100 * rate['high']:.0f} %",
+        "-" if pushes is None else f"{pushes:.1f}",
+        _scaled(row["target_error"], 1e3, "mm"),
+        _scaled(row["planning_seconds"], 1e3, "ms", digits=0),
+    ]
+
+
+def _scaled(value: float | None, factor: float, unit: str, digits: int = 1) -> str:
+    if value is None or value == 0.0:
+        return "-"
+    return f"{factor * value:.{digits}f} {unit}"
 
 
 def write_results(

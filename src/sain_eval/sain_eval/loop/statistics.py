@@ -1,10 +1,9 @@
 """How sure a rate or a mean is."""
 
 from dataclasses import dataclass
-from math import isnan, sqrt
-from statistics import NormalDist
 
 import numpy as np
+from scipy.stats import binomtest
 
 from sain_core.errors import OutOfRangeError
 from sain_core.types import Scalars
@@ -32,14 +31,8 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> In
             f"{successes} successes of {trials} trials;"
             " needed: 0 <= successes <= trials and at least one trial"
         )
-    z = NormalDist().inv_cdf(0.5 + confidence / 2)
-    rate = successes / trials
-    shrink = 1.0 + z * z / trials
-    centre = (rate + z * z / (2 * trials)) / shrink
-    half = z * sqrt(rate * (1 - rate) / trials + z * z / (4 * trials * trials)) / shrink
-    low = 0.0 if successes == 0 else max(centre - half, 0.0)
-    high = 1.0 if successes == trials else min(centre + half, 1.0)
-    return Interval(rate, low, high)
+    found = binomtest(successes, trials).proportion_ci(confidence, method="wilson")
+    return Interval(successes / trials, float(found.low), float(found.high))
 
 
 def bootstrap_mean(
@@ -55,8 +48,3 @@ def bootstrap_mean(
     draws = random.choice(values, (resamples, len(values))).mean(axis=1)
     low, high = np.quantile(draws, [0.5 - confidence / 2, 0.5 + confidence / 2])
     return Interval(float(values.mean()), float(low), float(high))
-
-
-def number_or_none(value: float) -> float | None:
-    """Return None for NaN, which JSON does not know."""
-    return None if isnan(value) else value

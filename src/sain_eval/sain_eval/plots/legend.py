@@ -30,13 +30,7 @@ MARKS: Final[dict[str, tuple[str, str, dict[str, Any]]]] = {  # marker, colour, 
 
 
 def draw_legend(figure: Figure, names: Sequence[str], columns: int) -> None:
-    """Draw marks and their meaning along the bottom of a figure with constrained layout.
-
-    Args:
-        figure: the figure.
-        names: which of `MARKS` it shows.
-        columns: marks in a row.
-    """
+    """Draw those of `MARKS` along the bottom of a figure with constrained layout, in columns."""
     handles = []
     for name, (marker, colour, style) in MARKS.items():
         if name in names:

@@ -1,9 +1,10 @@
-"""The picture of an episode: the table from above, and below it how near and how well predicted.
+"""Pictures of episodes: the table from above, how near, how well predicted; or all of a run.
 
 Pure data in, a figure out. The closed loop with and without ROS and the bag tools all draw with it.
 """
 
-from typing import Final
+from collections.abc import Sequence
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,6 +23,9 @@ SIZE: Final = (6.6, 7.4)  # [inch]
 ASPECT: Final = 1.4  # of the top view
 ZOOM: Final = 2.2  # half the width of the view round the goal, in tolerances
 LEAST: Final = 0.1  # [mm], a distance is drawn no smaller
+COLUMNS: Final = 2  # of an overview
+TILE: Final = (3.5, 3.5)  # [inch], of an episode in it
+LEGEND: Final = 0.8  # [inch]
 
 
 def draw_episode(
@@ -29,10 +33,7 @@ def draw_episode(
 ) -> Figure:
     """Draw an episode: top view, distance to the goal, the arrival, prediction errors.
 
-    Args:
-        record: the episode.
-        title: one line; without it the record's own.
-        feasibility: table, reach and tool to draw; the project's defaults if not given.
+    Without a title the record's own is written; table and reach are the defaults if not given.
     """
     figure = new_figure(*SIZE)
     panels = "vvv;dae"  # top view; distance, arrival, errors
@@ -120,3 +121,32 @@ def _draw_errors(axes: Axes, record: EpisodeRecord) -> list[str]:
     axes.set_xlim(0.4, max(len(number), 1) + 0.6)
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     return list(known)
+
+
+def draw_overview(records: Sequence[EpisodeRecord]) -> Figure:
+    """Draw all episodes of a run into one figure."""
+    columns = min(COLUMNS, len(records))
+    rows = -(-len(records) // columns)
+    figure = new_figure(columns * TILE[0], rows * TILE[1] + LEGEND)
+    names: set[str] = set()
+    for place, record in enumerate(records, start=1):
+        axes = figure.add_subplot(rows, columns, place)
+        names.update(draw_top_view(axes, record))
+        axes.set_title(" \n ", fontsize=TEXT)  # space for the two lines below
+        _write(
+            axes,
+            describe_task(record),
+            17,
+            fontsize=TEXT + 0.5,
+            fontweight="bold",
+            color=PALETTE.ink,
+        )
+        _write(axes, describe_result(record), 5, fontsize=TEXT, color=result_colour(record))
+    draw_legend(figure, sorted(names), columns=columns + 1)
+    return figure
+
+
+def _write(axes: Axes, text: str, above: float, **style: Any) -> None:
+    """Write a line so many points above axes, from the left edge of their labels on."""
+    style |= {"xycoords": "axes fraction", "textcoords": "offset points"}
+    axes.annotate(text, (0.0, 1.0), (-32, above), **style)

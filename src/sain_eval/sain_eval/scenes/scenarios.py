@@ -28,7 +28,6 @@ from sain_sim.world.parameters import (
 )
 
 MAX_PUSHES: Final = 15  # paper section II-D
-PAPER_TOLERANCE: Final = 0.05  # [m], paper section III-A
 CONTACT_GAP: Final = 0.001  # [m], "touching": as near as disks can be set without overlap
 
 
@@ -43,7 +42,6 @@ class ScenarioScene:
     shapes: tuple[str, ...]  # a footprint for each, as `sain_core.shapes` names them
     goal: Goal  # (2,) [m]
     max_pushes: int = MAX_PUSHES
-    tolerance: float = PAPER_TOLERANCE  # [m]
     truth: TruthConfig = RANDOMISED_TRUTH  # the world it plays in
 
     def within(self, truth: TruthConfig) -> "ScenarioScene":
@@ -62,7 +60,6 @@ class PaperScenario:
     """The paper's own: the target straight ahead of the mid disk, the goal straight ahead of it."""
 
     name: str = "paper"
-    about: str = "the paper's Table I: target and goal straight ahead"
     mid: tuple[float, float] = (0.35, 0.0)  # [m]
     goal: tuple[float, float] = (0.80, 0.0)  # [m]
     shift: float = 0.0  # [m], of the goal in x and in y, with random signs
@@ -85,7 +82,6 @@ class AnywhereScenario:
     """What a user would ask: the target at any side of the mid disk, the goal in any direction."""
 
     name: str = "anywhere"
-    about: str = "target at any side of the mid disk, goal 15 to 30 cm off in any direction"
     mid: tuple[float, float] = (0.45, 0.0)  # [m]
     scatter: float = 0.03  # [m], of the mid disk in x and y
     goal_distance: tuple[float, float] = (0.15, 0.30)  # [m], from the target
@@ -129,18 +125,12 @@ class AnywhereScenario:
 SCENARIOS: Final[dict[str, PaperScenario | AnywhereScenario]] = {
     scenario.name: scenario
     for scenario in (
-        PaperScenario(),
-        PaperScenario("paper_shift", "the paper's Fig. 5: goal off by 2 cm in x and y", shift=0.02),
-        PaperScenario(
-            "paper_cube", "the paper's Fig. 6: the target is a cube", target_shape="cube"
-        ),
+        PaperScenario(),  # the paper's Table I
+        PaperScenario("paper_shift", shift=0.02),  # the paper's Fig. 5
+        PaperScenario("paper_cube", target_shape="cube"),  # the paper's Fig. 6
         AnywhereScenario(),
-        AnywhereScenario(
-            "clutter", "as anywhere, with 1 to 3 more disks about", extra_disks=(1, 3)
-        ),
-        AnywhereScenario("anywhere_cube", "as anywhere, the target a cube", target_shape="cube"),
-        AnywhereScenario(
-            "anywhere_rubber", "as anywhere, on a table that grips", friction=(0.25, 0.45)
-        ),
+        AnywhereScenario("clutter", extra_disks=(1, 3)),
+        AnywhereScenario("anywhere_cube", target_shape="cube"),
+        AnywhereScenario("anywhere_rubber", friction=(0.25, 0.45)),  # on a table that grips
     )
 }

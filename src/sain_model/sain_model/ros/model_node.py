@@ -12,6 +12,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from sain_core import wire
 from sain_core.errors import BusyError, ErrorCode, SainError, error_reply
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
@@ -75,8 +76,8 @@ class ModelNode(Node):
         self, request: Rollout.Request, response: Rollout.Response
     ) -> Rollout.Response:
         def work(server: "ModelServer") -> None:
-            scene, pushes = codec.decode_rollout_request(request)
-            past = codec.decode_past(request)
+            scene, pushes = wire.decode_rollout_request(request)
+            past = wire.decode_past(request)
             predicted = server.rollout(scene, pushes, past)
             response.predicted = codec.encode_floats(predicted)
             if request.with_regions:
@@ -90,7 +91,7 @@ class ModelNode(Node):
         self, request: PredictResidual.Request, response: PredictResidual.Response
     ) -> PredictResidual.Response:
         def work(server: "ModelServer") -> None:
-            asked, past = codec.decode_predict_request(request), codec.decode_past(request)
+            asked, past = wire.decode_predict_request(request), wire.decode_past(request)
             residual, next_state = server.predict(*asked, past)
             response.friction = server.friction(past)
             response.residual = codec.encode_floats(residual)

@@ -1,7 +1,7 @@
 """The planners by name: each a function that reads like its algorithm, all with one contract."""
 
-from collections.abc import Mapping
-from typing import Final, Protocol
+from collections.abc import Callable, Mapping
+from typing import Final
 
 import numpy as np
 
@@ -11,35 +11,15 @@ from sain_mppi.algorithms.gradient import gradient
 from sain_mppi.algorithms.icem import icem
 from sain_mppi.algorithms.mppi import mppi
 from sain_mppi.algorithms.mppi_rounds import mppi_rounds
-from sain_mppi.search.config import EXHAUSTIVE, GRADIENT, ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
+from sain_mppi.search.config import EXHAUSTIVE, GRADIENT, ICEM, MPPI, MPPI_ROUNDS
 from sain_mppi.search.search import Search
 
+Algorithm = Callable[[Search, PushSequences, np.random.Generator], None]
+"""Evaluates sequences in a search, which keeps the cheapest, until it is good or over.
 
-class Algorithm(Protocol):
-    """Looks for a cheap sequence of pushes."""
-
-    def __call__(
-        self,
-        search: Search,
-        start: PushSequences,
-        config: PlannerConfig,
-        generator: np.random.Generator,
-    ) -> None:
-        """Evaluate sequences in a search, which keeps the cheapest, until it is good or over.
-
-        Args:
-            search: rolls out, costs and remembers. At least one sequence must be evaluated.
-            start: (E, H, 3), good sequences that the last plan leaves, the best first; none at
-                the first plan.
-            config: how to plan.
-            generator: of all that is drawn.
-
-        Raises:
-            NoPushError: no first push is permitted.
-            ModelUnavailableError: nothing that the model predicts is finite.
-        """
-        ...
-
+It gets good sequences that the last plan leaves, (E, H, 3), the best first; none at the first plan.
+At least one sequence must be evaluated. Raises `NoPushError` where no first push is permitted.
+"""
 
 ALGORITHMS: Final[Mapping[str, Algorithm]] = {
     MPPI_ROUNDS: mppi_rounds,

@@ -4,26 +4,20 @@ import numpy as np
 
 from sain_core.errors import NoPushError
 from sain_core.types import PushSequences
-from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.search import Search
 
 
-def exhaustive(
-    search: Search,
-    start: PushSequences,
-    config: PlannerConfig,
-    generator: np.random.Generator,
-) -> None:
+def exhaustive(search: Search, start: PushSequences, generator: np.random.Generator) -> None:
     """Try every push of the grid, each followed by rest; nothing is drawn.
 
     With a horizon of H the others have H - 1 rests, so that costs compare with other planners'.
     """
-    every = config.grid.pushes()
+    every = search.config.grid.pushes()
     grid = every[search.permitted(every)]
     if not len(grid):
         raise NoPushError(
             f"none of the grid's {len(every)} pushes can be carried out {search.where}"
         )
-    sequences = np.zeros((len(grid), config.horizon, grid.shape[-1]))
+    sequences = np.zeros((len(grid), search.config.horizon, grid.shape[-1]))
     sequences[:, 0] = grid
     search.evaluate(sequences)

@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from sain_core.push import LENGTH
 from sain_core.types import PushSequences, Scalars
-from sain_mppi.search.config import GradientConfig, PlannerConfig
+from sain_mppi.search.config import GradientConfig
 from sain_mppi.search.proposals import draw_permitted, propose, without_idle
 from sain_mppi.search.sampling import inside_limits
 from sain_mppi.search.search import Search
@@ -17,39 +17,34 @@ from sain_mppi.search.search import Search
 TINY: Final = 1e-12
 
 
-def gradient(
-    search: Search,
-    start: PushSequences,
-    config: PlannerConfig,
-    generator: np.random.Generator,
-) -> None:
+def gradient(search: Search, start: PushSequences, generator: np.random.Generator) -> None:
     """Sample, then go downhill from the best samples, all at once.
 
     Again from other samples when nothing was found that is better than doing nothing.
     """
-    mean = start[0] if len(start) else None
-    draw = partial(propose, search, mean, 0, config=config, generator=generator)
+    config, mean = search.config, start[0] if len(start) else None
+    draw = partial(propose, search, mean, 0, generator)
     shares = config.gradient.drawn, config.gradient.descending
     count, descending = (max(round(share * config.samples), 1) for share in shares)
     for attempt in range(1 + config.stuck_rounds):
         if attempt and (search.over or search.improves):
             break
-        sequences = draw_permitted(search, draw, count, config.horizon, generator)
+        sequences = draw_permitted(search, draw, count, generator)
         costs = search.evaluate(sequences)
         best = np.argsort(costs, kind="stable")[:descending]
         best = best[np.isfinite(costs[best])]
-        descend(search, sequences[best], costs[best], config)
+        descend(search, sequences[best], costs[best])
 
 
 def descend(
-    search: Search, sequences: PushSequences, costs: Scalars, config: PlannerConfig
+    search: Search, sequences: PushSequences, costs: Scalars
 ) -> tuple[PushSequences, Scalars]:
     """Take steps of Adam's direction, as long as the line search finds best for each sequence.
 
     A number of a push counts in standard deviations of the noise. Rests stay rests: nothing
     depends on how they would push. Returns where the sequences end, and what that costs.
     """
-    settings, unit = config.gradient, config.noise.deviations(0)
+    settings, unit = search.config.gradient, search.config.noise.deviations(0)
     adam = Adam(settings)
     for _ in range(settings.steps):
         if search.over:

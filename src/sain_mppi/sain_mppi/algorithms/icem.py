@@ -8,7 +8,7 @@ import numpy as np
 from sain_core.push import LOCATION
 from sain_core.scene import wrap_angle
 from sain_core.types import PushSequences, Scalars
-from sain_mppi.search.config import MEAN, IcemConfig, PlannerConfig
+from sain_mppi.search.config import MEAN, IcemConfig
 from sain_mppi.search.proposals import draw_permitted, propose, without_idle
 from sain_mppi.search.sampling import (
     Sequence,
@@ -20,27 +20,22 @@ from sain_mppi.search.sampling import (
 from sain_mppi.search.search import Search
 
 
-def icem(
-    search: Search,
-    start: PushSequences,
-    config: PlannerConfig,
-    generator: np.random.Generator,
-) -> None:
+def icem(search: Search, start: PushSequences, generator: np.random.Generator) -> None:
     """Fit mean and deviation to the elites of a shrinking population; keep some elites.
 
     The first population has the elites that the last plan leaves. At the first plan, when nothing
     is known that could be a mean, it is drawn from everywhere, with informed candidates.
     """
-    fit = None
+    config, fit = search.config, None
     if len(start):
         fit = Fit(start[0], np.tile(config.noise.deviations(0), (config.horizon, 1)), start)
     for round_number in range(config.rounds):
         if round_number and search.over:
             break
         last = round_number == config.rounds - 1
-        draw = partial(_population, search, fit, last, config, generator)
+        draw = partial(_population, search, fit, last, generator)
         count = config.samples_in(round_number)
-        sequences = draw_permitted(search, draw, count, config.horizon, generator)
+        sequences = draw_permitted(search, draw, count, generator)
         fit = _refit(fit, sequences, search.evaluate(sequences), config.icem)
     if config.selection == MEAN and fit is not None:
         search.settle_on(fit.mean)
@@ -56,16 +51,12 @@ class Fit:
 
 
 def _population(
-    search: Search,
-    fit: Fit | None,
-    last: bool,
-    config: PlannerConfig,
-    generator: np.random.Generator,
-    count: int,
+    search: Search, fit: Fit | None, last: bool, generator: np.random.Generator, count: int
 ) -> PushSequences:
     """Draw sequences with noise that is correlated over H; the last have the mean among them."""
     if fit is None:
-        return propose(search, None, 0, count, config, generator)
+        return propose(search, None, 0, generator, count)
+    config = search.config
     noise = coloured_noise(generator, (count, 3, config.horizon), config.icem.colour)
     limits = search.feasibility.limits
     drawn = inside_limits(fit.mean + fit.deviation * noise.transpose(0, 2, 1), limits)

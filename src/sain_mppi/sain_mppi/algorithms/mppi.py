@@ -3,24 +3,19 @@
 import numpy as np
 
 from sain_core.types import PushSequences
-from sain_mppi.search.config import MEAN, PlannerConfig
+from sain_mppi.search.config import MEAN
 from sain_mppi.search.proposals import draw_permitted
 from sain_mppi.search.sampling import gaussian_sequences, uniform_sequences, weighted_mean
 from sain_mppi.search.search import Search
 
 
-def mppi(
-    search: Search,
-    start: PushSequences,
-    config: PlannerConfig,
-    generator: np.random.Generator,
-) -> None:
+def mppi(search: Search, start: PushSequences, generator: np.random.Generator) -> None:
     """Sample K sequences of H pushes, roll them out, take the cheapest or the weighted mean.
 
     Drawn about what the last plan leaves, at first from all pushes there are. The paper takes
     the cheapest; MPPI proper the mean with weights exp(-cost / lambda).
     """
-    limits = search.feasibility.limits
+    config, limits = search.config, search.feasibility.limits
 
     def draw(count: int) -> PushSequences:
         if not len(start):
@@ -28,7 +23,7 @@ def mppi(
         deviations = config.noise.deviations(0)
         return gaussian_sequences(start[0], deviations, 1.0, limits, generator, count)
 
-    sequences = draw_permitted(search, draw, config.samples, config.horizon, generator)
+    sequences = draw_permitted(search, draw, config.samples, generator)
     costs = search.evaluate(sequences)
     if config.selection == MEAN:
         search.settle_on(weighted_mean(sequences, search.weights(costs)))

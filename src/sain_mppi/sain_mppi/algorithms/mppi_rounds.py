@@ -5,32 +5,26 @@ from functools import partial
 import numpy as np
 
 from sain_core.types import PushSequences
-from sain_mppi.search.config import MEAN, PlannerConfig
+from sain_mppi.search.config import MEAN
 from sain_mppi.search.proposals import draw_permitted, propose
 from sain_mppi.search.sampling import Sequence, weighted_mean
 from sain_mppi.search.search import Search
 
 
-def mppi_rounds(
-    search: Search,
-    start: PushSequences,
-    config: PlannerConfig,
-    generator: np.random.Generator,
-) -> None:
+def mppi_rounds(search: Search, start: PushSequences, generator: np.random.Generator) -> None:
     """Sample, roll out, weigh, and again about the weighted mean, with less noise.
 
     Informed candidates are among the samples of every round. More rounds, as wide as the first,
     follow when nothing was found that is better than doing nothing.
     """
-    mean = start[0] if len(start) else None
+    config, mean = search.config, start[0] if len(start) else None
     for round_number in range(config.rounds + config.stuck_rounds):
         stuck = round_number >= config.rounds
         if round_number and (search.over or (stuck and search.improves)):
             break
         wide = 0 if stuck else round_number
-        draw = partial(propose, search, mean, wide, config=config, generator=generator)
-        count = config.samples_in(wide)
-        sequences = draw_permitted(search, draw, count, config.horizon, generator)
+        draw = partial(propose, search, mean, wide, generator)
+        sequences = draw_permitted(search, draw, config.samples_in(wide), generator)
         costs = search.evaluate(sequences)
         mean = _updated(mean, weighted_mean(sequences, search.weights(costs)), config.smoothing)
     if config.selection == MEAN and mean is not None:

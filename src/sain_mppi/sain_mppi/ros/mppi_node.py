@@ -10,6 +10,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
+from sain_core import wire
 from sain_core.dynamics import as_rollout
 from sain_core.errors import ErrorCode, SainError
 from sain_core.plugins import load_dynamics
@@ -21,9 +22,8 @@ from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Goal, Plan, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
-from sain_mppi.loop.agent import planning_agent
+from sain_mppi.loop.agent import SERVICE, MppiConfig, planning_agent
 from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, Task
-from sain_mppi.loop.settings import SERVICE, MppiConfig
 from sain_mppi.ros.markers import plan_markers
 from sain_mppi.ros.plan_message import plan_of_decision, plan_of_stop, push_message, summary
 from sain_mppi.ros.remote import RemoteRollout
@@ -75,7 +75,7 @@ class MppiNode(Node):
 
     def _on_scene(self, message: SceneMessage) -> None:
         try:
-            scene = codec.decode_disks(message.disks)
+            scene = wire.decode_disks(message.disks)
         except SainError as error:
             self.diagnostics.set(WARN, f"scene {message.scene_id} is ignored: {error}")
             return
@@ -86,7 +86,7 @@ class MppiNode(Node):
         push_id, code = message.push_id, message.error_code
         if code == ErrorCode.OK:
             try:
-                self.agent.learn(message.episode_id, *codec.decode_result(message))
+                self.agent.learn(message.episode_id, *wire.decode_result(message))
             except SainError as error:
                 self.get_logger().warning(f"nothing is learned of push {push_id}: {error}")
         if self.agent.answered(push_id, code):

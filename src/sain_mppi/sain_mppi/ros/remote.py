@@ -6,6 +6,7 @@ from typing import Self
 
 from rclpy.node import Node
 
+from sain_core import wire
 from sain_core.dynamics import Radii
 from sain_core.errors import ErrorCode, InvalidInputError, ModelUnavailableError
 from sain_core.history import PushHistory
@@ -53,7 +54,7 @@ class RemoteRollout:
         response = self._ask(self._request(scene, pushes))
         shape = (*pushes.shape[:2], len(scene))
         try:
-            return codec.decode_rollout(response, shape)
+            return wire.decode_rollout(response, shape)
         except InvalidInputError as error:
             raise ModelUnavailableError(f"the model answered wrongly: {error}") from error
 
@@ -73,7 +74,7 @@ class RemoteRollout:
         if not response.regions:
             return None
         try:
-            return codec.decode_floats(response.regions, predicted.shape[:3], "regions")
+            return wire.decode_floats(response.regions, predicted.shape[:3], "regions")
         except InvalidInputError as error:
             raise ModelUnavailableError(f"the model answered wrongly: {error}") from error
 

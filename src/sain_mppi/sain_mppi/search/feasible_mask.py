@@ -16,13 +16,9 @@ REFUSED_NEARBY: Final = np.array([0.15, 0.15, 0.02])  # [rad, rad, m], too like 
 def permitted(
     scene: Scene, pushes: Pushes, feasibility: Feasibility, refused: Sequence[PushArray] = ()
 ) -> Mask:
-    """Tell which pushes (B, 3) touch the mid disk, can be carried out, and were not refused.
+    """Tell which pushes (B, 3) touch the mid disk of a scene (N, 8) and can be carried out.
 
-    Args:
-        scene: (N, 8), the one that is pushed in.
-        pushes: to be judged.
-        feasibility: what the arm can do.
-        refused: (3,) each; what is very like one of them is not permitted either.
+    What was refused, (3,) each, or is very like it, is not permitted either.
     """
     scenes = np.broadcast_to(scene, (len(pushes), *scene.shape))
     ok = feasibility.mask(scenes, pushes) & (pushes[:, LENGTH] > feasibility.limits.clearance)

@@ -9,7 +9,6 @@ from sain_core.errors import NoPushError
 from sain_core.push import LENGTH, PushLimits
 from sain_core.types import PushSequences
 from sain_mppi.search.candidates import go_around_sequences, straight_sequences
-from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.sampling import (
     Sequence,
     gaussian_sequences,
@@ -28,17 +27,12 @@ def draw_permitted(
     search: Search,
     draw: Callable[[int], PushSequences],
     count: int,
-    horizon: int,
     generator: np.random.Generator,
 ) -> PushSequences:
     """Return up to so many sequences (K, H, 3) whose first push can be carried out.
 
-    Args:
-        search: says which can.
-        draw: returns about as many sequences as it is asked for, the dearest to it first.
-        count: sequences wanted.
-        horizon: pushes in each.
-        generator: of the uniform draws that are added where most of the others are blocked.
+    `draw` returns about as many sequences as it is asked for, the dearest to it first. Uniform
+    draws are added where most of them are blocked.
 
     Raises:
         NoPushError: no first push is permitted.
@@ -47,7 +41,8 @@ def draw_permitted(
     sequences = sequences[search.permitted(sequences[:, 0])]
     if len(sequences) < count:
         limits = search.feasibility.limits
-        more = uniform_sequences(limits, generator, 4 * count + LAST_RESORT, horizon)
+        wanted = 4 * count + LAST_RESORT
+        more = uniform_sequences(limits, generator, wanted, search.config.horizon)
         sequences = np.concatenate([sequences, more[search.permitted(more[:, 0])]])
     if not len(sequences):
         raise NoPushError(
@@ -60,14 +55,14 @@ def propose(
     search: Search,
     mean: Sequence | None,
     round_number: int,
-    count: int,
-    config: PlannerConfig,
     generator: np.random.Generator,
+    count: int,
 ) -> PushSequences:
     """Draw sequences (count, H, 3) of all kinds, shuffled; behind the mean, where there is one.
 
     Without a mean what would be drawn about it is drawn uniformly.
     """
+    config = search.config
     scene, goal, limits = search.scene, search.goal, search.feasibility.limits
     informed = round(count * config.candidate_share)
     straight = round(informed * STRAIGHT_SHARE)

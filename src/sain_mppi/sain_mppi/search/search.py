@@ -21,11 +21,10 @@ from sain_core.types import (
 )
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.cost import cost_terms, make_rollout, resting_cost, total_cost
-from sain_mppi.search.elites import Elites
 from sain_mppi.search.feasible_mask import permitted
 from sain_mppi.search.goal import Goal
 from sain_mppi.search.pacing import Pacing
-from sain_mppi.search.result import PlanResult, Times
+from sain_mppi.search.result import Elites, PlanResult, Times
 from sain_mppi.search.weights import cost_spread, effective_samples, softmin_weights
 
 
@@ -42,16 +41,9 @@ class Search:
         refused: Sequence[PushArray] = (),
         deadline: float | None = None,
     ) -> None:
-        """Begin with nothing found.
+        """Begin with nothing found, in a scene (N, 8) from which some pushes (3,) were refused.
 
-        Args:
-            model: predicts.
-            config: how to plan.
-            feasibility: what the arm can do.
-            scene: (N, 8), where the plan starts.
-            goal: (2,), for the target.
-            refused: (3,) each, pushes that were refused from this scene.
-            deadline: `time.monotonic` at which the plan is wanted; None: whenever.
+        The plan is wanted at the deadline, a `time.monotonic`; None: whenever.
         """
         self.model, self.config, self.feasibility = model, config, feasibility
         self.scene, self.goal, self.refused = scene, goal, refused

@@ -31,15 +31,9 @@ class ToolSpring:
         length: float,
         radius: float,
     ) -> None:
-        """Hold the stick of a loaded arm.
+        """Hold the stick of a loaded arm, of this length from the flange and this radius [m].
 
-        Args:
-            client: whose arm it is.
-            body: the arm.
-            stiffness: of the spring [N/m].
-            torques: the most that the spring may ask of the arm's joints (7,) [N m]; zeros: any.
-            length: of the stick, from the flange down to its tip [m].
-            radius: of the stick and of the ball that it ends in [m].
+        The spring [N/m] asks no more of the arm's joints than torques (7,) [N m]; zeros: any.
         """
         self._client = client
         self._torques = torques

@@ -40,12 +40,8 @@ def panda_with_stick(
 ) -> str:
     """Return the URDF of a Panda with a stick of this radius and length [m] below its flange.
 
-    Args:
-        radius: radius of the stick and of its round end [m].
-        length: from the flange to the tip [m].
-        inertia_scale: masses and inertias of the links, as a multiple of the stock ones.
-        visuals: keep the meshes that only pictures need; without them a world builds faster.
-        sprung: let the stick slide across its axis, along two more joints.
+    Masses and inertias are a multiple of the stock ones. Without visuals a world builds faster.
+    A sprung stick slides across its axis, along two more joints.
     """
     robot = ElementTree.parse(PANDA_FOLDER / "panda.urdf").getroot()
     for tag, kept in (("link", KEPT_LINKS), ("joint", KEPT_JOINTS)):

@@ -6,14 +6,7 @@ import time
 from rich.console import Console
 from rich.logging import RichHandler
 from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TimeRemainingColumn
 
 from sain_sim.collecting.collect import CollectConfig, Collected, collect
 from sain_sim.collecting.push_counts import PushCounts
@@ -56,13 +49,8 @@ def account(counts: PushCounts, config: CollectConfig) -> list[str]:
 
 
 def _collect_with_bar(config: CollectConfig, console: Console) -> Collected:
-    columns = (
-        TextColumn("collect"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("episodes, {task.fields[transitions]} transitions, left"),
-        TimeRemainingColumn(),
-    )
+    count = "episodes, {task.fields[transitions]} transitions, left"
+    columns = ("collect", BarColumn(), MofNCompleteColumn(), count, TimeRemainingColumn())
     with Progress(*columns, console=console) as bar:
         task: TaskID | None = None
 

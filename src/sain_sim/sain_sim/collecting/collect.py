@@ -83,10 +83,8 @@ def collect(
     last = last_transition(folder, shards - 1) if shards else (0, -1)
     waiting: list[Row] = []
     progress(last[0], shards * SHARD_SIZE)
-    with (
-        closing(CollectionJournal(folder, last[0])) as journal,
-        closing(_run(config, last[0])) as results,
-    ):
+    journal = CollectionJournal(folder, last[0])
+    with closing(_run(config, last[0])) as results:
         for episode, result in enumerate(results, start=last[0]):
             journal.add(episode, result.counts)
             waiting += [row for row in result.transitions if _place(row) > last]

@@ -20,8 +20,8 @@ from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
 from sain_core.shapes.registry import built_shapes, footprint_names
 from sain_core.types import PushArray
 from sain_sim.collecting.push_counts import PushCounts
-from sain_sim.episodes.samplers import CircleSampler, GridSampler, PushSampler
-from sain_sim.episodes.start import StartConfig, draw_start, wholly_on
+from sain_sim.episodes.samplers import CircleSampler, GridSampler
+from sain_sim.episodes.start import draw_start, wholly_on
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.outcome import StrokeOutcome
 from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
@@ -78,18 +78,11 @@ class EpisodeRunner:
     """Runs episodes one after the other in worlds that it keeps."""
 
     def __init__(self, seed: int, config: EpisodeConfig) -> None:
-        """Build the worlds.
-
-        Args:
-            seed: of the collection.
-            config: what the episodes are like.
-        """
+        """Build the worlds for episodes of a collection with this seed."""
         self._seed = seed
         self._config = config
         self._world_config = WorldConfig()
-        self._sampler: PushSampler = CircleSampler()
-        if config.sampler == GRID:
-            self._sampler = GridSampler(PaperGrid())
+        self._sampler = GridSampler(PaperGrid()) if config.sampler == GRID else CircleSampler()
         self._world = World(draw_parameters(generator(seed, "build"), config), self._world_config)
         self._shadow = BulletPrior(NOMINAL, self._world_config, self._world.parameters)
 
@@ -98,7 +91,7 @@ class EpisodeRunner:
         random = generator(self._seed, "episode", episode)
         parameters = draw_parameters(random, self._config)
         table = self._world_config.feasibility.table
-        self._world.reset(draw_start(random, parameters, StartConfig(), table), parameters)
+        self._world.reset(draw_start(random, parameters, table), parameters)
         counts, kept = PushCounts(episodes=1), []
         with ExitStack() as stack:
             floor = None
@@ -167,12 +160,8 @@ class EpisodeRunner:
             Column.MOVED: moved,
             Column.DURATION: outcome.duration,
         }
-        rough = parameters.roughness.arrays()
-        return {
-            **row,
-            **shape_marks(parameters.shapes),
-            **{f"{ROUGH}{name}": value for name, value in rough.items()},
-        }
+        rough = {f"{ROUGH}{name}": v for name, v in parameters.roughness.arrays().items()}
+        return {**row, **shape_marks(parameters.shapes), **rough}
 
     def close(self) -> None:
         """Let go of the worlds."""

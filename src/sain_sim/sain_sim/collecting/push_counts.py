@@ -4,10 +4,10 @@ import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Self
+from typing import Any, Final, Self
 
-from sain_core.errors import BlockedError, OutputError, SainError, UnreachableError
-from sain_core.storage import write_whole
+from sain_core.errors import BlockedError, SainError, UnreachableError
+from sain_core.storage import append_json, write_whole
 
 JOURNAL_FILE: Final = "episodes.jsonl"
 
@@ -69,27 +69,11 @@ class CollectionJournal:
         self.total = sum((_counts(line) for line in known), PushCounts())
         text = "".join(json.dumps(line) + "\n" for line in known)
         write_whole(self._path, text.encode())
-        self._file: BinaryIO = self._path.open("ab", buffering=0)
 
     def add(self, episode: int, counts: PushCounts) -> None:
-        """Write down what became of an episode's pushes.
-
-        Raises:
-            OutputError: the disk is full.
-        """
+        """Write down what became of an episode's pushes; raises `OutputError`."""
         self.total += counts
-        line = json.dumps({"episode": episode, **asdict(counts)}).encode() + b"\n"
-        try:
-            if self._file.write(line) != len(line):
-                raise OutputError(f"cannot write {self._path}: the disk is full")
-        except OSError as error:
-            if isinstance(error, OutputError):
-                raise
-            raise OutputError(f"cannot write {self._path}: {error.strerror or error}") from error
-
-    def close(self) -> None:
-        """Let go of the file."""
-        self._file.close()
+        append_json(self._path, {"episode": episode, **asdict(counts)})
 
 
 def _lines(path: Path) -> Iterable[dict[str, Any]]:

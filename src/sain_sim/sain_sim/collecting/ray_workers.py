@@ -3,14 +3,11 @@
 import functools
 import hashlib
 import logging
-import os
-import platform
 import secrets
 import socket
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
@@ -18,8 +15,9 @@ from typing import Any, Final
 import sain_core
 import sain_sim
 from sain_core.errors import ConfigError, SainError
+from sain_core.provenance import versions
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
-from sain_sim.collecting.workers import WorkerPool
+from sain_sim.collecting.workers import WorkerPool, environment
 
 LOCAL: Final = "local"
 AUTO: Final = "auto"
@@ -45,7 +43,7 @@ def ray_cluster(address: str, workers: int) -> Iterator[ModuleType]:
     _knock(address)
     with (
         tempfile.TemporaryDirectory(prefix="sain-ray-", ignore_cleanup_errors=True) as folder,
-        _variables(_environment(address, folder)),
+        environment(_environment(address, folder)),
     ):
         ray = _import_ray()
         try:
@@ -100,21 +98,6 @@ def _environment(address: str, folder: str) -> dict[str, str]:
     return {**silent, **alone, "RAY_AUTH_TOKEN": _token(), "TMPDIR": folder}
 
 
-@contextmanager
-def _variables(values: dict[str, str]) -> Iterator[None]:
-    """Set environment variables for a while; the processes of a local cluster inherit them."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
 @functools.cache
 def _token() -> str:
     return secrets.token_hex(32)
@@ -143,12 +126,7 @@ def software() -> dict[str, str]:
         assert package.__file__ is not None
         for path in sorted(Path(package.__file__).parent.rglob("*.py")):
             sources.update(path.read_bytes())
-    return {
-        "python": platform.python_version(),
-        "numpy": version("numpy"),
-        "pybullet": version("pybullet"),
-        "sain": sources.hexdigest()[:12],
-    }
+    return {**versions("numpy", "pybullet"), "sain": sources.hexdigest()[:12]}
 
 
 class RayRunner(EpisodeRunner):

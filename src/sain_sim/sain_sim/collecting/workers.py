@@ -5,12 +5,13 @@ Results come back in order, so that what is written does not depend on the pool.
 
 import logging
 import multiprocessing
+import os
 import signal
 import sys
 from abc import ABC, abstractmethod
 from collections import Counter, deque
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from multiprocessing import connection
 from typing import Any, Final, NamedTuple
 
@@ -21,6 +22,18 @@ AHEAD: Final = 8  # episodes a worker may be ahead of the one that is waited for
 LIVES: Final = 3  # workers that an episode may cost before the collection stops
 
 log = logging.getLogger(__name__)
+
+
+@contextmanager
+def environment(values: Mapping[str, str]) -> Iterator[None]:
+    """Set environment variables for a while; processes that start meanwhile inherit them."""
+    before = dict(os.environ)
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
 
 
 class WorkerPool(ABC):
@@ -79,13 +92,7 @@ class ProcessPool(WorkerPool):
     """Processes of this machine; one that dies is replaced and its episode is run again."""
 
     def __init__(self, size: int, seed: int, config: EpisodeConfig) -> None:
-        """Start the processes.
-
-        Args:
-            size: how many.
-            seed: of the collection.
-            config: what its episodes are like.
-        """
+        """Start so many processes for a collection with this seed."""
         super().__init__(size)
         self._context = multiprocessing.get_context("spawn")
         self._arguments = (seed, config)

@@ -1,45 +1,31 @@
-"""Which pushes an episode tries."""
+"""Which pushes an episode tries; whether one can be carried out shows later."""
 
-from dataclasses import dataclass
 from math import pi
-from typing import Protocol
+from typing import Final
 
 import numpy as np
 
-from sain_core.config import Config, option
 from sain_core.push import PaperGrid, PushLimits
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
 from sain_core.types import PushArray, Scene
 
-
-class PushSampler(Protocol):
-    """Draws a push to try in a scene; whether it can be carried out shows later."""
-
-    def draw(self, generator: np.random.Generator, scene: Scene) -> PushArray:
-        """Return a push (3,) for a scene (N, 8)."""
-        ...
+AIMED: Final = 0.6  # share of pushes aimed through the target
+AIM_SPREAD: Final = 0.35  # [rad], standard deviation of the aim
+SHORTEST: Final = 0.02  # [m], shortest travel
 
 
-@dataclass(frozen=True)
-class CircleSampler(Config):
+class CircleSampler:
     """Pushes from any side of the disk; a share of them roughly through the target."""
 
-    limits: PushLimits = PushLimits()
-    aimed: float = option(0.6, "share of pushes aimed through the target", minimum=0.0, maximum=1.0)
-    aim_spread: float = option(
-        0.35, "standard deviation of the aim", unit="rad", minimum=0.0, maximum=pi
-    )
-    shortest: float = option(0.02, "shortest travel", unit="m", minimum=0.0, maximum=0.15)
-
     def draw(self, generator: np.random.Generator, scene: Scene) -> PushArray:
         """Return a push (3,) for a scene (N, 8)."""
-        limits = self.limits
+        limits = PushLimits()
         angle = generator.uniform(-limits.max_angle, limits.max_angle)
-        length = generator.uniform(self.shortest, limits.max_length)
+        length = generator.uniform(SHORTEST, limits.max_length)
         heading = generator.uniform(-pi, pi)
-        if generator.uniform() < self.aimed:
+        if generator.uniform() < AIMED:
             way = scene[TARGET, POSITION] - scene[MID, POSITION]
-            heading = np.arctan2(way[1], way[0]) + generator.normal(0.0, self.aim_spread)
+            heading = np.arctan2(way[1], way[0]) + generator.normal(0.0, AIM_SPREAD)
         return np.array([wrap_angle(np.asarray(heading - angle)), angle, length])
 
 

@@ -1,12 +1,11 @@
 """What an episode starts from: the disks, their parameters and where they stand."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import pi
 from typing import Final
 
 import numpy as np
 
-from sain_core.config import Config, option
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
 from sain_core.scene import (
     MASS,
@@ -31,6 +30,12 @@ WORLDS: Final = (*TRUTHS, NOMINAL)
 START: Final = (0.35, 0.0)  # [m], the mid disk in the paper's scene
 GAP: Final = 0.001  # [m], between mid disk and target in the paper's scene
 PLACING_TRIES: Final = 1000
+X_RANGE: Final = (0.34, 0.58)  # [m], of a drawn mid disk
+Y_RANGE: Final = (-0.22, 0.22)  # [m]
+TOUCHING: Final = 0.5  # share of drawn targets that start at the mid disk
+TOUCHING_GAP: Final = 0.002  # [m], largest gap of those
+TARGET_GAP: Final = 0.06  # [m], largest gap of the others
+SPREAD: Final = 0.25  # [m], from the mid disk to further disks, at most, in x and in y
 
 
 def draw_episode(
@@ -88,24 +93,11 @@ def paper_start(parameters: WorldParameters) -> Scene:
     return parameters.scene(np.array([(x, y), (target_x, y)]))
 
 
-@dataclass(frozen=True)
-class StartConfig(Config):
-    """Where the disks stand when an episode starts."""
-
-    x_range: tuple[float, float] = option((0.34, 0.58), "of the mid disk", unit="m")
-    y_range: tuple[float, float] = option((-0.22, 0.22), "of the mid disk", unit="m")
-    touching: float = option(
-        0.5, "share of episodes whose target starts at the mid disk", minimum=0.0, maximum=1.0
-    )
-    touching_gap: float = option(0.002, "largest gap of those", unit="m", minimum=0.0)
-    target_gap: float = option(0.06, "largest gap of the others", unit="m", minimum=0.0)
-    spread: float = option(
-        0.25, "further disks, from the mid disk, at most", unit="m", minimum=0.1, maximum=0.6
-    )
-
-
 def draw_start(
-    generator: np.random.Generator, parameters: WorldParameters, config: StartConfig, table: Table
+    generator: np.random.Generator,
+    parameters: WorldParameters,
+    table: Table,
+    spread: float = SPREAD,
 ) -> Scene:
     """Draw a start (N, 8): target at any bearing about the mid disk, others where there is room.
 
@@ -118,12 +110,12 @@ def draw_start(
     shapes = parameters.body_shapes
     corners = np.array([shape.circumradius - 1.0 for shape in shapes]) * radii
     for _ in range(PLACING_TRIES):
-        mid = np.array([generator.uniform(*config.x_range), generator.uniform(*config.y_range)])
-        touching = generator.uniform() < config.touching
-        gap = generator.uniform(0.0, config.touching_gap if touching else config.target_gap)
+        mid = np.array([generator.uniform(*X_RANGE), generator.uniform(*Y_RANGE)])
+        touching = generator.uniform() < TOUCHING
+        gap = generator.uniform(0.0, TOUCHING_GAP if touching else TARGET_GAP)
         bearing = generator.uniform(-pi, pi)
         target = mid + (radii[MID] + radii[TARGET] + gap) * unit(np.asarray(bearing))
-        others = mid + generator.uniform(-config.spread, config.spread, (parameters.count - 2, 2))
+        others = mid + generator.uniform(-spread, spread, (parameters.count - 2, 2))
         headings = generator.uniform(-pi, pi, parameters.count)
         headings[TARGET] = headings[TARGET] if shapes[TARGET].is_round else bearing
         scene = parameters.scene(np.vstack([mid, target, others]), headings)

@@ -70,15 +70,9 @@ class Renderer(Closeable):
         arm: ArmConfig = ArmConfig(),
         gui: bool = False,
     ) -> None:
-        """Build everything that will be seen.
+        """Build everything that will be seen, with as many and as large disks as a scene (N, 8).
 
-        Args:
-            scene: (N, 8), for the number of disks and their radii.
-            shapes: the name of each disk's shape; all are disks if None.
-            camera: where pictures are taken from.
-            table: the table.
-            arm: the arm.
-            gui: open a window that shows the same; `show` then moves what is in it.
+        All shapes are disks if None. With `gui` a window opens; `show` moves what is in it.
         """
         self.camera = camera
         self._client = Client(gui)
@@ -111,10 +105,7 @@ class Renderer(Closeable):
     ) -> Float[ndarray, "E 3"]:
         """Return where the camera may stand, first where the arm hides target and goal least.
 
-        Args:
-            moments: joints (7,) and disks (N, 8) of each picture.
-            goal: (2,) [m].
-            goal_radius: of the ring about it [m].
+        Moments are the joints (7,) and disks (N, 8) of each picture, the goal is (2,) [m].
         """
         camera = self.camera
         eyes = candidate_eyes(np.array(camera.eye), np.array(camera.focus))
@@ -128,8 +119,7 @@ class Renderer(Closeable):
     def _capsules(self, joints: Joints) -> Float[ndarray, "C 2 3"]:
         """Return the ends of capsules about the links, the hand and the stick of the arm."""
         client = self._client
-        for joint, value in enumerate(joints.tolist()[:JOINT_COUNT]):
-            client.resetJointState(self._arm, joint, value)
+        self._move_arm(joints)
         links = client.getLinkStates(self._arm, range(JOINT_COUNT), computeForwardKinematics=1)
         places = np.array(
             [client.getBasePositionAndOrientation(self._arm)[0], *(s[4] for s in links)]
@@ -139,13 +129,16 @@ class Renderer(Closeable):
         arm = np.stack([places[:-1], places[1:]], axis=1)
         return np.concatenate([arm, [[places[-1], wrist], [wrist, hand], [hand, tip]]])
 
+    def _move_arm(self, joints: Joints) -> None:
+        for joint, value in enumerate(joints.tolist()[:JOINT_COUNT]):
+            self._client.resetJointState(self._arm, joint, value)
+
     def show(
         self, joints: Joints, scene: Scene, goal: Points | None = None, goal_radius: float = 0.05
     ) -> None:
         """Move everything to joints (7,), disks (N, 8), and a goal ring about (2,) if given."""
         client = self._client
-        for joint, value in enumerate(joints.tolist()[:JOINT_COUNT]):
-            client.resetJointState(self._arm, joint, value)
+        self._move_arm(joints)
         for body, state in zip(self._disks, scene, strict=True):
             turn = client.getQuaternionFromEuler([0.0, 0.0, float(state[THETA])])
             place = [float(state[X]), float(state[Y]), DISK_HEIGHT / 2]
@@ -163,14 +156,7 @@ class Renderer(Closeable):
     def picture(
         self, joints: Joints, scene: Scene, goal: Points | None = None, goal_radius: float = 0.05
     ) -> Image:
-        """Return an image (height, width, 3) of the arm at joints (7,) and disks (N, 8).
-
-        Args:
-            joints: (7,) [rad], as `Sample.joint_positions`.
-            scene: (N, 8).
-            goal: (2,) [m]; a ring is drawn about it.
-            goal_radius: of the ring [m], the tolerance of the task say.
-        """
+        """Return an image (height, width, 3) of what `show` moves."""
         self.show(joints, scene, goal, goal_radius)
         camera = self.camera
         times = camera.oversampling

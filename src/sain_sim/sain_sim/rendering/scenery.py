@@ -2,12 +2,13 @@
 
 from typing import Any, Final
 
+import numpy as np
+
 from sain_core.drawing.palette import PALETTE, rgba
-from sain_core.scene import DISK_HEIGHT, Table
+from sain_core.scene import DISK_HEIGHT, Table, unit
 from sain_core.shapes.registry import get_shape
-from sain_core.shapes.shape import Shape, Solid
+from sain_core.shapes.shape import Triangles
 from sain_sim.arm.client import Client
-from sain_sim.rendering.meshes import Mesh, cylinder, flat_faces, ring
 
 TABLE_COLOR: Final = (0.80, 0.75, 0.68, 1.0)
 TOP_COLOR: Final = (0.91, 0.89, 0.86, 1.0)
@@ -17,6 +18,9 @@ RING_WIDTH: Final = 0.008  # [m]
 RING_LIFT: Final = 0.001  # [m]
 TOP_THICKNESS: Final = 0.02  # [m]
 OFF_STAGE: Final = (0.0, 0.0, -50.0)
+CORNERS: Final = 72  # of a ring
+
+Mesh = dict[str, Any]  # the keyword arguments of ``createVisualShape`` that describe a mesh
 
 
 def build_table(client: Client, table: Table) -> int:
@@ -34,12 +38,11 @@ def build_table(client: Client, table: Table) -> int:
 
 def build_disk(client: Client, index: int, shape: str, radius: float) -> int:
     """Build a disk with a mark on its top that shows how it is turned."""
-    kind, geometry = _solid(client, get_shape(shape), radius)
     visual = client.createVisualShape(
-        kind,
+        client.GEOM_MESH,
         rgbaColor=rgba(PALETTE.disk(index)),
         specularColor=[0.3, 0.3, 0.3],
-        **geometry,
+        **flat_faces(get_shape(shape).triangles(radius)),
     )
     mark = client.createVisualShape(
         client.GEOM_BOX,
@@ -65,16 +68,6 @@ def build_disk(client: Client, index: int, shape: str, radius: float) -> int:
     return body
 
 
-def _solid(client: Client, shape: Shape, radius: float) -> tuple[int, Mesh]:
-    """Return Bullet's kind of visual shape for a body, and what describes it."""
-    half = DISK_HEIGHT / 2
-    if shape.solid is Solid.BOX:
-        return client.GEOM_BOX, {"halfExtents": [radius, radius, half]}
-    if shape.solid is Solid.CYLINDER:
-        return client.GEOM_MESH, cylinder(radius, -half, half)
-    return client.GEOM_MESH, flat_faces(shape.triangles(radius))
-
-
 def build_ring(client: Client, radius: float) -> int:
     """Build a flat ring on the table whose middle line has this radius [m]."""
     mesh = ring(radius, RING_WIDTH, RING_LIFT)
@@ -89,3 +82,25 @@ def _show_shape(
     )
     body: int = client.createMultiBody(0.0, -1, visual, place)
     return body
+
+
+def ring(radius: float, width: float, height: float) -> Mesh:
+    """Return a flat ring, seen from above, at a height [m] over its origin."""
+    circle = np.insert(unit(np.arange(CORNERS) * 2 * np.pi / CORNERS), 2, 0.0, axis=1)
+    lift = np.array([0.0, 0.0, height])
+    inner, outer = ((radius + side * width / 2) * circle + lift for side in (-1, 1))
+    after = [np.roll(edge, -1, axis=0) for edge in (inner, outer)]
+    halves = [(outer, after[1], after[0]), (outer, after[0], inner)]
+    return flat_faces(np.concatenate([np.stack(half, axis=1) for half in halves]))
+
+
+def flat_faces(triangles: Triangles) -> Mesh:
+    """Return a body with sharp edges from its triangles (T, 3, 3) [m]."""
+    first, second, third = np.moveaxis(triangles, 1, 0)
+    normals = np.cross(second - first, third - first)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return {
+        "vertices": triangles.reshape(-1, 3).tolist(),
+        "normals": np.repeat(normals, 3, axis=0).tolist(),
+        "indices": list(range(3 * len(triangles))),
+    }

@@ -32,11 +32,7 @@ def table_points(
 ) -> Rays:
     """Return where each pixel's ray meets the table plane, (height, width, 2) [m]; NaN: nowhere.
 
-    Args:
-        view: OpenGL view matrix, 16 numbers, column by column.
-        projection: OpenGL projection matrix likewise.
-        width: [px].
-        height: [px].
+    View and projection are OpenGL matrices, 16 numbers each, column by column.
     """
     matrix = np.reshape(projection, (4, 4)).T @ np.reshape(view, (4, 4)).T
     across = (np.arange(width) + 0.5) / width * 2 - 1
@@ -54,13 +50,7 @@ def table_points(
 
 
 def brightness(points: Rays, casters: list[Caster], light: tuple[float, float, float]) -> ndarray:
-    """Return what share of the light reaches table points, (height, width, 1).
-
-    Args:
-        points: on the table [m].
-        casters: what is in the light's way.
-        light: direction towards the light.
-    """
+    """Return what share of a light from this direction reaches points, (height, width, 1)."""
     lean = -np.array(light[:2]) / light[2]  # a shadow's shift for each metre of height
     bright = np.ones(points.shape[:2])
     for caster in casters:

@@ -40,11 +40,7 @@ def rank_eyes(
 ) -> Float[ndarray, "E 3"]:
     """Sort eyes, the best first: by the share of a group of places that the worst frame shows.
 
-    Args:
-        eyes: where the camera may stand; near the first one is preferred.
-        capsules: the arm in each frame.
-        radii: of the capsules [m].
-        groups: places that belong together, such as the top of a disk.
+    A group is what belongs together, such as the top of a disk. Eyes near the first are preferred.
     """
     scores = []
     for eye in eyes:

@@ -6,8 +6,8 @@ from typing import Any
 
 from rclpy.node import Node
 
+from sain_core import wire
 from sain_core.errors import BusyError, CancelledError, ErrorCode, SainError, error_reply
-from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.introspection import introspect
 from sain_core.ros.node_main import NAMESPACE
@@ -65,7 +65,7 @@ class SimNode(Node):
     def _reset(self, request: ResetScene.Request) -> None:
         if self.session.busy:
             raise BusyError(f"push {self.session.busy_with} is under way; reset when it has ended")
-        scene = codec.decode_disks(request.disks) if request.disks else None
+        scene = wire.decode_disks(request.disks) if request.disks else None
         shapes = tuple(request.shapes)
         self.pacer.idle()
         sample = self.worker.call(
@@ -85,7 +85,7 @@ class SimNode(Node):
 
     def _on_push(self, message: Push) -> None:
         try:
-            push = codec.decode_push(message)
+            push = wire.decode_push(message)
             self.session.admit(message.push_id, message.episode_id, message.scene_id)
         except SainError as error:
             self._refuse(message, error)
