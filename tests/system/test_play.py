@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from sain_bags.bag.metadata import OfferedQos
+from sain_bags.bag.metadata import TopicQos
 from sain_bags.writing.writer import BagWriter
 from sain_bringup.graph import executable
 from sain_core.ros.qos import RELIABLE
@@ -42,7 +42,7 @@ def scene_at(target: tuple[float, float]) -> Scene:
 def bag(tmp_path: Path) -> Path:
     """What an older planner did: its pushes and plans are in the bag, too."""
     recording = Recording(BagWriter(tmp_path / "bag"), Messages())
-    latched = OfferedQos(durability="transient_local", depth=1)
+    latched = TopicQos(durability="transient_local", depth=1)
     topic = recording.messages.topic(
         "/sain/goal", "sain_interfaces/msg/Goal", offered_qos=(latched,)
     )
