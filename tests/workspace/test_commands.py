@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from dataclasses import fields, is_dataclass
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -44,6 +45,12 @@ def start(package: str, name: str, *arguments: str, **variables: str) -> Any:
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=100)
 
 
+@cache
+def help_of(package: str, name: str) -> Any:
+    """What a command prints for --help."""
+    return start(package, name, "--help", COLUMNS="100")
+
+
 def imported(stderr: str) -> set[str]:
     """The top-level modules that a process has imported."""
     lines = (line for line in stderr.splitlines() if line.startswith("import time:"))
@@ -64,7 +71,7 @@ def entry(package: str, name: str) -> Command | NodeCommand:
 
 @pytest.mark.parametrize(("package", "name"), SCRIPTS)
 def test_help_comes_at_once(package: str, name: str) -> None:
-    done = start(package, name, "--help", COLUMNS="100")
+    done = help_of(package, name)
     assert done.returncode == 0, done.stderr
     assert f"usage: ros2 run {package} {name}" in done.stdout
     assert imported(done.stderr) & HEAVY == set()
@@ -82,7 +89,7 @@ def test_an_unknown_argument_is_refused_at_once(package: str, name: str) -> None
 @pytest.mark.parametrize(("package", "name"), SCRIPTS)
 def test_every_setting_has_a_text_with_its_values(package: str, name: str) -> None:
     command = entry(package, name)
-    shown = " ".join(start(package, name, "--help", COLUMNS="80").stdout.replace("│", " ").split())
+    shown = " ".join(help_of(package, name).stdout.replace("│", " ").split())
     if isinstance(command, NodeCommand):
         for parameter, default, allowed, meaning in describe_parameters(load(command.settings)()):
             notes = "; ".join(filter(None, (allowed, f"default: {default}")))
