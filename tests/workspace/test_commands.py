@@ -35,8 +35,10 @@ class Finder:
 
 sys.meta_path.insert(0, Finder())
 sys.argv = {arguments!r}
-sys.exit(getattr(import_module("{package}.commands"), {name!r})())
+{start}
 """
+ENTRY = "sys.exit(getattr(import_module('{package}.commands'), '{name}')())"
+LAUNCHER = "import runpy; runpy.run_path('{path}', run_name='__main__')"
 
 
 def start(package: str, name: str, *arguments: str, **variables: str) -> Any:
@@ -168,10 +170,20 @@ def test_a_wrong_value_is_named_before_anything_is_imported(
 def test_ctrl_c_during_an_import_ends_it_quietly(
     ros_domain: int, tmp_path: Path, package: str, name: str, arguments: list[str], module: str
 ) -> None:
-    code = INTERRUPT.format(module=module, package=package, name=name, arguments=[name, *arguments])
+    entry = ENTRY.format(package=package, name=name)
+    code = INTERRUPT.format(module=module, arguments=[name, *arguments], start=entry)
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=100
     )
     assert done.returncode == 130, done.stderr
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_before_the_command_is_there_ends_it_quietly(tmp_path: Path) -> None:
+    launcher = LAUNCHER.format(path=executable("sain_eval", "evaluate"))
+    code = INTERRUPT.format(module="sain_core", arguments=["evaluate"], start=launcher)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=100
+    )
+    assert (done.returncode, done.stderr) == (130, "")
