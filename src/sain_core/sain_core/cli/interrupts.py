@@ -6,7 +6,6 @@ code that goes on without what it could not import.
 
 import os
 import signal
-from _thread import interrupt_main
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Timer, current_thread, main_thread
@@ -54,7 +53,9 @@ def _end(*_: object) -> None:
 def _raise_outside_imports(_: int, frame: FrameType | None) -> None:
     while frame is not None:
         if frame.f_code.co_filename.startswith(IMPORTS):
-            again = Timer(LOOK_AGAIN, interrupt_main)
+            # A signal to the main thread, which wakes it also where it waits.
+            main = main_thread().ident or 0
+            again = Timer(LOOK_AGAIN, signal.pthread_kill, (main, signal.SIGINT))
             again.daemon = True
             again.start()
             return
