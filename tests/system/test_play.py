@@ -140,7 +140,7 @@ def nodes(audience: Audience, tmp_path: Path) -> Iterator[None]:
 def test_planner_and_model_work_from_a_recording(audience: Audience, bag: Path) -> None:
     topics = ("/sain/scene", "/sain/goal", "/sain/push_result")
     command = [str(executable("sain_bags", "play")), str(bag), "--topics", *topics]
-    play = subprocess.Popen([*command, "--rate", "0.5", "--wait", "30"])
+    play = subprocess.Popen([*command, "--rate", "1", "--wait", "30"])
     audience.wait(lambda: play.poll() is not None, "the end of the recording")
     assert play.returncode == 0
     audience.wait(lambda: len(audience.plans) >= len(TARGETS), "a plan for each scene at rest")
