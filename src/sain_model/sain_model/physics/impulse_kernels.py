@@ -117,7 +117,7 @@ def foresee(work, horizon):
                     cy = vy + rounding * (bodies[point, SPIN] - bodies[side, SPIN]) * nx
                     along = cy * nx - cx * ny
                     room = contacts[index, LEFT] if along > 0.0 else contacts[index, PAST]
-                    if abs(along) * leave > room:
+                    if abs(along) * leave > room >= 0.0:
                         leave = room / abs(along)
                 if features[index, KIND] == ON_CORNER:
                     rolling = abs(vy * nx - vx * ny)

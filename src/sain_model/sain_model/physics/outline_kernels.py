@@ -71,7 +71,7 @@ class OutlineWorkspace(NamedTuple):
 def make_outline_workspace(table):
     """Return scratch memory for the bodies of a table."""
     rows = table.rounding.shape[0] + 1
-    contacts = rows * (rows - 1) // 2 * MOST_CONTACTS
+    contacts = rows * (rows - 1) // 2 * MOST_CONTACTS + 1
     return OutlineWorkspace(
         np.zeros((rows, BODY_SIZE)),
         np.zeros(rows + 1, np.int64),

@@ -103,14 +103,14 @@ def _corners_against(work, point_body, side_body, near, meet, limit):
         y = away_y + sin * corners[point, CORNER_X] + cos * corners[point, CORNER_Y]
         if x * x + y * y < reach * reach and corners[point, CONVEX] > 0.0:
             start = count[0]
-            inside, corner = _list_in_front(
+            inside, corner, hole = _list_in_front(
                 work, point_body, side_body, point, x, y, cos, sin, near, meet, limit
             )
             if meet and corner >= 0 and not inside:
-                _list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin)
+                _list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin, limit)
             if inside:
                 count[0] = start  # what is in front of a point inside is no obstacle
-                _list_way_out(work, point_body, side_body, point, x, y, cos, sin)
+                _list_way_out(work, point_body, side_body, point, x, y, cos, sin, hole, limit)
 
 
 @compiled
@@ -119,15 +119,16 @@ def _list_in_front(work, point_body, side_body, point, x, y, cos, sin, near, mee
 
     Returns:
         Whether the point is inside: the nearest feature is a side that it is behind, or a concave
-        corner. And a convex corner as near as `CROSSED`, -1 if there is none.
+        corner. A convex corner as near as `CROSSED`, and the concave corner that is the nearest
+        feature; -1 if there is none.
     """
     corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
     first, last = work.first_corner[side_body], work.first_corner[side_body + 1]
     own_first, own_last = work.first_corner[point_body], work.first_corner[point_body + 1]
     total = corners.shape[0]
-    nearest, inside, past, close = np.inf, False, True, -1
+    nearest, inside, past, close, hole = np.inf, False, True, -1, -1
     if last - first > 1:
-        past = _along(corners, last - 1, x, y) >= corners[last - 1, LENGTH]
+        past = _seen_from(corners, last - 1, x, y)[0] >= corners[last - 1, LENGTH]
     for side in range(first, last):
         dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
         along = dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
@@ -139,13 +140,14 @@ def _list_in_front(work, point_body, side_body, point, x, y, cos, sin, near, mee
             off = np.sqrt(dx * dx + dy * dy)
             if off < nearest:
                 nearest, inside = off, corners[side, CONVEX] == 0.0
+                hole = side if inside else -1
             if meet and past and corners[side, CONVEX] > 0.0:
                 here_x, here_y = -(cos * dx + sin * dy), sin * dx - cos * dy
                 if _is_beyond(corners, point, own_first, own_last, here_x, here_y):
                     kind = ON_CORNER
         elif along <= corners[side, LENGTH]:
             if abs(off) < nearest:
-                nearest, inside = abs(off), off < 0.0
+                nearest, inside, hole = abs(off), off < 0.0, -1
             if off >= 0.0:
                 kind = ON_SIDE
         if kind != NOTHING and off < near and count[0] < limit:
@@ -157,14 +159,7 @@ def _list_in_front(work, point_body, side_body, point, x, y, cos, sin, near, mee
             features[number, KEY] = (point * total + side) * 2 + kind
             count[0] = number + 1
         past = along > corners[side, LENGTH]
-    return inside, close
-
-
-@compiled
-def _along(corners, side, x, y):
-    """Return how far along a side [m] a point lies."""
-    dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
-    return dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
+    return inside, close, hole
 
 
 @compiled
@@ -177,7 +172,7 @@ def _is_beyond(corners, point, first, last, x, y):
 
 
 @compiled
-def _list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin):
+def _list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin, limit):
     """List two corners that have crossed, so that neither is inside the other's outline.
 
     Separating axes of two wedges are the normals of their sides, but those into which the other
@@ -215,7 +210,7 @@ def _list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin):
         features[number, KIND] = ON_SIDE
         which = corner if swapped else point
         features[number, KEY] = (which * corners.shape[0] + best) * 2 + ON_SIDE
-        count[0] = number + 1
+        count[0] = min(number + 1, limit)
 
 
 @compiled
@@ -226,39 +221,53 @@ def _side_before(work, body, corner):
 
 
 @compiled
-def _list_way_out(work, point_body, side_body, point, x, y, cos, sin):
+def _list_way_out(work, point_body, side_body, point, x, y, cos, sin, hole, limit):
     """List the side through which a point inside an outline leaves it soonest.
 
-    A corner will not have entered through a side that one of its own sides dips into.
+    A corner will not have entered through a side that one of its own sides dips into. A point
+    behind a concave corner (`hole`) is behind both sides that meet there, and has to leave both.
     """
-    corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
-    own_first, own_last = work.first_corner[point_body], work.first_corner[point_body + 1]
-    before = point - 1 if point > own_first else own_last - 1
-    best, highest, deepest, past = -1, -np.inf, 0.0, 0.0
+    corners = work.corners
+    own_back = _side_before(work, point_body, point)
     first, last = work.first_corner[side_body], work.first_corner[side_body + 1]
+    best, second, highest = hole, -1, -np.inf
+    if hole >= 0:
+        second = _side_before(work, side_body, hole)
+        first = last
     for side in range(first, last):
-        after = side + 1 if side + 1 < last else first
-        dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
-        along = dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
-        off = dx * corners[side, SIDE_Y] - dy * corners[side, SIDE_X]
-        # Behind a concave corner no side is; there, those that meet in it reach a little further.
-        back = -CROSSED if corners[side, CONVEX] == 0.0 else 0.0
-        ahead = CROSSED if corners[after, CONVEX] == 0.0 else 0.0
-        if back <= along <= corners[side, LENGTH] + ahead and off <= 0.0:
+        along, off = _seen_from(corners, side, x, y)
+        if 0.0 <= along <= corners[side, LENGTH] and off <= 0.0:
             nx, ny = corners[side, SIDE_Y], -corners[side, SIDE_X]
             nx, ny = cos * nx + sin * ny, cos * ny - sin * nx  # in the frame of the point's body
             dips = -(nx * corners[point, SIDE_X] + ny * corners[point, SIDE_Y])
-            dips = max(dips, nx * corners[before, SIDE_X] + ny * corners[before, SIDE_Y])
+            dips = max(dips, nx * corners[own_back, SIDE_X] + ny * corners[own_back, SIDE_Y])
             score = off if dips < FACING else off - CROSSED
             if score > highest:
-                best, highest, deepest, past = side, score, off, along
+                best, highest = side, score
+    _list_inside(work, point_body, side_body, point, best, x, y, limit)
+    _list_inside(work, point_body, side_body, point, second, x, y, limit)
+
+
+@compiled
+def _seen_from(corners, side, x, y):
+    """Return how far along a side [m] a point lies, and how far in front of it."""
+    dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
+    along = dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
+    return along, dx * corners[side, SIDE_Y] - dy * corners[side, SIDE_X]
+
+
+@compiled
+def _list_inside(work, point_body, side_body, point, side, x, y, limit):
+    """List a side that a point is behind; none where its number is negative."""
+    corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
     number = count[0]
-    contacts[number, GAP] = deepest
-    contacts[number, PAST], contacts[number, LEFT] = past, corners[best, LENGTH] - past
+    along, off = _seen_from(corners, max(side, 0), x, y)
+    contacts[number, GAP] = off
+    contacts[number, PAST], contacts[number, LEFT] = along, corners[max(side, 0), LENGTH] - along
     features[number, POINT_BODY], features[number, SIDE_BODY] = point_body, side_body
     features[number, KIND] = ON_SIDE
-    features[number, KEY] = (point * corners.shape[0] + best) * 2 + ON_SIDE
-    count[0] = number + (1 if best >= 0 else 0)
+    features[number, KEY] = (point * corners.shape[0] + side) * 2 + ON_SIDE
+    count[0] = min(number + (1 if side >= 0 else 0), limit)
 
 
 @compiled
