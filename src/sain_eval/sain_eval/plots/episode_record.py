@@ -21,7 +21,7 @@ class EpisodeRecord:
     goal: Float[ndarray, "2"] | PoseGoal
     tolerance: float  # [m], of a goal (2,); poses have their own
     pushes: tuple[PushRecord, ...]
-    start: Scene | None = None  # (N, 8); without it the first push's `before`
+    start: Scene  # (N, 8)
     shapes: tuple[str, ...] = ()  # the name of each body's shape; empty: all disks
     title: str = ""
     roles: tuple[str, ...] = ()  # of each body; empty: the paper's
@@ -29,12 +29,7 @@ class EpisodeRecord:
     @property
     def scenes(self) -> tuple[Scene, ...]:
         """All settled scenes, from the first to the last."""
-        first = self.start
-        if first is None:
-            if not self.pushes:
-                raise ValueError("an episode without pushes needs its start")
-            first = self.pushes[0].before
-        return (first, *(push.after for push in self.pushes))
+        return (self.start, *(push.after for push in self.pushes))
 
     @cached_property
     def bodies(self) -> Bodies:

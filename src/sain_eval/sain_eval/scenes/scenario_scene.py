@@ -12,7 +12,6 @@ from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.parameters import WorldParameters
 
 MAX_PUSHES: Final = 15  # paper section II-D
-PAPER_TOLERANCE: Final = 0.05  # [m], paper section III-A
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,6 @@ class ScenarioScene:
         shapes: a footprint for each body, as `sain_core.shapes` names them.
         goal: (2,) [m] of the target, or poses of bodies.
         max_pushes: for each goal.
-        tolerance: [m].
         truth: the world that it plays in.
         roles: of each body; none: the paper's.
         further: goals that follow without a reset, each once the one before is reached.

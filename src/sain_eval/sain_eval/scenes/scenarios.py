@@ -3,7 +3,7 @@
 from typing import Final, Protocol
 
 from sain_eval.scenes.disk_scenarios import CONTACT_GAP, AnywhereScenario, PaperScenario
-from sain_eval.scenes.scenario_scene import MAX_PUSHES, PAPER_TOLERANCE, ScenarioScene
+from sain_eval.scenes.scenario_scene import MAX_PUSHES, ScenarioScene
 from sain_eval.scenes.shape_scenarios import (
     BlockedScenario,
     IndirectScenario,
@@ -14,7 +14,6 @@ from sain_eval.scenes.shape_scenarios import (
 __all__ = [
     "CONTACT_GAP",
     "MAX_PUSHES",
-    "PAPER_TOLERANCE",
     "SCENARIOS",
     "AnywhereScenario",
     "PaperScenario",

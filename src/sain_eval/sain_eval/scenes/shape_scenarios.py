@@ -33,7 +33,6 @@ MANY_SIZE: Final = (0.06, 0.08)  # [m], of one of several
 LEAST_WAY: Final = 0.08  # [m], from start to goal
 POSE_PUSHES: Final = 30  # for one body to its pose
 PUSHES_PER_BODY: Final = 20  # for several bodies
-POSE_TOLERANCE: Final = 0.02  # [m]
 STREAK_GOALS: Final = 100
 INDIRECT_GAP: Final = (0.005, 0.05)  # [m], between the circumscribed circles of two bodies
 BLOCKED_DISTANCE: Final = (0.20, 0.30)  # [m], from the target to its goal
@@ -77,7 +76,6 @@ class PoseScenario:
             shapes,
             draw_poses(drawn.sizes, shapes, disks[:, POSITION], random),
             max_pushes=POSE_PUSHES if alone else PUSHES_PER_BODY * self.count,
-            tolerance=POSE_TOLERANCE,
             roles=(Role.PUSHABLE,) * self.count,
         )
 
@@ -116,7 +114,6 @@ class StreakScenario:
             shapes,
             goals[0],
             max_pushes=POSE_PUSHES,
-            tolerance=POSE_TOLERANCE,
             roles=(Role.PUSHABLE,),
             further=tuple(goals[1:]),
         )
@@ -151,7 +148,7 @@ class IndirectScenario:
             if goal is None or not has_tool_room(goal, drawn.sizes[TARGET], feasibility):
                 continue
             return ScenarioScene(
-                self.name, seed, disks, drawn.friction, shapes, goal, MAX_PUSHES, POSE_TOLERANCE
+                self.name, seed, disks, drawn.friction, shapes, goal, MAX_PUSHES
             )
 
 
@@ -183,7 +180,6 @@ class BlockedScenario:
             (*case.shapes, *shapes),
             goal,
             max_pushes=POSE_PUSHES,
-            tolerance=POSE_TOLERANCE,
             roles=(Role.PUSHABLE, Role.MOVABLE, *(Role.PUSHABLE,) * count),
         )
 
