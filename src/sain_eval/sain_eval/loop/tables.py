@@ -58,9 +58,7 @@ def failure_lines(records: Iterable[SceneRecord]) -> list[str]:
     widest: dict[tuple[str, int, str], SceneRecord] = {}
     for record in records:
         key = record.scenario, record.seed, record.controller
-        if not record.success and (
-            key not in widest or record.tolerance > widest[key].tolerance
-        ):
+        if not record.success and (key not in widest or record.tolerance > widest[key].tolerance):
             widest[key] = record
     return [_failure_line(widest[key]) for key in sorted(widest)]
 

@@ -147,9 +147,7 @@ class IndirectScenario:
             goal = draw_goal(circles, self.goal_distance, feasibility, random)
             if goal is None or not has_tool_room(goal, drawn.sizes[TARGET], feasibility):
                 continue
-            return ScenarioScene(
-                self.name, seed, disks, drawn.friction, shapes, goal, MAX_PUSHES
-            )
+            return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, goal, MAX_PUSHES)
 
 
 @dataclass(frozen=True)
