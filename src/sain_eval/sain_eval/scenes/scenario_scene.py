@@ -38,7 +38,6 @@ class ScenarioScene:
     shapes: tuple[str, ...]
     goal: Goal | PoseGoal
     max_pushes: int = MAX_PUSHES
-    tolerance: float = PAPER_TOLERANCE
     truth: TruthConfig = RANDOMISED_TRUTH
     roles: tuple[str, ...] = ()
     further: tuple[PoseGoal, ...] = ()
