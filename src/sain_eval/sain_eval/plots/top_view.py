@@ -14,7 +14,7 @@ from sain_core.feasibility import Feasibility
 from sain_core.push import LENGTH, strokes
 from sain_core.push_record import PushRecord
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, unit, wrap_angle
-from sain_core.types import Points
+from sain_core.types import Points, Scene
 from sain_eval.plots.body_marks import (
     body_colour,
     draw_body,
@@ -28,6 +28,8 @@ from sain_mppi.search.poses import PoseGoal
 
 SHOWN_MOVE: Final = 0.01  # [m], a disk that moved less is not drawn again
 SHOWN_TURN: Final = 0.1  # [rad], a body that moved and turned less has no ghost
+GHOST_OFF: Final = 0.003  # [m], one that was predicted nearer and straighter has none either
+GHOST_TURN: Final = 0.03  # [rad]
 SHOWN_TRAIL: Final = 1e-3  # [m], a disk that moved less has no trail
 VIEW_MARGIN: Final = 0.06  # [m]
 BASE_RADIUS: Final = 0.055  # [m], of the arm's foot as drawn
@@ -137,19 +139,25 @@ def _draw_trail(axes: Axes, record: EpisodeRecord, disk: int) -> None:
 
 
 def _draw_prediction(axes: Axes, record: EpisodeRecord, push: PushRecord) -> None:
+    """Draw where bodies were expected that moved; in outline where that was visibly elsewhere."""
     if push.predicted is None:
         return
     for body in record.wanted:
-        moved = push.after[body, POSITION] - push.before[body, POSITION]
-        round_ = record.bodies.shapes[body].is_round
-        turned = (
-            0.0 if round_ else float(wrap_angle(push.after[body, THETA] - push.before[body, THETA]))
-        )
-        if np.linalg.norm(moved) < SHOWN_MOVE and abs(turned) < SHOWN_TURN:
+        straight = record.bodies.shapes[body].is_round  # a disk's heading shows nowhere
+        moved = _difference(push.before, push.after, body)
+        if moved[0] < SHOWN_MOVE and (straight or moved[1] < SHOWN_TURN):
             continue
         draw_error(axes, push.predicted[body, POSITION], push.after[body, POSITION])
-        if not round_:
+        off = _difference(push.predicted, push.after, body)
+        if not straight and (off[0] > GHOST_OFF or off[1] > GHOST_TURN):
             draw_ghost(axes, push.predicted, record, body)
+
+
+def _difference(first: Scene, second: Scene, body: int) -> tuple[float, float]:
+    """Return by how much the poses of a body differ in two scenes: distance [m] and turn [rad]."""
+    apart = np.linalg.norm(first[body, POSITION] - second[body, POSITION])
+    turn = wrap_angle(first[body, THETA] - second[body, THETA])
+    return float(apart), abs(float(turn))
 
 
 def draw_arrow(axes: Axes, start: Points, end: Points) -> None:
