@@ -30,6 +30,7 @@ from sain_model.physics.outline_kernels import (
 
 SLOW = 1.0  # a support is slow that friction could stop in this many steps under a whole load
 
+
 @compiled
 def brake(work, row, slowing, physics, step):
     """Slow a sliding body down by the friction of one step.
