@@ -6,7 +6,6 @@ pins the weights by their SHA-256. Nothing is unpickled. What does not fit is re
 
 import dataclasses
 import hashlib
-import io
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,16 +13,14 @@ from pathlib import Path
 from typing import Any, Final
 
 import safetensors.torch
-import torch
 from safetensors import SafetensorError
 from torch import nn
 
-from sain_core.errors import CheckpointError, ConfigError
-from sain_core.storage import write_whole
+from sain_core.errors import CheckpointError
+from sain_core.storage import write_json, write_whole
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.network.feature_kernels import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import NetworkConfig
 
 OLD_ARCHITECTURES: Final = {"network-inside-physics": "parameter-correction"}
 OLD_ROLLOUT_SETTINGS: Final = {
@@ -47,7 +44,7 @@ class ModelCard:
         friction: how friction is inferred from an episode's earlier pushes; None: the model was
             trained without them, and knows the nominal friction alone.
         intervals: regions about its predictions, fitted to the validation episodes; None: not.
-        kind: one of `dynamics.sain.KINDS`; empty on cards older than the kind "recurrent".
+        kind: as in `dynamics.sain`; empty on cards older than the kind "recurrent".
         rollouts: how it was trained on rollouts of its own predictions; None: it was not.
         data: what it was trained on: path, SHA-256, transitions, episodes, split.
         training: settings, seed, epochs done, losses.
@@ -118,43 +115,16 @@ def save_checkpoint(
         weights_sha256=hashlib.sha256(weights).hexdigest(),
     )
     write_whole(path, weights)
-    write_whole(card_path(path), card_json(card).encode())
+    write_json(card_path(path), dataclasses.asdict(card))
     return card
-
-
-def card_json(card: ModelCard) -> str:
-    """Return the card as it is written: indented, keys in the order of `ModelCard`."""
-    return json.dumps(dataclasses.asdict(card), indent=2) + "\n"
-
-
-def write_torch(path: Path, state: dict[str, Any]) -> None:
-    """Write tensors and plain values, to go on from, whole or not at all."""
-    buffer = io.BytesIO()
-    torch.save(state, buffer)
-    write_whole(path, buffer.getvalue())
-
-
-def load_checkpoint(path: Path) -> tuple[InteractionNetwork, ModelCard, str]:
-    """Read a checkpoint; return the network, its card and the card's JSON text.
-
-    Raises:
-        CheckpointError: missing, truncated, not safetensors, of another architecture or with a
-            card that belongs to other weights; the message names the file and what is wrong.
-    """
-    content, card, text = read_checkpoint(path, ARCHITECTURE)
-    try:
-        network = InteractionNetwork(NetworkConfig(**card.network))
-    except (TypeError, ConfigError) as error:
-        raise CheckpointError(f"{card_path(path)}: network: {error}") from error
-    fill(path, content, network)
-    return network, card, text
 
 
 def read_checkpoint(path: Path, architecture: str) -> tuple[bytes, ModelCard, str]:
     """Read weights of an architecture, their card and the card's JSON text, and check them.
 
     Raises:
-        CheckpointError: as `load_checkpoint`.
+        CheckpointError: missing, truncated, of another architecture or with a card that belongs
+            to other weights; the message names the file and what is wrong.
     """
     content = _read(path)
     text = _read(card_path(path)).decode(errors="replace")

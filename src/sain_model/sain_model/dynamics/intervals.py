@@ -11,7 +11,7 @@ all in metres. What a, b, c and the factors are was fitted to validation episode
 """
 
 from dataclasses import dataclass
-from typing import Any, Final, Self
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
@@ -67,20 +67,6 @@ class Intervals(Config):
     mid: IntervalConfig = IntervalConfig()
     target: IntervalConfig = IntervalConfig()
 
-    @classmethod
-    def from_card(cls, settings: dict[str, Any]) -> Self:
-        """Return what a card holds.
-
-        Raises:
-            ConfigError, TypeError, KeyError: it holds something else.
-        """
-        return cls(
-            **{
-                **settings,
-                **{disk: IntervalConfig(**_tuples(settings[disk])) for disk in ("mid", "target")},
-            }
-        )
-
     def radii(self, opened: "Prediction", scenes: Scenes) -> Float[ndarray, "B N"]:
         """Return the radius of every disk's region for a prediction from these scenes."""
         way = np.linalg.norm((opened.mean - scenes)[..., POSITION], axis=-1)
@@ -90,13 +76,6 @@ class Intervals(Config):
             parts = (opened.members[:, disk], opened.friction[:, disk], way[:, disk])
             radii[:, disk] = config.radius(config.score(*parts))
         return radii
-
-
-def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return settings with tuples where JSON has lists."""
-    return {
-        name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()
-    }
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from sain_core.history import PushHistory
 from sain_core.push import LENGTH
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
-from sain_model.compute.batch_checks import check_batch
+from sain_model.compute.batch_checks import check_batch, check_physics_next
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
 from sain_model.dynamics.intervals import Intervals, Prediction
@@ -31,7 +31,6 @@ from sain_model.physics.planar import PlanarPrior, step_knowing
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
 RESIDUAL: Final = "residual"  # Fig. 1c, equation 2
 RECURRENT: Final = "recurrent"  # Fig. 1d, equations 3 and 4: trained on its own rollouts
-KINDS: Final = (LEARNED, RESIDUAL, RECURRENT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +79,7 @@ class SainDynamics:
 
     @property
     def kind(self) -> str:
-        """One of `KINDS`: ``learned`` when the prior is the identity."""
+        """`LEARNED` when the prior is the identity, else `RESIDUAL` or `RECURRENT`."""
         if self.prior_name == IDENTITY:
             return LEARNED
         return RECURRENT if self.recurrent else RESIDUAL
@@ -222,12 +221,8 @@ class SainDynamics:
             return np.zeros(scenes.shape[:2])
         settle_threads()
         features = make_features(scenes, pushes, physics_next, self.network.config.features)
-        inputs = [
-            torch.from_numpy(array.astype(np.float32)).to(self.device)
-            for array in (features.disks, features.relations)
-        ]
         with torch.inference_mode():
-            each = self.network.to(self.device).each(*inputs)[..., :2]
+            each = self.network.to(self.device).each(*features.tensors(self.device))[..., :2]
         variance = each.double().var(dim=0).sum(dim=-1)  # (B, N), in any frame
         return np.where(pushes[:, LENGTH, None] == 0.0, 0.0, variance.sqrt().cpu().numpy())
 
@@ -249,15 +244,3 @@ def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Sc
     turned = scenes[..., THETA] + (corrected - physics_next)[..., THETA]
     moved[..., THETA] = wrap_angle(turned)
     return moved
-
-
-def check_physics_next(scenes: np.ndarray, physics_next: np.ndarray) -> None:
-    """Check that a prediction is one of these scenes.
-
-    Raises:
-        InvalidInputError: it has another shape.
-    """
-    if physics_next.shape != scenes.shape:
-        raise InvalidInputError(
-            f"physics_next has shape {scenes.shape} like the scenes, not {physics_next.shape}"
-        )

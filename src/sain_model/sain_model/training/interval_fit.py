@@ -23,12 +23,10 @@ STARTS: Final = (0.0, -2.0, -4.0)  # of the search, logarithms of the weights
 
 
 def fit_intervals(sain: SainDynamics, data: Dataset, level: float = LEVEL) -> Intervals:
-    """Return regions that hold mid disk and target in this share of the pushes.
+    """Return regions that hold mid disk and target in a share `level` of the pushes.
 
-    Args:
-        sain: the model, its friction told as in deployment: by the episode's earlier pushes.
-        data: episodes that its weights were not fitted to.
-        level: the share.
+    The model's weights were not fitted to this data. Friction is told as in deployment, by the
+    episode's earlier pushes.
     """
     prediction = predict_with_history(sain, data)
     way = np.linalg.norm((prediction.mean - data.state)[..., POSITION], axis=-1)

@@ -183,5 +183,7 @@ class MppiNode(Node):
     def destroy_node(self) -> None:
         """Stop planning."""
         self.agent.cancel()
+        if self.remote is not None:
+            self.remote.close()
         self.worker.close()
         super().destroy_node()
