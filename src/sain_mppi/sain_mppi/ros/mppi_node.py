@@ -159,6 +159,8 @@ class MppiNode(Node):
         plan = plan_of_decision(decision, model, self.config.planner)
         complete = partial(self.agent.complete, decision)
         self.worker.submit(complete, partial(self._on_complete, plan))
+        # At once, so that it precedes the next decision: equal scenes give equal pushes.
+        self.worker.submit(partial(self.agent.prepare, decision), self._on_prepared)
 
     def _on_complete(self, plan: Plan, done: "Future[PushDecision]") -> None:
         """Publish a plan whose push is on its way, with all that is now known of it."""
@@ -167,6 +169,12 @@ class MppiNode(Node):
             plan.regions = codec.encode_floats(decision.plan.regions)
         self._publish(plan)
         self.marker_publisher.publish(plan_markers(decision, self.get_clock().now().to_msg()))
+
+    def _on_prepared(self, done: "Future[None]") -> None:
+        try:
+            done.result()
+        except SainError as error:
+            self.get_logger().warning(f"nothing is planned ahead: {error}")
 
     def _tell(self, stop: Stop | None) -> None:
         if stop is not None:
