@@ -159,7 +159,6 @@ class MppiNode(Node):
         plan = plan_of_decision(decision, model, self.config.planner)
         complete = partial(self.agent.complete, decision)
         self.worker.submit(complete, partial(self._on_complete, plan))
-        # At once, so that it precedes the next decision: equal scenes give equal pushes.
         self.worker.submit(partial(self.agent.prepare, decision), self._on_prepared)
 
     def _on_complete(self, plan: Plan, done: "Future[PushDecision]") -> None:
@@ -171,10 +170,8 @@ class MppiNode(Node):
         self.marker_publisher.publish(plan_markers(decision, self.get_clock().now().to_msg()))
 
     def _on_prepared(self, done: "Future[None]") -> None:
-        try:
-            done.result()
-        except SainError as error:
-            self.get_logger().warning(f"nothing is planned ahead: {error}")
+        """Let an error that should not be surface."""
+        done.result()
 
     def _tell(self, stop: Stop | None) -> None:
         if stop is not None:
