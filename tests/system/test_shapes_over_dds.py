@@ -113,7 +113,11 @@ def test_a_push_against_any_pushable_body_is_carried_out_and_predicted(graph, ru
 
 @pytest.mark.parametrize(
     ("body", "text"),
-    [(1.0, "against body 1"), (3.0, "against body 3"), (4294967295.0, "against body 4294967295")],
+    [
+        (1.0, "against body 1, which is fixed"),
+        (3.0, "against body 3, which does not exist"),
+        (4294967295.0, "against body 4294967295, which does not exist"),
+    ],
 )
 def test_a_push_against_a_fixed_or_missing_body_is_refused(graph, body, text):
     graph.start(SimNode, peer_wait=0.0)

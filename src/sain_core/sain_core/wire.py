@@ -11,6 +11,8 @@ from math import prod
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.errors import InvalidInputError
 from sain_core.history import PushHistory
@@ -73,7 +75,7 @@ def pushed_body(message: Any) -> int:
     return int(getattr(message, "body", 0))
 
 
-def with_body(push: PushArray, body: int) -> PushArray:
+def with_body(push: Float[ndarray, "3"], body: int) -> PushArray:
     """Return a push (3,) against a body: (3,) for body 0, else (4,)."""
     return np.append(push, float(body)) if body else push
 
@@ -87,7 +89,7 @@ def decode_goal(message: Any) -> Points:
     return _decode_fields(message, ("x", "y", "tolerance"), "goal")[:2]
 
 
-def decode_goal_poses(message: Any) -> tuple[Indices, np.ndarray]:
+def decode_goal_poses(message: Any) -> tuple[Indices, ndarray]:
     """Return the bodies (P,) of a ``Goal``'s poses, and what `GOAL_POSE_FIELDS` name (P, 5).
 
     NaN where any heading will do. Older recordings have no poses: P = 0.
@@ -182,7 +184,7 @@ def decode_rollout(response: Any, shape: tuple[int, int, int]) -> PredictedScene
     return decode_floats(response.predicted, (*shape, STATE_SIZE), "predicted")
 
 
-def decode_floats(values: Sequence[float], shape: tuple[int, ...], name: str) -> np.ndarray:
+def decode_floats(values: Sequence[float], shape: tuple[int, ...], name: str) -> ndarray:
     """Return a flat, row-major ``float64[]`` in its shape.
 
     Raises:
@@ -201,8 +203,8 @@ def decode_floats(values: Sequence[float], shape: tuple[int, ...], name: str) ->
 
 
 def _with_bodies(
-    pushes: np.ndarray, bodies: Sequence[int], name: str, count: int | None = None
-) -> np.ndarray:
+    pushes: ndarray, bodies: Sequence[int], name: str, count: int | None = None
+) -> ndarray:
     """Return pushes (..., 3) with the bodies that they are against; unchanged if all are body 0.
 
     Raises:
@@ -226,12 +228,12 @@ def _with_bodies(
     )
 
 
-def _decode_fields(message: Any, fields: tuple[str, ...], name: str) -> np.ndarray:
+def _decode_fields(message: Any, fields: tuple[str, ...], name: str) -> ndarray:
     values = np.array([getattr(message, field) for field in fields], dtype=np.float64)
     return check_fields(values, fields, name)
 
 
-def check_fields(values: np.ndarray, fields: tuple[str, ...], name: str) -> np.ndarray:
+def check_fields(values: ndarray, fields: tuple[str, ...], name: str) -> ndarray:
     """Return numbers that came over the wire, one a field, when they are finite.
 
     Raises:

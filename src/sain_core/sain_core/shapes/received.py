@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
 from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
@@ -17,6 +19,8 @@ from sain_core.shapes.polygon import MOST_CORNERS, MOST_PARTS, Compound
 from sain_core.shapes.registry import get_shape
 from sain_core.shapes.shape import Pair, Shape
 from sain_core.types import Points
+
+Ring = Float[ndarray, "_ 2"]  # one of several, each with its own number of corners
 
 BOX: Final = 1  # of shape_msgs/SolidPrimitive
 CYLINDER: Final = 3
@@ -109,7 +113,7 @@ def _shape(number: int, body: Any) -> Shape:
     return known
 
 
-def _parts(number: int, body: Any, radius: float) -> list[Points] | None:
+def _parts(number: int, body: Any, radius: float) -> list[Ring] | None:
     """Return the parts (M, 2) [radii]; None: one cylinder of the body's radius."""
     if not 1 <= len(body.parts) <= MOST_PARTS:
         raise InvalidInputError(
@@ -179,7 +183,7 @@ def _dimension(number: int, dimensions: Sequence[float], place: int) -> float:
     return value
 
 
-def _same(shape: Shape, parts: list[Points] | None) -> bool:
+def _same(shape: Shape, parts: list[Ring] | None) -> bool:
     if shape.is_round or parts is None:
         return shape.is_round and parts is None
     own = shape.parts(1.0)
@@ -189,7 +193,7 @@ def _same(shape: Shape, parts: list[Points] | None) -> bool:
     )
 
 
-def _made(number: int, name: str, parts: list[Points] | None) -> Shape:
+def _made(number: int, name: str, parts: list[Ring] | None) -> Shape:
     """Return a shape that is not installed here, from its parts."""
     if parts is None:
         return get_shape(DISK)
