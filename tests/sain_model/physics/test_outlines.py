@@ -244,9 +244,7 @@ def test_the_tool_leads_a_t_by_its_inner_corner() -> None:
 
 def test_boxes_face_to_face_move_as_one() -> None:
     """A long row of equal boxes does not buckle: each face has two contacts."""
-    prior = replace(
-        prior_of("square", "square", "square"), config=PlanarConfig(yield_across=1.0)
-    )
+    prior = replace(prior_of("square", "square", "square"), config=PlanarConfig(yield_across=1.0))
     radius = 0.05 * np.sqrt(2.0)
     positions = np.array([[0.3, 0.0], [0.4, 0.0], [0.5, 0.0]])
     scene = make_scene(positions, np.full(3, 1.0), np.full(3, radius))[None]

@@ -29,7 +29,10 @@ SHARE, ALONG_X, ALONG_Y = 2, 3, 4  # columns of a support after its x and y
 
 
 class BodyTable(NamedTuple):
-    """N bodies with M corners and F supports in all; those of body i from `first[i]` on, E = N + 1."""
+    """N bodies with M corners and F supports in all; those of body i begin at `first[i]`.
+
+    E = N + 1.
+    """
 
     first_corner: Int[ndarray, "E"]
     corners: Float[ndarray, "M 2"]  # counter-clockwise
