@@ -14,14 +14,10 @@ from sain_eval.cli.evaluate import evaluate, jobs_of, show
 from sain_eval.cli.options import EvaluateOptions as Evaluate
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.journal import JOURNAL_FILE, Journal
-from sain_eval.loop.results import (
-    SceneRecord,
-    results_table,
-    scene_records,
-    summarise,
-    write_results,
-)
+from sain_eval.loop.results import SceneRecord, scene_records, summarise, write_results
+from sain_eval.loop.tables import failure_lines, results_table, shape_table
 from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.tolerance import Tolerance
 
 CASE = SCENARIOS["paper"].scene(0)
 SETTINGS = {"tolerances": (0.05, 0.005)}
@@ -115,7 +111,9 @@ def test_the_command_writes_results_table_and_pictures(tmp_path):
     assert [scene["seed"] for scene in content["scenes"]] == [0, 0, 1, 1]
     assert [row["successes"] for row in content["summary"]] == [0, 0]
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"results.json", "table.md", "episodes.jsonl", "paper_0_null.png"}
+    assert names == {
+        "results.json", "table.md", "failures.md", "episodes.jsonl", "paper_0_null.png",
+    }  # fmt: skip
 
 
 def test_the_command_goes_on_and_reports_only_what_was_asked(tmp_path):
@@ -140,7 +138,7 @@ def test_workers_find_the_same_as_one_process(tmp_path):
 def test_the_papers_table_is_all_of_it(tmp_path):
     options = Evaluate(out=tmp_path, table=True, scenes=2)
     assert len(jobs_of(options, set())) == 3 * 2 * 5
-    assert options.tolerance_values == (0.05, 0.02, 0.01, 0.005)
+    assert options.tolerance_values == tuple(map(Tolerance, (0.05, 0.02, 0.01, 0.005)))
 
 
 def test_the_summary_is_shown(records):
@@ -154,7 +152,11 @@ def test_the_summary_is_shown(records):
     [
         ({"scenario": "somewhere"}, "scenario is 'somewhere'; allowed: paper,"),
         ({"tolerances": "0"}, "--tolerances has 0.0 m; allowed"),
-        ({"tolerances": "near"}, "allowed: numbers with commas"),
+        ({"tolerances": "near"}, "allowed: numbers with commas, or pairs as 0.02:0.1"),
+        ({"tolerances": "0.02:"}, "--tolerances is '0.02:'; allowed: numbers"),
+        ({"tolerances": "0.02:0.1:3"}, "--tolerances is '0.02:0.1:3'; allowed: numbers"),
+        ({"tolerances": "0.02:-1"}, "--tolerances has -1.0 rad; allowed: above 0, at most 5.0 rad"),
+        ({"tolerances": "nan"}, "--tolerances has nan m; allowed"),
         ({"controllers": ","}, "controllers is empty"),
         ({"scenes": 0}, r"EvaluateOptions\.scenes is 0; it must be at least 1"),
     ],
