@@ -135,5 +135,5 @@ def _supports(shape: Shape) -> Points:
     return shape.supports(1.0)
 
 
-def _starts(groups: list[Points]) -> Int[ndarray, "N+1"]:
+def _starts(groups: list[Float[ndarray, "_ _"]]) -> Int[ndarray, "G"]:
     return np.cumsum([0, *map(len, groups)])
