@@ -128,7 +128,12 @@ def test_one_body_or_ten_are_played_and_drawn(count, tmp_path):
             (BodyPose(1, 0.5, 0.0, 0.5),),
             "body 1 is fixed; it cannot be moved to a goal",
         ),
-        (("t",), (), (BodyPose(1, 0.5, 0.0, 0.5),), "given for body 1; the scene has bodies 0 to 0"),
+        (
+            ("t",),
+            (),
+            (BodyPose(1, 0.5, 0.0, 0.5),),
+            "given for body 1; the scene has bodies 0 to 0",
+        ),
         (("t",), (), (BodyPose(0, 2.0, 0.0, 0.5),), "of body 0 is off the table; it covers"),
         (("t",), (), (), "the goal has no poses; give one or more"),
     ],
