@@ -1,6 +1,7 @@
 """Episodes towards poses with the real arm world, and what a person reads where one cannot be."""
 
 from dataclasses import replace
+from math import pi
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.scenes.shape_scenarios import StreakScenario
 from sain_eval.tolerance import Tolerance
+from sain_mppi.loop.agent import Agent, AgentConfig
+from sain_mppi.loop.decision import Decider, PushDecision
 from sain_mppi.search.poses import BodyPose, PoseGoal
 
 PUSH_T = SCENARIOS["push_t"].scene(9)
@@ -82,6 +85,24 @@ def test_a_controller_for_targets_refuses_poses():
     assert outcome.failure == (
         "NoPushError: the controller straight brings a target to a place, and the goal is poses;"
         " choose random, planar or another model"
+    )
+
+
+class Fixed(Decider):
+    """Makes the same push, whatever the scene."""
+
+    def decide(self, job, generator):
+        return PushDecision(job, np.array([0.0, 0.0, 0.128]))
+
+
+def test_a_body_that_was_pushed_off_the_table_is_the_reason():
+    disks = make_scene(np.array([[0.25, 0.0]]), np.full(1, 8.0), np.full(1, 0.09), np.full(1, pi))
+    case = ScenarioScene(
+        "test", 0, disks, 0.12, ("square",), PoseGoal((BodyPose(0, 0.5, 0.0, 0.0),)), 5
+    )
+    outcome = run_episode(case, Agent(Fixed(), AgentConfig()), 0.02)
+    assert (
+        outcome.failure.startswith("push 1 moved body 0 off the table, to (0.") and outcome.fallen
     )
 
 
