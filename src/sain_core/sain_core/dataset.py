@@ -145,7 +145,7 @@ class Column(StrEnum):
         return tuple(sizes[size] if isinstance(size, str) else size for size in self.shape)
 
 
-COLLECTED: Final = tuple(c for c in Column if c.collected is not NEVER)
+COLLECTED: Final = tuple(c for c in Column if c.collected is ALWAYS)
 RECORDED: Final = tuple(c for c in Column if c.recorded is ALWAYS)
 NEEDED: Final = (  # for training; the order is that of a data set's SHA-256
     Column.STATE, Column.PHYSICS_NEXT, Column.NEXT_STATE, Column.ACTION, Column.EPISODE,

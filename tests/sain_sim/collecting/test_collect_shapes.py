@@ -25,7 +25,7 @@ def collected(tmp_path_factory):
 
 def test_rows_state_shapes_roles_and_the_body_of_the_push(collected):
     found = load_by_count(collected)
-    assert set(found) > {1}
+    assert len(found) > 1
     assert set(found) <= {1, 2, 3}
     pushed = []
     for count, data in found.items():
@@ -84,7 +84,7 @@ def test_pushes_are_even_along_the_outlines_of_all_pushable_bodies():
     drawn = np.array([sampler.draw(random, scene, bodies) for _ in range(2000)])
     assert set(drawn[:, 3]) == {0.0, 2.0}
     assert abs(np.histogram(drawn[:, 0], 8, (-np.pi, np.pi))[0] / 250 - 1).max() < 0.25
-    start, _ = strokes(scene, drawn, PushLimits(), bodies)
+    start, _ = strokes(np.broadcast_to(scene, (2000, 3, 8)), drawn, PushLimits(), bodies)
     away = np.hypot(*start.T)
     assert (away < scene[drawn[:, 3].astype(int), RADIUS] + 0.018).all()
 

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from sain_core.dataset import (
-    COLLECTED,
     NEEDED,
     SHARD_PATTERN,
     SHARD_SIZE,
@@ -28,7 +27,7 @@ def write_shard(folder: Path, index: int, rows: Sequence[Row]) -> None:
     Raises:
         OutputError: when the folder cannot be written, or the disk is full.
     """
-    known = [column for column in COLLECTED if column in rows[0]]
+    known = [column for column in Column if column in rows[0]]
     columns: Columns = {
         str(column): np.array([row[column] for row in rows], dtype=column.dtype) for column in known
     }
