@@ -3,10 +3,10 @@
 import { drawDistance, drawErrors } from "./charts.js";
 import { find, make, onWidth } from "./elements.js";
 import { counted, degrees, fineMillimetres, fixed, millimetres } from "./figures.js";
-import { apart } from "./geometry.js";
+import { goalDistance } from "./geometry.js";
 import { seriesLegend, topViewLegend } from "./legend.js";
 import { Player } from "./player.js";
-import { bodyName, pushFacts, pushRows, shownText, verdictText } from "./pushes.js";
+import { pushFacts, pushRows, shownText, verdictText } from "./pushes.js";
 import { TopView } from "./top_view.js";
 
 class Episodes {
@@ -96,7 +96,7 @@ class Episodes {
     this.view.moveTo(index);
     this.moveCursor(index);
     const time = fixed(episode.frames.time[index], 2, "s");
-    const distance = episode.goal ? ` · ${bodyName(episode, episode.aimed)} ${fineMillimetres(apart(episode.frames.poses[index][episode.aimed] ?? episode.goal, episode.goal) / 1000)} from the goal` : "";
+    const distance = episode.goal ? ` · ${episode.poses.length ? "bodies" : "target"} ${fineMillimetres(goalDistance(episode, episode.frames.poses[index]) / 1000)} from the goal` : "";
     find("moment").textContent = `${time}${distance}`;
     find("slider").setAttribute("aria-valuetext", `${time}${number < 0 ? "" : `, push ${number + 1} of ${episode.pushes.length}`}${distance}`);
     if (number !== this.push) this.showPush(number);

@@ -36,7 +36,7 @@ function named(episode) {
 }
 
 function pushFacts(push, number, episode) {
-  const aimed = named(episode) ? `Body ${bodyName(episode, episode.aimed)}` : "Target";
+  const aimed = named(episode) ? bodyName(episode, episode.aimed) : "Target";
   const facts = [
     ["Body", named(episode) ? bodyName(episode, push.body) : null],
     ["Tool at", degrees(push.location)], ["Direction", degrees(push.angle)], ["Travel", millimetres(push.length)],
@@ -66,7 +66,8 @@ const COLUMNS = [
 function pushRows(episode, jump) {
   if (!episode.pushes.length) return [];
   const remarks = episode.pushes.some((push) => outcomeText(push));
-  const columns = named(episode) ? [["Body", (push) => bodyName(episode, push.body)], ...COLUMNS] : COLUMNS;
+  const renamed = COLUMNS.map(([name, text]) => [name.replace("Target", bodyName(episode, episode.aimed)), text]);
+  const columns = named(episode) ? [["Body", (push) => bodyName(episode, push.body)], ...renamed] : COLUMNS;
   const heads = ["Push", ...columns.map(([name]) => name), ...(remarks ? ["Remark"] : [])];
   const head = make("tr", {}, ...heads.map((name) => make("th", { scope: "col", class: name === "Remark" ? "left" : null }, name)));
   const rows = episode.pushes.map((push, number) => {
@@ -79,4 +80,4 @@ function pushRows(episode, jump) {
   return [make("thead", {}, head), make("tbody", {}, ...rows)];
 }
 
-export { bodyName, pushFacts, pushRows, shownText, verdictText };
+export { pushFacts, pushRows, shownText, verdictText };

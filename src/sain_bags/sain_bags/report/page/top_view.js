@@ -83,7 +83,7 @@ class TopView {
       this.layers.starts.append(outline(disk, poses[0][number], { class: `start ${name}` }));
       const fixed = disk.role === "fixed" ? " fixed" : "";
       const group = draw("g", { class: `disk ${name}${fixed}`, "data-disk": number },
-        outline(disk, [0, 0, 0]), draw("line", { x1: 0.62 * r, x2: 0.94 * r }));
+        outline(disk, [0, 0, 0]), ...(disk.name && disk.outline ? [] : [draw("line", { x1: 0.62 * r, x2: 0.94 * r })]));
       this.layers.disks.append(group);
       const paths = ["ahead", "behind"].map((part) => draw("polyline", { class: `path ${part} ${name}` }));
       const points = poses.map((pose) => place(pose[number]).map((value) => value.toFixed(1)).join(","));
