@@ -100,7 +100,9 @@ class GoalTracker:
         if task.episode_id not in (0, view.episode_id) or self._result_is_under_way():
             return None
         self._decided = view.key
-        if self._start is None or self._start.episode_id != view.episode_id:
+        first = self._start
+        same = first is not None and first.episode_id == view.episode_id
+        if not same or len(first.scene) != len(view.scene):
             self._start = view
             self._session += 1
         start = self._start.scene
