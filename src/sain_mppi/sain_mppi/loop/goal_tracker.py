@@ -101,12 +101,14 @@ class GoalTracker:
             return None
         self._decided = view.key
         first = self._start
-        same = first is not None and first.episode_id == view.episode_id
-        if not same or len(first.scene) != len(view.scene):
-            self._start = view
+        if (
+            first is None
+            or first.episode_id != view.episode_id
+            or len(first.scene) != len(view.scene)
+        ):
+            first = self._start = view
             self._session += 1
-        start = self._start.scene
-        return PlanJob(task, view, start, self._session, self.pushes, self._refused)
+        return PlanJob(task, view, first.scene, self._session, self.pushes, self._refused)
 
     def stop(self, job: PlanJob) -> Stop | None:
         """Return why a job needs no decision; None: it needs one."""
