@@ -100,13 +100,12 @@ class GoalTracker:
         if task.episode_id not in (0, view.episode_id) or self._result_is_under_way():
             return None
         self._decided = view.key
-        first = self._start
-        same = first is not None and first.episode_id == view.episode_id
-        if not same or len(first.scene) != len(view.scene):
-            self._start = view
+        start = self._start
+        same = start is not None and start.episode_id == view.episode_id
+        if start is None or not same or len(start.scene) != len(view.scene):
+            self._start = start = view
             self._session += 1
-        start = self._start.scene
-        return PlanJob(task, view, start, self._session, self.pushes, self._refused)
+        return PlanJob(task, view, start.scene, self._session, self.pushes, self._refused)
 
     def stop(self, job: PlanJob) -> Stop | None:
         """Return why a job needs no decision; None: it needs one."""
