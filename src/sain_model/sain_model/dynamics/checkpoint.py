@@ -8,7 +8,7 @@ import dataclasses
 import hashlib
 import io
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -23,7 +23,12 @@ from sain_core.storage import write_whole
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.network.feature_kernels import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import NetworkConfig
+from sain_model.network.settings import ANY_SHAPE, NetworkConfig
+from sain_model.network.shape_feature_kernels import (
+    SHAPE_BODY_FEATURES,
+    SHAPE_FEATURE_VERSION,
+    SHAPE_RELATION_FEATURES,
+)
 
 OLD_ARCHITECTURES: Final = {"network-inside-physics": "parameter-correction"}
 OLD_ROLLOUT_SETTINGS: Final = {
@@ -112,9 +117,12 @@ def save_checkpoint(
         raise CheckpointError(f"a checkpoint's name ends in {SUFFIX}; {path} does not")
     tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
     weights = safetensors.torch.save(tensors)
+    told = network.config
+    facts = feature_facts(told) if isinstance(told, NetworkConfig) else {}
     card = dataclasses.replace(
         card,
-        network=dataclasses.asdict(network.config),
+        **facts,
+        network=dataclasses.asdict(told),
         weights_sha256=hashlib.sha256(weights).hexdigest(),
     )
     write_whole(path, weights)
@@ -144,6 +152,7 @@ def load_checkpoint(path: Path) -> tuple[InteractionNetwork, ModelCard, str]:
     content, card, text = read_checkpoint(path, ARCHITECTURE)
     try:
         network = InteractionNetwork(NetworkConfig(**card.network))
+        _check_features(card_path(path), card, network.config)
     except (TypeError, ConfigError) as error:
         raise CheckpointError(f"{card_path(path)}: network: {error}") from error
     fill(path, content, network)
@@ -212,10 +221,33 @@ def _check_card(path: Path, card: ModelCard, architecture: str) -> None:
     expected = {
         "format_version": FORMAT_VERSION,
         "architecture": architecture,
+    }
+    _expect(path, card, expected)
+    if architecture == CORRECTION_ARCHITECTURE:
+        _check_features(path, card, NetworkConfig())
+
+
+def _check_features(path: Path, card: ModelCard, network: NetworkConfig) -> None:
+    """Check that a network saw what this version would show it."""
+    _expect(path, card, feature_facts(network))
+
+
+def feature_facts(network: NetworkConfig) -> dict[str, int]:
+    """Return what a card says about the features of a network."""
+    if network.bodies == ANY_SHAPE:
+        return {
+            "feature_version": SHAPE_FEATURE_VERSION,
+            "disk_features": SHAPE_BODY_FEATURES,
+            "relation_features": SHAPE_RELATION_FEATURES,
+        }
+    return {
         "feature_version": FEATURE_VERSION,
         "disk_features": DISK_FEATURES,
         "relation_features": RELATION_FEATURES,
     }
+
+
+def _expect(path: Path, card: ModelCard, expected: Mapping[str, object]) -> None:
     for name, right in expected.items():
         value = getattr(card, name)
         if value != right:

@@ -70,9 +70,12 @@ def make_features(
     return Features(*rows)
 
 
-def relation_ends(disks: int) -> tuple[ndarray, ndarray]:
-    """Return receiver and sender (E,) of every ordered pair, sorted by receiver."""
-    receiver, sender = np.nonzero(~np.eye(disks, dtype=bool))
+def relation_ends(disks: int, with_tool: bool = False) -> tuple[ndarray, ndarray]:
+    """Return receiver and sender (E,) of every ordered pair, sorted by receiver.
+
+    With the tool, a pair of a body and itself stands for it and the tool.
+    """
+    receiver, sender = np.nonzero(np.full((disks, disks), True) if with_tool else ~np.eye(disks, dtype=bool))
     return receiver, sender
 
 

@@ -11,7 +11,6 @@ from sain_core.seeding import generator
 from sain_model.network.feature_kernels import (
     GAP_AFTER,
     GAP_BEFORE,
-    RELATION_FEATURES,
     TURN_SCALE,
 )
 from sain_model.network.members import make_perceptron, zero_last_layer
@@ -33,7 +32,7 @@ class InteractionNetwork(nn.Module):
         super().__init__()
         self.config = config
         size = config.hidden, config.layers, config.members
-        self.relation = make_perceptron(RELATION_FEATURES, config.message, *size)
+        self.relation = make_perceptron(config.relation_features, config.message, *size)
         self.dynamics = make_perceptron(config.disk_features + config.message, OUTPUTS, *size)
         zero_last_layer(self.dynamics)
         self.register_buffer(
@@ -60,7 +59,7 @@ class InteractionNetwork(nn.Module):
         # Disks far apart send no messages, so that more of them change nothing either.
         gaps = torch.minimum(relations[..., GAP_BEFORE], relations[..., GAP_AFTER])
         effects = self.relation(relations) * (1.0 - gaps).unsqueeze(-1)  # (M, B, E, message)
-        effects = effects.view(members, batch, count, count - 1, -1).sum(dim=3)
+        effects = effects.view(members, batch, count, -1, effects.shape[-1]).sum(dim=3)
         output: Tensor = self.dynamics(torch.cat([disks, effects], dim=-1)) * self.unit
         return output
 
