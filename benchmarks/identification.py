@@ -29,7 +29,7 @@ def identify(prior: PlanarPrior, data: Dataset) -> Corrections:
         everywhere = np.tile(told, (len(data), 1, 1))
         after = prior.step_conditioned(data.state, data.action, everywhere)
         ends = moves(data.state, data.action, after)
-        slopes = variations(everywhere, prior, data.state, data.action, None, ends) / SCALE
+        slopes = variations(everywhere, prior, data.state, data.action, ends) / SCALE
         missing = ((truth - ends) / SCALE).ravel()
         slopes = slopes.reshape(len(data), told.size, -1).transpose(0, 2, 1).reshape(-1, told.size)
         weighted = slopes / np.sqrt(SOFT**2 + missing**2)[:, None]

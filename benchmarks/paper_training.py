@@ -36,7 +36,7 @@ from sain_model.network.settings import PUSH_FRAME, NetworkConfig
 from sain_model.training.options import PAPER
 from sain_model.training.push_training import Trainer
 from sain_model.training.settings import NOTHING, TrainingConfig
-from sain_model.training.training_state import LossHistory
+from sain_model.training.training_loop import LossHistory
 
 TARGET = 180.0  # [s]
 

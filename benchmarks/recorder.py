@@ -188,8 +188,8 @@ def kill_once(folder: Path, delay: float) -> Kill:
         return Kill(float("inf"), 0, True, 0, tries)
     messages = [received.message.scene_id for received in Bag(saved).messages([TOPIC])]
     holes = int(messages[-1] - messages[0] + 1 - len(messages))
-    told = report.outcome == RecoveryOutcome.LOSSY and "was not closed" in report.note
-    return Kill(1e-9 * (killed - report.end), len(messages), told, holes, tries)
+    told = report.outcome == RecoveryOutcome.LOSSY and "was not closed" in report.sidecar.note
+    return Kill(1e-9 * (killed - report.span.end), len(messages), told, holes, tries)
 
 
 def kills(options: Options, folder: Path) -> list[Figure]:

@@ -15,7 +15,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from sain_bags.ros.endpoints import message_class, offered_qos, request_profile
+from sain_bags.ros.endpoints import message_class, offered_qos, qos_profile
 from sain_bags.ros.recorder import ENTITIES
 from sain_bags.writing.selection import Selection, adapt
 from sain_interfaces.msg import DiskState, Scene
@@ -41,7 +41,7 @@ class Bare(Node):
             if name in self._heard or not publishers or not Selection().wants(name):
                 continue
             self._heard.add(name)
-            profile = request_profile(adapt([offered_qos(info) for info in publishers]))
+            profile = qos_profile(adapt([offered_qos(info) for info in publishers]))
             self.create_subscription(message_class(types[0]), name, ignore, profile, raw=True)
 
 

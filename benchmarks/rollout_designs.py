@@ -22,7 +22,7 @@ from sain_core.seeding import generator
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Dataset, load_transitions, split_by_episode
 from sain_model.data.windows import Windows, make_windows
-from sain_model.dynamics.checkpoint import load_checkpoint
+from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import load_sain
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.metrics import bootstrap_over_episodes, position_errors, target_moved
@@ -89,7 +89,7 @@ def main() -> None:
 
 def particles(path: Path, windows: Windows, command: Command) -> ndarray:
     """Return the mean (W, T, N, 8) of rollouts with a model's own errors."""
-    training = load_checkpoint(path)[1].training
+    training = read_card(path).training
     shares = training["validation"], training["test"]
     data = load_transitions(command.trained_on)
     validation = split_by_episode(data, training["seed"], *shares).validation

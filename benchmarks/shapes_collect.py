@@ -1,4 +1,4 @@
-"""Pushes of the whole library of shapes, in the randomised and a rough world: what SAIN learns from.
+"""Pushes of the whole library of shapes, in the randomised and a rough world, to learn from.
 
     nice ./env python -m benchmarks.shapes_collect data/shapes --episodes 900
 
@@ -33,7 +33,7 @@ from sain_sim.world.world import World, WorldConfig
 
 NAMES = tuple(shape.name for shape in library.SHAPES)
 UNSEEN = NAMES[3::4]
-SEEN = tuple(name for name in NAMES if name not in UNSEEN) + (THREE_FEET,)
+SEEN = (*(name for name in NAMES if name not in UNSEEN), THREE_FEET)
 RADII_ALONE, RADII_TWO = (0.09, 0.11), (0.06, 0.08)  # [m], circumscribed
 DISK_SHARE = 0.75  # of those: a disk is wider than anything else of its radius
 PUSHES = 8  # of an episode

@@ -1,9 +1,9 @@
 """SAIN on the whole library of shapes: errors of prior and network, on shapes seen and unseen.
 
-    nice ./env python -m benchmarks.shapes_collect data/shapes --episodes 2400
-    nice ./env python -m benchmarks.shapes_learning data/shapes --world rough --out runs/shapes_rough
+    nice ./env python -m benchmarks.shapes_collect data/shapes --episodes 5000
+    nice ./env python -m benchmarks.shapes_learning data/shapes --world rough --out runs/shapes
 
-Friction is inferred from the episode's earlier pushes for both. With --baseline nothing is learned.
+Friction is inferred from the episode's earlier pushes, for both. `--baseline` learns nothing.
 """
 
 import argparse

@@ -43,8 +43,9 @@ play "$folder/after" --model "$model" --seed 1000 --episodes "$(((episodes + 3) 
 step "6. Evaluate both models on the pushes of these episodes: tables in shipped.txt and tuned.txt"
 ros2 run sain_bags to_dataset "$folder/after/bag" --out "$folder/unseen"
 judge() { ros2 run sain_model evaluate "$folder/unseen" --open-loop "$@"; }
-judge --out "$folder/shipped.json" >"$folder/shipped.txt"
+judge --out "$folder/shipped.json" >"$folder/shipped.txt" & # both at once
 judge --checkpoint "$model" --out "$folder/tuned.json" >"$folder/tuned.txt"
+wait $!
 
 step "7. Result"
 python - "$folder" <<'PYTHON'

@@ -1,14 +1,14 @@
 """Shapes and types of our own functions are checked while tests run: jaxtyping with beartype.
 
 A check costs about 30 us a call and 5 ms to make. So it is made when a function is first called.
-In each test the first calls of every function are checked, and then one of many.
+In each test the first calls of every function are checked, and then one of many. A function counts
+its own calls: to look them up by its code would cost more than the call.
 """
 
 import dataclasses
 import functools
 import inspect
 import sys
-from collections import Counter
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,21 +23,19 @@ PACKAGES: Final = (
     "sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval", "sain_bringup",
 )  # fmt: skip
 COMPILED: Final = "_kernels"  # modules that Numba compiles: it does not take decorated functions
-ALWAYS, SELDOM = (
-    20,
-    50,
-)  # calls of a function in a test: that are all checked, and then one of these
+ALWAYS, SELDOM = 20, 50  # calls of a function in a test: all checked, and then one of these
 # An int will do for a float. Methods are decorated one by one, so that beartype cannot know what
 # their `Self` is; and numpy gives a scalar where an array would have no dimensions.
 ACCEPTED: Final = FrozenDict({Self: object, np.ndarray: np.ndarray | np.generic})
 CONFIG: Final = BeartypeConf(is_pep484_tower=True, hint_overrides=ACCEPTED)
 
-calls: Counter[Any] = Counter()  # of this test, by the code that is called
+test = 0  # the number of the test that runs
 make_check = jaxtyping.jaxtyped
 
 
 def pytest_runtest_setup() -> None:
-    calls.clear()
+    global test
+    test += 1
 
 
 def switch_on() -> None:
@@ -63,13 +61,13 @@ def decorate(*, typechecker: Any) -> Callable[[Any], Any]:
 
 def _checked_often_enough(function: Any, typechecker: Any) -> Any:
     check: Any = None
-    code = function.__code__
+    calls = counted = 0  # in this test
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
-        nonlocal check
-        calls[code] += 1
-        if calls[code] > ALWAYS and calls[code] % SELDOM:
+        nonlocal check, calls, counted
+        calls, counted = calls + 1 if counted == test else 1, test
+        if calls > ALWAYS and calls % SELDOM:
             return function(*args, **kwargs)
         if check is None:
             check = make_check(function, typechecker=typechecker)

@@ -14,10 +14,11 @@ from _pytest.config import Config
 from xdist.scheduler import LoadScopeScheduling
 
 MOST: Final = 4
-TOGETHER: Final = {  # files that must not run beside one another, by a part of their path
+TOGETHER: Final = {  # files that share a worker, by a part of their path
     "system": ("tests/system/",),
     "graph": ("/ros/",),
     "browser": ("sain_bags/report/",),
+    "formats": ("dataset/formats/", "test_dataset_export"),  # only one worker imports LeRobot
     "processes": ("sain_bringup/", "collecting/", "tests/workspace/"),
 }
 # The longest come first, so that no worker is left with one when all others are done.

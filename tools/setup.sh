@@ -224,7 +224,25 @@ build_workspace() {
   env "${underlay[@]}" PYTHONUNBUFFERED=1 MAKEFLAGS="-j$(nproc)" "$venv/bin/python" "$(command -v colcon)" \
     --log-base log build --symlink-install --event-handlers console_direct+ "${selection[@]}" \
     --cmake-args -DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$venv/bin/python" &&
-    write_activation && echo "$recipe" >install/recipe
+    write_launchers && write_activation && echo "$recipe" >install/recipe
+}
+
+# The executables that setuptools writes import for a tenth of a second before any code of ours runs, and a
+# Ctrl-C then leaves a traceback. These end quietly from their first line on.
+write_launchers() {
+  local entries package name module function
+  for entries in build/*/*.egg-info/entry_points.txt; do
+    package=${entries#build/} && package=${package%%/*}
+    while IFS=' =:' read -r name module function; do
+      printf '%s\n' "#!$venv/bin/python" '# Written by tools/setup.sh.' 'if __name__ == "__main__":' \
+        '    import os, signal, sys' \
+        '    signal.signal(signal.SIGINT, lambda *_: os._exit(130))' \
+        "    from $module import $function" \
+        '    signal.signal(signal.SIGINT, signal.default_int_handler)' \
+        "    sys.exit($function())" \
+        >"install/$package/lib/$package/$name" || return
+    done < <(sed -n '/^\[console_scripts\]/,/^$/{/ = /p}' "$entries")
+  done
 }
 
 # The packages whose part of the recipe differs from what was built, one a line.

@@ -23,6 +23,7 @@ setup(
         "numpy",
         "pyyaml",
         "rich",
+        "rosbags",
         "tyro",
         "zstandard",
     ],
@@ -30,7 +31,6 @@ setup(
         "parquet": ["pyarrow"],
         "minari": ["gymnasium", "h5py", "minari"],
         "lerobot": ["lerobot", "torch", "torchvision"],
-        "sqlite3": ["rosbags"],
     },
     zip_safe=False,
     entry_points={

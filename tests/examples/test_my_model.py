@@ -105,11 +105,9 @@ def test_predictions_are_compared_with_its(
 
 def test_it_is_served(environment: dict[str, str]) -> None:
     lines = (
-        "from sain_core.plugins import load_dynamics;"
-        " from sain_model.serving.live import LiveModel;"
-        " from sain_model.serving.server import ServingConfig;"
-        " live = LiveModel(load_dynamics, ServingConfig(model='my_model'));"
-        " print(live.current.description.model, live.current.description.kind)"
+        "from sain_model.serving.server import ServingConfig, load_server;"
+        " described = load_server(ServingConfig(model='my_model')).description;"
+        " print(described.model, described.kind)"
     )
     command = [sys.executable, "-c", lines]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

@@ -9,7 +9,7 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from sain_bags.bag.definitions import Definitions
-from sain_bags.bag.metadata import OfferedQos, Topic
+from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.writing.writer import BagWriter
 from sain_core.scene import STATE_NAMES, make_scene
 from sain_core.types import Scene
@@ -60,7 +60,7 @@ class Messages:
 
     def topic(self, name: str, type_name: str, **more: Any) -> Topic:
         """Describe a topic as the recorder does."""
-        qos = more.pop("offered_qos", (OfferedQos(),))
+        qos = more.pop("offered_qos", (TopicQos(),))
         return Topic(
             name,
             type_name,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sain_bags.bag.metadata import OfferedQos
+from sain_bags.bag.metadata import TopicQos
 from sain_bags.playing import (
     Event,
     Passage,
@@ -22,7 +22,7 @@ from sain_bags.reading.reader import Bag
 from sain_core.errors import ConfigError, DatasetError
 from tests.sain_bags.conftest import SECOND, START
 
-LATCHED = OfferedQos(durability="transient_local", depth=1)
+LATCHED = TopicQos(durability="transient_local", depth=1)
 
 
 class Hand:
@@ -51,7 +51,7 @@ def flags(record: Callable[..., object], messages, tmp_path: Path) -> Path:
     recording = record()
     kind = "std_msgs/msg/Bool"
     data = bytes(messages.store.serialize_cdr(messages.make(kind), kind))
-    for name, qos in (("/flag", OfferedQos()), ("/word", LATCHED), ("/parameter_events", LATCHED)):
+    for name, qos in (("/flag", TopicQos()), ("/word", LATCHED), ("/parameter_events", LATCHED)):
         recording.writer.add_topic(messages.topic(name, kind, offered_qos=(qos,)))
     for place in range(10):
         time = START + place * SECOND // 10
@@ -188,20 +188,20 @@ def test_a_recorded_clock_is_played_where_a_clock_is_wanted(record, tmp_path):
     assert [t.name for t in choose_topics(bag, ("/flag",))] == ["/flag"]
 
 
-BEST, SURE = OfferedQos(reliability="best_effort", depth=3), OfferedQos(depth=7)
+BEST, SURE = TopicQos(reliability="best_effort", depth=3), TopicQos(depth=7)
 
 
 @pytest.mark.parametrize(
     ("offers", "expected"),
     [
         ((), ("reliable", "volatile", "keep_last", 10)),
-        ((OfferedQos(),), ("reliable", "volatile", "keep_last", 10)),
+        ((TopicQos(),), ("reliable", "volatile", "keep_last", 10)),
         ((BEST,), ("best_effort", "volatile", "keep_last", 3)),
         ((BEST, SURE), ("reliable", "volatile", "keep_last", 7)),
         ((LATCHED,), ("reliable", "transient_local", "keep_last", 1)),
-        ((OfferedQos(durability="transient_local"),) * 3,
+        ((TopicQos(durability="transient_local"),) * 3,
          ("reliable", "transient_local", "keep_last", 3)),
-        ((OfferedQos(history="keep_all"), BEST), ("reliable", "volatile", "keep_all", 3)),
+        ((TopicQos(history="keep_all"), BEST), ("reliable", "volatile", "keep_all", 3)),
     ],
 )  # fmt: skip
 def test_one_offer_serves_all_that_were_served(offers, expected):
@@ -210,9 +210,9 @@ def test_one_offer_serves_all_that_were_served(offers, expected):
 
 
 def test_what_publishers_agree_on_is_kept():
-    strict = OfferedQos(deadline=(1, 0), lifespan=(2, 5))
+    strict = TopicQos(deadline=(1, 0), lifespan=(2, 5))
     assert merge_offers((strict, strict)).deadline == (1, 0)
-    assert merge_offers((strict, OfferedQos())).deadline == OfferedQos().deadline
+    assert merge_offers((strict, TopicQos())).deadline == TopicQos().deadline
 
 
 @pytest.mark.parametrize(

@@ -22,4 +22,4 @@ def episode() -> EpisodeRecord:
         PushRecord(np.array([0.0, 0.1, 0.12]), before, expected, None, after, 0.05)
         for before, expected, after in zip(scenes, predicted, scenes[1:], strict=False)
     )
-    return EpisodeRecord(goal, 0.02, pushes)
+    return EpisodeRecord(goal, 0.02, pushes, scenes[0])

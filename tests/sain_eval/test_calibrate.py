@@ -9,7 +9,7 @@ from sain_core.errors import DatasetError
 from sain_core.push import PushLimits
 from sain_core.scene import Table, X, make_scene, unit
 from sain_eval import commands
-from sain_eval.calibrate import FREE, START, CalibrationConfig, calibrate, on_table
+from sain_eval.calibrate import FREE, START, calibrate, on_table
 from sain_model.data.dataset import load_transitions
 from sain_model.physics.planar import PlanarPrior
 
@@ -77,7 +77,7 @@ def test_without_the_true_friction_nothing_can_be_fitted(dataset: Path) -> None:
     data = load_transitions(dataset)
     data.friction[0] = np.nan
     with pytest.raises(DatasetError, match="no true friction"):
-        calibrate(data, CalibrationConfig())
+        calibrate(data, 0.25, 600)
 
 
 def test_a_missing_data_set_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

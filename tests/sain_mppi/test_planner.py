@@ -18,7 +18,7 @@ from sain_core.scene import MID, POSITION, TARGET, VX, make_scene, target_distan
 from sain_core.seeding import generator
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
-from sain_mppi.search.goal import goal_reached
+from sain_mppi.search.goal import check_tolerance, goal_reached
 
 CONFIG = PlannerConfig(samples=192)
 GOAL = np.array([0.68, 0.05])
@@ -123,7 +123,7 @@ def test_reached_means_settled_within_the_tolerance(scene):
 @pytest.mark.parametrize("tolerance", [0.0, -0.01, np.nan])
 def test_a_tolerance_must_be_positive(scene, tolerance):
     with pytest.raises(OutOfRangeError, match="tolerance"):
-        goal_reached(scene, GOAL, tolerance)
+        check_tolerance(tolerance)
 
 
 def test_settings_out_of_range_are_named():

@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from sain_bags.bag.metadata import OfferedQos
+from sain_bags.bag.metadata import TopicQos
 from sain_bags.writing.writer import BagWriter
 from sain_bringup.graph import executable
 from sain_core.ros.qos import RELIABLE
@@ -42,7 +42,7 @@ def scene_at(target: tuple[float, float]) -> Scene:
 def bag(tmp_path: Path) -> Path:
     """What an older planner did: its pushes and plans are in the bag, too."""
     recording = Recording(BagWriter(tmp_path / "bag"), Messages())
-    latched = OfferedQos(durability="transient_local", depth=1)
+    latched = TopicQos(durability="transient_local", depth=1)
     topic = recording.messages.topic(
         "/sain/goal", "sain_interfaces/msg/Goal", offered_qos=(latched,)
     )
@@ -140,7 +140,7 @@ def nodes(audience: Audience, tmp_path: Path) -> Iterator[None]:
 def test_planner_and_model_work_from_a_recording(audience: Audience, bag: Path) -> None:
     topics = ("/sain/scene", "/sain/goal", "/sain/push_result")
     command = [str(executable("sain_bags", "play")), str(bag), "--topics", *topics]
-    play = subprocess.Popen([*command, "--rate", "0.5", "--wait", "30"])
+    play = subprocess.Popen([*command, "--rate", "1", "--wait", "30"])
     audience.wait(lambda: play.poll() is not None, "the end of the recording")
     assert play.returncode == 0
     audience.wait(lambda: len(audience.plans) >= len(TARGETS), "a plan for each scene at rest")

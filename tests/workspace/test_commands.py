@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from dataclasses import fields, is_dataclass
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -34,14 +35,22 @@ class Finder:
 
 sys.meta_path.insert(0, Finder())
 sys.argv = {arguments!r}
-sys.exit(getattr(import_module("{package}.commands"), {name!r})())
+{start}
 """
+ENTRY = "sys.exit(getattr(import_module('{package}.commands'), '{name}')())"
+LAUNCHER = "import runpy; runpy.run_path('{path}', run_name='__main__')"
 
 
 def start(package: str, name: str, *arguments: str, **variables: str) -> Any:
     command = [str(executable(package, name)), *arguments]
     environment = {**os.environ, "PYTHONPROFILEIMPORTTIME": "1", **variables}
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=100)
+
+
+@cache
+def help_of(package: str, name: str) -> Any:
+    """What a command prints for --help."""
+    return start(package, name, "--help", COLUMNS="100")
 
 
 def imported(stderr: str) -> set[str]:
@@ -64,7 +73,7 @@ def entry(package: str, name: str) -> Command | NodeCommand:
 
 @pytest.mark.parametrize(("package", "name"), SCRIPTS)
 def test_help_comes_at_once(package: str, name: str) -> None:
-    done = start(package, name, "--help", COLUMNS="100")
+    done = help_of(package, name)
     assert done.returncode == 0, done.stderr
     assert f"usage: ros2 run {package} {name}" in done.stdout
     assert imported(done.stderr) & HEAVY == set()
@@ -82,7 +91,7 @@ def test_an_unknown_argument_is_refused_at_once(package: str, name: str) -> None
 @pytest.mark.parametrize(("package", "name"), SCRIPTS)
 def test_every_setting_has_a_text_with_its_values(package: str, name: str) -> None:
     command = entry(package, name)
-    shown = " ".join(start(package, name, "--help", COLUMNS="80").stdout.replace("│", " ").split())
+    shown = " ".join(help_of(package, name).stdout.replace("│", " ").split())
     if isinstance(command, NodeCommand):
         for parameter, default, allowed, meaning in describe_parameters(
             load(command.name, command.settings)()
@@ -163,10 +172,20 @@ def test_a_wrong_value_is_named_before_anything_is_imported(
 def test_ctrl_c_during_an_import_ends_it_quietly(
     ros_domain: int, tmp_path: Path, package: str, name: str, arguments: list[str], module: str
 ) -> None:
-    code = INTERRUPT.format(module=module, package=package, name=name, arguments=[name, *arguments])
+    entry = ENTRY.format(package=package, name=name)
+    code = INTERRUPT.format(module=module, arguments=[name, *arguments], start=entry)
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=100
     )
     assert done.returncode == 130, done.stderr
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_before_the_command_is_there_ends_it_quietly(tmp_path: Path) -> None:
+    launcher = LAUNCHER.format(path=executable("sain_eval", "evaluate"))
+    code = INTERRUPT.format(module="sain_core", arguments=["evaluate"], start=launcher)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=100
+    )
+    assert (done.returncode, done.stderr) == (130, "")

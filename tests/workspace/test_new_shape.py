@@ -80,7 +80,7 @@ def test_a_collection_and_its_data_set_say_which_body_it_is(tmp_path):
 
 @pytest.mark.parametrize("family", [PaperScenario, AnywhereScenario])
 def test_a_scenario_turns_one_of_its_sides_to_the_mid_disk(family):
-    case = family("hexagons", "the target is a hexagon", target_shape="six_sided").scene(3)
+    case = family("hexagons", target_shape="six_sided").scene(3)
     assert case.parameters("flat").shapes == ("flat", "six_sided")
     x, y = case.disks[TARGET, POSITION] - case.disks[MID, POSITION]
     assert case.disks[TARGET, THETA] == pytest.approx(atan2(y, x), abs=1e-9)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Final, Protocol, runtime_checkable
 
-from sain_bags.bag.metadata import INFINITE, OfferedQos
+from sain_bags.bag.metadata import TopicQos
 from sain_bags.reading.reader import Bag, Raw, TopicSummary
 from sain_core.config import Config, option
 from sain_core.errors import DatasetError
@@ -58,14 +58,10 @@ class Passage:
         config: PassageConfig = PassageConfig(),
         latched: Mapping[str, int] | None = None,
     ) -> None:
-        """Plan to play these topics.
+        """Plan to play topics, by their full names.
 
-        Args:
-            bag: to be played.
-            topics: full names.
-            config: which part, and how fast.
-            latched: how many messages to keep of each topic that late joiners get the last ones
-                of; what came before the start is played at the start.
+        `latched` has the number of messages that late joiners get of a topic. Those that came
+        before the start are played at the start.
 
         Raises:
             DatasetError: nothing of the bag lies in that part.
@@ -199,27 +195,19 @@ def choose_topics(
     return tuple(topic for topic in bag.topics if topic.name in chosen)
 
 
-def merge_offers(offers: Sequence[OfferedQos]) -> OfferedQos:
+def merge_offers(offers: Sequence[TopicQos]) -> TopicQos:
     """Return one profile that serves every subscriber that one of a topic's publishers served."""
-    first = offers[0] if offers else OfferedQos()
     latched = any(qos.durability == "transient_local" for qos in offers)
+    lossy = offers and all(qos.reliability == "best_effort" for qos in offers)
     known = max((qos.depth for qos in offers), default=0)
-    same = all(
-        (qos.deadline, qos.lifespan, qos.liveliness, qos.liveliness_lease_duration)
-        == (first.deadline, first.lifespan, first.liveliness, first.liveliness_lease_duration)
-        for qos in offers
-    )
-    return OfferedQos(
+    names = ("deadline", "lifespan", "liveliness", "liveliness_lease_duration")
+    same = len({tuple(getattr(qos, name) for name in names) for qos in offers}) == 1
+    return replace(
+        offers[0] if same else TopicQos(),
         history="keep_all" if any(qos.history == "keep_all" for qos in offers) else "keep_last",
         depth=known or (max(len(offers), 1) if latched else DEPTH),
-        reliability="best_effort"
-        if offers and all(qos.reliability == "best_effort" for qos in offers)
-        else "reliable",
+        reliability="best_effort" if lossy else "reliable",
         durability="transient_local" if latched else "volatile",
-        deadline=first.deadline if same else INFINITE,
-        lifespan=first.lifespan if same else INFINITE,
-        liveliness=first.liveliness if same else "automatic",
-        liveliness_lease_duration=first.liveliness_lease_duration if same else INFINITE,
     )
 
 

@@ -15,7 +15,8 @@ from numpy import ndarray
 from PIL import Image, ImageDraw, ImageFont
 
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.recorded_episodes import SCENE, Episode
+from sain_bags.transitions.message_fields import SCENE
+from sain_bags.transitions.recorded_episodes import Episode
 from sain_bringup.options import NAMESPACE_KEY
 from sain_core.config import Config, option
 from sain_core.scene import target_distance
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 JOINTS: Final = "sensor_msgs/msg/JointState"
 INK: Final = (43, 48, 54)
-FAINT: Final = (110, 117, 124)
 GREEN: Final = (24, 128, 78)
 RING: Final = (26, 158, 102)  # the goal's, as `sain_sim.rendering.render` draws it
 RARE: Final = (GREEN, RING, INK)

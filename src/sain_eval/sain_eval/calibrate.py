@@ -15,7 +15,6 @@ from sain_core.errors import DatasetError
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table
 from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars, Scenes
-from sain_eval.calibration_settings import CalibrationConfig
 from sain_model.data.dataset import Dataset
 from sain_model.evaluation.metrics import position_errors, target_moved
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
@@ -83,10 +82,15 @@ class Calibration:
 
 def calibrate(
     data: Dataset,
-    config: CalibrationConfig = CalibrationConfig(),
+    fit_share: float,
+    evaluations: int,
+    seed: int = 0,
+    axes: bool = False,
     progress: Progress = lambda evaluations, cost: None,
 ) -> Calibration:
-    """Fit the free parameters to a part of the episodes and judge them on the others.
+    """Fit the free parameters to a share of the episodes and judge them on the others.
+
+    With `axes` the prior is fitted whose friction depends on the world's axes.
 
     Raises:
         DatasetError: the true friction is not known, or no push is left on the table.
@@ -94,14 +98,14 @@ def calibrate(
     if not np.isfinite(data.friction).all():
         raise DatasetError("the data has no true friction; collect it with `sain_sim collect`")
     data = data.select(on_table(data, Table()))
-    numbers = generator(config.seed, "calibrate").permutation(np.unique(data.episode))
-    fitting = np.isin(data.episode, numbers[: round(config.fit_share * len(numbers))])
+    numbers = generator(seed, "calibrate").permutation(np.unique(data.episode))
+    fitting = np.isin(data.episode, numbers[: round(fit_share * len(numbers))])
     moved = target_moved(data.state, data.next_state)
     part, rest = data.select(fitting & moved), data.select(~fitting)
     if not len(part) or not len(rest):
         raise DatasetError(f"{len(data)} pushes of {len(numbers)} episodes are too few to fit")
-    free, start = (AXES_FREE, AXES_START) if config.axes else (FREE, START)
-    best = _fit(part, free, start, config.evaluations, progress)
+    free, start = (AXES_FREE, AXES_START) if axes else (FREE, START)
+    best = _fit(part, free, start, evaluations, progress)
     fitted = {name: float(getattr(best, name)) for name in free}
     return Calibration(best, fitted, len(part), _judge(rest, start, best))
 

@@ -20,7 +20,7 @@ train: Final = Command(
 )
 train_correction: Final = Command(
     "sain_model train_correction",
-    "cli.options:TrainCorrectionOptions",
+    "training.options:TrainCorrectionOptions",
     "cli.train_correction:run",
     resumes="epoch",
 )

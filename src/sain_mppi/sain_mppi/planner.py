@@ -8,13 +8,14 @@ from typing import Final
 import numpy as np
 
 from sain_core.dynamics import RolloutModel, regions_of
+from sain_core.errors import NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import OVERLAP_TOLERANCE, check_scene, move_apart, surface_gaps
 from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.types import PushArray, PushSequences, Scene
 from sain_mppi.algorithms import ALGORITHMS
-from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.config import EXHAUSTIVE, PlannerConfig
 from sain_mppi.search.goal import Goal, check_goal, check_in_reach
 from sain_mppi.search.objective import make_objective
 from sain_mppi.search.poses import PoseGoal
@@ -49,6 +50,7 @@ class Planner:
         self._elites: PushSequences = np.empty((0, self.config.horizon, PUSH_SIZE))
         self._scene: Scene | None = None  # that they begin from
         self._goal: Goal | PoseGoal | None = None
+        self._ahead: PushSequences | None = None  # what was found for the next scene
 
     def plan(
         self,
@@ -98,13 +100,46 @@ class Planner:
             check_in_reach(goal, scene, self.feasibility)
         if deadline is None and self.config.deadline > 0.0:
             deadline = monotonic() + self.config.deadline
+        ahead, self._ahead = self._ahead, None
         config = self.config.widened() if wide else self.config
+        if wide or len(refused) or ahead is None or not self._is_same(goal):
+            ahead = None
+        else:
+            config = config.correcting()
         objective = make_objective(goal, first, config.weights, self.feasibility, bodies)
         search = Search(self.model, config, self.feasibility, scene, objective, refused, deadline)
-        ALGORITHMS[config.algorithm](search, self._start(scene, goal, search), generator)
+        if ahead is None:
+            known = self._start(scene, goal, search)
+        else:
+            search.probe(ahead)
+            known = search.elites.sequences
+        ALGORITHMS[config.algorithm](search, known, generator)
         self._elites, self._scene = search.elites.sequences, scene.copy()
         self._goal = goal if isinstance(goal, PoseGoal) else goal.copy()
         return search.result()
+
+    def prepare(
+        self,
+        scene: Scene,
+        generator: np.random.Generator,
+        bodies: Bodies | None = None,
+        start: Scene | None = None,
+    ) -> None:
+        """Plan from a scene (N, 8) that is expected next; the next plan only corrects this one.
+
+        The goal is that of the last plan. Where no plan is found, the next one starts anew.
+        """
+        goal, config = self._goal, self.config
+        if goal is None or config.algorithm == EXHAUSTIVE:
+            return
+        first = scene if start is None else start
+        objective = make_objective(goal, first, config.weights, self.feasibility, bodies)
+        search = Search(self.model, config, self.feasibility, scene, objective)
+        try:
+            ALGORITHMS[config.algorithm](search, shift(self._elites), generator)
+        except NoPushError:
+            return
+        self._ahead = search.elites.sequences
 
     def complete(self, scene: Scene, result: PlanResult) -> PlanResult:
         """Return a plan from a scene (N, 8) with the model's regions, where it can tell.

@@ -7,18 +7,18 @@ import yaml
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from sain_bags.bag.metadata import METADATA_KEY, METADATA_RECORD, OfferedQos, Topic
+from sain_bags.bag.metadata import METADATA_KEY, METADATA_RECORD, Topic, TopicQos
 from sain_bags.reading.reader import Bag
 from sain_bags.writing.gaps import MISSING_KEY
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.seeding import generator
 from tests.sain_bags.doctor import examine
 
-LATCHED = (OfferedQos(durability="transient_local"),)
+LATCHED = (TopicQos(durability="transient_local"),)
 TOPICS = (
-    Topic("/chat", "std_msgs/msg/String", "string data\n", "RIHS01_ab", (OfferedQos(),)),
+    Topic("/chat", "std_msgs/msg/String", "string data\n", "RIHS01_ab", (TopicQos(),)),
     Topic("/goal", "std_msgs/msg/String", "string data\n", "RIHS01_ab", LATCHED),
-    Topic("/silent", "std_msgs/msg/Empty", "\n", "RIHS01_cd", (OfferedQos(),)),
+    Topic("/silent", "std_msgs/msg/Empty", "\n", "RIHS01_cd", (TopicQos(),)),
 )
 
 

@@ -15,7 +15,6 @@ from pyarrow import parquet
 
 from sain_bags.dataset import dataset_folder
 from sain_bags.dataset.formats import MADE, FormatName
-from sain_bags.dataset.formats.to_lerobot import STATE, LeRobotDataset
 from sain_core.dataset import PARTS
 from sain_core.errors import ConfigError, OutputError
 from sain_model.data.dataset import load_transitions, split_by_episode
@@ -74,6 +73,8 @@ def test_numbers_of_disks_become_data_sets_of_their_own(
         elif name == "minari":
             states = minari.MinariDataset(part / "data")[0].observations[0]
         else:
+            from sain_bags.dataset.formats.to_lerobot import STATE, LeRobotDataset
+
             states = LeRobotDataset("pushes", root=part)[0][STATE]
         assert len(states) == 8 * disks
 

@@ -17,7 +17,7 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from sain_bags import commands
-from sain_bags.bag.metadata import OfferedQos, Topic, read_profiles
+from sain_bags.bag.metadata import Topic, TopicQos, read_profiles
 from sain_bags.cli.recover import describe
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
@@ -57,7 +57,7 @@ def original(folder: Path, compression: str, custom_data: dict[str, str] | None 
     config = BagConfig(compression=compression, chunk_size=1024)
     with BagWriter(folder, config, custom_data) as writer:
         for name in ("/chat", "/silent"):
-            qos = (OfferedQos(durability="transient_local"),)
+            qos = (TopicQos(durability="transient_local"),)
             writer.add_topic(Topic(name, "std_msgs/msg/String", TEXT, "RIHS01_ab", qos))
         for number in range(60):
             if number == 30:
@@ -210,7 +210,7 @@ def test_a_recording_that_was_killed_is_saved(tmp_path: Path) -> None:
     writer.close()
     assert report.outcome == RecoveryOutcome.LOSSY
     assert report.missing is None
-    assert "metadata.yaml is missing" in report.note
+    assert "metadata.yaml is missing" in report.sidecar.note
     assert [message[1] for message in saved(tmp_path / "out" / "out_0.mcap")] == [1000, 1001, 1002]
 
 
@@ -369,7 +369,7 @@ def test_a_bag_made_elsewhere_is_saved_too(tmp_path: Path) -> None:
 
 
 def test_profiles_are_read_in_words_and_in_numbers() -> None:
-    profile = OfferedQos(durability="transient_local", reliability="best_effort", depth=3)
+    profile = TopicQos(durability="transient_local", reliability="best_effort", depth=3)
     text = Topic("/chat", "std_msgs/msg/String", TEXT, "", (profile,)).qos_text()
     assert read_profiles(text) == (profile,)
     numbers = {"unknown": 3, "transient_local": 1, "best_effort": 2, "automatic": 1}

@@ -2,8 +2,7 @@
 
 import pytest
 
-from sain_bags.report.bundling import bundle
-from sain_bags.report.writing import SCRIPT, _part
+from sain_bags.report.writing import SCRIPT, _part, bundle
 
 
 def modules(**texts):

@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sain_bags.reading.reader import Bag
-from sain_bags.reading.timing import read_timings
+from sain_bags.reading.reader import Bag, Raw
+from sain_bags.reading.timing import BINS, TopicTiming, read_timings
 from sain_bags.report.frames import Frame, Frames, frame_times
-from sain_bags.report.timeline import BINS, Lane, read_lanes
 from sain_core.scene import STATE_NAMES
 from tests.sain_bags.conftest import resting_scene
 from tests.sain_bags.report.contents import content
@@ -101,7 +100,7 @@ def test_totals_and_curves(bag):
     assert np.allclose(data["errors"]["physics"]["sorted"], 3 * off, atol=1e-5)
 
 
-def test_lanes_agree_with_info(record, tmp_path, messages):
+def test_topics_are_shown_as_they_were_recorded(record, tmp_path, messages):
     recording = record()
     Show(recording).episode(1, 2, [0.05])
     topic, data = "/tick", bytes(messages.store.serialize_cdr(
@@ -112,18 +111,15 @@ def test_lanes_agree_with_info(record, tmp_path, messages):
         recording.writer.write(topic, data, recording.now + place * 10**9, sequence=sequence)
     recording.writer.close()
     bag = Bag(tmp_path / "bag")
-    lanes, timings = read_lanes(bag), read_timings(bag)
-    for name, timing in timings.items():
-        lane = lanes[name]
-        assert lane.rate == pytest.approx(timing.rate)
-        assert lane.longest_gap == pytest.approx(1e9 * timing.longest_gap)
-        assert lane.missing == timing.missing
-    assert {topic.name: topic.messages for topic in bag.topics} == {
-        name: lane.messages for name, lane in lanes.items()
-    }
-    assert all(sum(lane.counts) == lane.messages and len(lane.counts) == BINS
-               for lane in lanes.values())  # fmt: skip
-    places = content(tmp_path / "bag")["topics"][-1]["places"]
+    timings, shown = read_timings(bag), content(tmp_path / "bag")["topics"]
+    for one, recorded_topic in zip(shown, bag.topics, strict=True):
+        timing = timings[one["name"]]
+        assert one["messages"] == recorded_topic.messages == sum(one["counts"])
+        assert len(one["counts"]) == BINS
+        assert (one["rate"], one["gap"]) == (timing.rate, timing.longest_gap)
+        assert one["missing"] == timing.missing
+    assert (shown[-1]["rate"], shown[-1]["gap"], shown[-1]["missing"]) == (1.0, 1.0, 5)
+    places = shown[-1]["places"]
     seconds = 1e-9 * (recording.now - bag.start)
     assert places == [[pytest.approx(seconds + 2), 4], [pytest.approx(seconds + 4), 1]]
 
@@ -271,7 +267,7 @@ def test_a_bag_without_pushes_says_so(record, tmp_path):
 
 
 def test_what_a_split_repeats_is_counted_once():
-    lane = Lane()
+    timing = TopicTiming()
     for log_time, sequence, published in ((10, 1, 9), (20, 1, 9), (30, 2, 29), (40, 2, 29)):
-        lane.saw(log_time, sequence, published, 0)
-    assert (lane.messages, lane.missing, lane.longest_gap) == (2, 0, 20)
+        timing.saw(Raw("/a", "", b"", log_time, published, sequence), 0)
+    assert (timing.messages, timing.missing, timing.longest_gap) == (2, 0, pytest.approx(2e-8))

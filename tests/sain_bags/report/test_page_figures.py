@@ -11,9 +11,8 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from sain_bags.reading.reader import Bag
-from sain_bags.report.bundling import bundle
 from sain_bags.report.content import read_content
-from sain_bags.report.writing import write_page
+from sain_bags.report.writing import bundle, write_page
 from sain_eval.plots.legend import MARKS
 from tests.sain_bags.browser import Browser, opened_browser
 from tests.sain_bags.conftest import resting_scene

@@ -10,7 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, String
 
-from sain_bags.bag.metadata import OfferedQos, Topic
+from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.playing import Passage, PassageConfig, choose_topics, play
 from sain_bags.reading.reader import Bag, Raw
 from sain_bags.ros.player import Player
@@ -21,7 +21,7 @@ from tests.sain_bags.conftest import SECOND, START, Messages, Recording
 
 pytestmark = pytest.mark.ros
 
-LATCHED = OfferedQos(durability="transient_local", depth=1)
+LATCHED = TopicQos(durability="transient_local", depth=1)
 LATE = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 WORD = "std_msgs/msg/String"
 
@@ -97,7 +97,7 @@ def test_the_bytes_are_the_recorded_ones(graph, recording, player):
 
 def test_a_topic_is_offered_as_it_was(graph, recording, player):
     say(recording, "/goal", "here", offered_qos=(LATCHED,))
-    say(recording, "/lossy", "x", offered_qos=(OfferedQos(reliability="best_effort"),))
+    say(recording, "/lossy", "x", offered_qos=(TopicQos(reliability="best_effort"),))
     say(recording, "/plain", "y")
     player(closed(recording))
 
@@ -178,7 +178,7 @@ def command(ros_domain: int) -> list[str]:
 
 
 def test_the_command_plays_and_renames(graph, recording, command):
-    offered = (OfferedQos(depth=20),)  # the bag has 20: none is overwritten before it is delivered
+    offered = (TopicQos(depth=20),)  # the bag has 20: none is overwritten before it is delivered
     say(recording, "/a", *map(str, range(20)), offered_qos=offered)
     bag = closed(recording)
     heard: list[str] = []

@@ -123,8 +123,8 @@ def test_a_recorder_that_is_killed_loses_at_most_its_flush_period(
     process.communicate()
     report = recover(tmp_path / "bag", tmp_path / "saved")
     assert report.outcome == RecoveryOutcome.LOSSY
-    assert "the recording was not closed" in report.note
-    assert killed - 1e-9 * report.end <= 1.0
+    assert "the recording was not closed" in report.sidecar.note
+    assert killed - 1e-9 * report.span.end <= 1.0
     saved = Bag(tmp_path / "saved")
     assert saved.custom_data["seed"] == "7"
     found = numbers(saved)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from sain_bags.transitions.contiguous import PushStretch
+from sain_bags.transitions.message_fields import GOAL
 from sain_bags.transitions.messages import ChannelMessages
-from sain_bags.transitions.paired_pushes import FROM_RESULT, PairedPushes
+from sain_bags.transitions.paired_pushes import FROM_RESULT, IDS, PairedPushes
 from sain_bags.transitions.pairing import Pairing, PendingPush
-from sain_bags.transitions.recorded_episodes import GOAL
 from sain_bags.transitions.tables import MessageTable
 
 NUMBERS = count()
@@ -117,8 +117,8 @@ def contiguous_pushes(numbers: range, goals: tuple[tuple[int, int], ...] = ()) -
     rows, episodes = np.arange(len(ids)), 1 + ids % 2
     codes = np.ones(len(ids), dtype=np.int64)
     results = (MessageTable({"push_id": ids}, {}), rows)
-    ids_of = (rows, ids, episodes, ids, episodes, codes, rows)
-    pushes = PairedPushes(*ids_of, None, FROM_RESULT, (results, results, results))
+    ids_of = np.rec.fromarrays([ids, episodes, ids, episodes, codes, rows], dtype=IDS)
+    pushes = PairedPushes(rows, ids_of, None, FROM_RESULT, (results, results, results))
     given = MessageTable(
         {"episode_id": np.array([episode for episode, _ in goals], dtype=np.uint64)}, {}
     )

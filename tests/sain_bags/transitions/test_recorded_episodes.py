@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.recorded_episodes import namespaces, read_episodes
+from sain_bags.transitions.message_fields import namespaces
+from sain_bags.transitions.recorded_episodes import read_episodes
 from sain_core.errors import DatasetError
 from sain_core.scene import make_scene
 

@@ -1,7 +1,6 @@
 """Bags that were made elsewhere convert to the same rows, or it is said what is wrong with them."""
 
 import hashlib
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -136,16 +135,6 @@ def test_bags_that_rosbags_wrote(
     assert {topic.name: topic.type_hash for topic in found.topics} == hashes
     assert found.file.suffix == (".db3" if storage is StoragePlugin.SQLITE3 else ".mcap")
     assert compare(rows(tmp_path / "other"), tmp_path / "other") > 0
-
-
-def test_a_sqlite3_bag_without_rosbags_says_what_to_install(
-    bag: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    metadata = bag / "metadata.yaml"
-    metadata.write_text(metadata.read_text().replace("identifier: mcap", "identifier: sqlite3"))
-    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
-    with pytest.raises(DatasetError, match=r"`pip install 'sain_bags\[sqlite3\]'` to read it here"):
-        Bag(bag)
 
 
 def test_a_sqlite3_bag_that_is_none(bag: Path) -> None:

@@ -2,11 +2,11 @@
 
 import pytest
 
-from sain_bags.bag.metadata import OfferedQos
-from sain_bags.writing.selection import RequestedQos, Selection, adapt, is_hidden
+from sain_bags.bag.metadata import TopicQos
+from sain_bags.writing.selection import Selection, adapt, is_hidden
 
-LATCHED = OfferedQos(durability="transient_local")
-LOSSY = OfferedQos(reliability="best_effort")
+LATCHED = TopicQos(durability="transient_local")
+LOSSY = TopicQos(reliability="best_effort")
 
 
 @pytest.mark.parametrize(
@@ -34,14 +34,15 @@ def test_service_calls_are_recorded_though_their_topics_are_hidden() -> None:
 @pytest.mark.parametrize(
     ("offers", "request_"),
     [
-        ([OfferedQos()], RequestedQos(reliable=True, transient_local=False)),
-        ([LATCHED, LATCHED], RequestedQos(reliable=True, transient_local=True)),
-        ([LATCHED, OfferedQos()], RequestedQos(reliable=True, transient_local=False)),
-        ([OfferedQos(), LOSSY], RequestedQos(reliable=False, transient_local=False)),
-        ([], RequestedQos(reliable=False, transient_local=False)),
+        ([TopicQos()], ("reliable", "volatile")),
+        ([LATCHED, LATCHED], ("reliable", "transient_local")),
+        ([LATCHED, TopicQos()], ("reliable", "volatile")),
+        ([TopicQos(), LOSSY], ("best_effort", "volatile")),
+        ([], ("best_effort", "volatile")),
     ],
 )
 def test_the_strongest_request_that_all_publishers_serve(
-    offers: list[OfferedQos], request_: RequestedQos
+    offers: list[TopicQos], request_: tuple[str, str]
 ) -> None:
-    assert adapt(offers) == request_
+    found = adapt(offers)
+    assert (found.reliability, found.durability) == request_

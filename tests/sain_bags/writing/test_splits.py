@@ -12,25 +12,25 @@ from mcap.reader import make_reader
 from rich.console import Console
 from rosbags.highlevel import AnyReader
 
-from sain_bags.bag.metadata import OfferedQos, Topic
+from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.cli.info import show
 from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import read_timings
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import RecoveryOutcome
 from sain_bags.writing.gaps import MISSING_KEY
-from sain_bags.writing.split_file import SplitFile
+from sain_bags.writing.split_files import SplitFile
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import OutputError
 
 TEXT = "string data\n"
-LATCHED = OfferedQos(durability="transient_local")
-PASSING = OfferedQos(durability="transient_local", lifespan=(10, 0))
+LATCHED = TopicQos(durability="transient_local")
+PASSING = TopicQos(durability="transient_local", lifespan=(10, 0))
 SECOND = 1_000_000_000
 
 
-def topic(name: str, *offered: OfferedQos, publishers: int = 1) -> Topic:
-    return Topic(name, "std_msgs/msg/String", TEXT, "", offered or (OfferedQos(),), publishers)
+def topic(name: str, *offered: TopicQos, publishers: int = 1) -> Topic:
+    return Topic(name, "std_msgs/msg/String", TEXT, "", offered or (TopicQos(),), publishers)
 
 
 def text(value: int) -> bytes:
@@ -158,7 +158,7 @@ def test_a_disk_that_fails_while_a_file_is_ended_stops_the_recording(
     writer = BagWriter(tmp_path / "bag", BagConfig(split_duration=1.0))
     writer.add_topic(topic("/chat"))
     writer.write("/chat", text(1), SECOND)
-    monkeypatch.setattr(SplitFile, "finish", fail)
+    monkeypatch.setattr(SplitFile, "close", fail)
     with pytest.raises(OutputError, match="Input/output error"):
         for number in range(2, 1000):
             writer.write("/chat", text(number), SECOND * number)

@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 
-from sain_bags.bag.metadata import OfferedQos, Topic
+from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.mcap.preallocated_file import RESERVE, PreallocatedFile
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
@@ -25,7 +25,7 @@ from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import ConfigError, InvalidInputError, OutputError
 from tests.sain_bags.doctor import examine
 
-TEXT = Topic("/chat", "std_msgs/msg/String", "string data\n", "RIHS01_ab", (OfferedQos(),))
+TEXT = Topic("/chat", "std_msgs/msg/String", "string data\n", "RIHS01_ab", (TopicQos(),))
 HELLO = b"\x00\x01\x00\x00\x06\x00\x00\x00hello\x00"
 
 
@@ -42,12 +42,12 @@ def test_rosbags_reads_every_message_with_the_definitions_inside(episode_bag: Pa
 
 def test_rosbag2_layout_names_topics_counts_qos_and_times(record: Callable[..., Any]) -> None:
     recording = record(custom_data={"seed": "7", "model": "sain"})
-    latched = OfferedQos(durability="transient_local")
+    latched = TopicQos(durability="transient_local")
     recording.writer.add_topic(recording.messages.topic("/sain/goal", "sain_interfaces/msg/Goal"))
     recording.add("/sain/scene", "Scene")
     recording.add("/sain/scene", "Scene")
     late = recording.messages.topic(
-        "/sain/goal", "sain_interfaces/msg/Goal", offered_qos=(OfferedQos(), latched)
+        "/sain/goal", "sain_interfaces/msg/Goal", offered_qos=(TopicQos(), latched)
     )
     recording.writer.add_topic(late)  # a second publisher came later
     recording.writer.close()

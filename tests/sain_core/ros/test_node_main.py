@@ -10,6 +10,16 @@ from pathlib import Path
 import pytest
 
 PACKAGES = {"sim_node": "sain_sim", "model_node": "sain_model", "mppi_node": "sain_mppi"}
+START_EACH = """
+import sys
+from sain_core.cli.command_line import load
+from sain_core.ros.node_main import run_node
+from {package}.commands import {name}
+
+for arguments in {wrong!r}:
+    sys.argv = ["{name}", "--ros-args", *arguments]
+    print(run_node(load({name}.node), "{name}"))
+"""  # in one process: each would import PyTorch or Numba for itself
 
 
 def command(name: str, *arguments: str) -> list[str]:
@@ -28,20 +38,42 @@ def refused(name: str, *arguments: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("name", "arguments", "text"),
+    ("name", "wrong"),
     [
-        ("sim_node", ("-p", "sede:=3"), "parameter 'sede' is unknown; near it: seed"),
-        ("sim_node", ("-p", "seed:=three"), "parameter 'seed' is 'three'; it must be an integer"),
-        ("sim_node", ("-p", "world:=mars"), "parameter 'world' is 'mars'; allowed: 'randomised'"),
-        ("model_node", ("-p", "model:=planer"), "did you mean 'planar'"),
-        ("model_node", ("-p", "model:=/none.safetensors"), "/none"),
-        ("mppi_node", ("-p", "planner.sample:=3"), "near it: planner.samples"),
-        ("mppi_node", ("-p", "planner.samples:=0"), "'planner.samples' is 0; it must be at least"),
-        ("mppi_node", ("--params-file", "/none.yaml"), "Couldn't parse params file"),
+        (
+            "sim_node",
+            {
+                "parameter 'sede' is unknown; near it: seed": ("-p", "sede:=3"),
+                "'seed' is 'three'; it must be an integer": ("-p", "seed:=three"),
+                "parameter 'world' is 'mars'; allowed: 'randomised'": ("-p", "world:=mars"),
+            },
+        ),
+        (
+            "model_node",
+            {
+                "did you mean 'planar'": ("-p", "model:=planer"),
+                "/none": ("-p", "model:=/none.safetensors"),
+            },
+        ),
+        (
+            "mppi_node",
+            {
+                "near it: planner.samples": ("-p", "planner.sample:=3"),
+                "'planner.samples' is 0; it must be at least": ("-p", "planner.samples:=0"),
+                "Couldn't parse params file": ("--params-file", "/none.yaml"),
+            },
+        ),
     ],
 )
-def test_what_is_wrong_at_the_start_is_told_in_one_line(ros_domain, name, arguments, text):
-    assert text in refused(name, *arguments)
+def test_what_is_wrong_at_the_start_is_told_in_one_line(ros_domain, name, wrong):
+    code = START_EACH.format(package=PACKAGES[name], name=name, wrong=list(wrong.values()))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.stdout.split() == ["1"] * len(wrong), done.stderr
+    lines = [line for line in done.stderr.splitlines() if line.startswith(f"{name}:")]
+    assert len(lines) == len(wrong), done.stderr
+    for line, text in zip(lines, wrong, strict=True):
+        assert text in line
+    assert "Traceback" not in done.stderr
 
 
 def test_a_mistyped_key_in_a_parameter_file_is_told(ros_domain, tmp_path: Path):

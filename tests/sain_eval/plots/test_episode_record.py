@@ -30,8 +30,6 @@ def test_prediction_errors_are_distances(episode):
     assert replace(episode.pushes[0], predicted=None).target_error is None
 
 
-def test_an_episode_without_pushes_needs_its_start(episode):
-    empty = replace(episode, pushes=(), start=episode.scenes[0])
+def test_an_episode_without_pushes_has_its_start(episode):
+    empty = replace(episode, pushes=())
     assert len(empty.scenes) == 1
-    with pytest.raises(ValueError, match="needs its start"):
-        _ = replace(empty, start=None).scenes

@@ -12,7 +12,6 @@ from sain_model.commands import evaluate, train
 from sain_model.data.dataset import (
     Dataset,
     Split,
-    limit_training,
     load_transitions,
     split_by_episode,
 )
@@ -170,7 +169,7 @@ def test_the_command_learns_from_all_of_them(folders, tmp_path, capsys) -> None:
     card = (tmp_path / "sain.json").read_text()
     assert '"by_disks"' in card and all(str(folder) in card for folder in folders)
     with pytest.raises(DatasetError, match="needs data with one number of disks"):
-        limit_training(split_datasets(load_datasets(folders), 0, 0.1, 0.1), 20)
+        split_datasets(load_datasets(folders), 0, 0.1, 0.1, 20)
     capsys.readouterr()
 
 

@@ -13,7 +13,8 @@ import torch
 from sain_core.errors import CheckpointError, ConfigError, OutputError
 from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.checkpoint import ModelCard, card_path, load_checkpoint, save_checkpoint
+from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
+from sain_model.dynamics.load import load_sain
 from sain_model.dynamics.priors import load_prior, prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.interaction_network import InteractionNetwork
@@ -69,7 +70,7 @@ def test_what_was_saved_is_loaded_with_the_prior_it_had(
     }
     assert card["weights_sha256"] == sain.model_hash
     scenes, pushes = random_pushes(10, 0)
-    network, _, _ = load_checkpoint(checkpoint)
+    network = load_sain(checkpoint).network
     again = SainDynamics(network, PlanarPrior(PlanarConfig(friction=0.15)), "planar")
     np.testing.assert_array_equal(sain.step(scenes, pushes), again.step(scenes, pushes))
     assert sorted(p.name for p in checkpoint.parent.iterdir()) == [

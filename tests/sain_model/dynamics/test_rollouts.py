@@ -12,8 +12,9 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSE, POSITION, TARGET, wrap_angle
 from sain_model.data.dataset import Dataset, Split, split_by_episode
 from sain_model.data.windows import make_windows
+from sain_model.dynamics.loss import rollout_loss
 from sain_model.dynamics.recurrent import PhysicsChain
-from sain_model.dynamics.rollouts import roll, rollout_loss
+from sain_model.dynamics.rollouts import roll
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import (
     CHAINS,
@@ -29,10 +30,9 @@ from sain_model.dynamics.settings import (
 from sain_model.evaluation.open_loop import roll_out
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
-from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.push_training import Trainer
-from sain_model.training.rollout_training import RolloutTrainer, make_lessons
+from sain_model.training.rollout_training import RolloutTrainer
 from sain_model.training.settings import TrainingConfig
 from tests.sain_model.rolling import load_episodes
 
@@ -244,15 +244,10 @@ def test_training_on_rollouts_lowers_the_error_of_rollouts(
     assert trainer.history.train[-1] < trainer.history.train[0]
 
 
-def test_mirrored_lessons_are_told_the_same_friction(split: Split) -> None:
-    prior = PlanarPrior()
-    mirrored = make_lessons(split.train, 3, FrictionFilter(prior, 0.12), True)
-    assert mirrored.friction is not None
-    count = len(mirrored) // 2
-    np.testing.assert_array_equal(mirrored.friction[:count], mirrored.friction[count:])
-    windows = mirrored.windows
-    np.testing.assert_allclose(windows.scenes[:count, :, 1], -windows.scenes[count:, :, 1])
-    np.testing.assert_array_equal(windows.known[:count], windows.known[count:])
+def test_mirrored_windows_are_of_the_same_pushes_and_so_of_the_same_friction(split: Split) -> None:
+    windows, mirrored = (make_windows(data, 3) for data in (split.train, split.train.mirrored()))
+    np.testing.assert_array_equal(windows.rows, mirrored.rows)
+    np.testing.assert_allclose(windows.scenes[:, :, 1], -mirrored.scenes[:, :, 1])
 
 
 def test_a_setting_that_is_not_allowed_is_named() -> None:

@@ -21,7 +21,8 @@ from sain_core.scene import (
     wrap_angle,
 )
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.sain import SainDynamics, check_physics_next
+from sain_model.compute.batch_checks import check_physics_next
+from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.features import apply_residual, make_features, true_residual
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig

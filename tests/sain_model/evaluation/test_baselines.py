@@ -49,7 +49,7 @@ def foreign(monkeypatch: pytest.MonkeyPatch) -> list[Foreign]:
     module.load = lambda name: made.append(Foreign()) or made[-1]  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "another_package", module)
     entry = EntryPoint("foreign", "another_package:load", plugins.GROUP)
-    own = EntryPoint("planar_axes", "sain_model.dynamics.load:load_builtin", plugins.GROUP)
+    own = EntryPoint("planar_axes", "sain_model.dynamics.priors:load_prior", plugins.GROUP)
     monkeypatch.setattr(plugins, "entry_points", lambda group: [entry, own])
     return made
 

@@ -40,7 +40,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 def test_errors_after_some_pushes_are_what_they_say(data: Dataset) -> None:
     loop = predict_open_loop(data, {"oracle": Oracle()}, PUSHES)
-    found = errors_after(loop.windows, loop.predictions, loop.earlier, 3, seed=0)
+    found = errors_after(loop, 3, seed=0)
     row = found["all"][MEASURED]
     assert row["windows"] == EPISODES * (PUSHES - 2) and row["episodes"] == EPISODES
     off = []
@@ -60,7 +60,7 @@ def test_errors_after_some_pushes_are_what_they_say(data: Dataset) -> None:
 
 def test_windows_are_split_by_contact_and_by_what_came_before(data: Dataset) -> None:
     loop = predict_open_loop(data, {}, 2)
-    found = errors_after(loop.windows, loop.predictions, loop.earlier, 1, seed=0)
+    found = errors_after(loop, 1, seed=0)
     counts = {part: rows[MEASURED]["windows"] for part, rows in found.items()}
     way = (data.next_state - data.state)[:, TARGET, POSITION]
     moved = int((np.linalg.norm(way, axis=-1) > 0.002).sum())
@@ -88,14 +88,14 @@ def test_what_is_recorded_for_single_pushes_is_known_for_them_alone(data: Datase
     bullet = loop.predictions["bullet, nominal"]
     np.testing.assert_array_equal(bullet[:, 0], data.physics_next)
     assert np.isnan(bullet[:, 1]).all()
-    found = errors_after(loop.windows, loop.predictions, loop.earlier, 2, seed=0)
+    found = errors_after(loop, 2, seed=0)
     assert "bullet, nominal" not in found["all"] and "floor" not in found["all"]
 
 
 def test_ratios_are_of_means_with_an_interval(data: Dataset) -> None:
     still = {"still": IdentityPrior(), "also still": IdentityPrior(), "oracle": Oracle()}
     loop = predict_open_loop(data, still, 3)
-    found = ratios(loop.windows, loop.predictions, 3, "still", seed=0)
+    found = ratios(loop, 3, "still", seed=0)
     assert found["also still"] == [1.0, 1.0, 1.0]
     assert found["oracle"] == [0.0, 0.0, 0.0]
     ratio, low, high = found[MEASURED]

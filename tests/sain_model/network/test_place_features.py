@@ -12,7 +12,8 @@ from sain_core.push import rotate_pushes
 from sain_core.scene import POSITION, TARGET, rotate_scenes
 from sain_model import commands
 from sain_model.data.dataset import limit_training, load_transitions, split_by_episode
-from sain_model.dynamics.checkpoint import load_checkpoint
+from sain_model.dynamics.checkpoint import read_card
+from sain_model.dynamics.load import load_sain
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import LossConfig
 from sain_model.evaluation.prediction_errors import measure
@@ -59,7 +60,7 @@ def test_what_pulls_along_the_world_is_learned_in_its_frame_alone(dataset, tmp_p
         trainer.run()
         sain = SainDynamics(trainer.network, prior, "planar")
         predicted = sain.step(split.test.state, split.test.action)
-        left[frame] = measure(predicted, split.test, 0).target_mean
+        left[frame] = measure(predicted, split.test, 0)["target_mean"]
     assert left[WORLD_FRAME] < 2.0 and left[WORLD_FRAME] < 0.5 * left[PUSH_FRAME]
 
 
@@ -68,14 +69,14 @@ def test_a_checkpoint_knows_what_its_network_sees(dataset, tmp_path, random_push
     arguments += ["--epochs", "2", "--validation", "0.2", "--transitions", "40"]
     assert commands.train(arguments) == 0
     path = tmp_path / "sain.safetensors"
-    network, card, _ = load_checkpoint(path)
+    network, card = load_sain(path).network, read_card(path)
     assert network.config.features == "world" and card.data["transitions"]["train"] == 40
     scenes, pushes = random_pushes(5, 1)
     assert np.isfinite(load_dynamics(str(path)).step(scenes, pushes)[..., POSITION]).all()
     text = (tmp_path / "sain.json").read_text()
     (tmp_path / "sain.json").write_text(text.replace('"features": "world"', '"features": "push"'))
     with pytest.raises(CheckpointError, match=r"dynamics\.0\.weight has shape"):
-        load_checkpoint(path)
+        load_sain(path)
 
 
 def test_learning_from_fewer_keeps_what_is_held_out(dataset) -> None:

@@ -20,6 +20,7 @@ from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import LoadModel, Rollout
 from sain_model.dynamics.checkpoint import card_path
 from sain_model.ros.model_node import ModelNode
+from sain_model.serving import server
 from tests.sain_model.ros.swapping import answers_of, make_checkpoint, request, set_model
 
 
@@ -114,8 +115,7 @@ def test_a_model_of_no_known_name_and_one_that_predicts_nan_are_refused(graph, m
     loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model="planer"))
     assert ErrorCode(loaded.error_code) is ErrorCode.CONFIG
     assert "did you mean 'planar'" in loaded.error_message
-    node = graph.nodes[-1]
-    monkeypatch.setattr(node.live, "_load", lambda name: Broken())
+    monkeypatch.setattr(server, "load_dynamics", lambda name: Broken())
     loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model="broken"))
     assert ErrorCode(loaded.error_code) is ErrorCode.MODEL_UNAVAILABLE
     assert "predicts NaN or Inf" in loaded.error_message

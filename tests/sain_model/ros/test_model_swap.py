@@ -15,8 +15,8 @@ from sain_core.plugins import load_dynamics
 from sain_core.ros.qos import SERVICE
 from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import DescribeModel, LoadModel, Rollout
-from sain_model.ros import model_node
 from sain_model.ros.model_node import ModelNode
+from sain_model.serving import server
 from tests.sain_model.ros.swapping import SCENE, answers_of, make_checkpoint, request, set_model
 
 
@@ -106,7 +106,7 @@ def test_what_was_begun_is_finished_by_the_same_model(graph, monkeypatch):
     slow = Slow()
     slow.may.set()  # for its start
     models: dict[str, Any] = {"slow": slow, "fast": IdentityPrior()}
-    monkeypatch.setattr(model_node, "load_dynamics", models.__getitem__)
+    monkeypatch.setattr(server, "load_dynamics", models.__getitem__)
     graph.start(ModelNode, model="slow")
     graph.listen("/diagnostics", DiagnosticArray)
     slow.may.clear()
@@ -136,7 +136,7 @@ def test_what_was_begun_is_finished_by_the_same_model(graph, monkeypatch):
 def test_more_requests_than_may_wait_are_refused(graph, monkeypatch):
     slow = Slow()
     slow.may.set()
-    monkeypatch.setattr(model_node, "load_dynamics", lambda name: slow)
+    monkeypatch.setattr(server, "load_dynamics", lambda name: slow)
     graph.start(ModelNode, model="slow", max_queue=2)
     slow.may.clear()
     stream = Stream(graph, 4)
@@ -156,7 +156,7 @@ def test_requests_are_answered_while_a_model_loads(graph, monkeypatch):
         assert name == "now" or may.wait(60)
         return IdentityPrior()
 
-    monkeypatch.setattr(model_node, "load_dynamics", load)
+    monkeypatch.setattr(server, "load_dynamics", load)
     graph.start(ModelNode, model="now")
     client = graph.bystander.create_client(LoadModel, "load_model")
     graph.wait(client.service_is_ready, "the service")

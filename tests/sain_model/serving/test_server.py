@@ -18,9 +18,9 @@ from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
+from sain_model.serving import server as server_module
 from sain_model.serving.latency import RECENT, ServiceRecord
-from sain_model.serving.live import LiveModel
-from sain_model.serving.server import ModelServer
+from sain_model.serving.server import ModelServer, load_server
 from sain_model.serving.settings import ServingConfig
 
 SCENE = make_scene(
@@ -184,17 +184,16 @@ def test_a_device_that_is_not_there_is_refused(
         choose_device("tpu")
 
 
-def test_another_model_takes_its_place_or_the_old_one_stays(sain: SainDynamics) -> None:
-    models: dict[str, Dynamics] = {"one": sain, "two": IdentityPrior(), "broken": Broken()}
-    live = LiveModel(models.__getitem__, ServingConfig(model="one", max_work=99))
-    begun = live.current
-    live.serve(live.prepare("two"))
-    assert (begun.description.model, live.current.description.model) == ("one", "two")
-    assert live.current.config.max_work == 99
+def test_a_model_is_loaded_and_tried_before_it_is_served(
+    sain: SainDynamics, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    models: dict[str, Dynamics] = {"one": sain, "broken": Broken()}
+    monkeypatch.setattr(server_module, "load_dynamics", models.__getitem__)
+    server = load_server(ServingConfig(model="one", max_work=99))
+    assert (server.description.model, server.config.max_work) == ("one", 99)
+    np.testing.assert_array_equal(server.predict(SCENES, PUSHES)[1], sain.step(SCENES, PUSHES))
     with pytest.raises(ModelUnavailableError, match="model 'broken' predicts NaN or Inf"):
-        live.prepare("broken")
-    assert live.current.description.model == "two"
-    np.testing.assert_array_equal(begun.predict(SCENES, PUSHES)[1], sain.step(SCENES, PUSHES))
+        load_server(ServingConfig(model="broken"))
 
 
 def test_latency_and_queue_are_recorded() -> None:

@@ -32,7 +32,7 @@ from sain_model.training.options import (
     TrainOptions,
     train_options,
 )
-from sain_model.training.progress import FOLDER, EventLog
+from sain_model.training.progress import FOLDER, event_log
 from sain_model.training.push_training import Trainer
 from sain_model.training.settings import (
     ADAM,
@@ -190,8 +190,8 @@ def test_without_tensorboardx_it_says_what_to_install(
     options = ["--epochs", "1", "--hidden", "8"]
     assert commands.train([str(dataset), "--out", str(tmp_path), *options, "--tensorboard"]) == 1
     assert "pip install 'sain_model[tensorboard]'" in " ".join(capsys.readouterr().err.split())
-    with pytest.raises(ConfigError, match="needs tensorboardX"):
-        EventLog(tmp_path, 0)
+    with pytest.raises(ConfigError, match="needs tensorboardX"), event_log(tmp_path, 0):
+        pass
     assert commands.train([str(dataset), "--out", str(tmp_path), *options]) == 0
 
 

@@ -7,7 +7,7 @@ from sain_model.evaluation.history_errors import SAIN_HISTORY
 from sain_model.evaluation.metrics import BULLET, FLOOR, LEARNED, SAIN
 from sain_model.training.learning_curve import Point
 from sain_model.training.plots import draw_curves, draw_losses
-from sain_model.training.training_state import LossHistory
+from sain_model.training.training_loop import LossHistory
 
 
 def legend(figure):

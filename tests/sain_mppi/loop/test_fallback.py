@@ -52,8 +52,8 @@ class Sure(Model):
             raise self.error
         return np.full(predicted.shape[:3], 0.01)
 
-    def until(self, moment: float | None) -> None:
-        self.moment = moment
+    def until(self, moment: float | None, cancelled: Event) -> None:
+        self.moment, self.cancelled = moment, cancelled
 
 
 def test_regions_are_the_model_s_and_nobody_s_where_it_fails() -> None:
@@ -70,11 +70,20 @@ def test_regions_are_the_model_s_and_nobody_s_where_it_fails() -> None:
     assert FallbackRollout(Model(1.0), model).regions(SCENE, PUSHES, predicted) is None
 
 
-def test_a_model_gets_the_moment_until_which_it_is_waited_for() -> None:
+def test_a_model_gets_what_ends_the_wait_for_it() -> None:
     model = Sure(1.0)
-    FallbackRollout(model, Model(2.0)).begin(NO_PAST, until=5.0)
-    assert model.moment == 5.0
+    cancelled = Event()
+    FallbackRollout(model, Model(2.0)).begin(NO_PAST, until=5.0, cancelled=cancelled)
+    assert (model.moment, model.cancelled) == (5.0, cancelled)
     FallbackRollout(Model(1.0), Model(2.0)).begin(NO_PAST, until=5.0)  # it cannot be hurried
+
+
+def test_a_model_that_gives_a_cancelled_plan_up_has_not_failed() -> None:
+    model, physics = Model(1.0, CancelledError("no longer wanted")), Model(2.0)
+    rollout = FallbackRollout(model, physics)
+    with pytest.raises(CancelledError, match="no longer wanted"):
+        rollout.rollout(SCENE, PUSHES)
+    assert (rollout.failure, physics.asked) == (None, 0)
 
 
 def test_a_model_that_answers_is_used() -> None:

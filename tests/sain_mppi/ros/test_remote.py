@@ -1,6 +1,7 @@
 """The planner's node and its model: behind the service, silent, wrong or not there."""
 
 import re
+import time
 
 import numpy as np
 import pytest
@@ -190,6 +191,30 @@ def test_a_silent_model_does_not_keep_a_plan_past_its_deadline(graph, straw, sil
     assert made.deadline == 0.3
     waited = re.match(r"the model did not answer within (\d\.\d+)", made.error_message)
     assert waited and 0.0 < float(waited[1]) < 0.3  # what the deadline left
+
+
+@pytest.mark.parametrize("end", ["goal", "node"])
+def test_a_silent_model_holds_up_neither_a_new_goal_nor_the_end(
+    graph, straw, silent, monkeypatch, end
+):
+    asked = []
+
+    def ask(*request):
+        asked.append(request)
+        return rollout(*request)
+
+    node = remote_planner(graph, model_timeout=60.0)
+    rollout = node.remote.rollout
+    monkeypatch.setattr(node.remote, "rollout", ask)
+    graph.aim(GOAL, 1)
+    straw.show()
+    graph.wait(lambda: asked, "a question to the model")
+    began = time.monotonic()
+    if end == "goal":
+        graph.aim((0.65, 0.0), 2)
+        graph.wait(lambda: len(asked) == 2, "a question for the new goal")
+    graph.stop(node)
+    assert time.monotonic() < began + 30.0
 
 
 def test_while_a_plan_waits_for_its_model_a_new_goal_cancels_it(graph, straw):

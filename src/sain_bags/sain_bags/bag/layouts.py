@@ -11,18 +11,77 @@ order, then the fields, each aligned to its own size as counted from there.
 import struct
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy import ndarray
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import TypesysError, get_types_from_msg
 
-from sain_bags.bag.message_types import NUMBERS, SCALAR, SEQUENCE, TEXT, Field, MessageTypes
 from sain_core.errors import DatasetError
 
+NUMBERS: Final = {  # as numpy has them; their size is also what CDR aligns them to
+    "bool": "u1",
+    "byte": "u1",
+    "char": "u1",
+    **{f"int{8 * size}": f"i{size}" for size in (1, 2, 4, 8)},
+    **{f"uint{8 * size}": f"u{size}" for size in (1, 2, 4, 8)},
+    "float32": "f4",
+    "float64": "f8",
+}
+TEXT: Final = "string"
+SCALAR: Final = -1  # in place of a count
+SEQUENCE: Final = -2
 HEADER: Final = 4  # [bytes]
 BYTE_ORDERS: Final = {b"\0\0": ">", b"\0\1": "<"}
 PADDING: Final = 3  # [bytes], that a middleware may put at the end
 LENGTH: Final = 4  # [bytes], of the length of a string or a sequence
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of a message."""
+
+    name: str
+    type: str  # a key of `NUMBERS`, `TEXT`, or a message's full name
+    count: int  # of an array, or `SCALAR`, or `SEQUENCE`
+
+
+NO_FIELD: Final = Field("structure_needs_at_least_one_member", "uint8", SCALAR)  # rosidl adds it
+MessageTypes = dict[str, tuple[Field, ...]]  # by full name
+
+
+def read_types(name: str, text: str) -> MessageTypes:
+    """Return the fields of a message type and of all that it refers to.
+
+    Args:
+        name: full, for example ``std_msgs/msg/Header``.
+        text: its definition, followed by those of what it refers to (``ros2msg``).
+
+    Raises:
+        DatasetError: a line that is no field, or a type that is not described.
+    """
+    try:
+        found = get_types_from_msg(text, name)
+    except TypesysError as error:
+        raise DatasetError(f"the definition of {name} cannot be read: {error}") from error
+    types = {
+        full: tuple(_field(*entry) for entry in fields) or (NO_FIELD,)
+        for full, (_, fields) in found.items()
+    }
+    for full, fields in types.items():
+        for entry in fields:
+            if entry.type not in NUMBERS and entry.type != TEXT and entry.type not in types:
+                raise DatasetError(f"{entry.type}, of {entry.name} in {full}, is not described")
+    return types
+
+
+def _field(name: str, described: Any) -> Field:
+    (node, about), count = described, SCALAR
+    if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        (node, about), count = about
+        count = count if described[0] == Nodetype.ARRAY else SEQUENCE
+    return Field(name, about[0] if node == Nodetype.BASE else about, count)
 
 
 @dataclass

@@ -1,15 +1,19 @@
 """``metadata.yaml``, the file that makes a folder a rosbag2 bag: version 9 of its layout."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, Final
 
 import yaml
-from mcap.records import Metadata
+from mcap.records import Metadata, Statistics
+
+from sain_bags.mcap.integrity import RESCUE
+from sain_core.errors import DatasetError
 
 LAYOUT_VERSION: Final = 9
 METADATA_FILE: Final = "metadata.yaml"
+METADATA_ROOT: Final = "rosbag2_bagfile_information"
 METADATA_RECORD: Final = "rosbag2"  # by this name a file's record of the same content is found
 METADATA_KEY: Final = "serialized_metadata"
 INFINITE: Final = (9_223_372_036, 854_775_807)  # [s, ns], rmw's duration without end
@@ -27,8 +31,8 @@ RMW_WORDS: Final[dict[str, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True)
-class OfferedQos:
-    """The quality of service that one publisher offers, in rosbag2's terms."""
+class TopicQos:
+    """The quality of service at one end of a topic, in rosbag2's terms."""
 
     history: str = "unknown"  # not known to peers through discovery
     depth: int = 0
@@ -56,7 +60,7 @@ class Topic:
     type: str  # for example std_msgs/msg/Header
     definition: str  # of the type and all it refers to
     type_hash: str = ""  # RIHS01_..., empty when not known
-    offered_qos: tuple[OfferedQos, ...] = ()
+    offered_qos: tuple[TopicQos, ...] = ()
     publishers: int = 1  # that it ever had
 
     @property
@@ -81,29 +85,14 @@ class Span:
     messages: int = 0
 
 
-@dataclass(frozen=True)
-class FileSummary:
-    """One file of a bag."""
-
-    name: str  # in the bag's folder
-    span: Span
-
-
 def bag_metadata(
-    files: Sequence[FileSummary],
+    files: Mapping[str, Span],
     topics: Sequence[tuple[Topic, int]],
     custom_data: Mapping[str, str],
     ros_distro: str,
 ) -> dict[str, Any]:
-    """Return the metadata of a bag, with rosbag2's keys.
-
-    Args:
-        files: in the order in which they were written.
-        topics: each with its number of messages.
-        custom_data: whatever the recording should say about itself.
-        ros_distro: for example jazzy.
-    """
-    span = whole_span([file.span for file in files])
+    """Return the metadata of a bag, with rosbag2's keys; each topic with its count of messages."""
+    span = whole_span(files.values())
     return {
         "version": LAYOUT_VERSION,
         "storage_identifier": "mcap",
@@ -111,14 +100,19 @@ def bag_metadata(
         "topics_with_message_count": [_topic(topic, count) for topic, count in topics],
         "compression_format": "",  # of the layout; MCAP compresses its chunks by itself
         "compression_mode": "",
-        "relative_file_paths": [file.name for file in files],
-        "files": [{"path": file.name, **_span(file.span)} for file in files],
+        "relative_file_paths": list(files),
+        "files": [{"path": name, **_span(found)} for name, found in files.items()],
         "custom_data": dict(custom_data) or None,
         "ros_distro": ros_distro,
     }
 
 
-def whole_span(spans: Sequence[Span]) -> Span:
+def span_of(file: Statistics) -> Span:
+    """Return the span of a file's messages."""
+    return Span(file.message_start_time, file.message_end_time, file.message_count)
+
+
+def whole_span(spans: Iterable[Span]) -> Span:
     """Return the span of all messages; parts without any do not count."""
     some = [span for span in spans if span.messages]
     if not some:
@@ -127,7 +121,7 @@ def whole_span(spans: Sequence[Span]) -> Span:
     return Span(start, end, sum(span.messages for span in some))
 
 
-def read_profiles(text: str) -> tuple[OfferedQos, ...]:
+def read_profiles(text: str) -> tuple[TopicQos, ...]:
     """Return the profiles in a channel's metadata; none where they cannot be parsed.
 
     Up to version 8 of the layout, rosbag2 wrote rmw's numbers for the words.
@@ -138,14 +132,14 @@ def read_profiles(text: str) -> tuple[OfferedQos, ...]:
         return ()
 
 
-def _profile(record: Mapping[str, Any]) -> OfferedQos:
+def _profile(record: Mapping[str, Any]) -> TopicQos:
     values: dict[str, Any] = {"depth": int(record["depth"])}
     for name, words in RMW_WORDS.items():
         value = record[name]
         values[name] = value if isinstance(value, str) else words[value]
     for name in ("deadline", "lifespan", "liveliness_lease_duration"):
         values[name] = (int(record[name]["sec"]), int(record[name]["nsec"]))
-    return OfferedQos(**values)
+    return TopicQos(**values)
 
 
 def metadata_record(metadata: Mapping[str, Any]) -> dict[str, str]:
@@ -163,10 +157,52 @@ def read_record(record: Metadata) -> dict[str, Any]:
 
 def write_metadata(folder: Path, metadata: Mapping[str, Any]) -> None:
     """Write ``metadata.yaml``, whole or not at all."""
-    content = {"rosbag2_bagfile_information": dict(metadata)}
+    content = {METADATA_ROOT: dict(metadata)}
     part = folder / f".{METADATA_FILE}.part"
     part.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
     part.replace(folder / METADATA_FILE)
+
+
+def find_files(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
+    """Return the content of a bag's ``metadata.yaml``, and its files; for a file, the file alone.
+
+    Raises:
+        DatasetError: it is no bag, or was not closed.
+    """
+    if path.suffix == ".db3" and path.is_file():
+        raise DatasetError(f"{path} is a file of a sqlite3 bag; name the folder that it is in")
+    if path.is_file():
+        return {}, (path,)
+    if not path.is_dir():
+        raise DatasetError(f"no bag at {path}")
+    if not (path / METADATA_FILE).is_file():
+        if not any(path.glob("*.mcap")):
+            raise DatasetError(f"{path} is no bag: it has no {METADATA_FILE}")
+        raise DatasetError(f"{path} was not closed: it has no {METADATA_FILE}; {RESCUE}")
+    metadata = read_metadata(path)
+    named = metadata.get("relative_file_paths") or []
+    # Up to version 3 of the layout the folder's name stood before the file's.
+    files = tuple(path / PurePath(name).name for name in named)
+    missing = [file.name for file in files if not file.is_file()]
+    if not files or missing:
+        what = f"; {missing[0]} is not there" if missing else ""
+        raise DatasetError(f"{path / METADATA_FILE} names the files {named}{what}")
+    return metadata, files
+
+
+def read_metadata(folder: Path) -> dict[str, Any]:
+    """Return the content of ``metadata.yaml``.
+
+    Raises:
+        DatasetError: it cannot be read.
+    """
+    path = folder / METADATA_FILE
+    try:
+        return dict(yaml.safe_load(path.read_text(encoding="utf-8"))[METADATA_ROOT])
+    except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError) as error:
+        raise DatasetError(
+            f"{path} cannot be read ({error}); `ros2 bag reindex` makes a new one"
+        ) from error
 
 
 def _span(span: Span) -> dict[str, Any]:

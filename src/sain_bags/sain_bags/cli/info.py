@@ -11,7 +11,8 @@ from rich.text import Text
 from sain_bags.cli.options import InfoOptions
 from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
-from sain_bags.transitions.recorded_episodes import Episode, namespaces, read_episodes
+from sain_bags.transitions.message_fields import namespaces
+from sain_bags.transitions.recorded_episodes import Episode, read_episodes
 from sain_bags.writing.gaps import read_gaps
 from sain_core.cli.fitting_table import FittingTable
 
@@ -26,14 +27,15 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:
     recorded = read_gaps(bag.custom_data) or {}
     for topic in bag.topics:
         mean = topic.messages / bag.duration if topic.messages > 1 and bag.duration else 0.0
-        timing = timings.get(topic.name, TopicTiming(mean, 0.0, None))
+        timing = timings.get(topic.name, TopicTiming())
+        rate = timing.rate if timings else mean
         table.add_row(
             topic.name,
             Text(topic.type, "dim"),
             f"{topic.messages:,}",
-            f"{timing.rate:.1f} Hz" if timing.rate else "-",
+            f"{rate:.1f} Hz" if rate else "-",
             f"{timing.longest_gap:.2f} s" if timing.longest_gap else "-",
-            _missing(timing.missing, recorded.get(topic.name)),
+            _missing(timing.missing if timing.messages else None, recorded.get(topic.name)),
         )
     return table
 
@@ -72,6 +74,8 @@ def show(path: Path, console: Console, check: bool = True) -> None:
         DatasetError: it is not a whole, undamaged bag.
     """
     bag = Bag(path)
+    if check:
+        bag.check()
     timings = read_timings(bag) if check else {}
     size = bag.size / 1e6
     files = f" in {len(bag.files)} files" if len(bag.files) > 1 else ""

@@ -10,7 +10,7 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColu
 from sain_bags.cli.options import RecoverOptions
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import RecoveryOutcome, Report
-from sain_bags.recovery.verified_summary import read_sidecar
+from sain_bags.recovery.sidecar import read_sidecar
 
 LISTED: Final = 20  # losses that are printed one by one
 
@@ -20,14 +20,14 @@ def describe(report: Report, out: Path) -> list[str]:
     if report.outcome == RecoveryOutcome.NOTHING:
         return ["Nothing could be saved.", *_loss_lines(report)]
     chunks = sum(file.chunks for file in report.files)
-    duration = 1e-9 * (report.end - report.start)
-    began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(report.start * 1e-9))
+    duration = 1e-9 * (report.span.end - report.span.start)
+    began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(report.span.start * 1e-9))
     lines = [
         f"Saved {report.messages:,} messages in {chunks:,} chunks,"
         f" {duration:.1f} s from {began}: {out}"
     ]
-    if report.note:
-        lines.append(f"Note: {report.note}.")
+    if report.sidecar.note:
+        lines.append(f"Note: {report.sidecar.note}.")
     if report.outcome == RecoveryOutcome.LOSSLESS:
         damaged = any(file.losses for file in report.files)
         return [*lines, "Nothing was lost" + (", though it is damaged." if damaged else ".")]
@@ -35,7 +35,7 @@ def describe(report: Report, out: Path) -> list[str]:
 
 
 def _loss_lines(report: Report) -> list[str]:
-    lines = [f"Lost: {report.lost}."] if report.lost else []
+    lines = [f"Lost: {report.sidecar.lost}."] if report.sidecar.lost else []
     missing = report.missing
     if missing is None:
         lines.append(
@@ -49,7 +49,7 @@ def _loss_lines(report: Report) -> list[str]:
     chunks = sum(loss.chunk is not None for loss in losses)
     if losses:
         lines.append(f"Damaged places: {len(losses)}; {size:,} bytes, {chunks:,} chunks.")
-    lines += [f"  {loss.text(report.start)}" for loss in losses[:LISTED]]
+    lines += [f"  {loss.text(report.span.start)}" for loss in losses[:LISTED]]
     if len(losses) > LISTED:
         lines.append(f"  and {len(losses) - LISTED:,} more")
     if report.doubtful:

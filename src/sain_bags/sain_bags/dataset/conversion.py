@@ -134,27 +134,38 @@ def _shards(
     progress: ConversionProgress,
 ) -> Iterator[Columns]:
     """Stream all recordings as shards, and count dropped pushes on the card."""
-    counter = _Counter(sum(source.messages for source in sources), progress)
+    messages = sum(source.messages for source in sources)
     sharding = Sharding(SHARD_SIZE)
+    read = rows = 0
+
+    def passed_on(made: Iterable[Columns]) -> Iterator[Columns]:
+        nonlocal rows
+        for shard in made:
+            yield shard
+            rows += len(shard[Column.PUSH_ID])
+            progress(read, messages, rows)
+
     for source in sources:
-        for pushes in _pushes(source, card, counter):
-            blocks, dropped = maker.rows(pushes)
-            for push in dropped:
-                card.drop(source.bag.path, push)
-            yield from counter.pass_on(sharding.add(numbering.number(blocks, source.sha256)))
-    yield from counter.pass_on(sharding.rest())
+        for count, paired in _pushes(source, card):
+            for pushes in paired:
+                blocks, dropped = maker.rows(pushes)
+                for push in dropped:
+                    card.drop(source.bag.path, push)
+                yield from passed_on(sharding.add(numbering.number(blocks, source.sha256)))
+            read += count
+            progress(read, messages, rows)
+    yield from passed_on(sharding.rest())
 
 
-def _pushes(source: Source, card: DatasetCard, counter: "_Counter") -> Iterator[Paired]:
-    """Stream the pushes of one recording, some at a time."""
+def _pushes(source: Source, card: DatasetCard) -> Iterator[tuple[int, list[Paired]]]:
+    """Stream the pushes of one recording, each time with how many messages were read for them."""
     pairing = Pairing(source.has_results, source.has_predictions)
     reader = MessageReader(source.bag.channels)
     for batch in source.bag.batches(source.topics):
         with naming(source.bag.path):
             pairing.read(reader.read(batch), len(batch))
-        yield from pairing.ready()
-        counter.read(len(batch))
-    yield from pairing.rest()
+        yield len(batch), pairing.ready()
+    yield 0, pairing.rest()
     card.late_predictions += pairing.late_predictions
 
 
@@ -171,22 +182,3 @@ def naming(path: Path) -> Iterator[None]:
 
 def _versions() -> dict[str, str]:
     return {name: version(name) for name in ("numpy", "mcap")}
-
-
-class _Counter:
-    """Reports the progress of a conversion."""
-
-    def __init__(self, messages: int, progress: ConversionProgress) -> None:
-        self._messages, self._progress = messages, progress
-        self._read = self._rows = 0
-
-    def read(self, messages: int) -> None:
-        self._read += messages
-        self._progress(self._read, self._messages, self._rows)
-
-    def pass_on(self, shards: Iterable[Columns]) -> Iterator[Columns]:
-        """Yield shards; report each when the next one is requested."""
-        for shard in shards:
-            yield shard
-            self._rows += len(shard[Column.PUSH_ID])
-            self._progress(self._read, self._messages, self._rows)

@@ -25,13 +25,8 @@ def export(
 ) -> None:
     """Write gathered rows in another format: one data set for each number of disks.
 
-    Args:
-        write: writes the format.
-        folder: of the conversion; a single data set is put there, several into ``disks-N`` below.
-        shards: of the rows, by the number of disks.
-        parts: the episodes of each part of the split.
-        card: of the data set.
-        advance: called with the number of further rows written.
+    A single data set is put into the folder, several into ``disks-N`` below. `advance` is called
+    with the number of further rows written.
 
     Raises:
         OutputError: the folder cannot be written, or the disk is full.

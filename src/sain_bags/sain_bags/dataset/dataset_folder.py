@@ -7,18 +7,26 @@ are gathered as npz shards, which makes every conversion one to go on with.
 
 import json
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from sain_bags.dataset.dataset_export import clear, export, put_in_place, remove
-from sain_bags.dataset.dataset_split import describe_split, split_episodes
 from sain_bags.dataset.formats import SHARDS, find_format
 from sain_bags.dataset.formats.sharding import write_shard
-from sain_core.dataset import Column, Columns, shard_path
-from sain_core.errors import OutputError
+from sain_core.dataset import (
+    PARTS,
+    SEED,
+    SHARES,
+    TRAIN,
+    Column,
+    Columns,
+    draw_parts,
+    shard_path,
+)
+from sain_core.errors import DatasetError, OutputError
 from sain_core.storage import PARTIAL, write_json
 
 IDENTITY_FILE: Final = "conversion.json"
@@ -27,6 +35,8 @@ PICTURE_FILE: Final = "card.png"  # drawn from the card
 GATHERED: Final = ".rows"  # folder of the shards until they are written in another format
 
 CardContent = dict[str, Any]
+Episodes = dict[str, frozenset[int]]  # by part of the split
+Counts = Mapping[tuple[int, int], int]  # of rows, by number of disks and episode
 
 
 class DatasetFolder:
@@ -81,9 +91,7 @@ class DatasetFolder:
     ) -> None:
         """Write the rows in the format, then the card, which completes the data set.
 
-        Args:
-            card: of the data set, without its split.
-            progress: called with the number of rows written, and of all.
+        `progress` is called with the number of rows written, and of all.
 
         Raises:
             OutputError: the folder cannot be written, or the disk is full.
@@ -120,11 +128,7 @@ class DatasetFolder:
 
 
 def _read_identity(folder: Path) -> CardContent | None:
-    """Return the identity of the conversion in a folder; None: the folder is new or empty.
-
-    Raises:
-        OutputError: it is no folder, or holds what no conversion has made.
-    """
+    """Return the identity of the conversion in a folder; None: the folder is new or empty."""
     path = folder / IDENTITY_FILE
     try:
         if not folder.exists() or not any(folder.iterdir()):
@@ -147,3 +151,30 @@ def _read_identity(folder: Path) -> CardContent | None:
 def _difference(found: CardContent, wanted: CardContent) -> str:
     name = next(key for key in {**wanted, **found} if found.get(key) != wanted.get(key))
     return f"{name} = {found.get(name)!r}, not {wanted.get(name)!r}"
+
+
+def split_episodes(counts: Counts) -> Episodes:
+    """Split as `sain_model train` does by default; too few episodes are all for training."""
+    labels = [episode for _, episode in sorted(counts)]
+    try:
+        masks = draw_parts(np.arange(len(labels)), SEED, *SHARES.values())
+    except DatasetError:
+        drawn = [TRAIN] * len(labels)
+    else:
+        drawn = np.select(masks, PARTS, "").tolist()
+    parts: dict[int, str] = {}
+    for episode, part in zip(labels, drawn, strict=True):
+        parts.setdefault(episode, part)  # where disks came or went it stands there twice
+    return {
+        part: frozenset(episode for episode in parts if parts[episode] == part) for part in PARTS
+    }
+
+
+def describe_split(episodes: Episodes, counts: Counts) -> dict[str, Any]:
+    """Return the split for the card; episodes that it does not name are for training."""
+    rows = {
+        part: sum(count for (_, episode), count in counts.items() if episode in episodes[part])
+        for part in PARTS
+    }
+    named = {part: sorted(episodes[part]) for part in PARTS if part != TRAIN}
+    return {"seed": SEED, "shares": SHARES, "transitions": rows, "episodes": named}

@@ -6,10 +6,9 @@ from typing import Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.message_fields import WORLD
-from sain_bags.transitions.recorded_episodes import parent_of
+from sain_bags.transitions.message_fields import WORLD, parent_of
+from sain_bags.transitions.messages import MessageReader
 from sain_bags.transitions.sources import Source
-from sain_bags.transitions.tables import TableReader
 from sain_core.dataset import FRICTIONS, Column, Columns
 
 UNKNOWN: Final = np.full(len(FRICTIONS), np.nan)
@@ -43,16 +42,16 @@ class KnownParameters:
 
 def _worlds(source: Source) -> Iterator[tuple[int, ndarray]]:
     """Yield the id of each episode and its parameters."""
-    readers = {
-        number: TableReader(channel)
-        for number, channel in enumerate(source.bag.channels)
+    topics = {
+        channel.topic
+        for channel in source.bag.channels
         if channel.type == WORLD and parent_of(channel.topic) == source.namespace
     }
-    if not readers:
+    if not topics:
         return
-    topics = {source.bag.channels[number].topic for number in readers}
+    reader = MessageReader(source.bag.channels)
     for batch in source.bag.batches(topics):
-        for number in np.unique(batch.channels).tolist():
-            table = readers[number].read(batch[np.flatnonzero(batch.channels == number)])
-            values = np.stack([table.columns[name] for name in FRICTIONS], axis=-1)
-            yield from zip(table.columns["episode_id"].tolist(), values, strict=True)
+        for messages in reader.read(batch):
+            columns = messages.table.columns
+            values = np.stack([columns[name] for name in FRICTIONS], axis=-1)
+            yield from zip(columns["episode_id"].tolist(), values, strict=True)

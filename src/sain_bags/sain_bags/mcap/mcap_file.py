@@ -17,11 +17,19 @@ from typing import IO, Any, Final
 import numpy as np
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Schema, Statistics
+from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
+from mcap.stream_reader import StreamReader
 from numpy import ndarray
 
-from sain_bags.mcap.chunks import CHUNK_HEAD, MESSAGE_HEAD, RECORD_HEAD, chunk_data, message_places
-from sain_bags.mcap.integrity import opened, summary_records
+from sain_bags.mcap.integrity import (
+    CHUNK_HEAD,
+    MESSAGE_HEAD,
+    RECORD_HEAD,
+    check_summary,
+    chunk_data,
+    message_places,
+    opened,
+)
 from sain_core.errors import DatasetError
 
 MAGIC_SIZE: Final = 8
@@ -77,27 +85,30 @@ class McapFile:
         """
         self.path = path
         self.channels: dict[int, Channel] = {}
-        self._schemas: dict[int, Schema] = {}
+        self.schemas: dict[int, Schema] = {}
+        self.metadata: list[str] = []  # names of its metadata
         self._chunks: list[Stretch] = []
         statistics: Statistics | None = None
         with opened(path) as stream:
-            for record in summary_records(stream):
+            footer = check_summary(stream)
+            self.is_verified = bool(footer.summary_crc)
+            stream.seek(footer.summary_start)
+            reader = StreamReader(stream, skip_magic=True)
+            for record in reader.records if footer.summary_start else ():
                 if isinstance(record, Statistics):
                     statistics = record
                 elif isinstance(record, Schema):
-                    self._schemas[record.id] = record
+                    self.schemas[record.id] = record
                 elif isinstance(record, Channel):
                     self.channels[record.id] = record
                 elif isinstance(record, ChunkIndex):
                     self._chunks.append(_stretch(record))
+                elif isinstance(record, MetadataIndex):
+                    self.metadata.append(record.name)
             if statistics is None:
                 raise McapError("it has no summary")
         self.statistics: Statistics = statistics
         self._chunks.sort(key=lambda chunk: chunk.offset)
-
-    def schema(self, channel: Channel) -> Schema | None:
-        """Return what describes a channel's messages; None: nothing does."""
-        return self._schemas.get(channel.schema_id)
 
     def stretches(self, channels: Collection[int]) -> tuple[Stretch, ...]:
         """Return those that may hold messages of these channels, in the order of the file."""
@@ -169,25 +180,23 @@ def _indexed(
     data: ndarray, content: bytes, stretch: Stretch, channels: Collection[int]
 ) -> Messages:
     """Pick the messages that the indexes name, when each is what its index says it is."""
-    entries, owners = [], []
+    entries, owners = [np.empty(0, INDEX_ENTRY)], [np.empty(0, np.uint16)]
     indexes = stretch.indexes
     for channel in indexes.keys() & channels:
         start = indexes[channel] - stretch.offset
         opcode, length, owner, size = INDEX_HEAD.unpack_from(content, start)
         if (opcode, length, owner) != (Opcode.MESSAGE_INDEX, size + 6, channel) or size % 16:
             raise McapError("the index of a chunk is damaged")
-        start += INDEX_HEAD.size
-        entries.append(np.frombuffer(content, INDEX_ENTRY, size // 16, start))
+        entries.append(np.frombuffer(content, INDEX_ENTRY, size // 16, start + INDEX_HEAD.size))
         owners.append(np.full(size // 16, channel, dtype=np.uint16))
-    named = np.concatenate(entries) if entries else np.empty(0, INDEX_ENTRY)
+    named = np.concatenate(entries)
     order = np.argsort(named["place"], kind="stable")
-    named, owner = named[order], np.concatenate(owners)[order] if owners else np.empty(0)
+    named, owner = named[order], np.concatenate(owners)[order]
     places = named["place"].astype(np.int64)
     found = _at(data, places, channels)
-    fits = len(found.heads) == len(named) and (np.diff(places) > 0).all()
-    if not fits or (found.heads["log_time"] != named["log_time"]).any():
-        raise McapError("the index of a chunk does not fit it")
-    if (found.heads["channel"] != owner).any():
+    right = np.array_equal(found.heads["log_time"], named["log_time"])
+    right &= np.array_equal(found.heads["channel"], owner)
+    if not right or (np.diff(places) <= 0).any():
         raise McapError("the index of a chunk does not fit it")
     return found
 
@@ -211,11 +220,7 @@ def _at(data: ndarray, places: ndarray, channels: Collection[int]) -> Messages:
 
 
 def _scan(stream: IO[bytes]) -> Iterator[Stretch]:
-    """Find chunks, and messages without one, in a file whose summary does not name them.
-
-    Raises:
-        McapError: a record does not fit, or the data does not match its CRC.
-    """
+    """Find chunks, and messages without one, in a file whose summary does not name them."""
     stream.seek(0)
     crc = zlib.crc32(stream.read(MAGIC_SIZE))
     times: list[int] = []

@@ -10,7 +10,6 @@ Format: https://mcap.dev/spec. Two things are done otherwise than `mcap`'s own w
 import struct
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 import lz4.frame
@@ -49,32 +48,12 @@ COMPRESSORS: Final[dict[str, Callable[[], Callable[[Any], bytes]]]] = {
 }
 
 
-@dataclass
-class Contents:
-    """What is in a file."""
-
-    start: int = 0  # [ns since the epoch], the earliest log time
-    end: int = 0  # [ns since the epoch], the latest
-    counts: dict[int, int] = field(default_factory=dict)  # messages by channel
-
-    @property
-    def messages(self) -> int:
-        """Messages in the file."""
-        return sum(self.counts.values())
-
-
 class McapWriter:
     """One file in the making. Every method raises `OSError` where the disk fails."""
 
     def __init__(self, file: PreallocatedFile, compression: str, chunk_size: int) -> None:
-        """Begin a file.
-
-        Args:
-            file: new and empty; `finish` ends what is in it, and leaves it open.
-            compression: of chunks: none, lz4 or zstd.
-            chunk_size: chunks end at this size [bytes].
-        """
-        self.contents = Contents()
+        """Begin a new, empty file; chunks end at a size [bytes]. `finish` leaves the file open."""
+        self.statistics = Statistics(0, 0, {}, 0, 0, 0, 0, 0, 0)  # of what was written
         self.whole = False  # `finish` came to its end
         self._file = file
         self._compression = "" if compression == "none" else compression
@@ -98,7 +77,7 @@ class McapWriter:
 
     def add_schema(self, name: str, definition: str) -> int:
         """Describe a message type, by its name alone if that is all; return its number."""
-        number = len(self._schemas) + 1
+        number = self.statistics.schema_count = len(self._schemas) + 1
         encoding = SchemaEncoding.ROS2 if definition else SchemaEncoding.SelfDescribing
         schema = Schema(number, definition.encode(), encoding, name)
         self._schemas.append(schema)
@@ -107,7 +86,7 @@ class McapWriter:
 
     def add_channel(self, topic: str, schema: int, about: Mapping[str, str]) -> int:
         """Describe a topic; return its number."""
-        number = len(self._channels) + 1
+        number = self.statistics.channel_count = len(self._channels) + 1
         channel = Channel(number, topic, MessageEncoding.CDR, dict(about), schema)
         self._channels.append(channel)
         self._describe(channel)
@@ -134,6 +113,7 @@ class McapWriter:
         record = _record(Metadata(name, dict(values)))
         self._write(record)
         place = self._end - len(record)
+        self.statistics.metadata_count += 1
         self._metadata_indexes.append(MetadataIndex(offset=place, length=len(record), name=name))
 
     def end_chunk(self) -> None:
@@ -184,17 +164,21 @@ class McapWriter:
         self._fresh += content
 
     def _count(self, first: int, last: int, places: Mapping[int, list[int]]) -> None:
-        contents = self.contents
-        contents.start = min(contents.start, first) if contents.counts else first
-        contents.end = max(contents.end, last)
+        found = self.statistics
+        start = found.message_start_time if found.chunk_count else first
+        found.message_start_time = min(start, first)
+        found.message_end_time = max(found.message_end_time, last)
+        found.chunk_count += 1
+        counts = found.channel_message_counts
         for channel, index in places.items():
-            contents.counts[channel] = contents.counts.get(channel, 0) + len(index) // 2
+            found.message_count += len(index) // 2
+            counts[channel] = counts.get(channel, 0) + len(index) // 2
 
     def _summary(self) -> bytes:
         groups: tuple[tuple[int, Sequence[McapRecord]], ...] = (
             (Opcode.SCHEMA, self._schemas),
             (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.STATISTICS, [self.statistics]),
             (Opcode.CHUNK_INDEX, self._chunk_indexes),
             (Opcode.METADATA_INDEX, self._metadata_indexes),
         )
@@ -209,19 +193,6 @@ class McapWriter:
         begun = FOOTER_START.pack(Opcode.FOOTER, FOOTER_SIZE, start, offset_start)
         footer = Footer(start, offset_start, zlib.crc32(begun, zlib.crc32(summary)))
         return summary + _record(footer) + MCAP0_MAGIC
-
-    def _statistics(self) -> Statistics:
-        return Statistics(
-            attachment_count=0,
-            channel_count=len(self._channels),
-            channel_message_counts=dict(sorted(self.contents.counts.items())),
-            chunk_count=len(self._chunk_indexes),
-            message_count=self.contents.messages,
-            message_end_time=self.contents.end,
-            message_start_time=self.contents.start,
-            metadata_count=len(self._metadata_indexes),
-            schema_count=len(self._schemas),
-        )
 
     def _write(self, data: bytes) -> None:
         try:

@@ -1,9 +1,7 @@
-"""A file that can still be finished when the disk runs full, and how full the disk is."""
+"""A file that can still be finished when the disk runs full."""
 
 import errno
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -70,23 +68,3 @@ class PreallocatedFile:
             raise
         finally:
             os.close(descriptor)
-
-
-def free_space(folder: Path) -> int:
-    """Return what is left on a folder's disk [bytes].
-
-    Raises:
-        OSError: it is not known.
-    """
-    disk = os.statvfs(folder)
-    return disk.f_bavail * disk.f_frsize
-
-
-@contextmanager
-def removed_on_error(folder: Path) -> Iterator[None]:
-    """Remove a folder, which must be empty, when something goes wrong."""
-    try:
-        yield
-    except BaseException:
-        folder.rmdir()
-        raise

@@ -16,8 +16,14 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, McapRecord, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
-from sain_bags.mcap.chunks import LIMIT, MESSAGE_HEAD, RECORD_HEAD, chunk_content_fits, open_chunk
-from sain_bags.mcap.integrity import DAMAGE
+from sain_bags.mcap.integrity import (
+    DAMAGE,
+    LIMIT,
+    MESSAGE_HEAD,
+    RECORD_HEAD,
+    chunk_content_fits,
+    open_chunk,
+)
 from sain_core.errors import DatasetError
 
 WINDOW: Final = 1 << 20  # [bytes], searched at a time

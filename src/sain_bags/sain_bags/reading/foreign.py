@@ -1,11 +1,10 @@
-"""Bags whose storage is not MCAP, or that rosbag2 compressed: copied, for as long as they are read.
-
-`rosbags` reads them; it is an optional extra.
-"""
+"""Bags that are no MCAP files, or that rosbag2 compressed: copied, for as long as they are read."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+from rosbags.rosbag2 import Reader
 
 from sain_bags.bag.definitions import Definitions
 from sain_bags.bag.metadata import METADATA_FILE, Topic
@@ -28,7 +27,7 @@ class CopiedBag:
         """Copy a bag's messages.
 
         Raises:
-            DatasetError: it cannot be read, or what reads it is not installed.
+            DatasetError: it cannot be read.
         """
         self._place = TemporaryDirectory(prefix="sain_bags-")
         self.file = Path(self._place.name) / "copy" / "copy_0.mcap"
@@ -40,13 +39,6 @@ class CopiedBag:
 
 
 def _copy(folder: Path, out: Path) -> None:
-    try:
-        from rosbags.rosbag2 import Reader
-    except ImportError as error:
-        raise DatasetError(
-            f"{folder} is no bag of plain MCAP files; `pip install 'sain_bags[sqlite3]'` to read it"
-            " here, or `ros2 bag convert` it to MCAP"
-        ) from error
     try:
         with Reader(folder) as reader, BagWriter(out, BagConfig(compression="none")) as writer:
             for connection in reader.connections:

@@ -1,20 +1,18 @@
 """Reads bags without ROS: every message is decoded with the definitions that the bag carries."""
 
 import struct
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from mcap.records import McapRecord
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
-from sain_bags.bag.bag_folder import find_files
+from sain_bags.bag.metadata import find_files, span_of, whole_span
 from sain_bags.mcap.integrity import check_summary, opened
 from sain_bags.reading.bag_files import BagChannel, BagFiles
-from sain_bags.reading.batches import Batch
 from sain_bags.reading.foreign import CopiedBag, is_foreign
 from sain_core.errors import DatasetError
 
@@ -54,7 +52,7 @@ class Received:
     publish_time: int  # [ns since the epoch]
 
 
-class Bag:
+class Bag(BagFiles):
     """A whole bag: a rosbag2 folder with one or more files, or one MCAP file alone.
 
     Everything that is read is checked against the CRCs in MCAP files. Of any other storage a copy
@@ -70,9 +68,8 @@ class Bag:
         self.path = path
         self.metadata, self.files = find_files(path)
         self._copy = CopiedBag(path) if is_foreign(self.metadata) else None
-        self._content = BagFiles((self._copy.file,) if self._copy else self.files)
-        self.channels = self._content.channels
-        self._statistics = self._content.statistics
+        super().__init__((self._copy.file,) if self._copy else self.files)
+        self._span = whole_span(map(span_of, self.statistics))
 
     @property
     def file(self) -> Path:
@@ -91,7 +88,7 @@ class Bag:
         about: dict[tuple[str, str], Mapping[str, str]] = {}
         for found in self.channels:
             key = found.topic, found.type
-            numbers = self._statistics[found.file].channel_message_counts
+            numbers = self.statistics[found.file].channel_message_counts
             counts[key] += numbers.get(found.channel.id, 0)
             about[key] = {**about.get(key, {}), **found.channel.metadata}
         hashes = self._type_hashes()
@@ -108,20 +105,17 @@ class Bag:
     @property
     def message_count(self) -> int:
         """Messages in the bag."""
-        return sum(part.message_count for part in self._statistics)
+        return self._span.messages
 
     @property
     def start(self) -> int:
         """When the first message was received [ns since the epoch]."""
-        filled = (part for part in self._statistics if part.message_count)
-        return min((part.message_start_time for part in filled), default=0)
+        return self._span.start
 
     @property
     def duration(self) -> float:
         """Time from the first to the last message [s]."""
-        filled = (part for part in self._statistics if part.message_count)
-        end = max((part.message_end_time for part in filled), default=0)
-        return 1e-9 * (end - self.start)
+        return 1e-9 * (self._span.end - self._span.start)
 
     @property
     def custom_data(self) -> dict[str, str]:
@@ -174,41 +168,15 @@ class Bag:
         for _, raw in self._numbered(topics, start):
             yield raw
 
-    def batches(
-        self, topics: Collection[str] | None = None, start: int | None = None
-    ) -> Iterator[Batch]:
-        """Yield messages by the thousand, in the order in which they were received.
-
-        Args:
-            topics: only these; None: all.
-            start: only those received then or later [ns since the epoch]; None: all.
-
-        Raises:
-            DatasetError: damage was found on the way.
-        """
-        for batch in self._content.batches(topics, start):
-            chosen = batch if start is None else batch[batch.log_times >= start]
-            if len(chosen):
-                yield chosen
-
     def check(self) -> None:
         """Read the whole file and compare every CRC.
 
         Raises:
             DatasetError: a bit is not as it was written.
         """
-        for _ in self.records():
-            pass
-
-    def records(self) -> Iterator[McapRecord]:
-        """Yield every record as `mcap` has it, comparing every CRC on the way.
-
-        Raises:
-            DatasetError: a bit is not as it was written.
-        """
-        for file in self._content.paths:
+        for file in self.paths:
             with opened(file) as stream:
-                yield from StreamReader(stream, validate_crcs=True).records
+                deque(StreamReader(stream, validate_crcs=True).records, maxlen=0)
                 check_summary(stream)
 
     def _type_hashes(self) -> dict[tuple[str, str], str]:
@@ -238,12 +206,11 @@ class Bag:
 
 
 def _decoder(source: BagChannel, path: Path) -> Callable[[bytes], Any]:
-    encoding = source.channel.message_encoding
-    found = DecoderFactory().decoder_for(encoding, source.schema)
-    if found is None:
-        described = source.schema.encoding if source.schema else "nothing"
-        raise DatasetError(
-            f"{path}: {source.topic} is {encoding!r} and described by {described!r};"
-            " only CDR that a ros2msg text describes can be decoded"
-        )
+    try:
+        source.definition()
+    except DatasetError as error:
+        raise DatasetError(f"{path}: {error}") from error
+    found: Callable[[bytes], Any] | None
+    found = DecoderFactory().decoder_for(source.channel.message_encoding, source.schema)
+    assert found is not None
     return found

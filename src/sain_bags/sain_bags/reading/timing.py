@@ -1,72 +1,74 @@
-"""When the messages of each topic came: how often, the longest silence, and how many never came."""
+"""When the messages of each topic came, and how many never came."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Final
 
-from mcap.records import Channel, Message
+from sain_bags.reading.reader import Bag, Raw
 
-from sain_bags.reading.reader import Bag
-
-
-@dataclass(frozen=True)
-class TopicTiming:
-    """One topic's messages, in the order of the file."""
-
-    rate: float  # [Hz] between the first and the last, 0: not known
-    longest_gap: float  # [s] between two messages, 0: there are no two
-    missing: int | None  # numbers that its publisher gave and that are not there; None: not known
+BINS: Final = 120  # that a recording's time is cut into
+PLACES: Final = 200  # of missing messages, listed one by one
 
 
 @dataclass
-class _Progress:
+class TopicTiming:
+    """One topic's messages over the time of the recording."""
+
+    counts: list[int] = field(default_factory=lambda: [0] * BINS)  # messages in each bin
     messages: int = 0
     first: int = 0  # [ns since the epoch]
     last: int = 0
-    longest: int = 0  # [ns]
-    sequence: int = 0
-    published: int = 0  # [ns since the epoch]
-    missing: int | None = 0
+    longest_gap: float = 0.0  # [s] between two messages, 0: there are no two
+    gap_start: int = 0  # [ns since the epoch]
+    missing: int | None = 0  # numbers that its publisher gave and that never came; None: not known
+    places: list[tuple[int, int]] = field(default_factory=list)  # [ns since the epoch], how many
+    _sequence: int = 0
+    _published: int = 0  # [ns since the epoch]
 
-    def saw(self, message: Message) -> None:
-        if self.messages and message.sequence == self.sequence and self._is_repeated(message):
+    @property
+    def rate(self) -> float:
+        """Messages a second between the first and the last [Hz], 0: not known."""
+        duration = 1e-9 * (self.last - self.first)
+        return (self.messages - 1) / duration if duration > 0 else 0.0
+
+    def saw(self, message: Raw, place: int) -> None:
+        """Count a message in the bin of this place, but not one that was seen before: a latched
+        topic's, repeated at the head of a later file.
+        """
+        time, number = message.log_time, message.sequence
+        known = (self._sequence, self._published)
+        if self.messages and number and (number, message.publish_time) == known:
             return
         if self.messages:
-            self.longest = max(self.longest, message.log_time - self.last)
-            self._count(message.sequence)
+            if (gap := 1e-9 * (time - self.last)) > self.longest_gap:
+                self.longest_gap, self.gap_start = gap, self.last
+            self._count(time, number)
         else:
-            self.first = message.log_time
-            self.missing = 0 if message.sequence else None
+            self.first = time
+            self.missing = 0 if number else None
         self.messages += 1
-        self.last, self.sequence = message.log_time, message.sequence
-        self.published = message.publish_time
+        self.counts[place] += 1
+        self.last, self._sequence, self._published = time, number, message.publish_time
 
-    def _is_repeated(self, message: Message) -> bool:
-        """Tell whether it is what a latched topic held, again at the head of a later file."""
-        return bool(message.sequence) and message.publish_time == self.published
-
-    def _count(self, sequence: int) -> None:
+    def _count(self, log_time: int, sequence: int) -> None:
         # Numbers of several publishers run side by side, so that gaps cannot be counted.
-        if self.missing is None or sequence <= self.sequence:
-            self.missing = None
-        else:
-            self.missing += sequence - self.sequence - 1
-
-    def timing(self) -> TopicTiming:
-        duration = 1e-9 * (self.last - self.first)
-        rate = (self.messages - 1) / duration if duration > 0 else 0.0
-        return TopicTiming(rate, 1e-9 * self.longest, self.missing)
+        if self.missing is None or sequence <= self._sequence:
+            self.missing, self.places = None, []
+        elif lost := sequence - self._sequence - 1:
+            self.missing += lost
+            if len(self.places) < PLACES:
+                self.places.append((log_time, lost))
 
 
 def read_timings(bag: Bag) -> dict[str, TopicTiming]:
-    """Read the whole bag, comparing every CRC, and return the timing of each topic with messages.
+    """Read the whole bag, comparing each chunk with its CRC, and return the timing of each topic.
 
     Raises:
         DatasetError: a bit is not as it was written.
     """
-    names: dict[int, str] = {}
-    topics: dict[str, _Progress] = {}
-    for record in bag.records():
-        if isinstance(record, Channel):
-            names[record.id] = record.topic
-        elif isinstance(record, Message):
-            topics.setdefault(names[record.channel_id], _Progress()).saw(record)
-    return {name: progress.timing() for name, progress in topics.items()}
+    span = max(1, round(1e9 * bag.duration) + 1)
+    timings = {topic.name: TopicTiming() for topic in bag.topics}
+    start = bag.start
+    for raw in bag.raw_messages():
+        place = (raw.log_time - start) * BINS // span
+        timings[raw.topic].saw(raw, min(max(place, 0), BINS - 1))
+    return timings

@@ -14,14 +14,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.well_known import Profile
 from mcap.writer import Writer as McapWriter
 
-from sain_bags.bag.metadata import (
-    FileSummary,
-    Span,
-    Topic,
-    bag_metadata,
-    read_profiles,
-    write_metadata,
-)
+from sain_bags.bag.metadata import Span, Topic, bag_metadata, read_profiles, write_metadata
 from sain_core.errors import OutputError
 from sain_core.storage import PARTIAL
 
@@ -110,7 +103,7 @@ class BagCopy:
         self._file.flush()
         os.fsync(self._file.fileno())
         self._file.close()
-        metadata = bag_metadata([FileSummary(name, self.span)], topics, custom_data, ros_distro)
+        metadata = bag_metadata({name: self.span}, topics, custom_data, ros_distro)
         write_metadata(self._partial, metadata)
         self._partial.rename(self.folder)
 

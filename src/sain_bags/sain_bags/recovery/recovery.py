@@ -12,17 +12,12 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
 from sain_bags.bag.metadata import METADATA_RECORD, read_record
-from sain_bags.mcap.chunks import MESSAGE_HEAD, OpenedChunk, open_chunk
+from sain_bags.mcap.integrity import MESSAGE_HEAD, OpenedChunk, open_chunk
+from sain_bags.mcap.mcap_file import McapFile
 from sain_bags.mcap.scanner import Gap, Record, Scanner, is_exact, parse
 from sain_bags.recovery.bag_copy import BagCopy
 from sain_bags.recovery.recovery_report import FileReport, Loss, RecoveryOutcome, Report
-from sain_bags.recovery.verified_summary import (
-    Sidecar,
-    VerifiedSummary,
-    complete_sidecar,
-    read_sidecar,
-    read_verified_summary,
-)
+from sain_bags.recovery.sidecar import Sidecar, complete_sidecar, read_sidecar
 from sain_core.errors import DatasetError, OutputError
 
 Advance = Callable[[int], object]  # called with the number of bytes that were read
@@ -45,7 +40,7 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
         with BagCopy(out) as copy:
             files = tuple(_recover_file(path, copy, advance) for path in sidecar.files)
             sidecar = complete_sidecar(sidecar, files[-1].about, files[-1].described_bag)
-            report = _report(files, copy, sidecar)
+            report = Report(files, copy.counts, copy.span, sidecar)
             if report.outcome != RecoveryOutcome.NOTHING:
                 copy.finish(_custom_data(sidecar, report, source), sidecar.ros_distro)
             return report
@@ -54,18 +49,6 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
     except OSError as error:
         reason = error.strerror or error
         raise OutputError(f"cannot recover {source} to {out}: {reason}") from error
-
-
-def _report(files: tuple[FileReport, ...], copy: BagCopy, sidecar: Sidecar) -> Report:
-    return Report(
-        files=files,
-        counts=copy.counts,
-        start=copy.span.start,
-        end=copy.span.end,
-        listed=sidecar.counts,
-        lost=sidecar.lost,
-        note=sidecar.note,
-    )
 
 
 def _custom_data(sidecar: Sidecar, report: Report, source: Path) -> dict[str, str]:
@@ -77,9 +60,9 @@ def _custom_data(sidecar: Sidecar, report: Report, source: Path) -> dict[str, st
 
 def _recover_file(path: Path, copy: BagCopy, advance: Advance) -> FileReport:
     with path.open("rb") as stream:
-        summary = read_verified_summary(stream)
         scanner = Scanner(stream)
-        salvage = _Salvage(FileReport(path.name, scanner.size), copy, summary)
+        salvage = _Salvage(FileReport(path.name, scanner.size), copy)
+        salvage.expect(path)
         place = 0
         for found in scanner:
             salvage.take(found)
@@ -91,7 +74,7 @@ def _recover_file(path: Path, copy: BagCopy, advance: Advance) -> FileReport:
 class _Salvage:
     """One file's records on their way into the new bag."""
 
-    def __init__(self, report: FileReport, copy: BagCopy, summary: VerifiedSummary | None) -> None:
+    def __init__(self, report: FileReport, copy: BagCopy) -> None:
         self._report = report
         self._copy = copy
         self._schemas: dict[int, Schema] = {}
@@ -102,10 +85,24 @@ class _Salvage:
         self._last_time: int | None = None
         self._loss: Loss | None = None  # the latest, until a message after it is saved
         self._open: list[Loss] = []  # those without a message after them so far
-        if summary is not None:
-            self._declare(list(summary.schemas.values()), list(summary.channels.values()))
-            report.expected, report.expected_extras = summary.counts, summary.extras
-            report.described_bag = summary.describes_bag
+
+    def expect(self, path: Path) -> None:
+        """Learn what the file once had from its summary, where a CRC verifies that."""
+        try:
+            file = McapFile(path)
+        except DatasetError:
+            return
+        statistics, report, channels = file.statistics, self._report, file.channels
+        if not file.is_verified or not statistics.channel_message_counts.keys() <= channels.keys():
+            return
+        self._declare(list(file.schemas.values()), list(channels.values()))
+        expected = {channel.topic: 0 for channel in channels.values()}
+        for number, count in statistics.channel_message_counts.items():
+            expected[channels[number].topic] += count
+        about_bag = file.metadata.count(METADATA_RECORD)
+        report.expected, report.described_bag = expected, about_bag > 0
+        extras = statistics.attachment_count + statistics.metadata_count
+        report.expected_extras = extras - about_bag
 
     def take(self, found: Record | Gap) -> None:
         """Save a record, or note what is lost."""

@@ -5,6 +5,9 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
+from sain_bags.bag.metadata import Span
+from sain_bags.recovery.sidecar import Sidecar
+
 
 class RecoveryOutcome(IntEnum):
     """How a recovery ended; the exit code."""
@@ -82,11 +85,8 @@ class Report:
 
     files: tuple[FileReport, ...]
     counts: Mapping[str, int]  # messages saved, by topic
-    start: int  # [ns since the epoch], first message saved
-    end: int  # [ns since the epoch], last message saved
-    listed: Mapping[str, int] | None = None  # messages that metadata.yaml tells of, by topic
-    lost: str = ""  # what else is lost
-    note: str = ""
+    span: Span  # of the messages saved
+    sidecar: Sidecar  # what stands beside the files
 
     @property
     def messages(self) -> int:
@@ -106,8 +106,8 @@ class Report:
     @property
     def outcome(self) -> RecoveryOutcome:
         """Whether nothing was lost, something, or all."""
-        all_there = all(file.lossless for file in self.files) or self.counts == self.listed
-        if all_there and not self.doubtful and not self.lost:
+        all_there = all(file.lossless for file in self.files) or self.counts == self.sidecar.counts
+        if all_there and not self.doubtful and not self.sidecar.lost:
             return RecoveryOutcome.LOSSLESS
         return RecoveryOutcome.LOSSY if self.messages else RecoveryOutcome.NOTHING
 
@@ -117,7 +117,8 @@ class Report:
         expected: dict[str, int] = {}
         for file in self.files:
             if file.expected is None:
-                return None if self.listed is None else self._missing(self.listed)
+                listed = self.sidecar.counts
+                return None if listed is None else self._missing(listed)
             for topic, count in file.expected.items():
                 expected[topic] = expected.get(topic, 0) + count
         return self._missing(expected)

@@ -9,10 +9,10 @@ from typing import Any, Final
 import numpy as np
 
 from sain_bags.reading.reader import Bag
+from sain_bags.reading.timing import BINS, TopicTiming, read_timings
 from sain_bags.report.episode_content import describe_episode, outcome
 from sain_bags.report.gathering import Gathered, Limits, Progress, gather, graphs
 from sain_bags.report.pushes import models, rounded, target_error
-from sain_bags.report.timeline import BINS, describe_lane, read_lanes
 from sain_core.feasibility import Feasibility
 
 EPISODES_KEY: Final = "episodes"  # of the custom data: what `closed_loop` calls each with a goal
@@ -32,15 +32,12 @@ class Content:
 def read_content(bag: Bag, limits: Limits = Limits(), progress: Progress = lambda: None) -> Content:
     """Read a whole bag, comparing each chunk with its CRC, for its page.
 
-    Args:
-        bag: any bag; one without episodes still has topics.
-        limits: how much is shown.
-        progress: called for each message of an episode.
+    `progress` is called for each message of an episode. A bag without episodes still has topics.
 
     Raises:
         DatasetError: damage, or messages that make no sense.
     """
-    lanes = read_lanes(bag)
+    timings = read_timings(bag)
     recorded = [one for name in graphs(bag) for one in gather(bag, name, limits, progress)]
     titles = _titles(bag, recorded)
     idle = [one.idle for one in recorded]
@@ -59,7 +56,7 @@ def read_content(bag: Bag, limits: Limits = Limits(), progress: Progress = lambd
             {
                 "name": topic.name,
                 "type": topic.type,
-                **describe_lane(lanes[topic.name], bag.start),
+                **_timing(timings[topic.name], bag.start),
             }
             for topic in bag.topics
         ],
@@ -89,6 +86,19 @@ def _facts(bag: Bag) -> dict[str, Any]:
         "duration": rounded(bag.duration, 3),
         "messages": bag.message_count,
         "size": bag.size,
+    }
+
+
+def _timing(timing: TopicTiming, start: int) -> dict[str, Any]:
+    """Return when a topic's messages came; times are seconds from the start of the recording."""
+    return {
+        "messages": timing.messages,
+        "rate": timing.rate,
+        "counts": timing.counts,
+        "gap": timing.longest_gap,
+        "gapStart": 1e-9 * (timing.gap_start - start) if timing.longest_gap else 0.0,
+        "missing": timing.missing,
+        "places": [[1e-9 * (time - start), count] for time, count in timing.places],
     }
 
 

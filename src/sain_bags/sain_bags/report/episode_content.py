@@ -21,13 +21,7 @@ PUSHES: Final = 300  # of one episode that are shown
 
 
 def describe_episode(gathered: Gathered, title: str, start: int) -> dict[str, Any]:
-    """Return an episode for the page.
-
-    Args:
-        gathered: what is known of it.
-        title: what the page calls it.
-        start: of the recording [ns since the epoch].
-    """
+    """Return an episode for the page; the start of the recording is in [ns since the epoch]."""
     episode = gathered.episode
     frames = gathered.frames
     replaced = not frames

@@ -7,15 +7,16 @@ from typing import Any, Final
 
 from sain_bags.reading.reader import Bag, Received
 from sain_bags.report.frames import Frame, Frames
-from sain_bags.transitions.message_fields import PUSH, WORLD
-from sain_bags.transitions.recorded_episodes import (
+from sain_bags.transitions.message_fields import (
     EPISODE_TYPES,
+    PUSH,
     PUSH_RESULT,
     SCENE,
-    Episode,
-    collect_episodes,
+    WORLD,
+    namespaces,
     parent_of,
 )
+from sain_bags.transitions.recorded_episodes import Episode, collect_episodes
 from sain_core.errors import DatasetError, InvalidInputError
 
 Progress = Callable[[], object]
@@ -64,9 +65,7 @@ class Gathered:
 
 def graphs(bag: Bag) -> tuple[str, ...]:
     """Return the namespaces in which the bag has scenes, or results with scenes in them."""
-    shown = {SCENE, PUSH_RESULT}
-    found = {parent_of(topic.name) for topic in bag.topics if topic.type in shown}
-    return tuple(sorted(found))
+    return namespaces(bag, SCENE, PUSH_RESULT)
 
 
 def messages_to_read(bag: Bag) -> int:

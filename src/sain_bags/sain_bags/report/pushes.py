@@ -1,7 +1,6 @@
 """The pushes of an episode as the page shows them: what was expected of each, and what came."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -18,13 +17,7 @@ DIGITS: Final = 8  # of metres and radians: what the page rounds again stays wha
 PLACE_DIGITS: Final = 5  # of what is only drawn: hundredths of a millimetre
 LIMITS: Final = PushLimits()
 
-
-@dataclass(frozen=True)
-class Moments:
-    """The frames between which a push happened, None: unknown."""
-
-    first: int | None
-    last: int | None
+Moments = tuple[int | None, int | None]  # the frames between which a push happened; None: unknown
 
 
 def rounded(value: float | None, digits: int = DIGITS) -> float | None:
@@ -49,7 +42,7 @@ def answered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, Any]
         scenes = log.scenes.get(push.push_id, (0, 0))
         moments = _moments(frames, scenes, log.stamps.get(push.push_id, (0, 0)))
         if not push.executed:
-            moments = Moments(moments.first, moments.first)
+            moments = (moments[0], moments[0])
         found.append(_describe(push, episode, moments))
     return found
 
@@ -79,7 +72,7 @@ def unanswered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, An
             wall_time=float("nan"),
             plan=plans.get(push.push_id),
         )
-        moments = Moments(first, last if alone else first)
+        moments = (first, last if alone else first)
         found.append(_describe(record, gathered.episode, moments))
     return found
 
@@ -93,7 +86,7 @@ def _moments(frames: Sequence[Frame], scenes: tuple[int, int], stamps: tuple[int
     last = at_rest.get(scenes[1], after[0] if after else None)
     if first is not None and last is not None and last < first:
         last = first
-    return Moments(first, last)
+    return first, last
 
 
 def _describe(push: RecordedPush, episode: Episode, moments: Moments) -> dict[str, Any]:
@@ -113,8 +106,8 @@ def _describe(push: RecordedPush, episode: Episode, moments: Moments) -> dict[st
         "angle": rounded(push.push[1]),
         "length": rounded(push.push[2]),
         "duration": rounded(push.duration, 3),
-        "from": moments.first,
-        "to": moments.last,
+        "from": moments[0],
+        "to": moments[1],
         "tool": _tool(push.before, push.push),
         "before": poses(push.before),
         "after": poses(actual),

@@ -8,16 +8,19 @@ that the page's policy lets nothing run or load but what was written here.
 import base64
 import hashlib
 import json
+import re
+from collections.abc import Callable
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
-from sain_bags.report.bundling import bundle
 from sain_core.drawing.palette import DARK, PALETTE
 from sain_core.storage import write_whole
 
 SCRIPT: Final = "page.js"
+IMPORT: Final = re.compile(r'^import \{([^}]*)\} from "\./([\w.]+)";\n', re.MULTILINE)
+EXPORT: Final = re.compile(r"^export \{([^}]*)\};\n", re.MULTILINE)
 UNSAFE: Final = {ord(sign): f"\\u{ord(sign):04x}" for sign in "<>&\u2028\u2029"}
 
 
@@ -61,3 +64,40 @@ def _fill(template: str, **parts: str) -> str:
 
 def _part(name: str) -> str:
     return (files("sain_bags.report") / "page" / name).read_text(encoding="utf-8")
+
+
+def bundle(entry: str, read: Callable[[str], str]) -> str:
+    """Return a module with all that it imports, directly or not, as one script.
+
+    Each file becomes a function, so the same name in two files means two things. A file shares the
+    names of its line ``export { a, b };`` and sees those of its lines ``import { a } from "./b";``.
+
+    Raises:
+        ValueError: a file imports what another does not export, or files import each other.
+    """
+    shared: dict[str, set[str]] = {}
+    parts: list[str] = []
+
+    def add(name: str, above: tuple[str, ...]) -> None:
+        if name in above:
+            raise ValueError(f"modules import each other: {' > '.join([*above, name])}")
+        if name in shared:
+            return
+        text = read(name)
+        for names, other in IMPORT.findall(text):
+            add(other, (*above, name))
+            if unknown := _names(names) - shared[other]:
+                raise ValueError(f"{name} imports {sorted(unknown)}, which {other} does not export")
+        shared[name] = {one for names in EXPORT.findall(text) for one in _names(names)}
+        text = EXPORT.sub("", IMPORT.sub(r'const {\1} = modules["\2"];\n', text))
+        if left := re.search(r"^(import|export)\b.*", text, re.MULTILINE):
+            raise ValueError(f"{name}: write one plain list of names, not {left[0]!r}")
+        result = f"return {{ {', '.join(sorted(shared[name]))} }};"
+        parts.append(f'modules["{name}"] = (() => {{\n{text}{result}\n}})();')
+
+    add(entry, ())
+    return "\n".join(['"use strict";', "(() => {", "const modules = {};", *parts, "})();"])
+
+
+def _names(text: str) -> set[str]:
+    return {name.strip() for name in text.split(",")} - {""}

@@ -1,16 +1,19 @@
 """Between rclpy's words for a topic's ends and those of a bag."""
 
 import importlib
-from typing import Final
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.duration import Duration
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    LivelinessPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from sain_bags.bag.metadata import OfferedQos
-from sain_bags.writing.selection import RequestedQos
+from sain_bags.bag.metadata import TopicQos
 from sain_core.errors import InvalidInputError
-
-DEPTH: Final = 2000  # messages a burst may hold before the recorder falls behind
 
 
 def message_class(type_name: str) -> type:
@@ -31,10 +34,10 @@ def message_class(type_name: str) -> type:
     return found
 
 
-def offered_qos(info: TopicEndpointInfo) -> OfferedQos:
+def offered_qos(info: TopicEndpointInfo) -> TopicQos:
     """Return what a publisher offers, in rosbag2's words."""
     qos = info.qos_profile
-    return OfferedQos(
+    return TopicQos(
         history=qos.history.name.lower(),
         depth=qos.depth,
         reliability=qos.reliability.name.lower(),
@@ -46,16 +49,20 @@ def offered_qos(info: TopicEndpointInfo) -> OfferedQos:
     )
 
 
-def request_profile(wanted: RequestedQos) -> QoSProfile:
-    """Return the profile to subscribe with."""
+def qos_profile(qos: TopicQos) -> QoSProfile:
+    """Return rclpy's words for a profile."""
+    by_hand = qos.liveliness == "manual_by_topic"
     return QoSProfile(
-        depth=DEPTH,
-        reliability=(
-            ReliabilityPolicy.RELIABLE if wanted.reliable else ReliabilityPolicy.BEST_EFFORT
-        ),
-        durability=(
-            DurabilityPolicy.TRANSIENT_LOCAL
-            if wanted.transient_local
-            else DurabilityPolicy.VOLATILE
-        ),
+        history=HistoryPolicy.get_from_short_key(qos.history),
+        depth=qos.depth,
+        reliability=ReliabilityPolicy.get_from_short_key(qos.reliability),
+        durability=DurabilityPolicy.get_from_short_key(qos.durability),
+        deadline=_duration(qos.deadline),
+        lifespan=_duration(qos.lifespan),
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC if by_hand else LivelinessPolicy.AUTOMATIC,
+        liveliness_lease_duration=_duration(qos.liveliness_lease_duration),
     )
+
+
+def _duration(value: tuple[int, int]) -> Duration:
+    return Duration(nanoseconds=min(value[0] * 10**9 + value[1], 2**63 - 1))

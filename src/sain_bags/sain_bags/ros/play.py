@@ -1,9 +1,5 @@
 """``ros2 run sain_bags play``: publishes a bag's messages again, byte by byte, in their time."""
 
-import signal
-import time
-from threading import Event as Flag
-from types import FrameType
 from typing import Final
 
 from rich.console import Console
@@ -13,31 +9,11 @@ from sain_bags.cli.options import PlayOptions
 from sain_bags.playing import CLOCK, Event, Passage, Played, choose_topics, play
 from sain_bags.reading.reader import Bag
 from sain_bags.ros.player import Player
+from sain_bags.ros.stop_signal import StopSignal
 from sain_core.ros.node_main import ros_context
 
 LOOK: Final = 0.02  # [s], between two looks for subscribers
 SHOWN: Final = 0.2  # [s], between two looks at the bar
-
-
-class PlaybackClock:
-    """Monotonic time, and an end that a signal asks for."""
-
-    def __init__(self) -> None:
-        """Take over SIGINT and SIGTERM."""
-        self._end = Flag()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._note)
-
-    def now(self) -> float:
-        """Return the time [s]."""
-        return time.monotonic()
-
-    def wait(self, seconds: float) -> bool:
-        """Wait so long, or until a signal; tell whether one came."""
-        return self._end.wait(seconds) if seconds > 0.0 else self._end.is_set()
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        self._end.set()
 
 
 def run(options: PlayOptions, console: Console) -> None:
@@ -55,7 +31,7 @@ def run(options: PlayOptions, console: Console) -> None:
 
 def play_bag(options: PlayOptions, console: Console) -> Played:
     """Play a bag; rclpy is initialised. Raises as `run`."""
-    watch, bag = PlaybackClock(), Bag(options.bag)
+    watch, bag = StopSignal(), Bag(options.bag)
     chosen = choose_topics(bag, options.topics, options.passage.clock > 0.0)
     player = Player(chosen, options.namespace)
     try:
@@ -70,7 +46,7 @@ def play_bag(options: PlayOptions, console: Console) -> Played:
     return played
 
 
-def await_subscribers(player: Player, patience: float, watch: PlaybackClock) -> None:
+def await_subscribers(player: Player, patience: float, watch: StopSignal) -> None:
     """Wait until every topic has a subscriber, not longer than patience allows [s]."""
     end = watch.now() + patience
     while player.unheard() and watch.now() < end and not watch.wait(LOOK):
@@ -78,7 +54,7 @@ def await_subscribers(player: Player, patience: float, watch: PlaybackClock) -> 
 
 
 def _play_with_bar(
-    passage: Passage, player: Player, watch: PlaybackClock, options: PlayOptions, console: Console
+    passage: Passage, player: Player, watch: StopSignal, options: PlayOptions, console: Console
 ) -> Played:
     columns = (
         TextColumn("play"),

@@ -8,19 +8,12 @@ from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import (
-    DurabilityPolicy,
-    HistoryPolicy,
-    LivelinessPolicy,
-    QoSProfile,
-    ReliabilityPolicy,
-)
 from rosgraph_msgs.msg import Clock
 
-from sain_bags.bag.metadata import OfferedQos, read_profiles
+from sain_bags.bag.metadata import read_profiles
 from sain_bags.playing import CLOCK, Event, merge_offers, place_in
 from sain_bags.reading.reader import TopicSummary
-from sain_bags.ros.endpoints import message_class
+from sain_bags.ros.endpoints import message_class, qos_profile
 from sain_core.errors import DatasetError, InvalidInputError
 
 PARTING: Final = 2.0  # [s], for what was sent last to arrive
@@ -87,7 +80,7 @@ class Player(Node):
         offer = merge_offers(read_profiles(topic.offered_qos))
         kind = message_class(topic.type)
         try:
-            publisher = self.create_publisher(kind, name, offer_profile(offer))
+            publisher = self.create_publisher(kind, name, qos_profile(offer))
         except NameValidationException as error:
             raise InvalidInputError(f"{name} is no topic's name") from error
         here = self._type_hash(publisher.topic_name)
@@ -106,30 +99,3 @@ class Player(Node):
             if (info.node_name, info.node_namespace) == (self.get_name(), self.get_namespace()):
                 return str(info.topic_type_hash)
         return ""
-
-
-def offer_profile(offer: OfferedQos) -> QoSProfile:
-    """Return rclpy's words for a profile."""
-    keep_all, latched = offer.history == "keep_all", offer.durability == "transient_local"
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_ALL if keep_all else HistoryPolicy.KEEP_LAST,
-        depth=offer.depth,
-        reliability=(
-            ReliabilityPolicy.BEST_EFFORT
-            if offer.reliability == "best_effort"
-            else ReliabilityPolicy.RELIABLE
-        ),
-        durability=(DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE),
-        deadline=_duration(offer.deadline),
-        lifespan=_duration(offer.lifespan),
-        liveliness=(
-            LivelinessPolicy.MANUAL_BY_TOPIC
-            if offer.liveliness == "manual_by_topic"
-            else LivelinessPolicy.AUTOMATIC
-        ),
-        liveliness_lease_duration=_duration(offer.liveliness_lease_duration),
-    )
-
-
-def _duration(value: tuple[int, int]) -> Duration:
-    return Duration(nanoseconds=min(value[0] * 10**9 + value[1], 2**63 - 1))

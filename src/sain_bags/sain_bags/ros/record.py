@@ -1,14 +1,13 @@
 """``ros2 run sain_bags record``: records topics to a bag, those that appear late too."""
 
-import signal
 import time
-from types import FrameType
 from typing import Final
 
 from rich.console import Console
 
 from sain_bags.cli.options import RecordOptions
 from sain_bags.ros.recorder import Recorder
+from sain_bags.ros.stop_signal import StopSignal
 from sain_bags.writing.gaps import MISSING_KEY, describe_gaps
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
 from sain_bags.writing.selection import Selection
@@ -52,7 +51,7 @@ def record(options: RecordOptions, console: Console) -> None:
     started = time.monotonic()
     custom_data = parse_custom_data(options.custom_data)
     selection = Selection(frozenset(options.topics), options.include_hidden)
-    stop = _StopSignal()
+    stop = StopSignal()
     with BagWriter(options.out, options.bag, custom_data) as writer:
         recorder = Recorder(writer, selection)
 
@@ -62,10 +61,9 @@ def record(options: RecordOptions, console: Console) -> None:
 
         try:
             with StatusDisplay(console, options.status_period) as display:
-                while not stop.came:
+                while not stop.wait(PASS_PERIOD):
                     recorder.work()
                     display.show(status)
-                    time.sleep(PASS_PERIOD)
                 drain(recorder)
         finally:
             writer.custom_data[MISSING_KEY] = describe_gaps(recorder.gaps)
@@ -85,15 +83,3 @@ def drain(recorder: Recorder) -> None:
         time.sleep(PASS_PERIOD)
         if time.monotonic() > enough + DRAIN_TIME:  # there is always more of some topics
             return
-
-
-class _StopSignal:
-    """Remembers that SIGINT or SIGTERM came, so that the bag is closed in the main flow."""
-
-    def __init__(self) -> None:
-        self.came = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._note)
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        self.came = True

@@ -16,11 +16,11 @@ from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from sain_bags.bag.metadata import Topic
-from sain_bags.ros.endpoints import offered_qos, request_profile
+from sain_bags.bag.metadata import Topic, TopicQos
+from sain_bags.ros.endpoints import offered_qos, qos_profile
 from sain_bags.ros.recordable_types import RecordableType, RecordableTypes
 from sain_bags.writing.gaps import Gaps
-from sain_bags.writing.selection import RequestedQos, Selection, adapt
+from sain_bags.writing.selection import Selection, adapt
 from sain_bags.writing.writer import BagWriter
 from sain_core.errors import InvalidInputError
 
@@ -41,7 +41,7 @@ class Recorded:
     topic: Topic
     kind: RecordableType
     gaps: Gaps
-    wanted: RequestedQos | None = None
+    wanted: TopicQos | None = None
     subscription: Subscription | None = None
     described: Topic | None = None  # as in the bag; None: its definition is awaited
     seen: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=SEEN))
@@ -54,13 +54,7 @@ class Recorder(Node):
     """Subscribes to topics as they appear, and writes their bytes as they come."""
 
     def __init__(self, writer: BagWriter, selection: Selection, **options: Any) -> None:
-        """Record with a writer that the caller closes; `work` does it all.
-
-        Args:
-            writer: of the bag.
-            selection: the topics to record.
-            **options: of the node.
-        """
+        """Record with a writer that the caller closes; `work` does it all."""
         overrides = [Parameter(name, value=value) for name, value in ENTITIES.items()]
         super().__init__(
             "recorder", start_parameter_services=False, parameter_overrides=overrides, **options
@@ -162,10 +156,10 @@ class Recorder(Node):
             self._writer.add_topic(topic)
             recorded.described = topic
 
-    def _subscribe(self, recorded: Recorded, wanted: RequestedQos) -> None:
+    def _subscribe(self, recorded: Recorded, wanted: TopicQos) -> None:
         name, former = recorded.topic.name, recorded.subscription
         subscription = self.create_subscription(
-            recorded.kind.message_class, name, _unused, request_profile(wanted), raw=True
+            recorded.kind.message_class, name, _unused, qos_profile(wanted), raw=True
         )
         if former is not None:
             while self._take(recorded):

@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.message_fields import PUSH
+from sain_bags.transitions.message_fields import GOAL, PREDICTION, PUSH, PUSH_RESULT, SCENE
 from sain_bags.transitions.messages import ChannelMessages
-from sain_bags.transitions.paired_pushes import FROM_RESULT, NONE, OK, PairedPushes
-from sain_bags.transitions.recorded_episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
+from sain_bags.transitions.paired_pushes import FROM_RESULT, IDS, NONE, OK, PairedPushes
 from sain_bags.transitions.tables import Message
 
 ANY_EPISODE = 0  # in a goal: it holds for all
@@ -37,13 +36,9 @@ class PushStretch(NamedTuple):
         return list(zip(episodes, self.goals.places(rows), strict=True))
 
     def with_goals(self, earlier: Mapping[int, Message]) -> PairedPushes:
-        """Return the pushes, each with the latest goal of its episode, or else the latest for any.
-
-        Args:
-            earlier: the latest goals before the stretch, by episode.
-        """
+        """Return the pushes, each with the latest goal of its episode, else the latest for any."""
         found = [goal for _, goal in self.given()]
-        episodes = self.pushes.episodes
+        episodes = self.pushes.ids["episode"]
         chosen = self._latest(episodes)
         general = self._latest(np.full_like(episodes, ANY_EPISODE))
         for episode in np.unique(episodes[chosen == NONE]).tolist():
@@ -103,13 +98,9 @@ def find_contiguous(
     known: Callable[[ndarray], ndarray],
     with_predictions: bool,
 ) -> Contiguous | None:
-    """Return the contiguous pushes of a batch; None: there are none.
+    """Return the contiguous pushes of a batch of so many messages; None: there are none.
 
-    Args:
-        messages: of the batch, by channel.
-        count: of all messages in the batch.
-        known: tells which push ids (R,) occurred in an earlier batch.
-        with_predictions: whether a push needs a prediction to be complete.
+    `known` tells which push ids (R,) occurred in an earlier batch.
     """
     kinds = {one.kind: one for one in messages}
     if PUSH_RESULT not in kinds or SCENE in kinds or len(kinds) < len(messages):
@@ -137,14 +128,15 @@ def find_contiguous(
     found = rows[PUSH_RESULT][right]
     results = (kinds[PUSH_RESULT].table, found)
     columns = kinds[PUSH_RESULT].table.columns
+    named_by_result = (
+        columns[name][found]
+        for name in ("push.episode_id", "push.scene_id", "episode_id", "error_code")
+    )
+    began = times[spots[begins[right]]]
+    ids_of_pushes = np.rec.fromarrays([named[right], *named_by_result, began], dtype=IDS)
     pushes = PairedPushes(
         np.arange(len(found)),
-        named[right],
-        columns["push.episode_id"][found],
-        columns["push.scene_id"][found],
-        columns["episode_id"][found],
-        columns["error_code"][found].astype(np.int64),
-        times[spots[begins[right]]],
+        ids_of_pushes,
         (kinds[PREDICTION].table, rows[PREDICTION][right]) if with_predictions else None,
         FROM_RESULT,
         (results, results, results),

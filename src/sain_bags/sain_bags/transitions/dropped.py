@@ -50,13 +50,13 @@ def drop(
     pushes: PairedPushes,
     chosen: ndarray,
     reason: str,
-    why: Callable[[PairedPushes, int], str],
+    why: Callable[[PairedPushes, int], str] | None,
     dropped: dict[int, Dropped],
 ) -> None:
-    """Add some pushes to those that are no rows, with the reason and a detail of each."""
+    """Add some pushes to those that are no rows, with the reason and a detail of each, if any."""
     for push in chosen.tolist():
-        detail, named = why(pushes, push), _about(pushes, push)
-        named = f"{named}: {detail}" if detail else named
+        named = _about(pushes, push)
+        named = f"{named}: {why(pushes, push)}" if why else named
         dropped[int(pushes.places[push])] = Dropped(reason, named)
 
 
@@ -88,18 +88,14 @@ def why_no_goal(pushes: PairedPushes, push: int) -> str:
     raise AssertionError(f"nothing is wrong with the goal of {_about(pushes, push)}")
 
 
-def no_detail(pushes: PairedPushes, push: int) -> str:
-    """Return no detail: the reason is enough."""
-    return ""
-
-
 def named_push(push_id: int, episode: int) -> str:
     """Return in words which push it is."""
     return f"push {push_id} of episode {episode}"
 
 
 def _about(pushes: PairedPushes, push: int) -> str:
-    return named_push(int(pushes.push_ids[push]), int(pushes.planned_in[push]))
+    ids = pushes.ids[push]
+    return named_push(int(ids["push_id"]), int(ids["planned_in"]))
 
 
 def _possible(scene: Scene, name: str) -> Scene:

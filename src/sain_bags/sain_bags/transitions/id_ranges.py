@@ -1,6 +1,6 @@
 """A set of numbers that are mostly counted up: it remembers ranges, not numbers."""
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 
 import numpy as np
 from numpy import ndarray
@@ -31,31 +31,20 @@ class IdRanges:
         """Return how many ranges are remembered."""
         return len(self._starts)
 
-    def add(self, number: int) -> None:
-        """Add a number; one that is there already changes nothing."""
-        if self._ends and number == self._ends[-1] + 1:
-            self._ends[-1] = number
-            return
-        if number in self:
-            return
-        place = bisect_right(self._starts, number)
-        if place and self._ends[place - 1] == number - 1:
-            self._ends[place - 1] = number
-            place -= 1
-        else:
-            self._starts.insert(place, number)
-            self._ends.insert(place, number)
-        if place + 1 < len(self._starts) and self._starts[place + 1] == self._ends[place] + 1:
-            self._ends[place] = self._ends.pop(place + 1)
-            del self._starts[place + 1]
+    def add(self, first: int, last: int | None = None) -> None:
+        """Add a number, or all from the first to the last; what is there already stays."""
+        last = first if last is None else last
+        # The ranges from `low` up to `high` overlap the new one or adjoin it.
+        low = bisect_left(self._ends, first - 1)
+        high = bisect_right(self._starts, last + 1)
+        if low < high:
+            first, last = min(first, self._starts[low]), max(last, self._ends[high - 1])
+        self._starts[low:high] = [first]
+        self._ends[low:high] = [last]
 
     def add_all(self, numbers: ndarray) -> None:
-        """Add numbers (M,), none of which is there yet."""
+        """Add numbers (M,)."""
         ordered = np.sort(numbers)
-        breaks = np.flatnonzero(ordered[1:] - ordered[:-1] != 1) + 1
+        breaks = np.flatnonzero(ordered[1:] - ordered[:-1] > 1) + 1
         for run in np.split(ordered, breaks):
-            first, last = int(run[0]), int(run[-1])
-            self.add(first)
-            if last > first:
-                self._ends[bisect_right(self._starts, first) - 1] = last - 1
-                self.add(last)
+            self.add(int(run[0]), int(run[-1]))

@@ -1,16 +1,21 @@
-"""The fields of the graph's messages that rows need, and the check that a bag has them."""
+"""The types of the graph's messages, where a bag has them, and their fields that rows need."""
 
 from collections.abc import Sequence
 from typing import Final
 
-from sain_bags.bag.message_types import MessageTypes, read_types
-from sain_bags.reading.bag_files import BagChannel
-from sain_bags.transitions.recorded_episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE
+from sain_bags.bag.layouts import MessageTypes
+from sain_bags.reading.reader import Bag
 from sain_core.dataset import FRICTIONS
 from sain_core.errors import DatasetError
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
 
+SCENE: Final = "sain_interfaces/msg/Scene"
+GOAL: Final = "sain_interfaces/msg/Goal"
+PLAN: Final = "sain_interfaces/msg/Plan"
+PUSH_RESULT: Final = "sain_interfaces/msg/PushResult"
+PREDICTION: Final = "sain_interfaces/msg/PushPrediction"
+EPISODE_TYPES: Final = frozenset({SCENE, GOAL, PLAN, PUSH_RESULT, PREDICTION})
 PUSH: Final = "sain_interfaces/msg/Push"
 WORLD: Final = "sain_interfaces/msg/WorldParameters"
 DISKS: Final = "disks"
@@ -35,22 +40,6 @@ FIELDS: Final = {
 TEXTS: Final = frozenset({"model", "error_message"})
 
 
-def channel_types(channel: BagChannel) -> MessageTypes:
-    """Return the message types that a channel's schema describes.
-
-    Raises:
-        DatasetError: they are not CDR, or described in another way.
-    """
-    schema, encoding = channel.schema, channel.channel.message_encoding
-    if schema is None or (encoding, schema.encoding) != ("cdr", "ros2msg"):
-        described = schema.encoding if schema else "nothing"
-        raise DatasetError(
-            f"{channel.topic} is {encoding!r} and described by {described!r};"
-            " only CDR that a ros2msg text describes can be decoded"
-        )
-    return read_types(schema.name, schema.data.decode(errors="replace"))
-
-
 def all_paths(fields: Sequence[str]) -> list[str]:
     """Return the paths of fields, those of disks once for each number of a disk."""
     disks = [
@@ -70,3 +59,14 @@ def check_path(types: MessageTypes, name: str, path: str) -> None:
     is_text = kind == "string"
     if kind in types or is_text != (path in TEXTS):
         raise DatasetError(f"{path} of {name} is a {kind}")
+
+
+def namespaces(bag: Bag, *types: str) -> tuple[str, ...]:
+    """Return the namespaces in which the bag has messages of some types, or else scenes."""
+    wanted = types or (SCENE,)
+    return tuple(sorted({parent_of(topic.name) for topic in bag.topics if topic.type in wanted}))
+
+
+def parent_of(topic: str) -> str:
+    """Return the namespace that a topic is in."""
+    return topic.rpartition("/")[0]

@@ -7,10 +7,8 @@ from itertools import repeat
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.reading.bag_files import BagChannel
-from sain_bags.reading.batches import Batch
-from sain_bags.transitions.message_fields import FIELDS
-from sain_bags.transitions.recorded_episodes import SCENE
+from sain_bags.reading.bag_files import BagChannel, Batch
+from sain_bags.transitions.message_fields import FIELDS, SCENE
 from sain_bags.transitions.tables import Message, MessageTable, TableReader
 
 

@@ -23,6 +23,16 @@ FIELDS_OF: Final = {  # prefixes of the fields of the push, the scene before and
     FROM_RESULT: ("push.", "before.", "after."),
     FROM_SCENES: ("", "", ""),
 }
+IDS: Final = np.dtype(
+    [
+        ("push_id", "u8"),
+        ("planned_in", "u8"),  # episode that the push names
+        ("planned_from", "u8"),  # id of the scene that it names
+        ("episode", "u8"),  # that the result names, if there is one
+        ("code", "i8"),  # of the result; 0: there is none
+        ("log_time", "i8"),  # [ns since the epoch] of the first message about it
+    ]
+)
 GOAL_FIELDS: Final = ("x", "y", "tolerance")
 SECOND: Final = 1_000_000_000  # [ns]
 
@@ -80,12 +90,7 @@ class PairedPushes:
     """K pushes; the scenes of all are from results, or of all from scene messages."""
 
     places: ndarray  # (K,) their order among all pushes that were paired at once
-    push_ids: ndarray  # (K,)
-    planned_in: ndarray  # (K,) episode that the push names
-    planned_from: ndarray  # (K,) id of the scene that it names
-    episodes: ndarray  # (K,) that the result names, if there is one
-    codes: ndarray  # (K,) of the results; 0: there is none
-    times: ndarray  # (K,) [ns since the epoch] of the first message about each
+    ids: ndarray  # (K,) `IDS`
     predictions: Found | None  # rows (K,), `NONE` where there is none; None: there are none at all
     source: str  # of the scenes: `FROM_RESULT` or `FROM_SCENES`
     messages: tuple[Found, Found, Found]  # with push, scene before, scene after; all the results
@@ -162,18 +167,10 @@ class PairedPushes:
     def part(self, chosen: slice) -> "PairedPushes":
         """Return some of the pushes, which have no goals yet."""
         sent, before, after = ((table, rows[chosen]) for table, rows in self.messages)
-        return PairedPushes(
-            np.arange(len(self.places[chosen])),
-            self.push_ids[chosen],
-            self.planned_in[chosen],
-            self.planned_from[chosen],
-            self.episodes[chosen],
-            self.codes[chosen],
-            self.times[chosen],
-            self.predictions and (self.predictions[0], self.predictions[1][chosen]),
-            self.source,
-            (sent, before, after),
-        )
+        predictions = self.predictions and (self.predictions[0], self.predictions[1][chosen])
+        ids, messages = self.ids[chosen], (sent, before, after)
+        places = np.arange(len(ids))
+        return PairedPushes(places, ids, predictions, self.source, messages)
 
 
 def as_columns(pushes: Sequence[PendingPush], places: Sequence[int]) -> PairedPushes:
@@ -187,14 +184,11 @@ def as_columns(pushes: Sequence[PendingPush], places: Sequence[int]) -> PairedPu
         rows = np.full(len(chosen), NONE)
         rows[predicted] = found
         predictions = (table, rows)
-    columns = (
-        np.array([push.push_id for push in chosen], dtype=np.uint64),
-        np.array([push.planned_from[0] for push in chosen], dtype=np.uint64),
-        np.array([push.planned_from[1] for push in chosen], dtype=np.uint64),
-        np.array([push.episode_id for push in chosen], dtype=np.uint64),
-        np.array([push.code for push in chosen], dtype=np.int64),
-        np.array([push.log_time for push in chosen], dtype=np.int64),
-    )
+    rows_of_ids = [
+        (push.push_id, *push.planned_from, push.episode_id, push.code, push.log_time)
+        for push in chosen
+    ]
+    ids = np.array(rows_of_ids, dtype=IDS)
     goals = _there([push.goal for push in chosen])
     goal_of = np.where(given, np.cumsum(given) - 1, NONE)
     if chosen[0].result is not None:
@@ -205,7 +199,7 @@ def as_columns(pushes: Sequence[PendingPush], places: Sequence[int]) -> PairedPu
         before = gather(_there([push.before for push in chosen]))
         after = gather(_there([push.after for push in chosen]))
         messages, source = (sent, before, after), FROM_SCENES
-    return PairedPushes(np.array(places), *columns, predictions, source, messages, goals, goal_of)
+    return PairedPushes(np.array(places), ids, predictions, source, messages, goals, goal_of)
 
 
 def _there(messages: Sequence[Message | None]) -> list[Message]:

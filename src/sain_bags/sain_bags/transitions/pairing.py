@@ -17,15 +17,13 @@ from numpy import ndarray
 
 from sain_bags.transitions.contiguous import ANY_EPISODE, PushStretch, find_contiguous
 from sain_bags.transitions.id_ranges import IdRanges
-from sain_bags.transitions.message_fields import PUSH
+from sain_bags.transitions.message_fields import GOAL, PREDICTION, PUSH, SCENE
 from sain_bags.transitions.messages import ChannelMessages
 from sain_bags.transitions.paired_pushes import NONE, OK, PairedPushes, PendingPush, SceneId
-from sain_bags.transitions.recorded_episodes import GOAL, PREDICTION, SCENE
 from sain_bags.transitions.tables import Message
 
 WINDOW: Final = 1000  # pushes that wait, scenes and predictions that are kept for pushes to come
 SHORT: Final = 16  # contiguous pushes that are faster paired one by one
-
 
 Paired = list[PendingPush] | PairedPushes  # in the order of the pushes
 Calls = tuple[Callable[..., None], Iterator[tuple[Any, ...]]]  # a method and its arguments
@@ -174,8 +172,9 @@ class Pairing:
         pushes = stretch.with_goals(self._goals)
         self._ready.append(pushes)
         self._goals.update(stretch.given())
-        self._done.add_all(pushes.push_ids)
-        self._executed.append(np.stack([pushes.planned_in, pushes.planned_from], axis=-1))
+        self._done.add_all(pushes.ids["push_id"])
+        planned = [pushes.ids[name] for name in ("planned_in", "planned_from")]
+        self._executed.append(np.stack(planned, axis=-1))
         while sum(map(len, self._executed)) - len(self._executed[0]) > self._window:
             self._executed.popleft()
 
@@ -187,11 +186,9 @@ class Pairing:
         for push, row in enumerate(rows.tolist()):
             while len(goals) > len(goal_spots) - given[push]:
                 self.goal(*goals.popleft())
-            planned = int(pushes.planned_in[push]), int(pushes.planned_from[push])
-            number, time = int(pushes.push_ids[push]), int(pushes.times[push])
-            pending = self._wait(PendingPush(number, planned, time))
-            pending.result, pending.code = (table, row), OK
-            pending.episode_id = int(pushes.episodes[push])
+            number, planned_in, planned_from, episode, code, time = pushes.ids[push].item()
+            pending = self._wait(PendingPush(number, (planned_in, planned_from), time))
+            pending.result, pending.code, pending.episode_id = (table, row), code, episode
             if pushes.predictions is not None:
                 pending.prediction = (pushes.predictions[0], int(pushes.predictions[1][push]))
             self._release_complete()

@@ -5,24 +5,27 @@ Everything is paired by the ids that the messages carry; time stamps pair nothin
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from sain_bags.reading.reader import Bag, Received
+from sain_bags.transitions.message_fields import (
+    EPISODE_TYPES,
+    GOAL,
+    PLAN,
+    PREDICTION,
+    PUSH_RESULT,
+    SCENE,
+    namespaces,
+    parent_of,
+)
 from sain_core.errors import DatasetError, ErrorCode, InvalidInputError
 from sain_core.push import PUSH_NAMES
 from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, Table, target_distance
 from sain_core.types import Points, PushArray, Pushes, Scene, Scenes
 from sain_core.wire import decode_disks, decode_goal, decode_plan, decode_push
-
-SCENE: Final = "sain_interfaces/msg/Scene"
-GOAL: Final = "sain_interfaces/msg/Goal"
-PLAN: Final = "sain_interfaces/msg/Plan"
-PUSH_RESULT: Final = "sain_interfaces/msg/PushResult"
-PREDICTION: Final = "sain_interfaces/msg/PushPrediction"
-EPISODE_TYPES: Final = frozenset({SCENE, GOAL, PLAN, PUSH_RESULT, PREDICTION})
 
 
 @dataclass(frozen=True)
@@ -151,11 +154,6 @@ def read_episodes(bag: Bag, namespace: str | None = None) -> tuple[Episode, ...]
         raise DatasetError(f"{bag.path} holds a message that makes no sense: {error}") from error
 
 
-def namespaces(bag: Bag) -> tuple[str, ...]:
-    """Return the namespaces in which the bag has scenes."""
-    return tuple(sorted({parent_of(topic.name) for topic in bag.topics if topic.type == SCENE}))
-
-
 def collect_episodes(messages: Iterable[Received]) -> tuple[Episode, ...]:
     """Sort messages of one graph, in the order received, into episodes."""
     drafts: dict[int, _Draft] = {}
@@ -243,8 +241,3 @@ def _choose(found: tuple[str, ...], wanted: str | None, bag: Bag) -> str:
     if wanted is not None and wanted not in found:
         raise DatasetError(f"{bag.path} holds no graph {wanted!r}; it has {', '.join(found)}")
     return found[0] if wanted is None else wanted
-
-
-def parent_of(topic: str) -> str:
-    """Return the namespace that a topic is in."""
-    return topic.rpartition("/")[0]

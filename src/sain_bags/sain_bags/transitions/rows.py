@@ -1,6 +1,7 @@
 """Pushes of a recording as rows of a data set, a batch at a time."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from itertools import groupby
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,12 +14,11 @@ from sain_bags.transitions.dropped import (
     UNSETTLED,
     Dropped,
     drop,
-    no_detail,
     why_no_goal,
     why_no_row,
     why_senseless,
 )
-from sain_bags.transitions.paired_pushes import PairedPushes, PendingPush, as_columns
+from sain_bags.transitions.paired_pushes import PairedPushes, as_columns
 from sain_bags.transitions.pairing import Paired
 from sain_core.dataset import MOVED, Column
 from sain_core.dynamics import Dynamics
@@ -54,22 +54,28 @@ class RowMaker:
         self._moved_only, self._keep_unsettled = moved_only, keep_unsettled
 
     def rows(self, pushes: Paired) -> tuple[list[RowBlock], list[Dropped]]:
-        """Return the rows of pushes, by numbers of disks, and those that are none, in order."""
+        """Return the rows of pushes, and those that are none, in their order."""
         dropped: dict[int, Dropped] = {}
         if isinstance(pushes, PairedPushes):
             blocks = self._blocks(pushes, dropped)
         else:
-            blocks = []
-            for places in _by_source(pushes, dropped):
-                blocks += self._blocks(as_columns(pushes, places), dropped)
-        return _merged(blocks), [dropped[place] for place in sorted(dropped)]
+            blocks, left = [], []
+            for place, push in enumerate(pushes):
+                if (found := why_no_row(push)) is None:
+                    left.append(place)
+                else:
+                    dropped[place] = found
+            for _, places in groupby(left, key=lambda place: pushes[place].result is None):
+                blocks += self._blocks(as_columns(pushes, list(places)), dropped)
+        blocks = [block for block in blocks if len(block.places)]
+        return blocks, [dropped[place] for place in sorted(dropped)]
 
     def _blocks(self, pushes: PairedPushes, dropped: dict[int, Dropped]) -> list[RowBlock]:
         before, after = pushes.before, pushes.after
         left = np.ones(len(pushes), dtype=bool)
         if not self._keep_unsettled:
             left &= before.settled & after.settled
-            drop(pushes, np.flatnonzero(~left), UNSETTLED, no_detail, dropped)
+            drop(pushes, np.flatnonzero(~left), UNSETTLED, None, dropped)
         alike = (before.counts == after.counts) & (before.counts >= MIN_DISKS)
         drop(pushes, np.flatnonzero(left & ~alike), SENSELESS, why_senseless, dropped)
         left &= alike
@@ -87,7 +93,9 @@ class RowMaker:
         physics, predicted = pushes.physics(chosen, count), pushes.predicted[chosen]
         kept = np.ones(len(chosen), dtype=bool)
 
-        def keep(right: ndarray, reason: str, why: Callable[[PairedPushes, int], str]) -> None:
+        def keep(
+            right: ndarray, reason: str, why: Callable[[PairedPushes, int], str] | None = None
+        ) -> None:
             drop(pushes, chosen[kept & ~right], reason, why, dropped)
             np.logical_and(kept, right, out=kept)
 
@@ -104,7 +112,7 @@ class RowMaker:
         finite = np.isfinite(pushes.goal_values).all(axis=-1) | ~pushes.given
         keep(finite[chosen], SENSELESS, why_no_goal)
         if self._moved_only:
-            keep(_moved(before, after), NOT_MOVED, no_detail)
+            keep(_moved(before, after), NOT_MOVED)
         if not kept.all():
             chosen, before, after, physics = (
                 array[kept] for array in (chosen, before, after, physics)
@@ -113,20 +121,20 @@ class RowMaker:
         return RowBlock(pushes.places[chosen], columns)
 
     def _push_columns(self, pushes: PairedPushes, chosen: ndarray) -> dict[str, ndarray]:
-        computed = COMPUTED + self._prior_name
+        computed, ids = COMPUTED + self._prior_name, pushes.ids[chosen]
         models = np.where(pushes.predicted, pushes.models, computed)[chosen]
         return {
             Column.ACTION: pushes.actions[chosen],
             Column.DURATION: pushes.durations[chosen],
             Column.GOAL: pushes.goal_values[chosen, :2],
             Column.TOLERANCE: pushes.goal_values[chosen, 2],
-            Column.PUSH_ID: pushes.push_ids[chosen],
-            Column.BAG_EPISODE: pushes.episodes[chosen],
+            Column.PUSH_ID: ids["push_id"],
+            Column.BAG_EPISODE: ids["episode"],
             Column.BAG_SCENE: pushes.before.numbers[chosen].astype(np.uint64),
-            Column.OUTCOME: pushes.codes[chosen],
+            Column.OUTCOME: ids["code"],
             Column.STAMP: pushes.before.stamps[chosen],
             Column.NEXT_STAMP: pushes.after.stamps[chosen],
-            Column.LOG_TIME: pushes.times[chosen],
+            Column.LOG_TIME: ids["log_time"],
             Column.SOURCE: np.full(len(chosen), pushes.source),
             Column.PHYSICS_SOURCE: models.astype(np.str_),
         }
@@ -152,17 +160,6 @@ class RowMaker:
         return predicted, reasons
 
 
-def _by_source(pushes: Sequence[PendingPush], dropped: dict[int, Dropped]) -> list[list[int]]:
-    """Return the places of pushes that may be rows, by the source of their scenes."""
-    chosen: dict[bool, list[int]] = {}
-    for place, push in enumerate(pushes):
-        if (found := why_no_row(push)) is not None:
-            dropped[place] = found
-        else:
-            chosen.setdefault(push.result is None, []).append(place)
-    return list(chosen.values())
-
-
 def _possible(scenes: Scenes) -> ndarray:
     """Return which scenes (M, N, 8) are of finite numbers, with masses and radii."""
     finite = np.isfinite(scenes).all(axis=(1, 2))
@@ -185,22 +182,3 @@ def _scene_columns(before: Scenes, after: Scenes, physics: Scenes) -> dict[str, 
         Column.RADII: before[..., RADIUS],
         Column.MOVED: _moved(before, after),
     }
-
-
-def _merged(blocks: list[RowBlock]) -> list[RowBlock]:
-    """Return blocks of rows in their order, one for each number of disks."""
-    merged: dict[int, RowBlock] = {}
-    for block in blocks:
-        disks = block.columns[Column.MASSES].shape[1]
-        if disks in merged:
-            places = np.concatenate([merged[disks].places, block.places])
-            order = np.argsort(places)
-            first = merged[disks].columns
-            columns = {
-                name: np.concatenate([first[name], column])[order]
-                for name, column in block.columns.items()
-            }
-            merged[disks] = RowBlock(places[order], columns)
-        else:
-            merged[disks] = block
-    return [block for block in merged.values() if len(block.places)]

@@ -1,15 +1,22 @@
 """The recordings that a data set is made from."""
 
 import hashlib
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from sain_bags.bag.metadata import METADATA_FILE
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.message_fields import PUSH
-from sain_bags.transitions.recorded_episodes import GOAL, PREDICTION, PUSH_RESULT, SCENE, parent_of
+from sain_bags.transitions.message_fields import (
+    GOAL,
+    PREDICTION,
+    PUSH,
+    PUSH_RESULT,
+    SCENE,
+    namespaces,
+    parent_of,
+)
 from sain_core.errors import DatasetError
 
 ALWAYS: Final = frozenset({PUSH, PUSH_RESULT, PREDICTION, GOAL})
@@ -102,7 +109,7 @@ def find_bags(path: Path) -> tuple[Path, ...]:
 
 def _open(path: Path, namespace: str | None) -> Source:
     bag = Bag(path)
-    found = _namespaces(bag, {PUSH, PUSH_RESULT}) or _namespaces(bag, {SCENE})
+    found = namespaces(bag, PUSH, PUSH_RESULT) or namespaces(bag)
     chosen = _choose(bag, found, namespace)
     counts = dict.fromkeys(sorted(ALWAYS | {SCENE}), 0)
     for topic in bag.topics:
@@ -128,10 +135,6 @@ def _choose(bag: Bag, found: Sequence[str], wanted: str | None) -> str:
             " with --namespace"
         )
     return wanted if wanted is not None else next(iter(found), "")
-
-
-def _namespaces(bag: Bag, types: Collection[str]) -> tuple[str, ...]:
-    return tuple(sorted({parent_of(topic.name) for topic in bag.topics if topic.type in types}))
 
 
 def _contents(bag: Bag) -> str:

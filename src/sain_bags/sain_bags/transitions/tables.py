@@ -12,16 +12,9 @@ from typing import Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.bag.layouts import Layout, find_layout
-from sain_bags.reading.bag_files import BagChannel
-from sain_bags.reading.batches import Batch
-from sain_bags.transitions.message_fields import (
-    DISKS,
-    FIELDS,
-    all_paths,
-    channel_types,
-    check_path,
-)
+from sain_bags.bag.layouts import Layout, find_layout, read_types
+from sain_bags.reading.bag_files import BagChannel, Batch
+from sain_bags.transitions.message_fields import DISKS, FIELDS, all_paths, check_path
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_NAMES, STATE_SIZE
 
@@ -110,7 +103,7 @@ class TableReader:
             DatasetError: they cannot be read, or lack a field that is needed.
         """
         self._channel = channel
-        self._types = channel_types(channel)
+        self._types = read_types(channel.type, channel.definition())
         self._layouts: defaultdict[int, list[Layout]] = defaultdict(list)
         self._wanted = all_paths(FIELDS[channel.type])
         for path in self._wanted:

@@ -4,17 +4,10 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from sain_bags.bag.metadata import OfferedQos
+from sain_bags.bag.metadata import TopicQos
 
+DEPTH: Final = 2000  # messages a burst may hold before the recorder falls behind
 SERVICE_EVENT: Final = "/_service_event"  # ends the names of the topics of service introspection
-
-
-@dataclass(frozen=True)
-class RequestedQos:
-    """The quality of service that a recorder requests."""
-
-    reliable: bool
-    transient_local: bool
 
 
 @dataclass(frozen=True)
@@ -39,12 +32,16 @@ def is_hidden(topic: str) -> bool:
     return any(part.startswith("_") for part in topic.split("/"))
 
 
-def adapt(offers: Sequence[OfferedQos]) -> RequestedQos:
+def adapt(offers: Sequence[TopicQos]) -> TopicQos:
     """Return the strongest request that every publisher of a topic can serve.
 
     A request stronger than an offer is not matched, and nothing would be received.
     """
-    return RequestedQos(
-        reliable=bool(offers) and all(qos.reliability == "reliable" for qos in offers),
-        transient_local=bool(offers) and all(qos.durability == "transient_local" for qos in offers),
+    reliable = offers and all(qos.reliability == "reliable" for qos in offers)
+    latched = offers and all(qos.durability == "transient_local" for qos in offers)
+    return TopicQos(
+        history="keep_last",
+        depth=DEPTH,
+        reliability="reliable" if reliable else "best_effort",
+        durability="transient_local" if latched else "volatile",
     )

@@ -6,7 +6,9 @@ rosbag2 and its readers refuse such a folder, and what was flushed (`BagConfig.f
 can still be recovered from the file.
 """
 
+import shutil
 import time
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,14 +16,12 @@ from typing import Final
 
 from sain_bags.bag.metadata import Topic, bag_metadata, write_metadata
 from sain_bags.mcap.integrity import RESCUE
-from sain_bags.mcap.preallocated_file import free_space, removed_on_error
-from sain_bags.writing.latched import Held, Latched
-from sain_bags.writing.split_file import SplitFile
-from sain_bags.writing.split_files import SplitFiles
+from sain_bags.writing.split_files import SplitFile, SplitFiles
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError, OutputError
 
 EARLY: Final = 0.9  # of the flush period: flushing takes a moment, too
+HELD_OF_SEVERAL: Final = 64  # latched messages, where publishers are several: each may be anyone's
 WORD: Final = 0xFFFFFFFF  # sequence numbers have 32 bits in MCAP
 
 
@@ -72,7 +72,7 @@ class BagWriter:
         self._topics: dict[str, Topic] = {}
         self._channels: dict[str, int] = {}  # in the file
         self._counts: dict[str, int] = {}
-        self._latched = Latched()
+        self._latched: dict[str, deque[tuple[int, int, bytes]]] = {}  # the last messages
         self.split_files = SplitFiles()
         self._file_start = 0  # [ns since the epoch], its first message; 0: it has none yet
         self._flush_at: float | None = None  # by `time.monotonic`; None: just flushed
@@ -89,7 +89,9 @@ class BagWriter:
         """Add a topic, or update it with the offered profiles of later publishers."""
         self._topics[topic.name] = topic
         self._counts.setdefault(topic.name, 0)
-        self._latched.add(topic)
+        if topic.is_latched or topic.name in self._latched:
+            depth = HELD_OF_SEVERAL if topic.publishers > 1 else 1
+            self._latched[topic.name] = deque(self._latched.get(topic.name, ()), maxlen=depth)
         self._channels[topic.name] = self._file.channel(topic)
 
     def write(
@@ -120,14 +122,13 @@ class BagWriter:
         try:
             if self._is_file_done(received):
                 self._split(received)
-            self._file.write(self._channels[topic], sequence, received, published, data)
+            self._file.add_message(self._channels[topic], sequence, received, published, data)
         except OSError as error:
             raise self._error(error) from error
         self._file_start = self._file_start or received
         self._counts[topic] += 1
-        held = self._latched.of(topic)
-        if held is not None:
-            held.append(Held(sequence, published, data))
+        if topic in self._latched:
+            self._latched[topic].append((sequence, published, data))
         self.flush_if_due()
 
     def flush_if_due(self) -> None:
@@ -169,7 +170,10 @@ class BagWriter:
         failures = self.split_files.close()
         try:
             if self.split_files.are_whole:
-                write_metadata(self.folder, self._metadata())
+                counts = self.split_files.counts(self._topics)
+                topics = [(topic, counts[name]) for name, topic in self._topics.items()]
+                about = (self.split_files.spans, topics, self.custom_data, self._ros_distro)
+                write_metadata(self.folder, bag_metadata(*about))
         except OSError as error:
             failures.append(error)
         for failure in failures:
@@ -187,12 +191,11 @@ class BagWriter:
 
     def _is_file_done(self, received: int) -> bool:
         config = self._config
-        if not self._file_start or not (config.split_size or config.split_duration):
+        if not self._file_start:
             return False
-        if config.split_size and self._file.size >= config.split_size:
+        if 0 < config.split_size <= self._file.size:
             return True
-        age = 1e-9 * (received - self._file_start)
-        return 0.0 < config.split_duration <= age
+        return 0.0 < config.split_duration <= 1e-9 * (received - self._file_start)
 
     def _split(self, received: int) -> None:
         """Begin another file, which repeats what latched topics hold; end this one meanwhile."""
@@ -201,20 +204,14 @@ class BagWriter:
         self.split_files.add(file)
         self._file, self._file_start, self._flush_at = file, 0, None
         self._channels = {name: file.channel(topic) for name, topic in self._topics.items()}
-        for topic, held in self._latched:
-            file.write(self._channels[topic], held.sequence, received, held.published, held.data)
+        for topic, messages in self._latched.items():
+            for sequence, published, data in messages:
+                file.add_message(self._channels[topic], sequence, received, published, data)
 
     def _begin_file(self) -> SplitFile:
         path = self.folder / f"{self.folder.name}_{len(self.split_files)}.mcap"
-        config = self._config
-        return SplitFile(
-            path, config.compression, config.chunk_size, self.custom_data, self._ros_distro
-        )
-
-    def _metadata(self) -> dict[str, object]:
-        counts = self.split_files.counts(self._topics)
-        topics = [(topic, counts[name]) for name, topic in self._topics.items()]
-        return bag_metadata(self.split_files.summaries, topics, self.custom_data, self._ros_distro)
+        about = (self.custom_data, self._ros_distro)
+        return SplitFile(path, self._config.compression, self._config.chunk_size, *about)
 
     def _check(self) -> None:
         if self._file.full:
@@ -223,7 +220,7 @@ class BagWriter:
         self._check_free_space()
 
     def _check_free_space(self) -> None:
-        free, least = free_space(self.folder), self._config.min_free_space
+        free, least = shutil.disk_usage(self.folder).free, self._config.min_free_space
         if free < least:
             raise OutputError(
                 f"only {free / 1e6:,.1f} MB are left on the disk for the bag {self.folder};"
@@ -234,13 +231,15 @@ class BagWriter:
         folder = self.folder
         try:
             folder.mkdir(parents=True)
-            with removed_on_error(folder):
+            try:
                 self._check_free_space()
                 return self._begin_file()
+            except BaseException:
+                folder.rmdir()
+                raise
         except FileExistsError as error:
-            raise OutputError(
-                f"{folder} exists; a bag is never overwritten, choose another"
-            ) from error
+            message = f"{folder} exists; a bag is never overwritten, choose another"
+            raise OutputError(message) from error
         except OSError as error:
             raise self._error(error) from error
 

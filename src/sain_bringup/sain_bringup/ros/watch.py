@@ -3,7 +3,7 @@
 import sys
 import time
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from importlib import import_module
 from typing import Any, Final
@@ -15,10 +15,11 @@ from rich.console import Console
 
 from sain_bringup.options import WatchOptions
 from sain_core.errors import ConfigError
-from sain_core.ros.node_main import NAMESPACE, SPIN, ros_context, spin_until
+from sain_core.ros.node_main import NAMESPACE, SPIN, ros_context
 
 PROGRAM: Final = "ros2 run sain_bringup watch"
 QUIET: Final = 1.0  # [s] without a new topic: all are seen
+ALIKE: Final = 0.8  # of the letters: a slip, and no other topic of the graph
 SHOWN: Final = 12  # numbers of an array
 
 
@@ -56,13 +57,21 @@ class Watcher(Node):
     def watch(self, topic: str, timeout_s: float) -> None:
         """Print the messages of a topic from now on.
 
+        The topic may appear later, unless there is one of nearly its name.
+
         Raises:
             ConfigError: nobody publishes it.
         """
         name = self.resolve_topic_name(topic)
-        if not spin_until(self, lambda: self.count_publishers(name) > 0, timeout_s):
-            raise ConfigError(self._unknown(name))
-        publishers = self.get_publishers_info_by_topic(name)
+        deadline = time.monotonic() + timeout_s
+        seen, since = self.topics(), time.monotonic()
+        while not (publishers := self.get_publishers_info_by_topic(name)):
+            misspelt = time.monotonic() - since > QUIET and is_misspelt(name, seen)
+            if misspelt or time.monotonic() > deadline:
+                raise ConfigError(self._unknown(name))
+            rclpy.spin_once(self, timeout_sec=SPIN)
+            if (topics := self.topics()).keys() != seen.keys():
+                seen, since = topics, time.monotonic()
         qos = matching_qos([publisher.qos_profile for publisher in publishers])
         kind = message_class(publishers[0].topic_type)
         self.create_subscription(kind, name, self._on_message, qos)
@@ -79,6 +88,13 @@ class Watcher(Node):
         self.received += 1
         sys.stdout.write("\n".join(lines(message)) + "\n---\n")
         sys.stdout.flush()
+
+
+def is_misspelt(name: str, topics: Iterable[str]) -> bool:
+    """Tell whether a topic in the same namespace has nearly this name."""
+    namespace, _, own = name.rpartition("/")
+    others = [t.rpartition("/")[2] for t in topics if t.rpartition("/")[0] == namespace]
+    return bool(get_close_matches(own, others, n=1, cutoff=ALIKE))
 
 
 def matching_qos(offered: list[QoSProfile]) -> QoSProfile:

@@ -6,15 +6,14 @@ once, and Ctrl-C during the imports ends the process without a traceback.
 """
 
 import io
-import os
-import signal
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stderr
+from collections.abc import Callable
+from contextlib import redirect_stderr
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from typing import Annotated, Any, Final, Literal, get_type_hints
 
+from sain_core.cli.interrupts import interrupts_after_imports, silent_interrupts
 from sain_core.config import describe_values
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
 
@@ -54,7 +53,8 @@ class Command:
             except SainError as error:
                 return self._fail(error, WRONG_USAGE if isinstance(error, ConfigError) else 1)
             work = load(self.name, self.work)
-        return self._run(work, options)
+        with interrupts_after_imports(arguments is None):
+            return self._run(work, options)
 
     def _run(self, work: Callable[..., int | None], options: Any) -> int:
         from rich.console import Console
@@ -171,16 +171,3 @@ def load(command: str, path: str) -> Any:
     """Return what stands at ``module:name`` in the package of a command."""
     module, _, name = path.partition(":")
     return getattr(import_module(f"{command.split()[0]}.{module}"), name)
-
-
-@contextmanager
-def silent_interrupts(active: bool) -> Iterator[None]:
-    """Let Ctrl-C end the process at once: imports may swallow or rewrite `KeyboardInterrupt`."""
-    if not active:
-        yield
-        return
-    before = signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -19,13 +19,12 @@ def refuse_peers(node: Node, topics: Iterable[str], wait_s: float) -> None:
     Raises:
         BusyError: naming topic and peer.
     """
-    names = [node.resolve_topic_name(topic) for topic in topics]
     end = time.monotonic() + wait_s
     while True:
-        for name in names:
-            for peer in node.get_publishers_info_by_topic(name):
+        for topic in topics:
+            for peer in _publishers(node, topic):
                 raise BusyError(
-                    f"{peer.node_namespace.rstrip('/')}/{peer.node_name} publishes {name} already;"
+                    f"{peer} publishes {node.resolve_topic_name(topic)} already;"
                     " stop it, or start this one with another ROS_DOMAIN_ID"
                 )
         if time.monotonic() >= end:
@@ -41,12 +40,9 @@ def refuse_rivals(node: Node, topics: Iterable[str]) -> None:
     Raises:
         BusyError: naming topic and publishers.
     """
-    for name in (node.resolve_topic_name(topic) for topic in topics):
-        owners = [
-            f"{owner.node_namespace.rstrip('/')}/{owner.node_name}"
-            for owner in node.get_publishers_info_by_topic(name)
-        ]
-        if len(owners) > 1:
+    for topic in topics:
+        if len(owners := _publishers(node, topic)) > 1:
+            name = node.resolve_topic_name(topic)
             raise BusyError(
                 f"{' and '.join(owners)} publish {name}, so another graph is running already;"
                 " stop it, or start this one with another ROS_DOMAIN_ID"
@@ -55,4 +51,10 @@ def refuse_rivals(node: Node, topics: Iterable[str]) -> None:
 
 def publisher_count(node: Node, topic: str) -> int:
     """Return how many publishers a topic has, the node itself included."""
-    return len(node.get_publishers_info_by_topic(node.resolve_topic_name(topic)))
+    return len(_publishers(node, topic))
+
+
+def _publishers(node: Node, topic: str) -> list[str]:
+    """Return the full names of the nodes that publish a topic."""
+    found = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
+    return [f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in found]

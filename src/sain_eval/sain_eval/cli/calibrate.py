@@ -28,12 +28,14 @@ def run(command: CalibrateOptions, console: Console) -> None:
     out = make_folder(command.out)
     data = _data(command, console)
     with _bar(console) as bar:
-        task = bar.add_task("fit", total=command.fit.evaluations, cost=float("nan"))
+        task = bar.add_task("fit", total=command.evaluations, cost=float("nan"))
 
         def advance(evaluations: int, cost: float) -> None:
             bar.update(task, completed=evaluations, cost=cost)
 
-        calibration = calibrate(data, command.fit, advance)
+        calibration = calibrate(
+            data, command.fit_share, command.evaluations, command.seed, command.axes, advance
+        )
     command_text = ros2_command("sain_eval", "calibrate")
     text = markdown(calibration, data, command_text)
     write_whole(out / "calibration.md", text.encode())

@@ -14,6 +14,7 @@ from rich.progress import (
 )
 
 from sain_core.cli.fitting_table import FittingTable
+from sain_core.cli.interrupts import silent_interrupts
 from sain_core.provenance import ros2_command
 from sain_core.storage import make_folder, write_whole
 from sain_eval.cli.options import EvaluateOptions
@@ -45,8 +46,9 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
         OutputError: the folder cannot be written or holds other results.
         CheckpointError: a controller's model cannot be loaded.
     """
-    for name in options.controller_names:
-        agent_maker(name, options.agent)  # a bad name should not wait for its first scene
+    with silent_interrupts():
+        for name in options.controller_names:
+            agent_maker(name, options.agent)  # a bad name should not wait for its first scene
     journal = Journal(make_folder(options.out), options.settings())
     jobs = jobs_of(options, journal.done)
     if len(jobs) < len(journal.done):

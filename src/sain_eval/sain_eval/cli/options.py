@@ -9,7 +9,6 @@ import tyro
 
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
-from sain_eval.calibration_settings import CalibrationConfig
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.loop.agent import AgentConfig
 from sain_mppi.search.config import PlannerConfig
@@ -18,7 +17,6 @@ from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 PAPER_SCENARIOS: Final = "paper,paper_shift,paper_cube"
 PAPER_CONTROLLERS: Final = "null,straight,random,planar,sain"
 PAPER_TOLERANCES: Final = "0.05,0.02,0.01,0.005"
-PAPER_SCENES: Final = 40  # paper Table I
 
 
 @dataclass(frozen=True)
@@ -127,7 +125,15 @@ class CalibrateOptions(Config):
     episodes: int = option(200, "episodes to collect when no data set is given", minimum=1)
     collection_seed: int = option(1000, "seed of the collection", minimum=0)
     workers: int = option(1, "processes that collect", minimum=1, maximum=4096)
-    fit: CalibrationConfig = CalibrationConfig()
+    fit_share: float = option(
+        0.25,
+        "share of the episodes used for the fit; the others are the test",
+        minimum=0.05,
+        maximum=0.9,
+    )
+    evaluations: int = option(600, "largest number of evaluations of the prior", minimum=1)
+    seed: int = option(0, "seed of the choice of episodes", minimum=0)
+    axes: bool = option(False, "fit the prior whose friction depends on the world's axes")
 
 
 def _split(words: str, name: str) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -83,30 +84,28 @@ BASELINES: Final[dict[str, Callable[[Feasibility], Decider]]] = {
 AgentMaker = Callable[[ScenarioScene], Agent]
 
 
-def agent_maker(name: str, config: AgentConfig | None = None) -> AgentMaker:
-    """Return a function that makes an agent for a scene; models are loaded once, here.
+@cache
+def agent_maker(name: str, config: AgentConfig = AgentConfig()) -> AgentMaker:
+    """Return a function that makes an agent for a scene; each model is loaded once in a process.
 
-    Args:
-        name: null, straight, random, oracle, or a dynamics that an installed package offers
-            (planar, sain, ...), or a checkpoint's path. The oracle plans with the planar prior at
-            the true friction, and never learns from earlier pushes.
-        config: how to decide; None: as the planner's node does by default.
+    The name is null, straight, random, oracle, a dynamics that an installed package offers (planar,
+    sain, ...), or a checkpoint's path. The oracle plans with the planar prior at the true friction,
+    and never learns from earlier pushes.
 
     Raises:
         ConfigError: an empty or unknown name.
         CheckpointError: a checkpoint that cannot be loaded.
     """
-    settings = config or AgentConfig()
     if not name:
         raise ConfigError(f"a controller needs a name: {', '.join(BASELINES)} or a dynamics")
     if name in BASELINES:
-        return lambda scene: Agent(BASELINES[name](settings.feasibility), settings)
-    physics = as_rollout(load_dynamics(settings.prior))
+        return lambda scene: Agent(BASELINES[name](config.feasibility), config)
+    physics = as_rollout(load_dynamics(config.prior))
     if name == ORACLE:
-        blind = replace(settings, history=False)
+        blind = replace(config, history=False)
         return lambda scene: planning_agent(as_rollout(_true_physics(scene)), physics, blind)
     model = as_rollout(load_dynamics(name))
-    return lambda scene: planning_agent(model, physics, settings)
+    return lambda scene: planning_agent(model, physics, config)
 
 
 def _true_physics(scene: ScenarioScene) -> PlanarPrior:

@@ -3,13 +3,12 @@
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 
 from sain_core.drawing.figures import write_png
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
-from sain_eval.loop.controllers import AgentMaker, agent_maker
+from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.results import SceneRecord, scene_records
 from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
@@ -40,7 +39,7 @@ class EpisodeJob:
 def play_job(job: EpisodeJob) -> EpisodeOutcome:
     """Run one episode to the tightest tolerance."""
     case = job.case()
-    agent = _maker(job.controller, job.agent)(case)
+    agent = agent_maker(job.controller, job.agent)(case)
     return run_episode(case, agent, min(job.tolerances))
 
 
@@ -69,9 +68,3 @@ def run_jobs(jobs: Sequence[EpisodeJob], workers: int) -> Iterator[list[SceneRec
                 yield future.result()
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
-
-
-@cache
-def _maker(controller: str, config: AgentConfig) -> AgentMaker:
-    """Load each model once in a process."""
-    return agent_maker(controller, config)

@@ -17,19 +17,14 @@ class EpisodeRecord:
     goal: Float[ndarray, "2"]
     tolerance: float  # [m]
     pushes: tuple[PushRecord, ...]
-    start: Scene | None = None  # (N, 8); without it the first push's `before`
+    start: Scene  # (N, 8)
     shapes: tuple[str, ...] = ()  # the name of each disk's shape; empty: all disks
     title: str = ""
 
     @property
     def scenes(self) -> tuple[Scene, ...]:
         """All settled scenes, from the first to the last."""
-        first = self.start
-        if first is None:
-            if not self.pushes:
-                raise ValueError("an episode without pushes needs its start")
-            first = self.pushes[0].before
-        return (first, *(push.after for push in self.pushes))
+        return (self.start, *(push.after for push in self.pushes))
 
     def pushes_to(self, tolerance: float, table: Table = Table()) -> int | None:
         """Return after how many pushes the target first lay within tolerance [m], if ever.

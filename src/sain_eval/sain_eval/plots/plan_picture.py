@@ -15,8 +15,7 @@ from sain_core.push import tool_end, tool_start
 from sain_core.scene import MID, POSITION, RADIUS, TARGET
 from sain_core.types import Scene
 from sain_eval.plots.legend import draw_legend
-from sain_eval.plots.tabletop import draw_table, frame_view
-from sain_eval.plots.top_view import draw_arrow
+from sain_eval.plots.top_view import draw_arrow, draw_table, frame_view
 from sain_mppi.search.goal import Goal
 from sain_mppi.search.result import PlanResult
 

@@ -28,7 +28,6 @@ from sain_sim.world.parameters import (
 )
 
 MAX_PUSHES: Final = 15  # paper section II-D
-PAPER_TOLERANCE: Final = 0.05  # [m], paper section III-A
 CONTACT_GAP: Final = 0.001  # [m], "touching": as near as disks can be set without overlap
 
 
@@ -43,7 +42,6 @@ class ScenarioScene:
     shapes: tuple[str, ...]  # a footprint for each, as `sain_core.shapes` names them
     goal: Goal  # (2,) [m]
     max_pushes: int = MAX_PUSHES
-    tolerance: float = PAPER_TOLERANCE  # [m]
     truth: TruthConfig = RANDOMISED_TRUTH  # the world it plays in
 
     def within(self, truth: TruthConfig) -> "ScenarioScene":

@@ -22,7 +22,7 @@ from sain_model.dynamics.checkpoint import ModelCard, parse_card
 from sain_model.dynamics.load import load_sain, shipped_checkpoint
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.baselines import followed, open_models, refusals
-from sain_model.evaluation.error_table import error_table, history_table, interval_table
+from sain_model.evaluation.error_table import error_tables
 from sain_model.evaluation.metrics import LEARNED
 from sain_model.evaluation.open_loop import NAMES, RECURRENT_SAIN
 from sain_model.evaluation.open_loop_report import report_open_loop
@@ -99,11 +99,8 @@ def _open_loop(
 
 def _show(errors: dict[str, Any], console: Console) -> None:
     """Print errors of single pushes as tables."""
-    for part in ("all", "target_moved"):
-        console.print(error_table(errors, part), soft_wrap=True)
-    console.print(history_table(errors), soft_wrap=True)
-    for intervals in errors["intervals"].values():
-        console.print(interval_table(intervals), soft_wrap=True)
+    for table in error_tables(errors):
+        console.print(table, soft_wrap=True)
     for name, share in errors["reducible_error_removed"].items():
         console.print(f"{name}: {100 * share:.0f} % of the reducible error removed")
     for name, count in errors.get("refused", {}).items():

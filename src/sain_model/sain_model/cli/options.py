@@ -1,4 +1,4 @@
-"""Options of this package's commands but `train`; they load without PyTorch."""
+"""Options of the commands that evaluate; they load without PyTorch."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,38 +7,10 @@ from typing import Annotated, Final
 import tyro
 
 from sain_core.config import Config, option, required
-from sain_core.dataset import SHARES, TEST, VALIDATION
-from sain_model.dynamics.settings import PLANAR, PLANAR_AXES, STEPS
-from sain_model.training.settings import CorrectionTrainingConfig, TrainingConfig
+from sain_model.dynamics.settings import STEPS
+from sain_model.training.settings import TrainingConfig
 
 DATASET: Final = "a shard *.npz, or a folder of them"
-
-
-@dataclass(frozen=True)
-class TrainCorrectionOptions(Config):
-    """Train networks that correct the parameters of the planar prior for one laboratory.
-
-    The same command continues after a stop.
-    """
-
-    dataset: Annotated[Path, tyro.conf.Positional] = required(DATASET)
-    out: Path = required("folder for checkpoint, card and settings")
-    name: str = option("correction", "name of the checkpoint")
-    prior: str = option(
-        PLANAR_AXES, "the prior whose parameters are corrected", choices=(PLANAR, PLANAR_AXES)
-    )
-    prior_friction: float = option(
-        0.12, "friction that the prior assumes without a correction", minimum=0.01, maximum=1.0
-    )
-    transitions: int = option(0, "number of training transitions; 0: all", minimum=0)
-    validation: float = option(
-        SHARES[VALIDATION],
-        "share of the episodes that select the best epoch",
-        minimum=0.01,
-        maximum=0.5,
-    )
-    test: float = option(SHARES[TEST], "share of the episodes held out", minimum=0.0, maximum=0.5)
-    training: CorrectionTrainingConfig = CorrectionTrainingConfig()
 
 
 @dataclass(frozen=True)

@@ -2,75 +2,63 @@
 
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 
 import torch
 from rich.console import Console
 
+from sain_core.drawing.figures import write_png
 from sain_core.errors import ConfigError, DatasetError
-from sain_core.storage import write_whole
-from sain_model.data.dataset import Dataset, Split, limit_training
+from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
 from sain_model.dynamics.checkpoint import save_checkpoint
 from sain_model.dynamics.load import sain_class
-from sain_model.evaluation.error_table import error_table, gain_line, history_table, interval_table
-from sain_model.evaluation.held_out import held_out_errors
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.error_table import error_tables, gain_line
+from sain_model.evaluation.prediction_errors import held_out_errors
 from sain_model.network.settings import ON_STATE
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.interval_fit import fit_intervals
-from sain_model.training.options import TrainOptions, check_parent
-from sain_model.training.plots import save_loss_curve
-from sain_model.training.progress import EpochBar, EventLog
+from sain_model.training.options import TrainOptions
+from sain_model.training.plots import draw_losses
+from sain_model.training.progress import epoch_bar, event_log
 from sain_model.training.push_training import Trainer, prior_and_filter
 from sain_model.training.rollout_training import RolloutTrainer
-from sain_model.training.training_card import Learned, make_card, settings_text
-from sain_model.training.training_state import LossHistory
+from sain_model.training.training_card import make_card, save_settings
+from sain_model.training.training_loop import LossHistory
 
 
 def run(command: TrainOptions, console: Console) -> None:
-    """Train; see `train`."""
-    torch.set_num_threads(1)
-    train(command, console)
-
-
-def train(command: TrainOptions, console: Console) -> Path:
-    """Train, evaluate on the held-out episodes, write everything; return the checkpoint's path.
+    """Train, evaluate on the held-out episodes, write everything.
 
     Raises:
         DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
     """
+    torch.set_num_threads(1)
     config = command.training
     parent = Parent.load(command.parent) if command.parent else None
     if parent:
-        parent.check_settings(config)
-        check_parent(command)
+        parent.check_options(command)
     data = load_datasets(command.dataset)
-    split = split_datasets(data, config.seed, config.validation, config.test)
-    if config.transitions:
-        split = limit_training(split, config.transitions)
+    split = split_datasets(data, config.seed, config.validation, config.test, config.transitions)
     if parent:
         parent.check_data(data)
-    learned = learn(command, data, split, console, parent)
-    sain, history = learned.sain, learned.history
+    sain, histories = learn(command, data, split, console, parent)
     errors = held_out_errors(split, sain)
     if parent:
         errors["fine_tuning"] = parent.gain(sain, split)
-    card = make_card(command, data, split, learned, errors)
+    card = make_card(command, data, split, sain, histories, errors, parent)
     path = command.out / f"{command.name}.safetensors"
     save_checkpoint(path, sain.network, card)
-    for part in ("all", "target_moved"):
-        console.print(error_table(errors, part), soft_wrap=True)
-    console.print(history_table(errors), soft_wrap=True)
-    for intervals in errors["intervals"].values():
-        console.print(interval_table(intervals), soft_wrap=True)
+    for table in error_tables(errors):
+        console.print(table, soft_wrap=True)
     if parent:
         console.print(gain_line(errors["fine_tuning"], parent.name, errors["held_out"]))
+    history = histories[0]
     if history.best < 0:
         console.print(f"no epoch did better on the validation episodes than {command.parent}:")
         console.print(f"{path}: its weights, with regions fitted anew")
     else:
         console.print(f"{path}: epoch {history.best + 1} of {len(history.train)}")
-    return path
 
 
 def learn(
@@ -79,7 +67,7 @@ def learn(
     split: Split | MixedSplit,
     console: Console,
     parent: Parent | None = None,
-) -> Learned:
+) -> tuple[SainDynamics, list[LossHistory]]:
     """Train on single pushes, then on rollouts if wanted, and fit the regions of predictions."""
     config = command.training
     rollouts = command.rollout if command.rollout.wanted else None
@@ -93,34 +81,33 @@ def learn(
         prior, friction = prior_and_filter(config, split.train)
     start = parent.sain if parent else None
     trainer = Trainer(split, prior, config, command.out, friction, start)
-    write_whole(command.out / "config.json", settings_text(command, data).encode())
+    save_settings("train", command, data)
     _run(trainer, command, console)
-    save_loss_curve(command.out / "loss.png", trainer.history)
-    after = None
+    write_png(draw_losses(trainer.history), command.out / "loss.png")
+    histories = [trainer.history]
     if rollouts and isinstance(split, Split):
         learner = RolloutTrainer(
             trainer.network, split, prior, rollouts, config, command.out, friction
         )
-        with EpochBar(console, rollouts.rollout_epochs, learner.epoch) as advance:
+        with epoch_bar(console, rollouts.rollout_epochs, learner.epoch) as advance:
             learner.run(advance)
-        save_loss_curve(command.out / "rollout_loss.png", learner.history)
-        after = learner.history
+        write_png(draw_losses(learner.history), command.out / "rollout_loss.png")
+        histories.append(learner.history)
     infers = friction.config if friction else None
     sain = sain_class(rollouts)(
         trainer.network, prior, config.prior, friction=infers, recurrent=rollouts is not None
     )
     intervals = fit_intervals(sain, split.validation.parts[0])
-    return Learned(replace(sain, intervals=intervals), trainer.history, after, parent)
+    return replace(sain, intervals=intervals), histories
 
 
 def _run(trainer: Trainer, command: TrainOptions, console: Console) -> None:
     """Train to the end while the terminal, and TensorBoard where it is asked for, show it."""
     with ExitStack() as stack:
-        followers = []
+        bar = epoch_bar(console, command.training.epochs, trainer.epoch)
+        followers = [stack.enter_context(bar)]
         if command.tensorboard:
-            followers.append(stack.enter_context(EventLog(command.out, trainer.epoch)))
-        bar = EpochBar(console, command.training.epochs, trainer.epoch)
-        followers.append(stack.enter_context(bar))
+            followers.append(stack.enter_context(event_log(command.out, trainer.epoch)))
 
         def advance(epoch: int, history: LossHistory) -> None:
             for follow in followers:

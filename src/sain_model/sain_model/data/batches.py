@@ -27,15 +27,9 @@ class Batches:
         diversity: str = ORDER,
         steps: int = 0,
     ) -> None:
-        """Draw from the rows that belong to these episodes.
+        """Draw batches of a size from rows that belong to these episodes.
 
-        Args:
-            seed: of all draws.
-            size: rows in a batch.
-            episodes: of each row.
-            members: how many networks learn side by side.
-            diversity: `ORDER` or `BOOTSTRAP`.
-            steps: batches in an epoch; 0: one pass over the data.
+        `steps` are the batches in an epoch; 0: as many as one pass over the data takes.
         """
         self.count = len(episodes)
         self._seed = seed

@@ -104,21 +104,20 @@ def from_shards(path: Path, shards: list[Columns]) -> Dataset:
     return Dataset(**columns, sha256=digest.hexdigest())
 
 
-def split_by_episode(data: Dataset, seed: int, validation: float, test: float) -> Split:
-    """Split transitions so that no episode is in two parts.
+def split_by_episode(
+    data: Dataset, seed: int, validation: float, test: float, transitions: int = 0
+) -> Split:
+    """Split transitions so that no episode is in two parts; see `sain_core.dataset.draw_parts`.
 
-    Args:
-        data: pushes of at least as many episodes as there are parts.
-        seed: decides which episodes go where.
-        validation: share of the episodes to choose the best epoch by.
-        test: share of the episodes held out for the card; 0: none are, and training and
-            validation share all, 90 to 10 or 80 to 20 in the paper.
+    With no share for the test, training and validation share all: 90 to 10 or 80 to 20 in the
+    paper. `transitions` is what `limit_training` leaves; 0: all.
 
     Raises:
-        DatasetError: too few episodes for the parts.
+        DatasetError: too few episodes for the parts, or too few transitions.
     """
     parts = draw_parts(data.episode, seed, validation, test)
-    return Split(*(data.select(rows) for rows in parts))
+    split = Split(*(data.select(rows) for rows in parts))
+    return limit_training(split, transitions) if transitions else split
 
 
 def check_held_out(split: Split) -> None:
@@ -131,16 +130,14 @@ def check_held_out(split: Split) -> None:
         raise DatasetError("errors need held-out episodes; give --test above 0")
 
 
-def limit_training(split: object, transitions: int) -> Split:
+def limit_training(split: Split, transitions: int) -> Split:
     """Return a split with so many transitions to train on, and as small a share to validate on.
 
     Episodes are taken in order, the last one in part; what is held out stays whole.
 
     Raises:
-        DatasetError: there are not that many, or numbers of disks differ.
+        DatasetError: there are not that many.
     """
-    if not isinstance(split, Split):
-        raise DatasetError("--transitions needs data with one number of disks")
     count = len(split.train)
     if transitions > count:
         raise DatasetError(

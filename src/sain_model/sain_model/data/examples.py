@@ -93,11 +93,8 @@ def make_examples(
 ) -> Examples:
     """Return inputs and outputs for these transitions on a prior.
 
-    Args:
-        data: M pushes.
-        prior: what is corrected.
-        friction: that the planar prior uses (M,); None: the nominal one.
-        network: which features its inputs have, and what its residual is added to.
+    `friction` (M,) is what the planar prior uses; None: the nominal one. `network` says which
+    features there are, and what its residual is added to.
     """
     prior_here = prior_for(prior, data.bodies)
     physics_next = step_knowing(prior_here, data.state, data.action, friction)
@@ -105,13 +102,9 @@ def make_examples(
     features = network_inputs(network, data.state, frames, physics_next, data.bodies)
     base = physics_next if network.residual == ON_PHYSICS else data.state
     velocity = data.next_state[..., VELOCITY] - physics_next[..., VELOCITY]
-    arrays = (
-        features.disks,
-        features.relations,
-        true_residual(data.next_state, frames, base),
-        velocity,
-    )
-    return Examples(*(torch.from_numpy(array.astype(np.float32)) for array in arrays))
+    targets = (true_residual(data.next_state, frames, base), velocity)
+    told = (torch.from_numpy(array.astype(np.float32)) for array in targets)
+    return Examples(*features.tensors(), *told)
 
 
 def training_examples(

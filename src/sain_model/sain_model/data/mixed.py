@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import Self
 
@@ -85,23 +86,27 @@ def load_datasets(paths: Sequence[Path]) -> Dataset | MixedDataset:
         first += len(names)
     hashes = tuple(part.sha256 for part in labelled)
     sha256 = hashlib.sha256(" ".join(hashes).encode()).hexdigest()
-    grouped = groupby(sorted(labelled, key=_disks), key=_disks)
+    disks = attrgetter("disks")
+    grouped = groupby(sorted(labelled, key=disks), key=disks)
     parts = tuple(_joined(list(group), sha256, hashes) for _, group in grouped)
     return parts[0] if len(parts) == 1 else MixedDataset(parts, sha256, hashes)
 
 
 def split_datasets(
-    data: Dataset | MixedDataset, seed: int, validation: float, test: float
+    data: Dataset | MixedDataset, seed: int, validation: float, test: float, transitions: int = 0
 ) -> Split | MixedSplit:
-    """Split a data set so that no episode is in two parts; see `split_by_episode`."""
+    """Split a data set so that no episode is in two parts; see `split_by_episode`.
+
+    Raises:
+        DatasetError: too few episodes or transitions, or these are limited and numbers of disks
+            differ.
+    """
     if isinstance(data, Dataset):
-        return split_by_episode(data, seed, validation, test)
+        return split_by_episode(data, seed, validation, test, transitions)
+    if transitions:
+        raise DatasetError("--transitions needs data with one number of disks")
     parts = draw_parts(data.episode, seed, validation, test)
     return MixedSplit(*(data.select(rows) for rows in parts))
-
-
-def _disks(part: Dataset) -> int:
-    return part.disks
 
 
 def _by_count(path: Path) -> list[Dataset]:

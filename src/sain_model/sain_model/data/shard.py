@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from jaxtyping import Int
 from numpy import ndarray
 
 from sain_core.dataset import FLAT, NEEDED, Column, Columns, as_scenes
@@ -59,7 +58,9 @@ def _checked(path: Path, column: Column, values: ndarray, shape: tuple[int, ...]
     if values.shape != shape:
         raise DatasetError(f"{path}: {column} has shape {values.shape}; it should be {shape}")
     if column.dtype == "int64":
-        return _integers(path, column, values)
+        if values.dtype.kind not in "iu":
+            raise DatasetError(f"{path}: {column} is {values.dtype}; it should be integers")
+        return values.astype(np.int64)
     numbers = np.asarray(values, dtype=np.float64)
     allowed = np.isfinite(numbers)
     if column in UNKNOWN:
@@ -74,9 +75,3 @@ def _checked(path: Path, column: Column, values: ndarray, shape: tuple[int, ...]
             f"{path}: row {row} of {column} is {numbers[row]}; positive, or NaN where not known"
         )
     return as_scenes(numbers) if FLAT in column.shape else numbers
-
-
-def _integers(path: Path, column: Column, values: ndarray) -> Int[ndarray, "M"]:
-    if values.dtype.kind not in "iu":
-        raise DatasetError(f"{path}: {column} is {values.dtype}; it should be integers")
-    return values.astype(np.int64)

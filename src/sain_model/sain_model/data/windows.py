@@ -14,7 +14,6 @@ from numpy import ndarray
 
 from sain_core.errors import DatasetError
 from sain_core.scene import POSE
-from sain_core.types import Scenes
 from sain_model.data.dataset import Dataset
 
 
@@ -66,10 +65,7 @@ class Windows:
 def make_windows(data: Dataset, steps: int, whole: bool = False) -> Windows:
     """Return one window of at most so many pushes from every push of the data on.
 
-    Args:
-        data: M pushes in any order.
-        steps: T, how many pushes a window has at most.
-        whole: only windows of all T pushes, not the shorter ones at the end of an episode.
+    `whole`: only windows of all T pushes, not the shorter ones at the end of an episode.
 
     Raises:
         DatasetError: no window is left.
@@ -97,11 +93,8 @@ def following(data: Dataset) -> Int[ndarray, "M"]:
     this, following_one = order[:-1], order[1:]
     follows = data.episode[this] == data.episode[following_one]
     follows &= data.step[following_one] == data.step[this] + 1
-    follows &= _same_pose(data.next_state[this], data.state[following_one])
+    poses = data.next_state[this][..., POSE], data.state[following_one][..., POSE]
+    follows &= (poses[0] == poses[1]).all(axis=(1, 2))
     after = np.full(len(data), -1)
     after[this[follows]] = following_one[follows]
     return after
-
-
-def _same_pose(scenes: Scenes, others: Scenes) -> Bool[ndarray, "M"]:
-    return np.asarray((scenes[..., POSE] == others[..., POSE]).all(axis=(1, 2)))

@@ -6,24 +6,22 @@ pins the weights by their SHA-256. Nothing is unpickled. What does not fit is re
 
 import dataclasses
 import hashlib
-import io
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import safetensors.torch
-import torch
 from safetensors import SafetensorError
 from torch import nn
 
-from sain_core.errors import CheckpointError, ConfigError
-from sain_core.storage import write_whole
+from sain_core.errors import CheckpointError
+from sain_core.storage import write_json, write_whole
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.network.feature_kernels import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import ANY_SHAPE, NetworkConfig
+from sain_model.network.settings import ANY_SHAPE, DISKS
 from sain_model.network.shape_feature_kernels import (
     SHAPE_BODY_FEATURES,
     SHAPE_FEATURE_VERSION,
@@ -52,7 +50,7 @@ class ModelCard:
         friction: how friction is inferred from an episode's earlier pushes; None: the model was
             trained without them, and knows the nominal friction alone.
         intervals: regions about its predictions, fitted to the validation episodes; None: not.
-        kind: one of `dynamics.sain.KINDS`; empty on cards older than the kind "recurrent".
+        kind: as in `dynamics.sain`; empty on cards older than the kind "recurrent".
         rollouts: how it was trained on rollouts of its own predictions; None: it was not.
         data: what it was trained on: path, SHA-256, transitions, episodes, split.
         training: settings, seed, epochs done, losses.
@@ -117,53 +115,24 @@ def save_checkpoint(
         raise CheckpointError(f"a checkpoint's name ends in {SUFFIX}; {path} does not")
     tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
     weights = safetensors.torch.save(tensors)
-    told = network.config
-    facts = feature_facts(told) if isinstance(told, NetworkConfig) else {}
+    config = dataclasses.asdict(network.config)
     card = dataclasses.replace(
         card,
-        **facts,
-        network=dataclasses.asdict(told),
+        **feature_facts(config.get("bodies", DISKS)),
+        network=config,
         weights_sha256=hashlib.sha256(weights).hexdigest(),
     )
     write_whole(path, weights)
-    write_whole(card_path(path), card_json(card).encode())
+    write_json(card_path(path), dataclasses.asdict(card))
     return card
-
-
-def card_json(card: ModelCard) -> str:
-    """Return the card as it is written: indented, keys in the order of `ModelCard`."""
-    return json.dumps(dataclasses.asdict(card), indent=2) + "\n"
-
-
-def write_torch(path: Path, state: dict[str, Any]) -> None:
-    """Write tensors and plain values, to go on from, whole or not at all."""
-    buffer = io.BytesIO()
-    torch.save(state, buffer)
-    write_whole(path, buffer.getvalue())
-
-
-def load_checkpoint(path: Path) -> tuple[InteractionNetwork, ModelCard, str]:
-    """Read a checkpoint; return the network, its card and the card's JSON text.
-
-    Raises:
-        CheckpointError: missing, truncated, not safetensors, of another architecture or with a
-            card that belongs to other weights; the message names the file and what is wrong.
-    """
-    content, card, text = read_checkpoint(path, ARCHITECTURE)
-    try:
-        network = InteractionNetwork(NetworkConfig(**card.network))
-        _check_features(card_path(path), card, network.config)
-    except (TypeError, ConfigError) as error:
-        raise CheckpointError(f"{card_path(path)}: network: {error}") from error
-    fill(path, content, network)
-    return network, card, text
 
 
 def read_checkpoint(path: Path, architecture: str) -> tuple[bytes, ModelCard, str]:
     """Read weights of an architecture, their card and the card's JSON text, and check them.
 
     Raises:
-        CheckpointError: as `load_checkpoint`.
+        CheckpointError: missing, truncated, of another architecture or with a card that belongs
+            to other weights; the message names the file and what is wrong.
     """
     content = _read(path)
     text = _read(card_path(path)).decode(errors="replace")
@@ -217,37 +186,21 @@ def _with_new_names(fields: dict[str, Any]) -> dict[str, Any]:
     return named
 
 
+def feature_facts(bodies: str = DISKS) -> dict[str, int]:
+    """Return what a card says about the features of a network for these bodies."""
+    if bodies == ANY_SHAPE:
+        facts = SHAPE_FEATURE_VERSION, SHAPE_BODY_FEATURES, SHAPE_RELATION_FEATURES
+    else:
+        facts = FEATURE_VERSION, DISK_FEATURES, RELATION_FEATURES
+    return dict(zip(("feature_version", "disk_features", "relation_features"), facts, strict=True))
+
+
 def _check_card(path: Path, card: ModelCard, architecture: str) -> None:
     expected = {
         "format_version": FORMAT_VERSION,
         "architecture": architecture,
+        **feature_facts(card.network.get("bodies", DISKS)),
     }
-    _expect(path, card, expected)
-    if architecture == CORRECTION_ARCHITECTURE:
-        _check_features(path, card, NetworkConfig())
-
-
-def _check_features(path: Path, card: ModelCard, network: NetworkConfig) -> None:
-    """Check that a network saw what this version would show it."""
-    _expect(path, card, feature_facts(network))
-
-
-def feature_facts(network: NetworkConfig) -> dict[str, int]:
-    """Return what a card says about the features of a network."""
-    if network.bodies == ANY_SHAPE:
-        return {
-            "feature_version": SHAPE_FEATURE_VERSION,
-            "disk_features": SHAPE_BODY_FEATURES,
-            "relation_features": SHAPE_RELATION_FEATURES,
-        }
-    return {
-        "feature_version": FEATURE_VERSION,
-        "disk_features": DISK_FEATURES,
-        "relation_features": RELATION_FEATURES,
-    }
-
-
-def _expect(path: Path, card: ModelCard, expected: Mapping[str, object]) -> None:
     for name, right in expected.items():
         value = getattr(card, name)
         if value != right:

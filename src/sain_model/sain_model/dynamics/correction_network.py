@@ -9,13 +9,11 @@ from torch import Tensor, nn
 from sain_model.dynamics.settings import CorrectionNetworkConfig
 from sain_model.network.feature_kernels import (
     DISK_FEATURES,
-    GAP_AFTER,
-    GAP_BEFORE,
     PLACE_FEATURES,
     RELATION_FEATURES,
     TURN_SCALE,
 )
-from sain_model.network.interaction_network import OUTPUTS, POSITION_UNIT
+from sain_model.network.interaction_network import OUTPUTS, POSITION_UNIT, sum_messages
 from sain_model.network.members import make_perceptron, zero_last_layer
 from sain_model.physics.corrections import CORRECTIONS, DRAG
 
@@ -60,15 +58,9 @@ class CorrectionNetwork(nn.Module):
     ) -> tuple[Float[Tensor, "B N C"], Float[Tensor, "B N 3"]]:
         """Return corrections (`physics.corrections`) and the residual of what comes of them.
 
-        Args:
-            disks: features in the frame of the world.
-            relations: features of the pairs.
+        Features are in the frame of the world.
         """
-        batch, count, _ = disks.shape
-        gaps = torch.minimum(relations[..., GAP_BEFORE], relations[..., GAP_AFTER])
-        effects = self.relation(relations) * (1.0 - gaps).unsqueeze(-1)  # (B, E, message)
-        effects = effects.view(batch, count, count - 1, -1).sum(dim=2)
-        inputs = [disks, effects]
+        inputs = [disks, sum_messages(self.relation, relations, disks.shape[1])]
         if self.config.places:
             inputs.append(self._look_up(disks))
         output = self.dynamics(torch.cat(inputs, dim=-1))

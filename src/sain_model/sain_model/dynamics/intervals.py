@@ -11,7 +11,7 @@ all in metres. What a, b, c and the factors are was fitted to validation episode
 """
 
 from dataclasses import dataclass
-from typing import Any, Final, Self
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
@@ -67,29 +67,12 @@ class Intervals(Config):
     mid: IntervalConfig = IntervalConfig()
     target: IntervalConfig = IntervalConfig()
 
-    @classmethod
-    def from_card(cls, settings: dict[str, Any]) -> Self:
-        """Return what a card holds.
-
-        Raises:
-            ConfigError, TypeError, KeyError: it holds something else.
-        """
-        return cls(
-            **{
-                **settings,
-                **{disk: IntervalConfig(**_tuples(settings[disk])) for disk in ("mid", "target")},
-            }
-        )
-
     def radii(
         self, opened: "Prediction", scenes: Scenes, pushed: Indices | None = None
     ) -> Float[ndarray, "B N"]:
         """Return the radius of every body's region for a prediction from these scenes.
 
-        Args:
-            opened: the prediction, and what is open.
-            scenes: before the pushes.
-            pushed: which body each push is against (B,); None: body 0.
+        `pushed` (B,) says which body each push is against; None: body 0.
         """
         way = np.linalg.norm((opened.mean - scenes)[..., POSITION], axis=-1)
         radii = np.empty_like(way)
@@ -99,13 +82,6 @@ class Intervals(Config):
             first = np.full(len(way), MID) if pushed is None else pushed
             radii[:, disk] = np.where(first == disk, mid, target)
         return radii
-
-
-def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return settings with tuples where JSON has lists."""
-    return {
-        name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()
-    }
 
 
 @dataclass(frozen=True)

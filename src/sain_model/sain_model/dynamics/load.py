@@ -1,14 +1,14 @@
-"""What this package offers to the registry of models: its priors and checkpoints."""
+"""The checkpoints that this package offers to the registry of models; for priors see `priors`."""
 
 from importlib import resources
 from pathlib import Path
 
-from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.dynamics import Dynamics
 from sain_model.dynamics.checkpoint import (
+    ARCHITECTURE,
     CORRECTION_ARCHITECTURE,
     card_path,
     fill,
-    load_checkpoint,
     read_card,
     read_checkpoint,
 )
@@ -19,30 +19,22 @@ from sain_model.dynamics.priors import C, Settings, load_planar, load_prior, nam
 from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import (
-    IDENTITY,
     PHYSICS,
-    PLANAR_PRIORS,
     SHIPPED,
     CorrectionNetworkConfig,
     RolloutConfig,
 )
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionConfig
 
 
 def load_builtin(name: str) -> Dynamics:
-    """Return a dynamics of this package: what `sain_core.plugins.load_dynamics` finds here.
-
-    Args:
-        name: ``planar``, ``planar_axes`` or ``identity``: that prior; ``sain``: the checkpoint
-            that comes with this package; anything else: the path of a checkpoint.
+    """Return the checkpoint ``sain``, which comes with this package, or the one at a path.
 
     Raises:
         CheckpointError: no sound checkpoint at that path.
     """
-    if name == IDENTITY:
-        return IdentityPrior()
-    if name in PLANAR_PRIORS:
-        return load_planar(name)
     path = shipped_checkpoint() if name == SHIPPED else Path(name).expanduser()
     if path.exists() and read_card(path).architecture == CORRECTION_ARCHITECTURE:
         return load_parameter_correction(path)
@@ -55,8 +47,9 @@ def load_sain(path: Path) -> SainDynamics:
     Raises:
         CheckpointError: the checkpoint is not sound.
     """
-    network, card, text = load_checkpoint(path)
+    content, card, text = read_checkpoint(path, ARCHITECTURE)
     with naming(str(card_path(path))):
+        network = InteractionNetwork(card_part("network", NetworkConfig, card.network))
         prior = load_prior(card.prior, card.prior_config)
         friction = intervals = rollouts = None
         if card.friction is not None:
@@ -64,8 +57,8 @@ def load_sain(path: Path) -> SainDynamics:
         if card.rollouts is not None:
             rollouts = card_part("rollouts", RolloutConfig, card.rollouts)
         if card.intervals is not None:
-            with naming("intervals"):
-                intervals = Intervals.from_card(card.intervals)
+            intervals = card_part("intervals", Intervals, card.intervals)
+    fill(path, content, network)
     return sain_class(rollouts)(
         network,
         prior,

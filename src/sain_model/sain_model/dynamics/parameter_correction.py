@@ -15,7 +15,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.push import LENGTH
-from sain_core.types import Pushes, Scalars, Scenes
+from sain_core.types import Pushes, Scenes
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
 from sain_model.dynamics.correction_network import CorrectionEnsemble
@@ -31,18 +31,11 @@ PARAMETER_CORRECTION: Final = "parameter_correction"
 class ParameterCorrection:
     """Several networks, trained alike from different seeds, on one prior. A `Dynamics`.
 
-    Attributes:
-        networks: what they predict is averaged.
-        prior: f_p.
-        prior_name: its name for `sain_core.plugins.load_dynamics`.
-        kind: ``parameter_correction``.
-        model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
-        card: the checkpoint's JSON card; empty likewise.
-        device: ``cpu``: it is small, and its prior runs nowhere else.
+    What they predict is averaged. Attributes are called as those of `SainDynamics`.
     """
 
     kind: Final = PARAMETER_CORRECTION
-    device: Final = CPU
+    device: Final = CPU  # it is small, and its prior runs nowhere else
 
     def __init__(
         self,
@@ -59,19 +52,16 @@ class ParameterCorrection:
         self.model_hash = model_hash
         self.card = card
 
-    def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
 
-        Args:
-            scenes: settled scenes.
-            pushes: one a scene. Length 0 leaves the scene unchanged, bit for bit.
-            friction: with the table (B,), where it is known.
+        A push of length 0 leaves the scene unchanged, bit for bit.
         """
-        physics_next = self.prior.step(scenes, pushes, friction)
+        physics_next = self.prior.step(scenes, pushes)
         plain = moves(scenes, pushes, physics_next)
         change = np.zeros_like(plain)
         for corrections, residual in self.corrections(scenes, pushes, physics_next):
-            told = self.prior.step_conditioned(scenes, pushes, corrections, friction)
+            told = self.prior.step_conditioned(scenes, pushes, corrections)
             change += moves(scenes, pushes, told) - plain + residual
         predicted = apply_residual(physics_next, pushes, change / len(self.networks))
         idle = pushes[:, LENGTH] == 0.0
@@ -83,17 +73,12 @@ class ParameterCorrection:
     ) -> list[tuple[Corrections, Float[ndarray, "B N 3"]]]:
         """Return what each network corrects, and what it adds to the prediction.
 
-        Args:
-            scenes: settled scenes.
-            pushes: one a scene.
-            physics_next: what the uncorrected prior predicts.
+        `physics_next` is what the uncorrected prior predicts.
         """
         features = make_features(scenes, pushes, physics_next, WORLD_FRAME)
-        disks = torch.from_numpy(features.disks.astype(np.float32))
-        relations = torch.from_numpy(features.relations.astype(np.float32))
         settle_threads()
         with torch.inference_mode():
-            outputs = [network(disks, relations) for network in self.networks]
+            outputs = [network(*features.tensors()) for network in self.networks]
         return [
             (told.numpy().astype(np.float64), residual.numpy().astype(np.float64))
             for told, residual in outputs

@@ -13,7 +13,7 @@ from numpy import ndarray
 from torch import Tensor
 
 from sain_core.scene import MID
-from sain_core.types import Pushes, Scalars, Scenes
+from sain_core.types import Pushes, Scenes
 from sain_model.network.feature_kernels import TURN_SCALE
 from sain_model.network.features import true_residual
 from sain_model.physics.corrections import CORRECTIONS, OF_DISKS, Corrections
@@ -33,10 +33,9 @@ def conditioned_moves(
     prior: PlanarPrior,
     scenes: Scenes,
     pushes: Pushes,
-    friction: Scalars | None = None,
 ) -> Float[Tensor, "B N 3"]:
     """Return the moves that a prior predicts when told corrections; gradients flow to those."""
-    result: Tensor = _ConditionedMoves.apply(corrections, prior, scenes, pushes, friction)
+    result: Tensor = _ConditionedMoves.apply(corrections, prior, scenes, pushes)
     return result
 
 
@@ -50,18 +49,17 @@ class _ConditionedMoves(torch.autograd.Function):
         prior: PlanarPrior,
         scenes: Scenes,
         pushes: Pushes,
-        friction: Scalars | None,
     ) -> Tensor:
         told = corrections.detach().numpy().astype(np.float64)
-        after = moves(scenes, pushes, prior.step_conditioned(scenes, pushes, told, friction))
-        context.push = (told, prior, scenes, pushes, friction, after)
+        after = moves(scenes, pushes, prior.step_conditioned(scenes, pushes, told))
+        context.push = (told, prior, scenes, pushes, after)
         return torch.from_numpy(after.astype(np.float32))
 
     @staticmethod
-    def backward(context: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None, None]:
+    def backward(context: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None]:
         slopes = variations(*context.push)
         total = np.einsum("bncdm,bdm->bnc", slopes, gradients[0].numpy())
-        return torch.from_numpy(total.astype(np.float32)), None, None, None, None
+        return torch.from_numpy(total.astype(np.float32)), None, None, None
 
 
 def variations(
@@ -69,7 +67,6 @@ def variations(
     prior: PlanarPrior,
     scenes: Scenes,
     pushes: Pushes,
-    friction: Scalars | None,
     after: Float[ndarray, "B N 3"],
 ) -> Float[ndarray, "B N C N 3"]:
     """Return by how much the moves of all disks change with each correction of each disk."""
@@ -81,9 +78,8 @@ def variations(
         varied[row, :, disk, column] += VARIATION
     many = len(which)
     scenes, pushes = np.tile(scenes, (many, 1, 1)), np.tile(pushes, (many, 1))
-    friction = None if friction is None else np.tile(friction, many)
     flat = varied.reshape(many * batch, count, CORRECTIONS)
-    ends = moves(scenes, pushes, prior.step_conditioned(scenes, pushes, flat, friction))
+    ends = moves(scenes, pushes, prior.step_conditioned(scenes, pushes, flat))
     change = (ends.reshape(many, batch, count, 3) - after) / VARIATION
     for row, (disk, column) in enumerate(which):
         slopes[:, disk, column] = np.clip(change[row], -STEEPEST, STEEPEST)

@@ -76,21 +76,27 @@ def naming(part: str) -> Iterator[None]:
 
 
 def typed(kind: type[Config], settings: Settings) -> Settings:
-    """Return settings that come from outside when their values are of the right types.
+    """Return settings that come from JSON, lists as tuples and objects as nested settings.
 
     Raises:
-        TypeError: naming the one that is not.
+        TypeError: naming the one whose value is not of the right type.
     """
-    right = get_type_hints(kind)
-    for name, value in dict(settings).items():
-        allowed = _allowed_types(right.get(name, object))
-        if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
-            raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
-    return settings
+    right, found = get_type_hints(kind), dict(settings)
+    for name, value in settings.items():
+        hint = right.get(name, object)
+        if get_origin(hint) is tuple and isinstance(value, list):
+            found[name] = tuple(value)
+        elif isinstance(value, dict) and isinstance(hint, type) and issubclass(hint, Config):
+            found[name] = hint(**typed(hint, value))
+        else:
+            allowed = _allowed_types(hint)
+            if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
+                raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
+    return found
 
 
 def _allowed_types(hint: Any) -> tuple[type, ...]:
     """Return the types of values; a command line makes its choices the hint of a text."""
     if get_origin(hint) is Literal:
         return (str,)
-    return (int, float) if hint is float else (hint,)
+    return (int, float) if hint is float else (tuple if get_origin(hint) is tuple else hint,)

@@ -1,4 +1,15 @@
-"""Rollouts of a network on a prior that it can learn from: the paper's equations 3 to 5."""
+"""Rollouts of a network on a prior that it can learn from: the paper's equations 3 and 4.
+
+The prior is compiled and its contacts are not smooth: no automatic differentiation passes through
+it. A loss on a later step reaches an earlier one in one of three ways (docs/rollouts.md):
+
+* ``none``: not at all; each step learns from the scenes that the network itself led to.
+* ``shift``: a scene that is moved or turned a little leads to one that is moved or turned as much.
+* ``differences``: prior and features together are differentiated by finite differences.
+"""
+
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import torch
@@ -8,16 +19,18 @@ from torch import Tensor
 
 from sain_core.dynamics import Dynamics
 from sain_core.push import LENGTH, LOCATION
-from sain_core.scene import POSE
+from sain_core.scene import POSE, THETA, wrap_angle
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.compute.threads import settle_threads
 from sain_model.data.windows import Windows
-from sain_model.dynamics.rollout_inputs import Physics, see
-from sain_model.dynamics.settings import NO_GRADIENT, PHYSICS, LossConfig, RolloutConfig
+from sain_model.dynamics.settings import DIFFERENCES, NO_GRADIENT, PHYSICS, RolloutConfig
+from sain_model.network.features import make_features
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.planar import step_knowing
 
-PushFrictions = Float[ndarray, "W T"]  # the friction that the prior is conditioned on
+STEPS: Final = (2e-4, 2e-4, 2e-3)  # [m, m, rad], of the finite differences: well above rounding
+
+Physics = Callable[[Scenes, Pushes, ndarray], Scenes]  # scenes, pushes, rows of the batch -> next
 
 
 def roll(
@@ -25,16 +38,12 @@ def roll(
     windows: Windows,
     prior: Dynamics,
     config: RolloutConfig,
-    friction: PushFrictions | None = None,
+    friction: Float[ndarray, "W T"] | None = None,
 ) -> Float[Tensor, "W T N 3"]:
     """Return the poses that a network predicts over windows, fed with its own predictions.
 
-    Args:
-        network: whose corrections are learned.
-        windows: where to start from, and which pushes.
-        prior: what is corrected.
-        config: how steps hang together.
-        friction: of each push, for the planar prior; None: the nominal one.
+    `config` says how steps hang together. `friction` is that of each push, for the planar prior;
+    None: the nominal one.
     """
     pose = torch.from_numpy(windows.scenes[..., POSE])
     own = windows.scenes
@@ -57,23 +66,6 @@ def roll(
     return torch.stack(poses, dim=1)
 
 
-def rollout_loss(poses: Float[Tensor, "W T N 3"], windows: Windows, config: LossConfig) -> Tensor:
-    """Return Algorithm 1's loss, a mean over all pushes of the windows: equation 5's sum.
-
-    Velocities are left out: scenes are settled, and no network changes them.
-    """
-    missing = torch.from_numpy(windows.next_scenes[..., POSE]) - poses
-    squares = [
-        (missing[..., :2] / config.position_scale).square().sum(-1),
-        (2.0 - 2.0 * torch.cos(missing[..., 2])) / config.heading_scale**2,
-    ]
-    if config.robust:
-        squares = [2.0 * (torch.sqrt(1.0 + square) - 1.0) for square in squares]
-    known = torch.from_numpy(windows.known)
-    total: Tensor = (squares[0] + squares[1]).mean(dim=-1)[known].mean()
-    return total
-
-
 def _physics(prior: Dynamics, friction: Scalars | None) -> Physics:
     def predict(scenes: Scenes, pushes: Pushes, rows: ndarray) -> Scenes:
         return step_knowing(prior, scenes, pushes, None if friction is None else friction[rows])
@@ -91,3 +83,92 @@ def _into_world(residual: Float[Tensor, "B N 3"], pushes: Pushes) -> Float[Tenso
     cos, sin = torch.cos(heading), torch.sin(heading)
     x, y, turn = residual.unbind(-1)
     return torch.stack([cos * x - sin * y, sin * x + cos * y, turn], dim=-1)
+
+
+class Seen(NamedTuple):
+    """Network inputs and how the prior moves the disks, for B pushes."""
+
+    disks: Float[Tensor, "B N D"]
+    relations: Float[Tensor, "B E R"]
+    moved: Float[Tensor, "B N 3"]  # dx, dy [m], dtheta [rad], in the world
+
+
+def see(
+    pose: Float[Tensor, "B N 3"],
+    scenes: Scenes,
+    pushes: Pushes,
+    physics: Physics,
+    frame: str,
+    gradient: str,
+) -> Seen:
+    """Return what the network sees in scenes with these poses.
+
+    Args:
+        pose: of each disk, predicted so far; what is returned may depend on it.
+        scenes: with masses and radii; the poses in them are overwritten.
+        pushes: one a scene.
+        physics: predicts, for rows of this batch.
+        frame: of the features.
+        gradient: one of `GRADIENTS`.
+    """
+    scenes = scenes.copy()
+    scenes[..., POSE] = pose.detach().numpy()
+    scenes[..., THETA] = wrap_angle(scenes[..., THETA])
+    rows = np.arange(len(scenes))
+    parts = _look(scenes, pushes, physics, rows, frame)
+    values = torch.from_numpy(_flat(parts))
+    if gradient == DIFFERENCES and pose.requires_grad:
+        slopes = torch.from_numpy(_slopes(scenes, pushes, physics, frame, _flat(parts)))
+        values = _Linearised.apply(pose, values, slopes)
+    split = values.split([part[0].size for part in parts], dim=1)
+    disks, relations, moved = (
+        value.view(part.shape) for value, part in zip(split, parts, strict=True)
+    )
+    return Seen(disks.float(), relations.float(), moved)
+
+
+def _look(
+    scenes: Scenes, pushes: Pushes, physics: Physics, rows: ndarray, frame: str
+) -> tuple[ndarray, ndarray, ndarray]:
+    physics_next = physics(scenes, pushes, rows)
+    features = make_features(scenes, pushes, physics_next, frame)
+    moved = physics_next[..., POSE] - scenes[..., POSE]
+    moved[..., THETA] = wrap_angle(moved[..., THETA])
+    return features.disks, features.relations, moved
+
+
+def _flat(parts: tuple[ndarray, ...]) -> Float[ndarray, "B V"]:
+    return np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
+
+
+def _slopes(
+    scenes: Scenes, pushes: Pushes, physics: Physics, frame: str, values: Float[ndarray, "B V"]
+) -> Float[ndarray, "B V P"]:
+    """Return the derivative of all that is seen by each of the P = 3 N numbers of the poses."""
+    batch, disks, _ = scenes.shape
+    count = 3 * disks
+    nudged = np.repeat(scenes[None], count, axis=0)  # (P, B, N, 8)
+    for disk in range(disks):
+        for column, step in enumerate(STEPS):
+            nudged[3 * disk + column, :, disk, column] += step
+    rows = np.tile(np.arange(batch), count)
+    seen = _flat(
+        _look(nudged.reshape(-1, *scenes.shape[1:]), pushes[rows], physics, rows, frame)
+    ).reshape(count, batch, -1)
+    steps = np.tile(STEPS, disks)[:, None, None]
+    return np.ascontiguousarray(((seen - values) / steps).transpose(1, 2, 0))
+
+
+class _Linearised(torch.autograd.Function):
+    """Passes values on, and their gradients back by given slopes."""
+
+    @staticmethod
+    def forward(ctx: Any, pose: Tensor, values: Tensor, slopes: Tensor) -> Tensor:
+        ctx.save_for_backward(slopes)
+        ctx.shape = pose.shape
+        return values.clone()
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:
+        (slopes,) = ctx.saved_tensors
+        return torch.einsum("bv,bvp->bp", gradient, slopes).view(ctx.shape), None, None

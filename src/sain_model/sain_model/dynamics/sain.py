@@ -16,7 +16,7 @@ from sain_core.push import LENGTH, pushed_bodies
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
-from sain_model.compute.batch_checks import check_batch
+from sain_model.compute.batch_checks import check_batch, check_physics_next
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
 from sain_model.data.shaped_physics import prior_for
@@ -33,7 +33,6 @@ from sain_model.physics.planar import PlanarPrior, step_knowing
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
 RESIDUAL: Final = "residual"  # Fig. 1c, equation 2
 RECURRENT: Final = "recurrent"  # Fig. 1d, equations 3 and 4: trained on its own rollouts
-KINDS: Final = (LEARNED, RESIDUAL, RECURRENT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +83,7 @@ class SainDynamics:
 
     @property
     def kind(self) -> str:
-        """One of `KINDS`: ``learned`` when the prior is the identity."""
+        """`LEARNED` when the prior is the identity, else `RESIDUAL` or `RECURRENT`."""
         if self.prior_name == IDENTITY:
             return LEARNED
         return RECURRENT if self.recurrent else RESIDUAL
@@ -134,7 +133,8 @@ class SainDynamics:
             ConfigError: its network was made for disks, and these are others.
         """
         if self.network.config.bodies != ANY_SHAPE and bodies != Bodies.disks(len(bodies)):
-            names = ", ".join(f"{s.name} ({r})" for s, r in zip(bodies.shapes, bodies.roles))
+            pairs = zip(bodies.shapes, bodies.roles, strict=True)
+            names = ", ".join(f"{shape.name} ({role})" for shape, role in pairs)
             raise ConfigError(
                 "this checkpoint was trained on disks of which only the first is pushable; the"
                 f" bodies are {names}: use a checkpoint for any shape, or the model 'planar'"
@@ -246,12 +246,8 @@ class SainDynamics:
         config = self.network.config
         frames = push_frames(config, scenes, pushes, self.bodies)
         features = network_inputs(config, scenes, frames, physics_next, self.bodies)
-        inputs = [
-            torch.from_numpy(array.astype(np.float32)).to(self.device)
-            for array in (features.disks, features.relations)
-        ]
         with torch.inference_mode():
-            each = self.network.to(self.device).each(*inputs)[..., :2]
+            each = self.network.to(self.device).each(*features.tensors(self.device))[..., :2]
         variance = each.double().var(dim=0).sum(dim=-1)  # (B, N), in any frame
         return np.where(pushes[:, LENGTH, None] == 0.0, 0.0, variance.sqrt().cpu().numpy())
 
@@ -273,15 +269,3 @@ def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Sc
     turned = scenes[..., THETA] + (corrected - physics_next)[..., THETA]
     moved[..., THETA] = wrap_angle(turned)
     return moved
-
-
-def check_physics_next(scenes: np.ndarray, physics_next: np.ndarray) -> None:
-    """Check that a prediction is one of these scenes.
-
-    Raises:
-        InvalidInputError: it has another shape.
-    """
-    if physics_next.shape != scenes.shape:
-        raise InvalidInputError(
-            f"physics_next has shape {scenes.shape} like the scenes, not {physics_next.shape}"
-        )

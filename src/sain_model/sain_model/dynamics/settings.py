@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from sain_core.config import Config, option
+from sain_model.network.settings import PerceptronConfig
 
 PLANAR: Final = "planar"
 PLANAR_AXES: Final = "planar_axes"
@@ -64,14 +65,9 @@ class RolloutConfig(Config):
 
 
 @dataclass(frozen=True)
-class CorrectionNetworkConfig(Config):
+class CorrectionNetworkConfig(PerceptronConfig):
     """The size of the network."""
 
-    hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
-    message: int = option(
-        32, "width of the message from one disk to another", minimum=1, maximum=1024
-    )
-    layers: int = option(2, "hidden layers of each part", minimum=1, maximum=6)
     places: int = option(
         5, "places on a disk's way where the map of the table is read; 0: no map", minimum=0
     )

@@ -7,7 +7,7 @@ something that has to be closed.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
-from typing import Final, Protocol, runtime_checkable
+from typing import Final
 
 import numpy as np
 from rich.console import Console
@@ -17,26 +17,9 @@ from sain_core.dynamics import Dynamics
 from sain_core.model_checks.response_check import answering, check_step
 from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
-from sain_model.evaluation.open_loop import CarriesState
+from sain_model.dynamics.recurrent import PhysicsChain
 
 AT_ONCE: Final = 32  # pushes between two looks at the clock
-
-
-@runtime_checkable
-class Closable(Protocol):
-    """A dynamics that holds something."""
-
-    def close(self) -> None:
-        """Let go of it."""
-        ...
-
-
-@runtime_checkable
-class Refusing(Protocol):
-    """A dynamics that leaves scenes as they are where it cannot carry a push out."""
-
-    refused: int
-    """How many pushes so far."""
 
 
 class Followed:
@@ -51,7 +34,7 @@ class Followed:
     @property
     def refused(self) -> int | None:
         """How many pushes it could not carry out; None: it does not count them."""
-        return self._dynamics.refused if isinstance(self._dynamics, Refusing) else None
+        return getattr(self._dynamics, "refused", None)
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
@@ -80,8 +63,8 @@ def open_models(names: Sequence[str]) -> Iterator[dict[str, Dynamics]]:
         found: dict[str, Dynamics] = {}
         for name in names:
             dynamics = found[name] = load_dynamics(name)
-            if isinstance(dynamics, Closable):
-                stack.callback(dynamics.close)
+            if close := getattr(dynamics, "close", None):
+                stack.callback(close)
         yield found
 
 
@@ -91,12 +74,8 @@ def followed(
 ) -> Iterator[dict[str, Dynamics]]:
     """Give the same dynamics, each with a bar that shows how far it has come.
 
-    One that carries a state through its rollouts is asked for whole ones, and has no bar.
-
-    Args:
-        dynamics: by name.
-        pushes: how many each is going to predict.
-        console: where the bars are shown.
+    Each is going to predict so many pushes. One that carries a state through its rollouts is asked
+    for whole ones, and has no bar.
     """
     if not dynamics:
         yield {}
@@ -105,7 +84,7 @@ def followed(
     with Progress(*columns, TimeRemainingColumn(), console=console) as bars:
         shown = dict(dynamics)
         for name, one in dynamics.items():
-            if not isinstance(one, CarriesState):
+            if not isinstance(one, PhysicsChain):
                 task = bars.add_task(name, total=pushes)
                 shown[name] = Followed(name, one, partial(bars.advance, task))
         yield shown

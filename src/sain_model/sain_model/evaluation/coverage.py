@@ -5,6 +5,7 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
+from scipy.stats import spearmanr
 
 from sain_core.scene import MID, TARGET
 from sain_core.types import Mask, Scalars
@@ -23,10 +24,7 @@ def measure_intervals(sain: SainDynamics, data: Dataset, seed: int) -> dict[str,
     Parts are thirds by the spread and by the radius, pushes that moved the target, and those
     with few or many earlier pushes. Distances are in mm.
 
-    Args:
-        sain: a model with intervals.
-        data: pushes that neither its weights nor its intervals were fitted to.
-        seed: for the bootstrap.
+    Neither the model's weights nor its intervals were fitted to this data.
     """
     assert sain.intervals is not None
     prediction = predict_with_history(sain, data)
@@ -96,12 +94,4 @@ def _rank(values: Float[ndarray, "M"], off: Scalars) -> float | None:
     """Return Spearman's rank correlation; None where the values do not differ."""
     if len(values) < 3 or np.ptp(values) == 0.0 or np.ptp(off) == 0.0:
         return None
-    ranks = np.column_stack([_average_ranks(values), _average_ranks(off)])
-    return float(np.corrcoef(ranks, rowvar=False)[1, 0])
-
-
-def _average_ranks(values: Float[ndarray, "M"]) -> Float[ndarray, "M"]:
-    """Return ranks from 1, of equal values the average; importing `scipy.stats` takes a second."""
-    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
-    last = np.cumsum(counts)
-    return (last - (counts - 1) / 2)[place]
+    return float(spearmanr(values, off).statistic)

@@ -1,5 +1,6 @@
 """Prediction errors as a table for the terminal."""
 
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from sain_core.cli.fitting_table import FittingTable
@@ -7,14 +8,27 @@ from sain_core.cli.fitting_table import FittingTable
 PARTS = {"all": "all pushes", "target_moved": "pushes that moved the target"}
 
 
-def error_table(errors: dict[str, Any], part: str) -> FittingTable:
-    """Return one part of what `prediction_errors.evaluate` returns as a table."""
-    table = FittingTable(f"Error after one push in mm, {PARTS[part]}")
-    table.add_column("prediction")
-    for column in ("pushes", "target", "95 %", "median", "p95", "mid disk"):
-        table.add_column(column, justify="right")
-    for name, row in errors[part].items():
-        table.add_row(
+def make_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> FittingTable:
+    """Return a table: the first column to the left, the others to the right."""
+    table = FittingTable(title)
+    for place, name in enumerate(header):
+        table.add_column(name, justify="right" if place else "left")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def error_tables(errors: dict[str, Any]) -> Iterator[FittingTable]:
+    """Yield what `prediction_errors.evaluate` returns as tables."""
+    yield from (_error_table(errors, part) for part in PARTS)
+    yield _history_table(errors["by_history"])
+    yield from map(_interval_table, errors["intervals"].values())
+
+
+def _error_table(errors: dict[str, Any], part: str) -> FittingTable:
+    header = ("prediction", "pushes", "target", "95 %", "median", "p95", "mid disk")
+    rows = (
+        (
             name,
             str(row["pushes"]),
             f"{row['target_mean']:.2f}",
@@ -23,21 +37,52 @@ def error_table(errors: dict[str, Any], part: str) -> FittingTable:
             f"{row['target_p95']:.2f}",
             f"{row['mid_mean']:.2f}",
         )
-    return table
-
-
-def history_table(errors: dict[str, Any]) -> FittingTable:
-    """Return the mean target errors by the number of earlier pushes, and the shares removed."""
-    table = FittingTable(
-        "Target error [mm] by earlier pushes, share of the reducible error removed"
+        for name, row in errors[part].items()
     )
-    table.add_column("prediction")
-    groups = errors["by_history"]
-    for group in groups:
-        table.add_column(f"{group['earlier']} ({group['pushes']})", justify="right")
-    for name in groups[0]["target_mean"]:
-        table.add_row(name, *(_history_cell(group, name) for group in groups))
-    return table
+    return make_table(f"Error after one push in mm, {PARTS[part]}", header, rows)
+
+
+def _history_table(groups: list[dict[str, Any]]) -> FittingTable:
+    """Return the mean target errors by the number of earlier pushes, and the shares removed."""
+    title = "Target error [mm] by earlier pushes, share of the reducible error removed"
+    header = ["prediction", *(f"{group['earlier']} ({group['pushes']})" for group in groups)]
+    rows = (
+        (name, *(_history_cell(group, name) for group in groups))
+        for name in groups[0]["target_mean"]
+    )
+    return make_table(title, header, rows)
+
+
+def _interval_table(intervals: dict[str, Any]) -> FittingTable:
+    """Return what `coverage.measure_intervals` found of the target as a table."""
+    ranks = intervals["target"]["rank_correlation"]
+    told = ", ".join(f"{name} {rank:.2f}" for name, rank in ranks.items() if rank is not None)
+    title = (
+        f"{100 * intervals['level']:.0f} % regions of the target; {intervals['members']}"
+        f" members; rank correlation with the error: {told}"
+    )
+    header = ("pushes", "number", "held [%]", "95 %", "error [mm]", "spread", "radius")
+    rows = (
+        (
+            name,
+            str(part["pushes"]),
+            f"{100 * part['coverage']:.1f}",
+            f"{100 * part['coverage_low']:.0f}-{100 * part['coverage_high']:.0f}",
+            f"{part['error_mean']:.3f}",
+            f"{part['spread_mean']:.3f}",
+            f"{part['radius_median']:.3f}",
+        )
+        for name, part in intervals["target"]["parts"].items()
+    )
+    return make_table(title, header, rows)
+
+
+def _history_cell(group: dict[str, Any], name: str) -> str:
+    mean = group["target_mean"].get(name)
+    share = group.get("removed", {}).get(name)
+    if mean is None:
+        return ""
+    return f"{mean:.2f}" if share is None or share < 0.0 else f"{mean:.2f} {100 * share:3.0f} %"
 
 
 def gain_line(gain: dict[str, Any], parent: str, part: str) -> str:
@@ -47,35 +92,3 @@ def gain_line(gain: dict[str, Any], parent: str, part: str) -> str:
         f"target's mean error on the {part} episodes: {gain['before']:.2f} mm with {parent},"
         f" {gain['after']:.2f} mm now; ratio {ratio:.2f} \\[{low:.2f}, {high:.2f}]"
     )
-
-
-def interval_table(intervals: dict[str, Any]) -> FittingTable:
-    """Return what `coverage.measure_intervals` found of the target as a table."""
-    ranks = intervals["target"]["rank_correlation"]
-    told = ", ".join(f"{name} {rank:.2f}" for name, rank in ranks.items() if rank is not None)
-    table = FittingTable(
-        f"{100 * intervals['level']:.0f} % regions of the target; {intervals['members']}"
-        f" members; rank correlation with the error: {told}"
-    )
-    table.add_column("pushes")
-    for column in ("number", "held [%]", "95 %", "error [mm]", "spread", "radius"):
-        table.add_column(column, justify="right")
-    for name, part in intervals["target"]["parts"].items():
-        table.add_row(
-            name,
-            str(part["pushes"]),
-            f"{100 * part['coverage']:.1f}",
-            f"{100 * part['coverage_low']:.0f}-{100 * part['coverage_high']:.0f}",
-            f"{part['error_mean']:.3f}",
-            f"{part['spread_mean']:.3f}",
-            f"{part['radius_median']:.3f}",
-        )
-    return table
-
-
-def _history_cell(group: dict[str, Any], name: str) -> str:
-    mean = group["target_mean"].get(name)
-    share = group.get("removed", {}).get(name)
-    if mean is None:
-        return ""
-    return f"{mean:.2f}" if share is None or share < 0.0 else f"{mean:.2f} {100 * share:3.0f} %"

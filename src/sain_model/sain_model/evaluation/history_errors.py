@@ -3,7 +3,6 @@
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.dynamics import Dynamics
@@ -52,11 +51,16 @@ def history_predictions(data: Dataset, sain: Dynamics | None) -> dict[str, Scene
     assert isinstance(sain.prior, PlanarPrior)
     predictions[PRIOR_HISTORY] = sain.prior.step(data.state, data.action, known.mean)
     predictions[SAIN_HISTORY] = sain.step(data.state, data.action, known.mean)
-    truth = np.isfinite(data.friction)
-    told = np.full_like(data.state, np.nan)
-    told[truth] = sain.step(data.state[truth], data.action[truth], data.friction[truth])
-    predictions[SAIN_TRUE] = told
+    predictions[SAIN_TRUE] = step_on_true_friction(sain, data)
     return predictions
+
+
+def step_on_true_friction(model: SainDynamics | PlanarPrior, data: Dataset) -> Scenes:
+    """Return what a model says (M, N, 8) that is told the true friction; NaN: it is not known."""
+    known = np.isfinite(data.friction)
+    told = np.full_like(data.state, np.nan)
+    told[known] = model.step(data.state[known], data.action[known], data.friction[known])
+    return told
 
 
 def errors_by_history(data: Dataset, predictions: dict[str, Scenes]) -> list[dict[str, Any]]:
@@ -67,11 +71,14 @@ def errors_by_history(data: Dataset, predictions: dict[str, Scenes]) -> list[dic
     """
     count = earlier_pushes(data)
     groups = [(str(n), count == n) for n in range(ENOUGH)] + [(f"{ENOUGH}+", count >= ENOUGH)]
-    return [
-        {"earlier": name, "pushes": int(rows.sum()), **_group(data, predictions, rows)}
-        for name, rows in groups
-        if rows.any()
-    ]
+    found = []
+    for name, rows in groups:
+        if rows.any():
+            means = mean_target_errors(data, predictions, rows)
+            group = {"earlier": name, "pushes": int(rows.sum()), "target_mean": means}
+            removed = shares_removed(means)
+            found.append(group | {"removed": removed} if removed else group)
+    return found
 
 
 def earlier_pushes(data: Dataset) -> ndarray:
@@ -83,17 +90,14 @@ def earlier_pushes(data: Dataset) -> ndarray:
     return count
 
 
-def _group(data: Dataset, predictions: dict[str, Scenes], rows: Mask) -> dict[str, Any]:
-    means = {
-        name: _mean(position_errors(predicted[rows], data.next_state[rows], TARGET))
-        for name, predicted in predictions.items()
-    }
-    means = {name: mean for name, mean in means.items() if np.isfinite(mean)}
-    group: dict[str, Any] = {"target_mean": means}
-    removed = shares_removed(means)
-    return group | {"removed": removed} if removed else group
-
-
-def _mean(errors: Float[ndarray, "M"]) -> float:
-    known = errors[np.isfinite(errors)]
-    return float(known.mean()) if len(known) else float("nan")
+def mean_target_errors(
+    data: Dataset, predictions: dict[str, Scenes], rows: Mask
+) -> dict[str, float]:
+    """Return each predictor's mean target error [mm] over those of these pushes that it knows."""
+    means = {}
+    for name, predicted in predictions.items():
+        errors = position_errors(predicted[rows], data.next_state[rows], TARGET)
+        known = errors[np.isfinite(errors)]
+        if len(known):
+            means[name] = float(known.mean())
+    return means

@@ -6,7 +6,7 @@ where the model itself believes the mid disk to be, in truth to where it was (do
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Protocol, runtime_checkable
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,11 +17,11 @@ from sain_core.push import LENGTH
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.data.windows import Windows, make_windows
+from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
 from sain_model.dynamics.settings import STEPS
 from sain_model.evaluation.history_errors import earlier_friction, earlier_pushes
-from sain_model.evaluation.metrics import BULLET, FLOOR, LEARNED, MEASURED, NO_MOTION, NOMINAL
-from sain_model.evaluation.open_loop_errors import mean_target_errors
+from sain_model.evaluation.metrics import BULLET, FLOOR, MEASURED, NO_MOTION, NOMINAL
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 
@@ -34,28 +34,13 @@ NAMES: Final = {RESIDUAL: RESIDUAL_SAIN, RECURRENT: RECURRENT_SAIN}  # of a mode
 Rollouts = Float[ndarray, "W T N 8"]
 
 
-@runtime_checkable
-class CarriesState(Protocol):
-    """A dynamics that carries more than the scene through a rollout."""
-
-    def roll_out(self, scenes: Scenes, pushes: ndarray, friction: Scalars | None) -> Rollouts:
-        """Predict scenes (W, T, N, 8) for push sequences (W, T, 3), each from its own scene."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class OpenLoop:
-    """What every predictor says over the same windows.
-
-    Attributes:
-        windows: W windows of up to T pushes.
-        predictions: (W, T, N, 8) of each by its name; NaN where it cannot say.
-        earlier: how many pushes came before each window in its episode.
-    """
+    """What every predictor says over the same windows."""
 
     windows: Windows
-    predictions: dict[str, Rollouts]
-    earlier: Int[ndarray, "W"]
+    predictions: dict[str, Rollouts]  # of each by its name; NaN where it cannot say
+    earlier: Int[ndarray, "W"]  # how many pushes came before each window in its episode
 
 
 class NominalPlanar:
@@ -80,7 +65,7 @@ def roll_out(
         pushes: (W, T, 3); those of zero length move nothing.
         friction: what a dynamics that can be told is told (W,); None: nothing.
     """
-    if isinstance(dynamics, CarriesState):
+    if isinstance(dynamics, PhysicsChain):
         return dynamics.roll_out(scenes, pushes, friction)
     predicted = np.empty((*pushes.shape[:2], *scenes.shape[1:]))
     current = scenes.copy()
@@ -126,41 +111,15 @@ def predict_open_loop(
     predictions[TRUE_FRICTION][known] = roll_out(
         planar, windows.scenes[known], windows.pushes[known], data.friction[first][known]
     )
-    for name, dynamics, friction in _learners(planar, models):
-        told = earlier_friction(friction, data).mean[first]
-        predictions[name] = roll_out(dynamics, windows.scenes, windows.pushes, told)
-    predictions |= _single(windows, {BULLET: data.physics_next, FLOOR: data.floor_next})
-    return OpenLoop(windows, predictions, earlier_pushes(data)[first])
-
-
-def _learners(
-    planar: PlanarPrior, models: Mapping[str, Dynamics]
-) -> list[tuple[str, Dynamics, FrictionFilter]]:
-    """Return what learns friction from earlier pushes: names, dynamics, and what infers it."""
-    found: list[tuple[str, Dynamics, FrictionFilter]] = [
-        (MEASURED + HISTORY, planar, planar.filter())
-    ]
+    learners: list[tuple[str, Dynamics, FrictionFilter]] = [(MEASURED, planar, planar.filter())]
     for name, model in models.items():
         if isinstance(model, SainDynamics) and model.filter is not None:
-            found.append((name + HISTORY, model, model.filter))
-    return found
-
-
-def _single(windows: Windows, recorded: dict[str, Scenes]) -> dict[str, Rollouts]:
-    """Return what was recorded for single pushes: known for the first push of a window alone."""
-    found = {}
-    for name, scenes in recorded.items():
-        found[name] = np.full_like(windows.next_scenes, np.nan)
-        found[name][:, 0] = scenes[windows.rows[:, 0]]
-    return found
-
-
-def card_errors(data: Dataset, sain: SainDynamics) -> dict[str, Any]:
-    """Return mean target errors [mm] of a model and of physics, cheaply, for a model's card."""
-    windows = make_windows(data, max(STEPS))
-    name = NAMES.get(sain.kind, LEARNED)
-    dynamics: dict[str, Dynamics] = {MEASURED: PlanarPrior(), name: sain}
-    predictions = {
-        key: roll_out(model, windows.scenes, windows.pushes) for key, model in dynamics.items()
-    }
-    return mean_target_errors(windows, predictions, STEPS)
+            learners.append((name, model, model.filter))
+    for name, model, friction in learners:
+        told = earlier_friction(friction, data).mean[first]
+        predictions[name + HISTORY] = roll_out(model, windows.scenes, windows.pushes, told)
+    for name, scenes in ((BULLET, data.physics_next), (FLOOR, data.floor_next)):
+        # recorded for single pushes: known for the first one of a window alone
+        predictions[name] = np.full_like(windows.next_scenes, np.nan)
+        predictions[name][:, 0] = scenes[first]
+    return OpenLoop(windows, predictions, earlier_pushes(data)[first])

@@ -1,49 +1,46 @@
 """Errors of rollouts after so many pushes: statistics, intervals over episodes, ratios."""
 
-from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Float, Int
 from numpy import ndarray
 
-from sain_core.scene import MID, TARGET, THETA, wrap_angle
+from sain_core.dynamics import Dynamics
+from sain_core.scene import MID, TARGET
 from sain_core.types import Mask
-from sain_model.data.windows import Windows
+from sain_model.data.dataset import Dataset
+from sain_model.data.windows import Windows, make_windows
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import STEPS
+from sain_model.evaluation.history_errors import ENOUGH
 from sain_model.evaluation.metrics import (
-    bootstrap_over_episodes,
+    LEARNED,
+    MEASURED,
+    heading_errors,
     position_errors,
     ratio_over_episodes,
+    statistics,
     target_moved,
 )
+from sain_model.evaluation.open_loop import NAMES, OpenLoop, roll_out
+from sain_model.physics.planar import PlanarPrior
 
-PARTS: Final = ("all", "contact made", "contact missed", "3 pushes before and more")
-ENOUGH: Final = 3  # earlier pushes
-
-Predictions = Mapping[str, Float[ndarray, "W T N 8"]]
+PARTS: Final = ("all", "contact made", "contact missed", f"{ENOUGH} pushes before and more")
 
 
-def errors_after(
-    windows: Windows, predictions: Predictions, earlier: Int[ndarray, "W"], step: int, seed: int
-) -> dict[str, Any]:
-    """Return the errors after so many pushes, over windows that are as long.
+def errors_after(loop: OpenLoop, step: int, seed: int) -> dict[str, Any]:
+    """Return the errors after so many pushes, from 1, over windows that are as long.
 
     ``contact made`` are windows whose pushes moved the target by more than 2 mm in all.
-
-    Args:
-        windows: what happened.
-        predictions: (W, T, N, 8) of each predictor.
-        earlier: how many pushes came before each window.
-        step: after how many pushes, from 1.
-        seed: of the bootstrap.
     """
+    windows = loop.windows
     long_enough = windows.known[:, step - 1]
     moved = target_moved(windows.scenes, windows.next_scenes[:, step - 1])
-    masks = (long_enough, moved, ~moved, earlier >= ENOUGH)
+    masks = (long_enough, moved, ~moved, loop.earlier >= ENOUGH)
     return {
         part: {
             name: row
-            for name, predicted in predictions.items()
+            for name, predicted in loop.predictions.items()
             if (row := _row(windows, predicted, long_enough & mask, step, seed))
         }
         for part, mask in zip(PARTS, masks, strict=True)
@@ -58,28 +55,16 @@ def _row(
     if not rows.any():
         return None
     said, truth = predicted[rows, step - 1], windows.next_scenes[rows, step - 1]
-    turned = 1e3 * np.abs(wrap_angle(said[..., THETA] - truth[..., THETA]))
+    turned = heading_errors(said, truth)
     episodes = windows.episodes[rows]
     return {
         "windows": int(rows.sum()),
         "episodes": len(np.unique(episodes)),
-        "target": _statistics(position_errors(said, truth, TARGET), episodes, seed),
-        "mid": _statistics(position_errors(said, truth, MID), episodes, seed),
-        "target_heading": _statistics(turned[:, TARGET], episodes, seed),
-        "mid_heading": _statistics(turned[:, MID], episodes, seed),
+        "target": statistics(position_errors(said, truth, TARGET), episodes, seed),
+        "mid": statistics(position_errors(said, truth, MID), episodes, seed),
+        "target_heading": statistics(turned[:, TARGET], episodes, seed),
+        "mid_heading": statistics(turned[:, MID], episodes, seed),
         "contacts_agreed": _agreement(windows, predicted, rows, step),
-    }
-
-
-def _statistics(values: ndarray, episodes: ndarray, seed: int) -> dict[str, float]:
-    """Return mean with 95 % interval over episodes, median and p95 [mm or mrad]."""
-    low, high = bootstrap_over_episodes(values, episodes, seed)
-    return {
-        "mean": float(values.mean()),
-        "low": low,
-        "high": high,
-        "median": float(np.median(values)),
-        "p95": float(np.quantile(values, 0.95)),
     }
 
 
@@ -92,19 +77,17 @@ def _agreement(windows: Windows, predicted: ndarray, rows: Mask, step: int) -> f
     return float((agree[0] == agree[1]).mean())
 
 
-def ratios(
-    windows: Windows, predictions: Predictions, step: int, below: str, seed: int
-) -> dict[str, list[float]]:
+def ratios(loop: OpenLoop, step: int, below: str, seed: int) -> dict[str, list[float]]:
     """Return each mean target error over another one's, with its 95 % interval over episodes.
 
     Both over the windows of which both say something.
     """
+    windows, found = loop.windows, {}
     truth = windows.next_scenes[:, step - 1]
     errors = {
         name: position_errors(predicted[:, step - 1], truth, TARGET)
-        for name, predicted in predictions.items()
+        for name, predicted in loop.predictions.items()
     }
-    found = {}
     for name, values in errors.items():
         rows = windows.known[:, step - 1] & np.isfinite(values) & np.isfinite(errors[below])
         if rows.any() and name != below:
@@ -113,13 +96,16 @@ def ratios(
     return found
 
 
-def mean_target_errors(
-    windows: Windows, predictions: Predictions, steps: Iterable[int]
-) -> dict[str, Any]:
-    """Return for each number of pushes how many windows there are, and mean errors [mm]."""
+def card_errors(data: Dataset, sain: SainDynamics) -> dict[str, Any]:
+    """Return mean target errors [mm] of a model and of physics, cheaply, for a model's card."""
+    windows = make_windows(data, max(STEPS))
+    models: dict[str, Dynamics] = {MEASURED: PlanarPrior(), NAMES.get(sain.kind, LEARNED): sain}
+    predictions = {
+        name: roll_out(model, windows.scenes, windows.pushes) for name, model in models.items()
+    }
     found: dict[str, Any] = {}
-    for step in steps:
-        rows = windows.known[:, step - 1] if step <= windows.steps else np.zeros(0, dtype=bool)
+    for step in STEPS:
+        rows = windows.known[:, step - 1]
         if rows.any():
             truth = windows.next_scenes[rows, step - 1]
             means = {

@@ -29,6 +29,7 @@ COLUMNS: Final = (
     "mid heading",
     "contacts agreed",
 )
+STATISTICS: Final = ("{mean:.2f} [{low:.2f}, {high:.2f}]", "{median:.2f}", "{p95:.2f}")
 
 
 def report_open_loop(
@@ -41,16 +42,15 @@ def report_open_loop(
 ) -> dict[str, Any]:
     """Roll out everything over held-out pushes; write NAME_open_loop.md and .png beside `out`.
 
+    Return what belongs into the JSON report `out`, which the caller writes.
+
     Args:
-        out: path of the JSON report, which is the caller's to write.
+        out: path of the JSON report.
         data: pushes that no model was trained on.
         models: by name: `open_loop.RECURRENT_SAIN` and the like.
         seed: of the bootstrap.
-        steps: after how many pushes errors are taken.
+        steps: after how many pushes errors are taken; those that no window reaches are left out.
         others: more physics by name.
-
-    Returns:
-        What belongs into the JSON report. Steps that no window reaches are left out.
     """
     loop = predict_open_loop(data, models, max(steps), others)
     report = {
@@ -58,21 +58,25 @@ def report_open_loop(
         for step in steps
         if loop.windows.known[:, step - 1].any()
     }
-    text = markdown(report) + _refusals(refusals(others or {}))
+    text = markdown(report) + "".join(
+        f"* {name}: pushes that could not be carried out in the scenes that it predicted, and moved"
+        f" nothing: {count}\n"
+        for name, count in refusals(others or {}).items()
+    )
     write_whole(out.with_name(f"{out.stem}_open_loop.md"), text.encode())
     save_open_loop_plot(out.with_name(f"{out.stem}_open_loop.png"), loop, seed)
     return report
 
 
 def _errors(loop: OpenLoop, models: list[str], step: int, seed: int) -> dict[str, Any]:
-    errors = errors_after(loop.windows, loop.predictions, loop.earlier, step, seed)
+    errors = errors_after(loop, step, seed)
     means = {name: row["target"]["mean"] for name, row in errors["all"].items()}
     learned = [name for name in means if name.startswith(tuple(models))]
     physics = [name for name in means if name not in (*learned, *BELOW_ALL)]
     best = min(physics, key=means.__getitem__)
     found = {"errors": errors, "best_physics": best}
     for below in [best] + [name for name in models if name == LEARNED]:
-        every = ratios(loop.windows, loop.predictions, step, below, seed)
+        every = ratios(loop, step, below, seed)
         found[f"ratio_to_{below}"] = {name: every[name] for name in learned if name in every}
     return found
 
@@ -90,26 +94,11 @@ def markdown(report: dict[str, Any]) -> str:
     return "".join(parts)
 
 
-def _refusals(counts: Mapping[str, int]) -> str:
-    lines = [
-        f"* {name}: pushes that could not be carried out in the scenes that it predicted, and moved"
-        f" nothing: {count}\n"
-        for name, count in counts.items()
-    ]
-    return "".join(lines)
-
-
 def _cells(name: str, row: dict[str, Any]) -> list[str]:
-    target, mid = row["target"], row["mid"]
     return [
         name,
         str(row["windows"]),
-        f"{target['mean']:.2f} [{target['low']:.2f}, {target['high']:.2f}]",
-        f"{target['median']:.2f}",
-        f"{target['p95']:.2f}",
-        f"{mid['mean']:.2f} [{mid['low']:.2f}, {mid['high']:.2f}]",
-        f"{mid['median']:.2f}",
-        f"{mid['p95']:.2f}",
+        *(text.format(**row[disk]) for disk in ("target", "mid") for text in STATISTICS),
         f"{row['target_heading']['mean']:.0f}",
         f"{row['mid_heading']['mean']:.0f}",
         f"{100 * row['contacts_agreed']:.0f} %",

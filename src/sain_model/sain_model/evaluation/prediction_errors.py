@@ -1,17 +1,22 @@
 """How well dynamics predict single pushes: errors beside the floor, with intervals."""
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from sain_core.dynamics import Dynamics
-from sain_core.scene import TARGET
 from sain_core.types import Scenes
-from sain_model.data.dataset import Dataset
+from sain_model.data.dataset import Dataset, Split
+from sain_model.data.mixed import MixedDataset, MixedSplit
+from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.coverage import measure_intervals
-from sain_model.evaluation.history_errors import errors_by_history, history_predictions
+from sain_model.evaluation.history_errors import (
+    errors_by_history,
+    history_predictions,
+    mean_target_errors,
+    step_on_true_friction,
+)
 from sain_model.evaluation.metrics import (
     BULLET,
     FLOOR,
@@ -22,10 +27,10 @@ from sain_model.evaluation.metrics import (
     SAIN,
     TRUE,
     measure,
-    position_errors,
     shares_removed,
     target_moved,
 )
+from sain_model.evaluation.open_loop_errors import card_errors
 from sain_model.physics.planar import PlanarPrior
 
 
@@ -34,11 +39,7 @@ def evaluate(
 ) -> dict[str, Any]:
     """Return the errors of all there is to compare, over all pushes and where the target moved.
 
-    Args:
-        data: pushes that no model was trained on.
-        sain: the corrected prior, if there is one.
-        learned: the network alone, if there is one.
-        seed: for the bootstrap.
+    No model was trained on this data. `sain` is the corrected prior, `learned` the network alone.
     """
     predictions = predict_all(data, sain, learned)
     moved = target_moved(data.state, data.next_state)
@@ -53,10 +54,10 @@ def evaluate(
         known = np.isfinite(predicted).all(axis=(1, 2))
         for part, rows in (("all", known), ("target_moved", known & moved)):
             if rows.any():
-                errors = measure(predicted[rows], data.select(rows), seed)
-                result[part][name] = asdict(errors)
+                result[part][name] = measure(predicted[rows], data.select(rows), seed)
     result["by_history"] = errors_by_history(data, predictions)
-    result["reducible_error_removed"] = _shares(data, predictions)
+    # of the nominal prior's error above the floor, over the pushes that moved the target
+    result["reducible_error_removed"] = shares_removed(mean_target_errors(data, predictions, moved))
     result["intervals"] = {
         name: measure_intervals(model, data, seed)
         for name, model in ((LEARNED, learned), (SAIN, sain))
@@ -70,15 +71,12 @@ def predict_all(
 ) -> dict[str, Scenes]:
     """Return what each predictor says (M, N, 8); NaN where it cannot say."""
     planar = PlanarPrior()
-    known = np.isfinite(data.friction)
-    true = np.full_like(data.state, np.nan)
-    true[known] = planar.step(data.state[known], data.action[known], data.friction[known])
     predictions = {
         NO_MOTION: data.state,
         NOMINAL: planar.step_as_nominal(data.state, data.action),
         BULLET: data.physics_next,
         MEASURED: planar.step(data.state, data.action),
-        TRUE: true,
+        TRUE: step_on_true_friction(planar, data),
     }
     if learned is not None:
         predictions[LEARNED] = learned.step(data.state, data.action)
@@ -89,17 +87,23 @@ def predict_all(
     return predictions
 
 
-def _shares(data: Dataset, predictions: dict[str, Scenes]) -> dict[str, float]:
-    """Return which share of the nominal prior's error above the floor each predictor removes.
+def held_out_errors(split: Split | MixedSplit, sain: SainDynamics) -> dict[str, Any]:
+    """Return what a card says: the errors on what was held out, or else on what chose the epoch.
 
-    Over the pushes that moved the target; the floor is the mean of those that were repeated.
+    Where numbers of disks differ: those with the fewest disks, and all under "by_disks".
     """
-    moved = target_moved(data.state, data.next_state)
-    means = {}
-    for name, predicted in predictions.items():
-        rows = moved & (np.isfinite(predicted).all(axis=(1, 2)) if name == FLOOR else True)
-        if not rows.any():
-            return {}
-        errors = position_errors(predicted[rows], data.next_state[rows], TARGET)
-        means[name] = errors.mean()
-    return shares_removed(means)
+    models = (None, sain) if sain.kind == LEARNED_KIND else (sain, None)
+    errors = {
+        part.disks: {**evaluate(part, *models), "open_loop": card_errors(part, sain)}
+        for part in held_out_part(split).parts
+    }
+    result = dict(errors[min(errors)])
+    result["held_out"] = "test" if len(split.test) else "validation"
+    if len(errors) > 1:
+        result["by_disks"] = {str(disks): part for disks, part in errors.items()}
+    return result
+
+
+def held_out_part(split: Split | MixedSplit) -> Dataset | MixedDataset:
+    """Return what errors are measured on: the test part, or without one the validation part."""
+    return split.test if len(split.test) else split.validation

@@ -6,12 +6,15 @@
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from jaxtyping import Float
 from numpy import ndarray
+from torch import Tensor
 
 from sain_core.push import LOCATION
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.types import Angles, Pushes, Scenes
+from sain_model.compute.devices import CPU
 from sain_model.network.feature_kernels import (
     ALL_LANES,
     DISK_FEATURES,
@@ -27,15 +30,18 @@ Residual = Float[ndarray, "B N 3"]  # dx, dy [m] along the push frame's axes, dt
 
 @dataclass(frozen=True)
 class Features:
-    """Network inputs of B pushes.
+    """Network inputs of B pushes."""
 
-    Attributes:
-        disks: what each disk is and how physics moves it.
-        relations: how each ordered pair stands, before the push and after it.
-    """
+    disks: Float[ndarray, "B N D"]  # what each disk is and how physics moves it
+    relations: Float[ndarray, "B E R"]  # how each ordered pair stands, before the push and after
 
-    disks: Float[ndarray, "B N D"]
-    relations: Float[ndarray, "B E R"]
+    def tensors(self, device: str = CPU) -> tuple[Float[Tensor, "B N D"], Float[Tensor, "B E R"]]:
+        """Return them as PyTorch's networks take them."""
+        disks, relations = (
+            torch.from_numpy(array.astype(np.float32)).to(device)
+            for array in (self.disks, self.relations)
+        )
+        return disks, relations
 
 
 def count_disk_features(frame: str) -> int:
@@ -46,14 +52,7 @@ def count_disk_features(frame: str) -> int:
 def make_features(
     scenes: Scenes, pushes: Pushes, physics_next: Scenes, frame: str = PUSH_FRAME
 ) -> Features:
-    """Return the inputs of a network.
-
-    Args:
-        scenes: before the pushes.
-        pushes: one for each scene.
-        physics_next: the prior's prediction.
-        frame: one of `FRAMES`; "world" adds places and headings.
-    """
+    """Return the inputs of a network; the frame "world" adds places and headings."""
     batch, disks, _ = scenes.shape
     unused = np.empty(0)
     work = NetworkWork(
@@ -75,7 +74,10 @@ def relation_ends(disks: int, with_tool: bool = False) -> tuple[ndarray, ndarray
 
     With the tool, a pair of a body and itself stands for it and the tool.
     """
-    receiver, sender = np.nonzero(np.full((disks, disks), True) if with_tool else ~np.eye(disks, dtype=bool))
+    pairs = np.ones((disks, disks), dtype=bool)
+    if not with_tool:
+        np.fill_diagonal(pairs, False)
+    receiver, sender = np.nonzero(pairs)
     return receiver, sender
 
 

@@ -55,13 +55,21 @@ class InteractionNetwork(nn.Module):
         if disks.ndim == 3:
             disks = disks.expand(self.config.members, *disks.shape)
             relations = relations.expand(self.config.members, *relations.shape)
-        members, batch, count, _ = disks.shape
-        # Disks far apart send no messages, so that more of them change nothing either.
-        gaps = torch.minimum(relations[..., GAP_BEFORE], relations[..., GAP_AFTER])
-        effects = self.relation(relations) * (1.0 - gaps).unsqueeze(-1)  # (M, B, E, message)
-        effects = effects.view(members, batch, count, -1, effects.shape[-1]).sum(dim=3)
+        effects = sum_messages(self.relation, relations, disks.shape[2])
         output: Tensor = self.dynamics(torch.cat([disks, effects], dim=-1)) * self.unit
         return output
+
+
+def sum_messages(
+    perceptron: nn.Module, relations: Float[Tensor, "*B E R"], disks: int
+) -> Float[Tensor, "*B N F"]:
+    """Return what each body is told by the others, and by the tool where relations have it.
+
+    Bodies far apart send no messages, so that more of them change nothing either.
+    """
+    gaps = torch.minimum(relations[..., GAP_BEFORE], relations[..., GAP_AFTER])
+    messages: Tensor = perceptron(relations) * (1.0 - gaps).unsqueeze(-1)
+    return messages.unflatten(-2, (disks, -1)).sum(dim=-2)
 
 
 def new_network(config: NetworkConfig, seed: int) -> InteractionNetwork:

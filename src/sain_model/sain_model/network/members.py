@@ -1,5 +1,7 @@
 """Layers of an ensemble: every member has weights of its own, and one call runs them all."""
 
+import functools
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -27,23 +29,15 @@ class MemberLinear(nn.Module):
         return outputs.unflatten(1, inputs.shape[1:-1])
 
 
-def make_linear(members: int, inputs: int, outputs: int) -> nn.Module:
-    """Return the layer of one network, or of an ensemble."""
-    if members == 1:
-        return nn.Linear(inputs, outputs)
-    return MemberLinear(members, inputs, outputs)
-
-
 def make_perceptron(
     inputs: int, outputs: int, hidden: int, layers: int, members: int = 1
 ) -> nn.Sequential:
     """Return a perceptron with so many hidden layers of this width, for one network or more."""
+    linear = nn.Linear if members == 1 else functools.partial(MemberLinear, members)
     modules: list[nn.Module] = []
-    width = inputs
-    for _ in range(layers):
-        modules += [make_linear(members, width, hidden), nn.SiLU()]
-        width = hidden
-    return nn.Sequential(*modules, make_linear(members, width, outputs))
+    for width in [inputs, *[hidden] * (layers - 1)]:
+        modules += [linear(width, hidden), nn.SiLU()]
+    return nn.Sequential(*modules, linear(hidden, outputs))
 
 
 def zero_last_layer(perceptron: nn.Sequential) -> None:

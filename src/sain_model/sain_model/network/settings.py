@@ -18,14 +18,20 @@ BOOTSTRAP: Final = "bootstrap"  # every member sees episodes drawn with replacem
 
 
 @dataclass(frozen=True)
-class NetworkConfig(Config):
-    """The size of the network."""
+class PerceptronConfig(Config):
+    """The size of f_rel and f_dyn."""
 
     hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
     message: int = option(
         32, "width of the message from one disk to another", minimum=1, maximum=1024
     )
     layers: int = option(2, "hidden layers of f_rel and of f_dyn", minimum=1, maximum=6)
+
+
+@dataclass(frozen=True)
+class NetworkConfig(PerceptronConfig):
+    """The size of the network."""
+
     features: str = option(
         PUSH_FRAME,
         "frame of the features: that of the push, or that of the world too",

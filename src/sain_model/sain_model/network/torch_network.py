@@ -17,8 +17,8 @@ class TorchNetwork:
 
     def __init__(self, network: InteractionNetwork, device: str) -> None:
         """Move the network there, for good."""
-        self._device = torch.device(device)
-        self._network = network.to(self._device).eval()
+        self._device = device
+        self._network = network.to(device).eval()
 
     def correct(
         self,
@@ -33,12 +33,9 @@ class TorchNetwork:
         features = network_inputs(config, scenes, frames, physics_next, bodies)
         settle_threads()
         with torch.inference_mode():
-            output = self._network(self._there(features.disks), self._there(features.relations))
+            output = self._network(*features.tensors(self._device))
         residual = output.cpu().numpy().astype(np.float64)
         corrected = apply_residual(physics_next, frames, residual)
         idle = pushes[:, LENGTH] == 0.0
         corrected[idle] = physics_next[idle]
         return corrected
-
-    def _there(self, values: np.ndarray) -> torch.Tensor:
-        return torch.from_numpy(values.astype(np.float32)).to(self._device)

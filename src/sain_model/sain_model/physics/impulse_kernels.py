@@ -23,13 +23,15 @@ from sain_model.physics.outline_kernels import (
     END_Y,
     FACE_X,
     FACE_Y,
-    FEATURE,
+    KIND,
     GAP,
     KEY,
+    LEFT,
     LIGHTNESS,
     NORMAL_MASS,
     NORMAL_X,
     NORMAL_Y,
+    PAST,
     POINT_BODY,
     POINT_X,
     POINT_Y,
@@ -46,13 +48,14 @@ from sain_model.physics.outline_kernels import (
     X,
     Y,
 )
-from sain_model.physics.support_kernels import hold_back
-from sain_model.physics.touching_kernels import ON_CORNER
+from sain_model.physics.support_kernels import hold_back, hold_supports
+from sain_model.physics.touching_kernels import ON_CORNER, ON_SIDE
 
 SWEEPS = 30  # most sweeps over the contacts in one step
 CONVERGED = 1e-4  # [m/s], change of relative velocities in the last sweep
 PUSH_OUT = 0.3  # share of an overlap that one step undoes, without giving speed
 TOUCHING = 1e-5  # [m], a gap as small as this is none
+LEAVE = 1e-3  # [s]
 SHARPEST = 0.001  # [m], the normal of sharper corners is not followed as they pass each other
 
 
@@ -91,7 +94,7 @@ def foresee(work, horizon):
         that press on each other [rad/s].
     """
     bodies, contacts, features = work.bodies, work.contacts, work.features
-    impact, approach, turning = horizon, 0.0, 0.0
+    impact, approach, turning, leave = horizon, 0.0, 0.0, horizon
     for index in range(work.count[0]):
         point, side = features[index, POINT_BODY], features[index, SIDE_BODY]
         nx, ny, gap = contacts[index, FACE_X], contacts[index, FACE_Y], contacts[index, GAP]
@@ -108,13 +111,21 @@ def foresee(work, horizon):
             approach = max(approach, closing)
             if contacts[index, ALONG] > 0.0:
                 turning = max(turning, abs(bodies[side, SPIN]))
-                if features[index, FEATURE] == ON_CORNER:
+                if features[index, KIND] == ON_SIDE:
+                    dx, dy = contacts[index, POINT_X], contacts[index, POINT_Y]
+                    cx = vx - rounding * (bodies[point, SPIN] - bodies[side, SPIN]) * ny
+                    cy = vy + rounding * (bodies[point, SPIN] - bodies[side, SPIN]) * nx
+                    along = cy * nx - cx * ny
+                    room = contacts[index, LEFT] if along > 0.0 else contacts[index, PAST]
+                    if abs(along) * leave > room:
+                        leave = room / abs(along)
+                if features[index, KIND] == ON_CORNER:
                     rolling = abs(vy * nx - vx * ny)
                     round_both = gap + rounding + bodies[side, ROUND]
                     turning = max(turning, rolling / max(round_both, SHARPEST))
         elif closing * impact > gap:
             impact = gap / closing
-    return impact, approach, turning
+    return min(impact, max(leave, LEAVE)), approach, turning
 
 
 @compiled
@@ -127,7 +138,7 @@ def prepare_impulses(work, step, physics):
     bodies, contacts, features = work.bodies, work.contacts, work.features
     for index in range(work.count[0]):
         point, side = features[index, POINT_BODY], features[index, SIDE_BODY]
-        on_corner = features[index, FEATURE] == ON_CORNER
+        on_corner = features[index, KIND] == ON_CORNER
         nx, ny, a, b, c, d = _place(work, index, point, side, on_corner, 0.5 * step)
         contacts[index, NORMAL_X], contacts[index, NORMAL_Y] = nx, ny
         contacts[index, ARM_POINT], contacts[index, REACH_POINT] = a, b
@@ -161,12 +172,11 @@ def _place(work, index, point, side, on_corner, time):
     y = bodies[point, Y] - bodies[side, Y] + time * (bodies[point, VY] - bodies[side, VY])
     angle = time * bodies[side, SPIN]
     nx, ny = _turned(contacts[index, FACE_X], contacts[index, FACE_Y], angle)
-    if on_corner:
-        cx, cy = _turned(contacts[index, CORNER_AT_X], contacts[index, CORNER_AT_Y], angle)
-        dx, dy = x + px - cx, y + py - cy
-        distance = np.sqrt(dx * dx + dy * dy)
-        if distance > SHARPEST:
-            nx, ny = dx / distance, dy / distance
+    cx, cy = _turned(contacts[index, CORNER_AT_X], contacts[index, CORNER_AT_Y], angle)
+    dx, dy = x + px - cx, y + py - cy
+    distance = np.sqrt(dx * dx + dy * dy)
+    if on_corner and distance > SHARPEST:
+        nx, ny = dx / distance, dy / distance
     px, py = px - bodies[point, ROUND] * nx, py - bodies[point, ROUND] * ny
     x, y = x + px, y + py
     return nx, ny, px * ny - py * nx, px * nx + py * ny, x * ny - y * nx, x * nx + y * ny
@@ -226,6 +236,8 @@ def solve_impulses(work, physics):
         for row in range(1, work.bodies.shape[0]):
             if work.grip[row] > 0.0:
                 change = max(change, hold_back(work, row))
+            if work.stuck[row]:
+                change = max(change, hold_supports(work, row))
         if change < CONVERGED:
             break
     for index in range(work.count[0]):

@@ -31,16 +31,17 @@ CORNER_SIZE = 6
 # Columns of a support in its body's frame. `SHARE` is of the load, `LEAN_X` and `LEAN_Y` how it
 # grows with a shift of the load [1/m]. `YIELD` says how light the body is to turn from here.
 FOOT_X, FOOT_Y, SHARE, LEAN_X, LEAN_Y, YIELD, PULL_X, PULL_Y = range(8)
-SUPPORT_SIZE = 8
+ARM_X, ARM_Y, LIMIT, HELD_X, HELD_Y = range(8, 13)
+SUPPORT_SIZE = 13
 # Columns of a contact: normal and arms about both bodies' centres where the impulse acts (in the
 # middle of a step), and where it has to keep the bodies apart (at its end). Arms: of the impulse
 # along the normal, and across it. Then what the solver needs, and where the features are.
 NORMAL_X, NORMAL_Y, ARM_POINT, REACH_POINT, ARM_SIDE, REACH_SIDE = range(6)
 END_X, END_Y, END_ARM_POINT, END_REACH_POINT, END_ARM_SIDE, END_REACH_SIDE = range(6, 12)
 GAP, BIAS, NORMAL_MASS, RIM_MASS, ALONG, ACROSS = range(12, 18)
-POINT_X, POINT_Y, CORNER_AT_X, CORNER_AT_Y, FACE_X, FACE_Y = range(18, 24)
-CONTACT_SIZE = 24
-POINT_BODY, SIDE_BODY, FEATURE, KEY = range(4)  # integer columns of a contact
+POINT_X, POINT_Y, CORNER_AT_X, CORNER_AT_Y, FACE_X, FACE_Y, PAST, LEFT = range(18, 26)
+CONTACT_SIZE = 26
+POINT_BODY, SIDE_BODY, KIND, KEY = range(4)  # integer columns of a contact
 MOST_CONTACTS = 24  # of a pair, a guard; two polygons that lie side by side have two to four
 
 
@@ -56,6 +57,7 @@ class OutlineWorkspace(NamedTuple):
     change: np.ndarray  # (N + 1, 3) their rates of change in the last step
     grip: np.ndarray  # (N + 1,) speed that the table can take from a slow body [m/s]
     held: np.ndarray  # (N + 1, 3) and what it has taken
+    stuck: np.ndarray  # (N + 1,) bool
     tilt: np.ndarray  # (N + 1, 2) shift of the load on the table by what pushed a body last [m]
     contacts: np.ndarray  # (C, CONTACT_SIZE)
     features: np.ndarray  # (C, 4) int64
@@ -80,6 +82,7 @@ def make_outline_workspace(table):
         np.zeros((rows, 3)),
         np.zeros(rows),
         np.zeros((rows, 3)),
+        np.zeros(rows, np.bool_),
         np.zeros((rows, 2)),
         np.zeros((contacts, CONTACT_SIZE)),
         np.zeros((contacts, 4), np.int64),
@@ -127,12 +130,9 @@ def _load_body(bodies, row, state, table, body, physics):
     bodies[row, COS], bodies[row, SIN] = np.cos(state[STATE_THETA]), np.sin(state[STATE_THETA])
     bodies[row, ROUND] = table.rounding[body] * radius
     bodies[row, REACH] = table.reach[body] * radius
-    if table.fixed[body]:
-        bodies[row, LIGHTNESS] = bodies[row, TURN] = 0.0
-    else:
-        inertia = physics.inertia / DISK_INERTIA * table.inertia[body] * radius * radius
-        bodies[row, LIGHTNESS] = 1.0 / state[STATE_MASS]
-        bodies[row, TURN] = bodies[row, LIGHTNESS] / inertia
+    lightness = 0.0 if table.fixed[body] else 1.0 / state[STATE_MASS]
+    inertia = physics.inertia / DISK_INERTIA * table.inertia[body] * radius * radius
+    bodies[row, LIGHTNESS], bodies[row, TURN] = lightness, lightness / inertia
 
 
 @compiled
@@ -192,6 +192,7 @@ def forget_steps(work):
     """Clear what is kept from step to step."""
     for body in range(work.bodies.shape[0]):
         work.grip[body] = 0.0
+        work.stuck[body] = False
         work.tilt[body, 0] = work.tilt[body, 1] = 0.0
         work.change[body, 0] = work.change[body, 1] = work.change[body, 2] = 0.0
     for contact in range(work.count[0]):

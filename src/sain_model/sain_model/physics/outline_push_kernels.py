@@ -93,6 +93,7 @@ def advance(work, slowing, physics, step):
         before[row, 0], before[row, 1] = bodies[row, VX], bodies[row, VY]
         before[row, 2] = bodies[row, SPIN]
         work.grip[row] = 0.0
+        work.stuck[row] = False
         if bodies[row, LIGHTNESS] == 0.0:
             continue
         if outer_speed(bodies, row) > 2.0 * less:

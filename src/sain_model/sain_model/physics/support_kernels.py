@@ -4,6 +4,11 @@ import numpy as np
 
 from sain_model.compute.compiling import compiled
 from sain_model.physics.outline_kernels import (
+    ARM_X,
+    ARM_Y,
+    HELD_X,
+    HELD_Y,
+    LIMIT,
     COS,
     FOOT_X,
     FOOT_Y,
@@ -23,6 +28,7 @@ from sain_model.physics.outline_kernels import (
     YIELD,
 )
 
+SLOW = 1.0  # a support is slow that friction could stop in this many steps under a whole load
 
 @compiled
 def brake(work, row, slowing, physics, step):
@@ -42,37 +48,38 @@ def brake(work, row, slowing, physics, step):
     vx = bodies[row, VX] + 0.5 * step * change[row, 0]
     vy = bodies[row, VY] + 0.5 * step * change[row, 1]
     spin = bodies[row, SPIN] + 0.5 * step * change[row, 2]
-    if spin == 0.0 and tilt[row, 0] == 0.0 and tilt[row, 1] == 0.0:
-        share = slowing / max(np.sqrt(vx * vx + vy * vy), slowing)
-        bodies[row, VX] -= share * vx
-        bodies[row, VY] -= share * vy
-    else:
-        x, y = _pull_back(work, row, vx, vy, spin, slowing, physics)
-        # Braking acts below the centre of mass, a push mostly above: both load what is in front.
-        arm = physics.middle_height / (physics.gravity * step)
-        _slow_down(work, row, arm * x + tilt[row, 0], arm * y + tilt[row, 1])
+    # What slides straight on evenly loaded supports goes on straight, to the last bit.
+    straight = spin == 0.0 and tilt[row, 0] == 0.0 and tilt[row, 1] == 0.0
+    turns = 0.0 if straight else 1.0
+    x, y = _pull_back(work, row, vx, vy, spin, slowing, turns, physics)
+    # Braking acts below the centre of mass, a push mostly above: both load what is in front.
+    arm = physics.middle_height / (physics.gravity * step)
+    _slow_down(work, row, arm * x + tilt[row, 0], arm * y + tilt[row, 1], slowing, turns)
 
 
 @compiled
-def _pull_back(work, row, vx, vy, spin, slowing, physics):
+def _pull_back(work, row, vx, vy, spin, slowing, turns, physics):
     """Write what friction takes from each support under a whole load; return its mean [m/s]."""
     supports, bodies = work.supports, work.bodies
     cos, sin = bodies[row, COS], bodies[row, SIN]
     mean_x, mean_y = 0.0, 0.0
-    across_yields = 1.0 / physics.yield_across - 1.0
+    axes_yield = turns * physics.axes_yield
+    across_yield = turns * (1.0 / physics.yield_across - 1.0)
     for foot in range(work.first_support[row], work.first_support[row + 1]):
         arm_x = cos * supports[foot, FOOT_X] - sin * supports[foot, FOOT_Y]
         arm_y = sin * supports[foot, FOOT_X] + cos * supports[foot, FOOT_Y]
+        supports[foot, ARM_X], supports[foot, ARM_Y] = arm_x, arm_y
         x, y = vx - spin * arm_y, vy + spin * arm_x
+        supports[foot, LIMIT] = x * x + y * y < (SLOW * slowing) ** 2
         squared = arm_x * arm_x + arm_y * arm_y
         if squared > 0.0:
             # A solver gives way to where a support is lighter to move: across its arm.
-            if physics.axes_yield > 0.0:
-                light = physics.axes_yield * supports[foot, YIELD] / squared
+            if axes_yield > 0.0:
+                light = axes_yield * supports[foot, YIELD] / squared
                 x /= 1.0 + light * arm_y * arm_y
                 y /= 1.0 + light * arm_x * arm_x
             else:
-                light = across_yields * supports[foot, YIELD]
+                light = across_yield * supports[foot, YIELD]
                 less = light / (1.0 + light) * (arm_x * y - arm_y * x) / squared
                 x, y = x + less * arm_y, y - less * arm_x
         # Friction never turns a support back: below `slowing` it falls linearly.
@@ -84,7 +91,7 @@ def _pull_back(work, row, vx, vy, spin, slowing, physics):
 
 
 @compiled
-def _slow_down(work, row, shift_x, shift_y):
+def _slow_down(work, row, shift_x, shift_y, slowing, turns):
     """Take from a body what its supports have found, loaded as its weight acts at a shift [m]."""
     supports, bodies = work.supports, work.bodies
     first, last = work.first_support[row], work.first_support[row + 1]
@@ -99,15 +106,46 @@ def _slow_down(work, row, shift_x, shift_y):
     for foot in range(first, last):
         grows = supports[foot, LEAN_X] * fore + supports[foot, LEAN_Y] * left
         load = supports[foot, SHARE] + lean * grows
-        x, y = load * supports[foot, PULL_X], load * supports[foot, PULL_Y]
-        arm_x = cos * supports[foot, FOOT_X] - sin * supports[foot, FOOT_Y]
-        arm_y = sin * supports[foot, FOOT_X] + cos * supports[foot, FOOT_Y]
-        total_x += x
-        total_y += y
-        across += arm_x * y - arm_y * x
+        if supports[foot, LIMIT] == 0.0:
+            x, y = load * supports[foot, PULL_X], load * supports[foot, PULL_Y]
+            total_x += x
+            total_y += y
+            across += supports[foot, ARM_X] * y - supports[foot, ARM_Y] * x
+        else:
+            work.stuck[row] = True
+            supports[foot, LIMIT] = load * slowing
+            supports[foot, HELD_X] = supports[foot, HELD_Y] = 0.0
     bodies[row, VX] -= total_x
     bodies[row, VY] -= total_y
-    bodies[row, SPIN] -= across * bodies[row, TURN] / bodies[row, LIGHTNESS]
+    bodies[row, SPIN] -= turns * across * bodies[row, TURN] / bodies[row, LIGHTNESS]
+
+
+@compiled
+def hold_supports(work, row):
+    """Let the table hold slow supports of a body back, each by Coulomb's law."""
+    supports, bodies = work.supports, work.bodies
+    turn = bodies[row, TURN] / bodies[row, LIGHTNESS]
+    change = 0.0
+    for foot in range(work.first_support[row], work.first_support[row + 1]):
+        limit = supports[foot, LIMIT]
+        if limit > 0.0:
+            arm_x, arm_y = supports[foot, ARM_X], supports[foot, ARM_Y]
+            x = bodies[row, VX] - bodies[row, SPIN] * arm_y
+            y = bodies[row, VY] + bodies[row, SPIN] * arm_x
+            # Across its arm a support is lighter to move than along it.
+            less = turn * (arm_x * y - arm_y * x) / (1.0 + turn * (arm_x**2 + arm_y**2))
+            x, y = x + less * arm_y, y - less * arm_x
+            x, y = supports[foot, HELD_X] - x, supports[foot, HELD_Y] - y
+            size = np.sqrt(x * x + y * y)
+            if size > limit:
+                x, y = x * limit / size, y * limit / size
+            dx, dy = x - supports[foot, HELD_X], y - supports[foot, HELD_Y]
+            supports[foot, HELD_X], supports[foot, HELD_Y] = x, y
+            bodies[row, VX] += dx
+            bodies[row, VY] += dy
+            bodies[row, SPIN] += turn * (arm_x * dy - arm_y * dx)
+            change = max(change, abs(dx), abs(dy))
+    return change
 
 
 @compiled

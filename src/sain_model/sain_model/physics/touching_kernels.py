@@ -8,9 +8,8 @@ convex parts. So the seams between parts catch nothing, and how an outline is cu
 
 import numpy as np
 
-from sain_model.compute.compiling import compiled
+from sain_model.compute.compiling import compiled, compiled_apart
 from sain_model.physics.outline_kernels import (
-    ALONG,
     CONVEX,
     CORNER_AT_X,
     CORNER_AT_Y,
@@ -19,12 +18,14 @@ from sain_model.physics.outline_kernels import (
     COS,
     FACE_X,
     FACE_Y,
-    FEATURE,
     GAP,
     KEY,
+    KIND,
+    LEFT,
     LENGTH,
     LIGHTNESS,
     MOST_CONTACTS,
+    PAST,
     POINT_BODY,
     POINT_X,
     POINT_Y,
@@ -44,10 +45,10 @@ from sain_model.physics.outline_kernels import (
 
 NEAR = 0.005  # [m], features further apart are looked at again in the next step
 FACING = 0.1  # sine of the angle by which a corner's sides may dip into a side that it entered
-ON_SIDE, ON_CORNER = 0, 1
+ON_SIDE, ON_CORNER, NOTHING = 0, 1, 2
 
 
-@compiled
+@compiled_apart
 def find_touching(work, horizon):
     """List the features of all bodies that are near each other, or will be soon.
 
@@ -66,16 +67,17 @@ def find_touching(work, horizon):
             speed += abs(bodies[second, SPIN]) * bodies[second, REACH]
             near = NEAR + horizon * speed
             reach = bodies[first, REACH] + bodies[second, REACH] + near
-            if dx * dx + dy * dy < reach * reach:
-                if bodies[first, LIGHTNESS] + bodies[second, LIGHTNESS] > 0.0:
-                    limit = count[0] + MOST_CONTACTS
-                    points_against_sides(work, first, second, near, True, limit)
-                    if first != TOOL:
-                        points_against_sides(work, second, first, near, False, limit)
+            moves = bodies[first, LIGHTNESS] + bodies[second, LIGHTNESS] > 0.0
+            if moves and dx * dx + dy * dy < reach * reach:
+                limit = count[0] + MOST_CONTACTS
+                _corners_against(work, first, second, near, True, limit)
+                if first != TOOL:
+                    _corners_against(work, second, first, near, False, limit)
+    _place_features(work)
 
 
 @compiled
-def points_against_sides(work, point_body, side_body, near, meet, limit):
+def _corners_against(work, point_body, side_body, near, meet, limit):
     """List where corners of one body are near the outline of another.
 
     Args:
@@ -86,89 +88,97 @@ def points_against_sides(work, point_body, side_body, near, meet, limit):
         meet: whether to look at corners against corners as well.
         limit: how many contacts there may be after it.
     """
-    bodies, corners = work.bodies, work.corners
+    bodies, corners, count = work.bodies, work.corners, work.count
     cos_side, sin_side = bodies[side_body, COS], bodies[side_body, SIN]
     dx = bodies[point_body, X] - bodies[side_body, X]
     dy = bodies[point_body, Y] - bodies[side_body, Y]
     away_x, away_y = cos_side * dx + sin_side * dy, cos_side * dy - sin_side * dx
     cos = bodies[point_body, COS] * cos_side + bodies[point_body, SIN] * sin_side
     sin = bodies[point_body, SIN] * cos_side - bodies[point_body, COS] * sin_side
-    rounding = bodies[point_body, ROUND] + bodies[side_body, ROUND]
-    reach = bodies[side_body, REACH] + bodies[point_body, ROUND] + near
+    near += bodies[point_body, ROUND] + bodies[side_body, ROUND]  # of the points
+    reach = bodies[side_body, REACH] - bodies[side_body, ROUND] + near
     for point in range(work.first_corner[point_body], work.first_corner[point_body + 1]):
-        if corners[point, CONVEX] == 0.0:
-            continue
         x = away_x + cos * corners[point, CORNER_X] - sin * corners[point, CORNER_Y]
         y = away_y + sin * corners[point, CORNER_X] + cos * corners[point, CORNER_Y]
-        if x * x + y * y < reach * reach:
-            _point_against_sides(
-                work, point_body, side_body, point, x, y, cos, sin, rounding, near, meet, limit
+        if x * x + y * y < reach * reach and corners[point, CONVEX] > 0.0:
+            start = count[0]
+            inside = _list_in_front(
+                work, point_body, side_body, point, x, y, cos, sin, near, meet, limit
             )
+            if inside:
+                count[0] = start  # what is in front of a point inside is no obstacle
+                _list_way_out(work, point_body, side_body, point, x, y, cos, sin)
 
 
 @compiled
-def _point_against_sides(
-    work, point_body, side_body, point, x, y, cos, sin, rounding, near, meet, limit
-):
-    """List the features of an outline near a point (x, y), in that outline's frame."""
-    corners, count = work.corners, work.count
+def _list_in_front(work, point_body, side_body, point, x, y, cos, sin, near, meet, limit):
+    """List the features of an outline near a point (x, y); tell whether the point is inside.
+
+    It is inside when the nearest feature is a side that it is behind, or a concave corner.
+    """
+    corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
     first, last = work.first_corner[side_body], work.first_corner[side_body + 1]
-    nearest, inside = np.inf, False
-    start, before = count[0], last - 1
+    own_first, own_last = work.first_corner[point_body], work.first_corner[point_body + 1]
+    total = corners.shape[0]
+    nearest, inside, past = np.inf, False, True
+    if last - first > 1:
+        past = _along(corners, last - 1, x, y) >= corners[last - 1, LENGTH]
     for side in range(first, last):
         dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
         along = dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
+        off = dx * corners[side, SIDE_Y] - dy * corners[side, SIDE_X]
+        kind = NOTHING
         if along < 0.0 or last - first == 1:
-            squared = dx * dx + dy * dy
-            if squared < nearest:
-                nearest, inside = squared, corners[side, CONVEX] == 0.0
-            if meet and corners[side, CONVEX] == 1.0 and count[0] < limit:
-                back_x, back_y = corners[before, CORNER_X], corners[before, CORNER_Y]
-                past = (x - back_x) * corners[before, SIDE_X] + (y - back_y) * corners[
-                    before, SIDE_Y
-                ]
-                if past >= corners[before, LENGTH] and squared < (near + rounding) ** 2:
-                    if _is_nearest_corner(corners, work, point_body, point, dx, dy, cos, sin):
-                        _note_corner(work, point_body, side_body, point, side, rounding)
+            off = np.sqrt(dx * dx + dy * dy)
+            if off < nearest:
+                nearest, inside = off, corners[side, CONVEX] == 0.0
+            if meet and past and corners[side, CONVEX] > 0.0:
+                here_x, here_y = -(cos * dx + sin * dy), sin * dx - cos * dy
+                if _is_beyond(corners, point, own_first, own_last, here_x, here_y):
+                    kind = ON_CORNER
         elif along <= corners[side, LENGTH]:
-            off = dx * corners[side, SIDE_Y] - dy * corners[side, SIDE_X]
-            if off * off < nearest:
-                nearest, inside = off * off, off < 0.0
-            if 0.0 <= off < near + rounding and count[0] < limit:
-                _note_side(work, point_body, side_body, point, side, off, rounding)
-        before = side
-    if inside:
-        count[0] = start  # what is in front of a point inside is no obstacle
-        _leave(work, point_body, side_body, point, x, y, cos, sin, rounding)
+            if abs(off) < nearest:
+                nearest, inside = abs(off), off < 0.0
+            if off >= 0.0:
+                kind = ON_SIDE
+        if kind != NOTHING and off < near and count[0] < limit:
+            number = count[0]
+            contacts[number, GAP] = off
+            contacts[number, PAST], contacts[number, LEFT] = along, corners[side, LENGTH] - along
+            features[number, POINT_BODY], features[number, SIDE_BODY] = point_body, side_body
+            features[number, KIND] = kind
+            features[number, KEY] = (point * total + side) * 2 + kind
+            count[0] = number + 1
+        past = along > corners[side, LENGTH]
+    return inside
 
 
 @compiled
-def _is_nearest_corner(corners, work, body, point, dx, dy, cos, sin):
-    """Tell whether no side of a corner's own body is nearer to another corner than it is.
+def _along(corners, side, x, y):
+    """Return how far along a side [m] a point lies."""
+    dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
+    return dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
 
-    `(dx, dy)` leads from the other corner to this one, in the frame of the other's body.
-    """
-    first, last = work.first_corner[body], work.first_corner[body + 1]
-    if last - first == 1:
-        return True
-    here_x, here_y = -(cos * dx + sin * dy), -(cos * dy - sin * dx)
+
+@compiled
+def _is_beyond(corners, point, first, last, x, y):
+    """Tell whether (x, y), seen from a corner, is nearer to it than to either of its sides."""
     before = point - 1 if point > first else last - 1
-    after = here_x * corners[point, SIDE_X] + here_y * corners[point, SIDE_Y]
-    past = here_x * corners[before, SIDE_X] + here_y * corners[before, SIDE_Y]
-    return after <= 0.0 <= past
+    after = x * corners[point, SIDE_X] + y * corners[point, SIDE_Y]
+    ahead = x * corners[before, SIDE_X] + y * corners[before, SIDE_Y]
+    return after <= 0.0 <= ahead
 
 
 @compiled
-def _leave(work, point_body, side_body, point, x, y, cos, sin, rounding):
+def _list_way_out(work, point_body, side_body, point, x, y, cos, sin):
     """List the side through which a point inside an outline leaves it soonest.
 
     A corner cannot have entered through a side that one of its own sides dips into.
     """
-    corners = work.corners
-    own = work.first_corner[point_body]
-    single = work.first_corner[point_body + 1] - own == 1
-    before = point - 1 if point > own else work.first_corner[point_body + 1] - 1
-    best, highest, best_faces = -1, -np.inf, False
+    corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
+    own_first, own_last = work.first_corner[point_body], work.first_corner[point_body + 1]
+    before = point - 1 if point > own_first else own_last - 1
+    best, highest, best_faces, past = -1, -np.inf, False, 0.0
     for side in range(work.first_corner[side_body], work.first_corner[side_body + 1]):
         dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
         along = dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
@@ -176,61 +186,45 @@ def _leave(work, point_body, side_body, point, x, y, cos, sin, rounding):
         if 0.0 <= along <= corners[side, LENGTH] and off <= 0.0:
             nx, ny = corners[side, SIDE_Y], -corners[side, SIDE_X]
             nx, ny = cos * nx + sin * ny, cos * ny - sin * nx  # in the frame of the point's body
-            faces = single or (
-                nx * corners[point, SIDE_X] + ny * corners[point, SIDE_Y] > -FACING
-                and nx * corners[before, SIDE_X] + ny * corners[before, SIDE_Y] < FACING
-            )
+            dips = -(nx * corners[point, SIDE_X] + ny * corners[point, SIDE_Y])
+            dips = max(dips, nx * corners[before, SIDE_X] + ny * corners[before, SIDE_Y])
+            faces = dips < FACING
             if (faces and not best_faces) or (faces == best_faces and off > highest):
-                best, highest, best_faces = side, off, faces
-    if best >= 0:
-        _note_side(work, point_body, side_body, point, best, highest, rounding)
-
-
-@compiled
-def _note_side(work, point_body, side_body, point, side, off, rounding):
-    """List a corner in front of a side, at a distance from the side to the corner's middle [m]."""
-    bodies, corners = work.bodies, work.corners
-    contacts, number = work.contacts, work.count[0]
-    cos, sin = bodies[side_body, COS], bodies[side_body, SIN]
-    nx, ny = corners[side, SIDE_Y], -corners[side, SIDE_X]
-    contacts[number, FACE_X], contacts[number, FACE_Y] = cos * nx - sin * ny, sin * nx + cos * ny
-    contacts[number, GAP] = off - rounding
-    _note(work, point_body, side_body, point, side, ON_SIDE)
-
-
-@compiled
-def _note_corner(work, point_body, side_body, point, corner, rounding):
-    """List a corner near a corner."""
-    bodies, corners = work.bodies, work.corners
-    contacts, number = work.contacts, work.count[0]
-    cos, sin = bodies[side_body, COS], bodies[side_body, SIN]
-    x, y = corners[corner, CORNER_X], corners[corner, CORNER_Y]
-    at_x, at_y = cos * x - sin * y, sin * x + cos * y
-    contacts[number, CORNER_AT_X], contacts[number, CORNER_AT_Y] = at_x, at_y
-    _note(work, point_body, side_body, point, corner, ON_CORNER)
-    dx = bodies[point_body, X] + contacts[number, POINT_X] - bodies[side_body, X] - at_x
-    dy = bodies[point_body, Y] + contacts[number, POINT_Y] - bodies[side_body, Y] - at_y
-    distance = np.sqrt(dx * dx + dy * dy)
-    contacts[number, GAP] = distance - rounding
-    if distance > 0.0:
-        contacts[number, FACE_X], contacts[number, FACE_Y] = dx / distance, dy / distance
-    else:
-        contacts[number, FACE_X], contacts[number, FACE_Y] = 1.0, 0.0
-
-
-@compiled
-def _note(work, point_body, side_body, point, feature, kind):
-    bodies, corners, features = work.bodies, work.corners, work.features
-    number = work.count[0]
-    contacts = work.contacts
-    cos, sin = bodies[point_body, COS], bodies[point_body, SIN]
-    x, y = corners[point, CORNER_X], corners[point, CORNER_Y]
-    contacts[number, POINT_X], contacts[number, POINT_Y] = cos * x - sin * y, sin * x + cos * y
-    contacts[number, ALONG] = 0.0
+                best, highest, best_faces, past = side, off, faces, along
+    number = count[0]
+    contacts[number, GAP] = highest
+    contacts[number, PAST], contacts[number, LEFT] = past, corners[best, LENGTH] - past
     features[number, POINT_BODY], features[number, SIDE_BODY] = point_body, side_body
-    features[number, FEATURE] = kind
-    features[number, KEY] = (point * corners.shape[0] + feature) * 2 + kind
-    work.count[0] = number + 1
+    features[number, KIND] = ON_SIDE
+    features[number, KEY] = (point * corners.shape[0] + best) * 2 + ON_SIDE
+    count[0] = number + (1 if best >= 0 else 0)
+
+
+@compiled
+def _place_features(work):
+    """Place the listed features in the world: corner, what it is near, and the normal between."""
+    bodies, corners, contacts, features = work.bodies, work.corners, work.contacts, work.features
+    total = corners.shape[0]
+    for index in range(work.count[0]):
+        point_body, side_body = features[index, POINT_BODY], features[index, SIDE_BODY]
+        pair = features[index, KEY] // 2
+        point, side = pair // total, pair % total
+        x, y = corners[point, CORNER_X], corners[point, CORNER_Y]
+        cos, sin = bodies[point_body, COS], bodies[point_body, SIN]
+        point_x, point_y = cos * x - sin * y, sin * x + cos * y
+        contacts[index, POINT_X], contacts[index, POINT_Y] = point_x, point_y
+        x, y = corners[side, CORNER_X], corners[side, CORNER_Y]
+        cos, sin = bodies[side_body, COS], bodies[side_body, SIN]
+        corner_x, corner_y = cos * x - sin * y, sin * x + cos * y
+        contacts[index, CORNER_AT_X], contacts[index, CORNER_AT_Y] = corner_x, corner_y
+        x, y = corners[side, SIDE_Y], -corners[side, SIDE_X]
+        nx, ny = cos * x - sin * y, sin * x + cos * y
+        distance = contacts[index, GAP]
+        if features[index, KIND] == ON_CORNER and distance > 0.0:
+            nx = (bodies[point_body, X] + point_x - bodies[side_body, X] - corner_x) / distance
+            ny = (bodies[point_body, Y] + point_y - bodies[side_body, Y] - corner_y) / distance
+        contacts[index, FACE_X], contacts[index, FACE_Y] = nx, ny
+        contacts[index, GAP] = distance - bodies[point_body, ROUND] - bodies[side_body, ROUND]
 
 
 @compiled

@@ -14,7 +14,6 @@ from rclpy.parameter import Parameter
 
 from sain_core import wire
 from sain_core.errors import BusyError, ErrorCode, SainError, error_reply
-from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
 from sain_core.ros.introspection import introspect
@@ -46,10 +45,10 @@ class ModelNode(Node):
         super().__init__("model_node", namespace=NAMESPACE, **options)
         config = read_parameters(self, ServingConfig)
         # PyTorch takes a second to load: a mistake in the parameters is reported before.
-        from sain_model.serving.live import LiveModel
+        from sain_model.serving.server import load_server
 
         self.worker, self.loader = Worker(self, "serving"), Worker(self, "loading")
-        self.live = self.worker.call(lambda: LiveModel(load_dynamics, config))
+        self.server = self.worker.call(lambda: load_server(config))
         self.prepared: ModelServer | None = None
         self.record = ServiceRecord()
         self.status, self.message = OK, "serving"
@@ -103,7 +102,7 @@ class ModelNode(Node):
     def _on_describe(
         self, request: DescribeModel.Request, response: DescribeModel.Response
     ) -> DescribeModel.Response:
-        server = self.live.current
+        server = self.server
         for name, value in asdict(server.description).items():
             setattr(response, name, value)
         response.max_work, response.max_disks = server.config.max_work, server.config.max_disks
@@ -113,7 +112,7 @@ class ModelNode(Node):
     async def _on_load(
         self, request: LoadModel.Request, response: LoadModel.Response
     ) -> LoadModel.Response:
-        done = await self.loader.run(lambda: self.live.prepare(request.model))
+        done = await self.loader.run(lambda: self.server.with_model(request.model))
         error = done.exception()
         if error is None:
             self.prepared = done.result()
@@ -121,7 +120,7 @@ class ModelNode(Node):
             response.error_code = int(ErrorCode.OK)
         else:
             response.error_code, response.error_message = self._refusal(error)
-        described = self.live.current.description
+        described = self.server.description
         response.model, response.model_hash = described.model, described.model_hash
         return response
 
@@ -130,7 +129,7 @@ class ModelNode(Node):
         names = [str(one.value) for one in parameters if one.name == "model"]
         if not names or self.prepared is not None:
             return SetParametersResult(successful=True)
-        done = self.loader.wait(lambda: self.live.prepare(names[-1]))
+        done = self.loader.wait(lambda: self.server.with_model(names[-1]))
         error = done.exception()
         if error is not None:
             reason = self._refusal(error)[1]
@@ -140,15 +139,14 @@ class ModelNode(Node):
 
     def _after_set_parameters(self, parameters: list[Parameter]) -> None:
         if self.prepared is not None:
-            self.live.serve(self.prepared)
-            self.prepared = None
-            described = self.live.current.description
+            self.server, self.prepared = self.prepared, None
+            described = self.server.description
             self.get_logger().info(f"serves {described.model} now, {described.model_hash[:16]}")
             self._report()
 
     def _refusal(self, error: BaseException) -> tuple[int, str]:
         code, message = error_reply(error)
-        self.get_logger().warning(f"goes on serving {self.live.current.config.model}: {message}")
+        self.get_logger().warning(f"goes on serving {self.server.config.model}: {message}")
         self._log_defect(error)
         return code, message
 
@@ -172,14 +170,14 @@ class ModelNode(Node):
         return response
 
     def _overload(self) -> BaseException | None:
-        waiting, most = self.record.queue, self.live.current.config.max_queue
+        waiting, most = self.record.queue, self.server.config.max_queue
         if waiting < most:
             return None
         return BusyError(f"{waiting} requests are waiting already; at most {most} may")
 
     def _compute(self, work: "Callable[[ModelServer], None]", response: Response) -> None:
         """Answer with the model that is served now, whatever is served when it is done."""
-        begun, server = perf_counter(), self.live.current
+        begun, server = perf_counter(), self.server
         response.model = server.description.model
         response.model_hash = server.description.model_hash
         try:
@@ -193,7 +191,7 @@ class ModelNode(Node):
             self.get_logger().error("".join(traceback.format_exception(error)))
 
     def _report(self) -> None:
-        described = self.live.current.description
+        described = self.server.description
         self.diagnostics.set(
             self.status,
             self.message,

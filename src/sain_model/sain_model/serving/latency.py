@@ -2,29 +2,23 @@
 
 from collections import deque
 from dataclasses import dataclass, field
-from math import ceil
 from typing import Final
+
+import numpy as np
 
 RECENT: Final = 256  # requests that the percentiles are of
 
 
 @dataclass
 class ServiceRecord:
-    """Counts requests from when they are taken to when they are answered.
+    """Counts requests from when they are taken to when they are answered."""
 
-    Attributes:
-        requests: answered so far.
-        failures: of them, with an error.
-        queue: taken and not yet answered.
-        longest_queue: the most that it was.
-        latencies: of the latest requests [s], waiting included.
-    """
-
-    requests: int = 0
-    failures: int = 0
-    queue: int = 0
+    requests: int = 0  # answered so far
+    failures: int = 0  # of them, with an error
+    queue: int = 0  # taken and not yet answered
     longest_queue: int = 0
-    longest: float = 0.0
+    longest: float = 0.0  # [s]
+    # of the latest requests [s], waiting included
     latencies: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
 
     def take(self) -> None:
@@ -44,8 +38,7 @@ class ServiceRecord:
         """Return the latency [s] that a share of the latest requests stayed within; 0: none yet."""
         if not self.latencies:
             return 0.0
-        ordered = sorted(self.latencies)
-        return ordered[max(ceil(share * len(ordered)), 1) - 1]
+        return float(np.quantile(self.latencies, share, method="inverted_cdf"))
 
     def summary(self) -> dict[str, object]:
         """Return the figures for a report."""

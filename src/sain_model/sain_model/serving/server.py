@@ -1,6 +1,6 @@
 """Answers what a model is asked over a wire: checked and bounded. No middleware here."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,6 +14,7 @@ from sain_core.model_checks.response_check import (
     check_rollout,
     check_step,
 )
+from sain_core.plugins import load_dynamics
 from sain_core.push import check_predictable
 from sain_core.scene import THETA, check_scene, check_scenes, make_scene, wrap_angle
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
@@ -33,27 +34,22 @@ LEARNED: Final = (SainDynamics, ParameterCorrection)
 
 @dataclass(frozen=True)
 class Description:
-    """What a model says of itself.
+    """What a model says of itself; a pure prior has neither hash nor card."""
 
-    Attributes:
-        model: its name or path.
-        kind: physics, learned or residual.
-        prior: the physics below it; for a pure prior its own name.
-        model_hash: SHA-256 of the weights; empty for a pure prior.
-        card: the checkpoint's JSON card; empty for a pure prior.
-        device: what the network runs on.
-    """
-
-    model: str
-    kind: str
-    prior: str
-    model_hash: str
-    card: str
-    device: str
+    model: str  # its name or path
+    kind: str  # `PHYSICS`, or the kind of the checkpoint
+    prior: str  # the physics below it; for a pure prior its own name
+    model_hash: str = ""  # SHA-256 of the weights
+    card: str = ""  # the checkpoint's JSON card
+    device: str = CPU  # what the network runs on
 
 
 class ModelServer:
-    """One model, asked for single pushes in a batch or for whole sequences."""
+    """One model, asked for single pushes in a batch or for whole sequences.
+
+    It never serves another one: that gets a server of its own (`with_model`), made on any thread,
+    and the node goes on with it in one assignment.
+    """
 
     def __init__(self, dynamics: Dynamics, config: ServingConfig) -> None:
         """Serve this dynamics, on the device that the settings choose.
@@ -69,6 +65,10 @@ class ModelServer:
         self.description = describe_model(config.model, dynamics)
         self._usual = dynamics
         self._learned: tuple[PushHistory, Dynamics] | None = None
+
+    def with_model(self, name: str) -> "ModelServer":
+        """Return a server of another model with these settings; see `load_server`."""
+        return load_server(replace(self.config, model=name))
 
     def try_out(self) -> None:
         """Answer requests of both kinds, so that none from outside waits for compilation.
@@ -153,10 +153,8 @@ class ModelServer:
             The residual (B, N, 8), angles wrapped, and the next state (B, N, 8).
 
         Raises:
-            InvalidInputError: a scene that cannot exist.
-            OutOfRangeError: a push that no arm's limits could allow.
-            TooMuchWorkError: B x N is above the limit, or N alone.
-            ModelUnavailableError: the model answers with something that no answer can be.
+            InvalidInputError, OutOfRangeError, TooMuchWorkError, ModelUnavailableError: as
+                `rollout`, for B x N predictions.
         """
         self._check_work(len(scenes), scenes.shape[1])
         check_scenes(scenes)
@@ -194,6 +192,19 @@ class ModelServer:
             )
 
 
+def load_server(config: ServingConfig) -> ModelServer:
+    """Return a server of the model that the settings name, loaded and tried.
+
+    Raises:
+        CheckpointError: a checkpoint that is missing, damaged or of another architecture.
+        ConfigError: no model of this name.
+        ModelUnavailableError: it predicts NaN or Inf.
+    """
+    server = ModelServer(load_dynamics(config.model), config)
+    server.try_out()
+    return server
+
+
 def _residual(next_state: Scenes, physics_next: Scenes) -> Scenes:
     residual = next_state - physics_next
     residual[..., THETA] = wrap_angle(residual[..., THETA])
@@ -211,4 +222,4 @@ def describe_model(name: str, dynamics: Dynamics) -> Description:
             dynamics.card,
             dynamics.device,
         )
-    return Description(name, PHYSICS, name, "", "", CPU)
+    return Description(name, PHYSICS, name)

@@ -20,8 +20,7 @@ from sain_model.dynamics.physics_gradient import conditioned_moves, moves
 from sain_model.network.settings import WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.settings import CorrectionTrainingConfig, cosine
-from sain_model.training.training_loop import Step, TrainingLoop
-from sain_model.training.training_state import LossHistory
+from sain_model.training.training_loop import LossHistory, Step, TrainingLoop
 
 
 @dataclass(frozen=True)
@@ -103,11 +102,7 @@ def make_trainers(
 ) -> list[CorrectionTrainer]:
     """Return a trainer for each member; each goes on from its state when one is there.
 
-    Args:
-        split: what to learn from, and what to choose the best epochs by.
-        prior: whose parameters are corrected.
-        config: its seed is the first member's, the others' follow.
-        folder: of the states, one a member.
+    The seed is the first member's, the others' follow.
 
     Raises:
         CheckpointError: a state in the folder is damaged or of other settings or data.
@@ -125,9 +120,7 @@ def train_members(
 ) -> tuple[CorrectionEnsemble, list[LossHistory]]:
     """Train all members, one after the other; return them and their histories.
 
-    Args:
-        trainers: of the members.
-        progress: called with member, epochs done and history.
+    `progress` is called with member, epochs done and history.
     """
     networks = CorrectionEnsemble(trainers[0].config.network)
     for member, trainer in enumerate(trainers):

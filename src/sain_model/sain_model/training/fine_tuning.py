@@ -6,7 +6,7 @@ are a candidate like those of every epoch: where nothing that was learned does b
 validation episodes, they are kept.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -20,9 +20,10 @@ from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, parse_card
 from sain_model.dynamics.load import card_part, load_sain, shipped_checkpoint
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
 from sain_model.dynamics.settings import SHIPPED, LossConfig
-from sain_model.evaluation.held_out import held_out_part
 from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.evaluation.prediction_errors import held_out_part
+from sain_model.training.options import DEFAULT, TrainOptions
 from sain_model.training.settings import EPISODE, NOTHING, TrainingConfig
 
 KEPT: Final = ("prior", "prior_friction", "history")  # and its network: weights fit no others
@@ -33,15 +34,9 @@ to choose the best by; docs/training.md tells what was tried."""
 
 @dataclass(frozen=True)
 class Parent:
-    """A checkpoint to start from.
+    """A checkpoint to start from."""
 
-    Attributes:
-        name: what it was asked for by.
-        sain: the model.
-        card: what it says of itself.
-    """
-
-    name: str
+    name: str  # that it was asked for by
     sain: SainDynamics
     card: ModelCard
 
@@ -92,12 +87,13 @@ class Parent:
             },
         )
 
-    def check_settings(self, config: TrainingConfig) -> None:
+    def check_options(self, options: TrainOptions) -> None:
         """Check that a training keeps what the weights were made for.
 
         Raises:
             ConfigError: naming the option that asks for something else.
         """
+        config = options.training
         kept = {**vars(self.settings), **vars(self.settings.network)}
         asked = {**vars(config), **vars(config.network)}
         for name in (*KEPT, *vars(config.network)):
@@ -107,6 +103,13 @@ class Parent:
                     f"{option} is {asked[name]!r}; {self.name} has {kept[name]!r}, and its weights"
                     f" fit nothing else: leave {option} or --from out"
                 )
+        if options.preset != DEFAULT:
+            asked_for = f"--preset {options.preset}"
+        elif options.rollout.wanted:
+            asked_for = "--steps-ahead"
+        else:
+            return
+        raise ConfigError(f"{asked_for} is for new weights; leave it or --from out")
 
     def check_data(self, data: Dataset | MixedDataset) -> None:
         """Check that a data set is new to it: what is held out must not have been learned from.
@@ -121,11 +124,6 @@ class Parent:
                     f"{self.name} has learned from this data set already (SHA-256 {sha[:16]}..);"
                     " fine-tune on episodes that it has not seen"
                 )
-
-    @property
-    def about(self) -> dict[str, Any]:
-        """Its card as its children have it on theirs: all but its errors."""
-        return {**asdict(self.card), "errors": {}}
 
     def gain(self, sain: SainDynamics, split: Split | MixedSplit) -> dict[str, Any]:
         """Return the target's mean errors on held-out episodes [mm], before and after.

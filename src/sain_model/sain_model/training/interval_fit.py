@@ -24,14 +24,10 @@ STARTS: Final = (0.0, -2.0, -4.0)  # of the search, logarithms of the weights
 
 
 def fit_intervals(sain: SainDynamics, *data: Dataset, level: float = LEVEL) -> Intervals:
-    """Return regions that hold mid disk and target in this share of the pushes.
+    """Return regions that hold mid disk and target in a share `level` of the pushes.
 
-    With bodies of any shape, these are the pushed body and all others.
-
-    Args:
-        sain: the model, its friction told as in deployment: by the episode's earlier pushes.
-        data: episodes that its weights were not fitted to.
-        level: the share.
+    With bodies of any shape, these are the pushed body and all others. The model's weights were
+    not fitted to this data. Friction is told as in deployment, by the episode's earlier pushes.
     """
     pieces = [_scored(sain, part) for part in data]
     configs = []

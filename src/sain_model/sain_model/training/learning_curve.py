@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from sain_core.errors import CheckpointError, DatasetError
+from sain_core.errors import CheckpointError
 from sain_core.storage import write_json
 from sain_model.data.dataset import Split, check_held_out, limit_training
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
@@ -24,18 +24,10 @@ NETWORKS: Final = (LEARNED, SAIN, SAIN_HISTORY)
 
 @dataclass(frozen=True)
 class Point:
-    """The target's error of one predictor on the held-out episodes.
-
-    Attributes:
-        name: of the predictor.
-        transitions: how many a network was trained on; 0 for physics.
-        mean: [mm].
-        low: end of its 95 % bootstrap interval over episodes [mm].
-        high: the other end [mm].
-    """
+    """The target's mean error of one predictor on held-out episodes, with 95 % interval [mm]."""
 
     name: str
-    transitions: int
+    transitions: int  # that a network was trained on; 0 for physics
     mean: float
     low: float
     high: float
@@ -55,32 +47,29 @@ def learning_curve(
     stopped goes on from there.
 
     Args:
-        split: the largest size is taken from its training part.
-        config: of every network; its number of epochs and, for the network alone, its prior
-            are set here.
+        split: sizes are taken from its training part.
+        config: of every network, but for epochs and, for the network alone, the prior.
         sizes: numbers of transitions to train on.
         steps: of the optimiser.
         folder: for the state of each training, and its errors.
-        progress: told which training begins: its prior and its size.
+        progress: called with the prior and the size of each training that begins.
 
     Raises:
         DatasetError: a size that there are not so many transitions for, or nothing is held out.
         CheckpointError: the folder's state is damaged or of other settings or data.
     """
     check_held_out(split)
-    if sizes and max(sizes) > len(split.train):
-        raise DatasetError(
-            f"{max(sizes)} transitions to train on are asked for; there are {len(split.train)}"
-        )
     points: dict[tuple[str, int], Point] = {}
-    for size in sizes:
-        part = limit_training(split, size)
+    for size, part in [(size, limit_training(split, size)) for size in sizes]:
         for prior in (IDENTITY, config.prior):
             progress(prior, size)
             settings = replace(config, prior=prior, epochs=_epochs(config, size, steps))
             errors = _errors(part, settings, folder / f"{prior}-{size}")
-            for point in _points(errors, size):
-                points[point.name, point.transitions] = point
+            for name in (*PHYSICS, *NETWORKS):
+                if row := errors.get(name):
+                    trained = size if name in NETWORKS else 0
+                    interval = row["target_mean"], row["target_low"], row["target_high"]
+                    points[name, trained] = Point(name, trained, *interval)
     return list(points.values())
 
 
@@ -107,15 +96,3 @@ def _errors(split: Split, config: TrainingConfig, folder: Path) -> dict[str, dic
     report = {"identity": identity, **errors}
     write_json(path, report)
     return dict(errors["all"])
-
-
-def _points(errors: dict[str, dict[str, float]], size: int) -> list[Point]:
-    return [
-        Point(name, size if name in NETWORKS else 0, *_interval(errors[name]))
-        for name in (*PHYSICS, *NETWORKS)
-        if name in errors
-    ]
-
-
-def _interval(row: dict[str, float]) -> tuple[float, float, float]:
-    return row["target_mean"], row["target_low"], row["target_high"]

@@ -1,4 +1,4 @@
-"""The options of ``ros2 run sain_model train``, and its presets: ours, and the paper's.
+"""The options of ``train`` and ``train_correction``, and presets: ours, and the paper's.
 
 The paper (section III-C): Adam at 0.001, halved every 2,500 steps, 8,000 epochs of batches of 16,
 validated every 500 epochs on 20 % of the data, the best kept; 10 % in section III-B; equation 5
@@ -16,13 +16,13 @@ from typing import Annotated, Final, Literal
 import tyro
 
 from sain_core.config import Config, option, required
-from sain_core.errors import ConfigError
-from sain_model.dynamics.settings import LossConfig, RolloutConfig
+from sain_model.dynamics.settings import PLANAR, PLANAR_AXES, LossConfig, RolloutConfig
 from sain_model.training.settings import (
     ADAM,
     HALVING_EPOCHS,
     HALVING_STEPS,
     NOTHING,
+    CorrectionTrainingConfig,
     OptimizerConfig,
     TrainingConfig,
 )
@@ -106,13 +106,17 @@ def train_options(arguments: list[str]) -> type[TrainOptions]:
     )
 
 
-def check_parent(options: TrainOptions) -> None:
-    """Check that options do not contradict the checkpoint that they go on with.
+@dataclass(frozen=True)
+class TrainCorrectionOptions(Config):
+    """Train networks that correct the parameters of the planar prior for one laboratory.
 
-    Raises:
-        ConfigError: naming the option.
+    The same command continues after a stop.
     """
-    if options.preset != DEFAULT:
-        raise ConfigError(f"--preset {options.preset} is for new weights; leave it or --from out")
-    if options.rollout.wanted:
-        raise ConfigError("--steps-ahead is for new weights; leave it or --from out")
+
+    dataset: Annotated[Path, tyro.conf.Positional] = required("a shard *.npz, or a folder of them")
+    out: Path = required("folder for checkpoint, card and settings")
+    name: str = option("correction", "name of the checkpoint")
+    prior: str = option(
+        PLANAR_AXES, "the prior whose parameters are corrected", choices=(PLANAR, PLANAR_AXES)
+    )
+    training: CorrectionTrainingConfig = CorrectionTrainingConfig()

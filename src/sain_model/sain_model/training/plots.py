@@ -2,19 +2,18 @@
 
 from collections.abc import Sequence
 from itertools import cycle
-from pathlib import Path
 from typing import Final
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
+from sain_core.drawing.figures import TEXT, new_figure, style_axes
 from sain_core.drawing.palette import PALETTE
 from sain_model.evaluation.history_errors import SAIN_HISTORY
 from sain_model.evaluation.metrics import BULLET, FLOOR, LEARNED, SAIN
 from sain_model.training.learning_curve import Point
-from sain_model.training.training_state import LossHistory
+from sain_model.training.training_loop import LossHistory
 
 COLOURS: Final = {
     LEARNED: PALETTE.learned,
@@ -45,11 +44,6 @@ def draw_curves(points: Sequence[Point]) -> Figure:
     _scale(axes, sorted({point.transitions for point in networks}))
     figure.legend(frameon=False, loc="outside lower center", ncols=3, fontsize=TEXT)
     return figure
-
-
-def save_curves(path: Path, points: Sequence[Point]) -> None:
-    """Write a PNG with a curve and its 95 % band for each network, and a line for each physics."""
-    write_png(draw_curves(points), path)
 
 
 def _scale(axes: Axes, sizes: Sequence[int]) -> None:
@@ -89,8 +83,3 @@ def draw_losses(history: LossHistory) -> Figure:
         axes.axhline(history.start, color=PALETTE.floor, linestyle=":", label=before)
     figure.legend(frameon=False, loc="outside lower center", ncols=2, fontsize=TEXT)
     return figure
-
-
-def save_loss_curve(path: Path, history: LossHistory) -> None:
-    """Write a PNG with the losses after each epoch, the weights that are kept marked."""
-    write_png(draw_losses(history), path)

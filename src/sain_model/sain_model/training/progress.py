@@ -1,7 +1,8 @@
 """What shows a training while it runs: a bar in the terminal, and TensorBoard as an extra."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -9,67 +10,51 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from sain_core.errors import ConfigError
-from sain_model.training.training_state import LossHistory
+from sain_model.training.training_loop import LossHistory
 
 FOLDER: Final = "tensorboard"  # below the training's folder
+Follower = Callable[[int, LossHistory], None]  # called with the epochs done, and their losses
 
 
-class EpochBar:
-    """A bar over epochs with the losses and the time left."""
+@contextmanager
+def epoch_bar(console: Console, epochs: int, done: int) -> Iterator[Follower]:
+    """Show a bar over epochs with the losses and the time left."""
+    losses, left = TextColumn("{task.fields[losses]}, left"), TimeRemainingColumn()
+    columns = TextColumn("epoch"), BarColumn(), MofNCompleteColumn(), losses, left
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task("train", total=epochs, completed=done, losses="starting")
 
-    def __init__(self, console: Console, epochs: int, done: int) -> None:
-        self._bar = Progress(
-            TextColumn("epoch"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[losses]}, left"),
-            TimeRemainingColumn(),
-            console=console,
-        )
-        self._task = self._bar.add_task("train", total=epochs, completed=done, losses="starting")
+        def advance(epoch: int, history: LossHistory) -> None:
+            losses = (
+                f"training {history.train[-1]:.3f}, validation {history.validation[-1]:.3f},"
+                f" best {history.best_loss:.3f}"
+            )
+            bar.update(task, completed=epoch, losses=losses)
 
-    def __enter__(self) -> Callable[[int, LossHistory], None]:
-        self._bar.start()
-        return self._advance
-
-    def _advance(self, epoch: int, history: LossHistory) -> None:
-        losses = (
-            f"training {history.train[-1]:.3f}, validation {history.validation[-1]:.3f},"
-            f" best {history.best_loss:.3f}"
-        )
-        self._bar.update(self._task, completed=epoch, losses=losses)
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
+        yield advance
 
 
-class EventLog:
-    """Writes the losses after each epoch; a training that goes on replaces what came later."""
+@contextmanager
+def event_log(folder: Path, done: int) -> Iterator[Follower]:
+    """Write the losses of each epoch below a folder; those after `done` epochs are replaced.
 
-    def __init__(self, folder: Path, done: int) -> None:
-        """Write below this folder, from the epoch on that comes after `done` ones.
+    Raises:
+        ConfigError: tensorboardX is not installed.
+    """
+    try:
+        from tensorboardX import SummaryWriter
+    except ImportError:
+        raise ConfigError(
+            "--tensorboard needs tensorboardX, which is not installed; install it with"
+            " pip install 'sain_model[tensorboard]', or leave --tensorboard out"
+        ) from None
+    writer: Any
+    with SummaryWriter(str(folder / FOLDER), purge_step=done + 1) as writer:
 
-        Raises:
-            ConfigError: tensorboardX is not installed.
-        """
-        try:
-            from tensorboardX import SummaryWriter
-        except ImportError:
-            raise ConfigError(
-                "--tensorboard needs tensorboardX, which is not installed; install it with"
-                " pip install 'sain_model[tensorboard]', or leave --tensorboard out"
-            ) from None
-        self._writer: Any = SummaryWriter(str(folder / FOLDER), purge_step=done + 1)
+        def add(epoch: int, history: LossHistory) -> None:
+            writer.add_scalar("loss/training", history.train[-1], epoch)
+            if math.isfinite(history.validation[-1]):
+                writer.add_scalar("loss/validation", history.validation[-1], epoch)
+            writer.flush()
 
-    def __enter__(self) -> Callable[[int, LossHistory], None]:
-        return self._add
-
-    def _add(self, epoch: int, history: LossHistory) -> None:
-        """Write the losses of the epoch that was done last, counted from 1."""
-        self._writer.add_scalar("loss/training", history.train[-1], epoch)
-        if math.isfinite(history.validation[-1]):
-            self._writer.add_scalar("loss/validation", history.validation[-1], epoch)
-        self._writer.flush()
-
-    def __exit__(self, *_: object) -> None:
-        self._writer.close()
+        yield add

@@ -32,9 +32,7 @@ def prior_and_filter(
 ) -> tuple[Dynamics, FrictionFilter | None]:
     """Return what is corrected, and what infers the friction that it is told; None: nothing does.
 
-    Args:
-        config: of the training.
-        train: what the filter's noise is fitted to.
+    The filter's noise is fitted to the training part.
     """
     check_model_name(config.prior)
     settings = {"friction": config.prior_friction} if config.prior in PLANAR_PRIORS else None
@@ -61,7 +59,7 @@ class Trainer(TrainingLoop):
         Args:
             split: what to learn from, and what to choose the best epoch by.
             prior: what is corrected.
-            config: how.
+            config: settings.
             folder: of the state.
             friction: infers the friction that the prior is conditioned on; None: it is nominal.
             parent: whose weights it starts from, and keeps if no epoch is better; None: new ones.

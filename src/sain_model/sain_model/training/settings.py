@@ -65,10 +65,32 @@ EPISODE: Final = "episode"
 
 
 @dataclass(frozen=True)
-class TrainingConfig(Config):
-    """How a network is trained."""
+class DataConfig(Config):
+    """What a network learns from."""
 
     seed: int = option(0, "seed; the same seed, data and settings give the same weights", minimum=0)
+    validation: float = option(
+        SHARES[VALIDATION],
+        "share of the episodes that select the best epoch",
+        minimum=0.01,
+        maximum=0.5,
+    )
+    test: float = option(
+        SHARES[TEST],
+        "share of the episodes held out for the test; 0: none",
+        minimum=0.0,
+        maximum=0.5,
+    )
+    transitions: int = option(0, "number of training transitions; 0: all", minimum=0)
+    prior_friction: float = option(
+        0.12, "nominal friction of the planar prior", minimum=0.01, maximum=1.0
+    )
+
+
+@dataclass(frozen=True)
+class TrainingConfig(DataConfig):
+    """How a network is trained."""
+
     epochs: int = option(40, "passes over the data", minimum=1)
     epoch_steps: int = option(0, "steps in an epoch; 0: as many as one pass takes", minimum=0)
     validate_every: int = option(1, "epochs between validations", minimum=1)
@@ -86,18 +108,6 @@ class TrainingConfig(Config):
         choices=(ORDER, BOOTSTRAP),
     )
     mirror: bool = option(True, "train on mirror images too; not with features of the world")
-    validation: float = option(
-        SHARES[VALIDATION],
-        "share of the episodes that select the best epoch",
-        minimum=0.01,
-        maximum=0.5,
-    )
-    test: float = option(
-        SHARES[TEST],
-        "share of the episodes held out for the test; 0: none",
-        minimum=0.0,
-        maximum=0.5,
-    )
     prior: str = option(PLANAR, "model that is corrected: a name in the registry of models")
     history: str = option(
         EPISODE,
@@ -105,10 +115,6 @@ class TrainingConfig(Config):
         " or all its others; only for planar priors",
         choices=(NOTHING, EARLIER, EPISODE),
     )
-    prior_friction: float = option(
-        0.12, "nominal friction of the planar prior", minimum=0.01, maximum=1.0
-    )
-    transitions: int = option(0, "number of training transitions; 0: all", minimum=0)
     network: NetworkConfig = NetworkConfig()
     loss: LossConfig = LossConfig()
     optimizer: OptimizerConfig = OptimizerConfig()
@@ -120,10 +126,9 @@ class TrainingConfig(Config):
 
 
 @dataclass(frozen=True)
-class CorrectionTrainingConfig(Config):
+class CorrectionTrainingConfig(DataConfig):
     """How a network that corrects parameters is trained."""
 
-    seed: int = option(0, "seed; the same seed, data and settings give the same weights", minimum=0)
     steps: int = option(3000, "steps of the optimizer in all epochs", minimum=1)
     batch: int = option(64, "pushes in an optimizer step", minimum=1)
     learning_rate: float = option(

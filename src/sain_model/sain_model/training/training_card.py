@@ -1,54 +1,41 @@
 """What stands beside a checkpoint: its card, and the settings that it is trained with."""
 
 import json
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from sain_core.provenance import processor, ros2_command, system, versions
+from sain_core.storage import write_whole
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.dynamics.checkpoint import ModelCard
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.training.fine_tuning import Parent
-from sain_model.training.options import TrainOptions
-from sain_model.training.training_state import LossHistory
+from sain_model.training.options import TrainCorrectionOptions, TrainOptions
+from sain_model.training.training_loop import LossHistory
 
 PACKAGES: Final = ("sain_model", "torch", "numpy", "numba", "scipy", "safetensors")
-
-
-@dataclass(frozen=True)
-class Learned:
-    """What a training gives.
-
-    Attributes:
-        sain: the model, with the regions of its predictions.
-        history: losses on single pushes.
-        rollouts: losses on rollouts afterwards; None: it did not learn from any.
-        parent: what it started from; None: new weights.
-    """
-
-    sain: SainDynamics
-    history: LossHistory
-    rollouts: LossHistory | None = None
-    parent: Parent | None = None
 
 
 def make_card(
     command: TrainOptions,
     data: Dataset | MixedDataset,
     split: Split | MixedSplit,
-    learned: Learned,
+    sain: SainDynamics,
+    histories: Sequence[LossHistory],
     errors: dict[str, Any],
+    parent: Parent | None,
 ) -> ModelCard:
-    """Return the card of what was trained."""
-    config, sain = command.training, learned.sain
-    parts = {"train": split.train, "validation": split.validation, "test": split.test}
-    training = {**asdict(config), **_losses(learned.history)}
-    if learned.rollouts:
-        training["rollouts"] = _losses(learned.rollouts)
+    """Return the card of what was trained: with losses on single pushes, then on rollouts."""
+    config = command.training
+    training = {**asdict(config), **_losses(histories[0])}
+    if len(histories) > 1:
+        training["rollouts"] = _losses(histories[1])
     return ModelCard(
         prior=config.prior,
         prior_config=prior_settings(sain.prior),
@@ -57,19 +44,27 @@ def make_card(
         intervals=asdict(sain.intervals) if sain.intervals else None,
         kind=sain.kind,
         rollouts=asdict(command.rollout) if sain.recurrent else None,
-        data={
-            "path": " ".join(map(str, command.dataset)),
-            "sha256": data.sha256,
-            "sources": list(data.sources),
-            "transitions": {name: len(part) for name, part in parts.items()},
-            "episodes": {name: len(np.unique(part.episode)) for name, part in parts.items()},
-        },
+        data=data_part(command.dataset, data, split),
         training=training,
         errors=errors,
         versions=environment(),
         command=ros2_command("sain_model", "train"),
-        parent=learned.parent.about if learned.parent else None,
+        parent={**asdict(parent.card), "errors": {}} if parent else None,
     )
+
+
+def data_part(
+    paths: Sequence[Path], data: Dataset | MixedDataset, split: Split | MixedSplit
+) -> dict[str, Any]:
+    """Return what a card says of the data."""
+    parts = {"train": split.train, "validation": split.validation, "test": split.test}
+    return {
+        "path": " ".join(map(str, paths)),
+        "sha256": data.sha256,
+        "sources": list(data.sources),
+        "transitions": {name: len(part) for name, part in parts.items()},
+        "episodes": {name: len(np.unique(part.episode)) for name, part in parts.items()},
+    }
 
 
 def _losses(history: LossHistory) -> dict[str, float | None]:
@@ -88,12 +83,15 @@ def environment() -> dict[str, str]:
     return {**versions(*PACKAGES), "system": system(), "processor": processor()}
 
 
-def settings_text(command: TrainOptions, data: Dataset | MixedDataset) -> str:
-    """Return what is to be done with what, as it stands beside the checkpoint from the start."""
+def save_settings(
+    executable: str, command: TrainOptions | TrainCorrectionOptions, data: Dataset | MixedDataset
+) -> None:
+    """Write beside the checkpoint, from the start, what is to be done with what."""
     settings = {
         **asdict(command),
         "data_sha256": data.sha256,
         "environment": environment(),
-        "command": ros2_command("sain_model", "train"),
+        "command": ros2_command("sain_model", executable),
     }
-    return json.dumps(settings, indent=2, default=str) + "\n"
+    text = json.dumps(settings, indent=2, default=str) + "\n"
+    write_whole(command.out / "config.json", text.encode())

@@ -1,19 +1,57 @@
 """One training loop for every loss: steps of the optimizer, validation, the best weights, resuming.
 
-What is learned is a subclass: it gives the steps of an epoch and the loss of a step.
+What is learned is a subclass: it gives the steps of an epoch and the loss of a step. After each
+epoch a file holds all that a training needs to go on after a stop, to the same bytes.
 """
 
+import io
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
+from sain_core.errors import CheckpointError
+from sain_core.storage import write_whole
 from sain_model.compute.threads import settle_threads
-from sain_model.training.training_state import LossHistory, TrainingState
+
+
+@dataclass
+class LossHistory:
+    """Losses after each epoch, and which epoch was best.
+
+    An epoch that was not validated has the last loss that was, or infinity before the first.
+
+    Attributes:
+        train: of the training part.
+        validation: of the validation part.
+        start: of the validation part before the first epoch, where the weights to start from may
+            be kept; None: they may not.
+    """
+
+    train: list[float] = field(default_factory=list)
+    validation: list[float] = field(default_factory=list)
+    start: float | None = None
+
+    @property
+    def best(self) -> int:
+        """The epoch (from 0) with the lowest validation loss; -1: none is below the start's."""
+        lowest = int(np.argmin(self.validation)) if self.validation else -1
+        if self.start is None or (lowest >= 0 and self.validation[lowest] < self.start):
+            return lowest
+        return -1
+
+    @property
+    def best_loss(self) -> float:
+        """The validation loss of the weights that are kept; infinity while there are none."""
+        if self.best >= 0:
+            return self.validation[self.best]
+        return math.inf if self.start is None else self.start
 
 
 class Step(NamedTuple):
@@ -24,21 +62,14 @@ class Step(NamedTuple):
 
 
 class TrainingLoop(ABC):
-    """Trains a network; what it does depends on data, settings and seed alone.
-
-    Attributes:
-        network: in training.
-        epochs: in all.
-        patience: epochs without a better validation loss after which it ends; 0: it does not.
-        validate_every: epochs from one validation to the next.
-        max_grad_norm: norm to which longer gradients are cut; None: they are not.
-    """
+    """Trains a network; what it does depends on data, settings and seed alone."""
 
     network: nn.Module
-    epochs: int
-    patience: int = 0
-    validate_every: int = 1
-    max_grad_norm: float | None = None
+    epochs: int  # in all
+    patience: int = 0  # epochs without a better validation loss after which it ends; 0: never
+    validate_every: int = 1  # epochs from one validation to the next
+    max_grad_norm: float | None = None  # to which longer gradients are cut; None: they are not
+    history: LossHistory  # so far
 
     def _begin(
         self,
@@ -47,10 +78,23 @@ class TrainingLoop(ABC):
         optimizer: torch.optim.Optimizer,
         start: float | None = None,
     ) -> None:
-        """Go on from the state at a path where there is one; see `TrainingState`."""
+        """Go on from the file at a path where there is one.
+
+        Args:
+            path: of the state.
+            identity: of settings and data; a state of another is refused.
+            optimizer: of the network.
+            start: validation loss of the network as it is, if it may be the best; None: it may not.
+
+        Raises:
+            CheckpointError: the file is damaged or of other settings or data.
+        """
         settle_threads()
-        self._optimizer = optimizer
-        self._state = TrainingState(path, identity, self.network, optimizer, start)
+        self._path, self._identity, self._optimizer = path, identity, optimizer
+        self.history = LossHistory(start=start)
+        self._best = self._weights()
+        if path.exists():
+            self._resume()
 
     @abstractmethod
     def _steps(self, epoch: int) -> Iterable[Step]:
@@ -65,14 +109,9 @@ class TrainingLoop(ABC):
         """Return the loss on the validation part, of a network in evaluation mode."""
 
     @property
-    def history(self) -> LossHistory:
-        """Losses after each epoch."""
-        return self._state.history
-
-    @property
     def epoch(self) -> int:
         """How many epochs are done."""
-        return self._state.epochs
+        return len(self.history.train)
 
     @property
     def finished(self) -> bool:
@@ -85,10 +124,14 @@ class TrainingLoop(ABC):
     ) -> None:
         """Train to the last epoch and take the weights of the best one."""
         while not self.finished:
-            train = self._run_epoch(self.epoch)
-            self._state.add(train, self._validation_loss(self.epoch))
+            train, validation = self._run_epoch(self.epoch), self._validation_loss(self.epoch)
+            self.history.train.append(train)
+            self.history.validation.append(validation)
+            if self.history.best == self.epoch - 1:
+                self._best = self._weights()
+            self._save()
             progress(self.epoch, self.history)
-        self._state.take_best()
+        self.network.load_state_dict(self._best)
 
     def _run_epoch(self, epoch: int) -> float:
         total, seen = 0.0, 0
@@ -116,3 +159,37 @@ class TrainingLoop(ABC):
         self.network.eval()
         with torch.inference_mode():
             return self._validate()
+
+    def _weights(self) -> dict[str, Tensor]:
+        return {name: value.clone() for name, value in self.network.state_dict().items()}
+
+    def _save(self) -> None:
+        state = {
+            "identity": self._identity,
+            "network": self.network.state_dict(),
+            "optimizer": self._optimizer.state_dict(),
+            "best": self._best,
+            "train": self.history.train,
+            "validation": self.history.validation,
+        }
+        buffer = io.BytesIO()
+        torch.save(state, buffer)
+        write_whole(self._path, buffer.getvalue())
+
+    def _resume(self) -> None:
+        try:
+            state: dict[str, Any] = torch.load(self._path, weights_only=True)
+            identity = state["identity"]
+        except Exception as error:
+            raise CheckpointError(
+                f"{self._path} is damaged: {error}; remove it to start anew"
+            ) from error
+        if identity != self._identity:
+            raise CheckpointError(
+                f"{self._path} belongs to other settings or data; choose another folder or"
+                " remove it"
+            )
+        self.network.load_state_dict(state["network"])
+        self._optimizer.load_state_dict(state["optimizer"])
+        self._best = state["best"]
+        self.history = LossHistory(state["train"], state["validation"], self.history.start)

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from sain_core.config import Config, option
@@ -69,6 +70,7 @@ class Agent:
         self._push_ids = push_ids()
         self._bodies: tuple[int, Bodies | None] = (0, None)  # of which episode
         self._running: PlanJob | None = None
+        self._ahead: PlanJob | None = None  # whose push was prepared for last
 
     @property
     def pushes(self) -> int:
@@ -159,19 +161,34 @@ class Agent:
         """Return the latest decision with what its push need not wait for. May take long."""
         return self._decider.complete(decision)
 
+    def prepare(self, decision: PushDecision) -> None:
+        """Work ahead while the push of the latest decision is executed. May take long.
+
+        Call it after `complete`, before the next scene is decided on. The same calls in the same
+        order give the same pushes.
+        """
+        self._ahead = decision.job
+        random = generator(self._config.seed, "ahead", *decision.job.stream)
+        with suppress(CancelledError):
+            self._decider.prepare(decision, random)
+
     def act(self) -> PushDecision | Stop | None:
         """Decide what is to be decided now, all at once; None: there is nothing to do."""
         job = self.next()
         if not isinstance(job, PlanJob):
             return job
         decision = self.conclude(self.decide(job))
-        return self.complete(decision) if isinstance(decision, PushDecision) else decision
+        if not isinstance(decision, PushDecision):
+            return decision
+        decision = self.complete(decision)
+        self.prepare(decision)
+        return decision
 
     def cancel(self) -> None:
         """Let the running job end soon. For any thread."""
-        running = self._running
-        if running is not None:
-            running.cancelled.set()
+        for job in (self._running, self._ahead):
+            if job is not None:
+                job.cancelled.set()
 
 
 def planning_agent(model: RolloutModel, physics: RolloutModel, config: AgentConfig) -> Agent:

@@ -178,6 +178,17 @@ class Decider(ABC):
             SainError: there is no push to make, and why.
         """
 
+    def prepare(self, decision: PushDecision, generator: np.random.Generator) -> bool:
+        """Work ahead on what follows on the latest decision, while its push is executed.
+
+        Returns:
+            Whether there was anything to prepare.
+
+        Raises:
+            CancelledError: the decision's job was cancelled.
+        """
+        return False
+
     def complete(self, decision: PushDecision) -> PushDecision:
         """Return the latest decision with what its push need not wait for."""
         return decision

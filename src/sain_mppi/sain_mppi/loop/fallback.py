@@ -18,8 +18,11 @@ logger = logging.getLogger(__name__)
 class Impatient(Protocol):
     """A model that may be waited for, which fails where an answer is not there in time."""
 
-    def until(self, moment: float | None) -> None:
-        """Wait no longer than until this `time.monotonic`; None: as long as usual."""
+    def until(self, moment: float | None, cancelled: Event) -> None:
+        """Wait no longer than until this `time.monotonic` (None: as long as usual).
+
+        Once `cancelled` is set, a call that waits ends with `CancelledError`.
+        """
         ...
 
 
@@ -66,7 +69,7 @@ class FallbackRollout:
             self.failure = error
             return
         if isinstance(self._model, Impatient):
-            self._model.until(until)
+            self._model.until(until, self._cancelled)
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
         """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8)."""
@@ -76,6 +79,8 @@ class FallbackRollout:
             try:
                 predicted = check_rollout(self._model.rollout(scene, pushes), scene, pushes)
                 return check_finite_answer(predicted)
+            except CancelledError:
+                raise
             except SainError as error:
                 logger.debug("falling back to physics: %s", error)
                 self.failure = error

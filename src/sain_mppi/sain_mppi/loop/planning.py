@@ -82,6 +82,18 @@ class PlanningDecider(Decider):
                 " send the goal again"
             )
 
+    def prepare(self, decision: PushDecision, generator: np.random.Generator) -> bool:
+        """Plan from the scene to which the push should lead, unless that is the end."""
+        job, plan = decision.job, decision.plan
+        if plan is None or decision.failure is not None or not self._config.ahead:
+            return False
+        expected = replace(job.view, scene=plan.predicted[0], settled=True)
+        last = job.task.max_pushes and job.pushes + 1 >= job.task.max_pushes
+        if last or replace(job, view=expected).reached:
+            return False
+        self._planner.prepare(plan.predicted[0], generator, job.bodies, job.start)
+        return True
+
     def complete(self, decision: PushDecision) -> PushDecision:
         """Return the latest decision with the model's regions, where it has any."""
         scene, plan = decision.job.view.scene, decision.plan

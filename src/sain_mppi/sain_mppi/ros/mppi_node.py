@@ -117,6 +117,7 @@ class MppiNode(Node):
         plan = plan_of_decision(decision, model, self.config.planner)
         complete = partial(self.agent.complete, decision)
         self.worker.submit(complete, partial(self._on_complete, plan))
+        self.worker.submit(partial(self.agent.prepare, decision), self._on_prepared)
 
     def _on_complete(self, plan: Plan, done: "Future[PushDecision]") -> None:
         """Publish a plan whose push is on its way, with all that is now known of it."""
@@ -125,6 +126,10 @@ class MppiNode(Node):
             plan.regions = codec.encode_floats(decision.plan.regions)
         self._publish(plan)
         self.marker_publisher.publish(plan_markers(decision, self.get_clock().now().to_msg()))
+
+    def _on_prepared(self, done: "Future[None]") -> None:
+        """Let an error that should not be surface."""
+        done.result()
 
     def _tell(self, stop: Stop | None) -> None:
         if stop is not None:
@@ -141,5 +146,7 @@ class MppiNode(Node):
     def destroy_node(self) -> None:
         """Stop planning."""
         self.agent.cancel()
+        if self.remote is not None:
+            self.remote.close()
         self.worker.close()
         super().destroy_node()

@@ -2,17 +2,25 @@
 
 from threading import Event
 from time import monotonic
-from typing import Self
+from typing import Final, Self
 
 from rclpy.node import Node
 
 from sain_core import wire
 from sain_core.dynamics import Radii
-from sain_core.errors import ErrorCode, InvalidInputError, ModelUnavailableError
+from sain_core.errors import (
+    CancelledError,
+    ErrorCode,
+    InvalidInputError,
+    ModelUnavailableError,
+    SainError,
+)
 from sain_core.history import PushHistory
 from sain_core.ros import codec
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_interfaces.srv import Rollout
+
+LOOK: Final = 0.02  # [s] between looks whether an answer is still wanted
 
 
 class RemoteRollout:
@@ -26,6 +34,8 @@ class RemoteRollout:
         self.model = ""
         self._history: PushHistory | None = None
         self._until: float | None = None
+        self._cancelled = Event()
+        self._closed = Event()
 
     @property
     def ready(self) -> bool:
@@ -41,15 +51,20 @@ class RemoteRollout:
         self._history = history
         return self
 
-    def until(self, moment: float | None) -> None:
-        """Wait no longer than until this `time.monotonic`; None: for the usual time."""
-        self._until = moment
+    def until(self, moment: float | None, cancelled: Event) -> None:
+        """See `sain_mppi.loop.fallback.Impatient`; None: wait for the usual time."""
+        self._until, self._cancelled = moment, cancelled
+
+    def close(self) -> None:
+        """End the call that waits for an answer, and every later one. For any thread."""
+        self._closed.set()
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
         """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8).
 
         Raises:
             ModelUnavailableError: nobody serves, answers in time, or answers what was asked.
+            CancelledError: the answer is no longer wanted.
         """
         response = self._ask(self._request(scene, pushes))
         shape = (*pushes.shape[:2], len(scene))
@@ -93,14 +108,24 @@ class RemoteRollout:
         answered = Event()
         future = self._client.call_async(request)
         future.add_done_callback(lambda _: answered.set())
-        patience = self._timeout_s
-        if self._until is not None:
-            patience = min(patience, max(self._until - monotonic(), 0.0))
-        if not answered.wait(patience):
+        try:
+            self._wait(answered)
+        except SainError:
             self._client.remove_pending_request(future)
-            raise ModelUnavailableError(f"the model did not answer within {patience:.3g} s")
+            raise
         response: Rollout.Response = future.result()
         if response.error_code != ErrorCode.OK:
             raise ModelUnavailableError(f"the model refused: {response.error_message}")
         self.model = response.model
         return response
+
+    def _wait(self, answered: Event) -> None:
+        patience = self._timeout_s
+        if self._until is not None:
+            patience = min(patience, max(self._until - monotonic(), 0.0))
+        end = monotonic() + patience
+        while not answered.wait(min(LOOK, max(end - monotonic(), 0.0))):
+            if self._cancelled.is_set() or self._closed.is_set():
+                raise CancelledError("the answer is no longer wanted")
+            if monotonic() >= end:
+                raise ModelUnavailableError(f"the model did not answer within {patience:.3g} s")

@@ -141,6 +141,12 @@ class PlannerConfig(Config):
         minimum=0.0,
         maximum=3600.0,
     )
+    ahead: bool = option(
+        True, "while a push is executed, plan on from the scene that it should lead to"
+    )
+    correction: int = option(
+        192, "samples of the one round that corrects such a plan in the real scene", minimum=1
+    )
     warm_start: bool = option(True, "start from the rest of the last plan")
     widening: float = option(
         2.0,
@@ -164,6 +170,16 @@ class PlannerConfig(Config):
             samples=round(self.widening * self.samples),
             noise=self.noise.scaled(self.widening),
             warm_start=False,
+        )
+
+    def correcting(self) -> Self:
+        """Return settings that correct a plan that was made for almost the same scene."""
+        return replace(
+            self,
+            samples=self.correction,
+            rounds=1,
+            noise=self.noise.scaled(self.noise.shrink),
+            uniform_share=0.0,
         )
 
     def samples_in(self, round_number: int) -> int:

@@ -75,10 +75,5 @@ def check_tolerance(tolerance: float) -> float:
 
 
 def goal_reached(scene: Scene, goal: Goal, tolerance: float) -> bool:
-    """Tell whether the scene is settled with the target's centre within tolerance [m] of goal.
-
-    Raises:
-        OutOfRangeError: a tolerance that is not a positive number.
-    """
-    check_tolerance(tolerance)
+    """Tell whether the scene is settled with the target's centre within tolerance [m] of goal."""
     return bool(is_settled(scene) and target_distance(scene, goal) <= tolerance)

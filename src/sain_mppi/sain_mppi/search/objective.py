@@ -106,12 +106,14 @@ class TargetObjective(Objective):
         """Return sequences that push straight on and that go around the target."""
         straight = round(count * STRAIGHT_SHARE)
         limits = self.feasibility.limits
-        return np.concatenate(
+        sequences = np.concatenate(
             [
                 straight_sequences(scene, self.goal, limits, generator, straight, horizon),
                 go_around_sequences(scene, self.goal, limits, generator, count - straight, horizon),
             ]
         )
+        more = self.push_size - PUSH_SIZE  # the mid disk is body 0
+        return np.pad(sequences, ((0, 0), (0, 0), (0, more)))
 
 
 @dataclass(frozen=True)

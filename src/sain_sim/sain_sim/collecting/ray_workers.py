@@ -3,13 +3,11 @@
 import functools
 import hashlib
 import logging
-import platform
 import secrets
 import socket
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
@@ -17,6 +15,7 @@ from typing import Any, Final
 import sain_core
 import sain_sim
 from sain_core.errors import ConfigError, SainError
+from sain_core.provenance import versions
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.workers import WorkerPool, environment
 
@@ -127,12 +126,7 @@ def software() -> dict[str, str]:
         assert package.__file__ is not None
         for path in sorted(Path(package.__file__).parent.rglob("*.py")):
             sources.update(path.read_bytes())
-    return {
-        "python": platform.python_version(),
-        "numpy": version("numpy"),
-        "pybullet": version("pybullet"),
-        "sain": sources.hexdigest()[:12],
-    }
+    return {**versions("numpy", "pybullet"), "sain": sources.hexdigest()[:12]}
 
 
 class RayRunner(EpisodeRunner):

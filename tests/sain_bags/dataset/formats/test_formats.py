@@ -11,14 +11,12 @@ from numpy import ndarray
 
 os.environ["HF_HUB_OFFLINE"] = "1"  # before the libraries are imported: nothing here asks a hub
 
-import datasets
 import minari
 import pandas
 import polars
 import pyarrow
 from pyarrow import parquet
 
-from sain_bags.dataset.formats.to_lerobot import GOAL, STATE, TASK, LeRobotDataset
 from sain_core.dataset import PARTS
 from tests.sain_bags.dataset.formats.exported import EPISODES, Rows, card_of, to
 
@@ -42,6 +40,8 @@ def assert_same(found: Any, wanted: ndarray, key: str) -> None:
 def test_parquet_is_read_back_by_pandas_polars_and_datasets(
     bag: Path, rows: Rows, tmp_path: Path
 ) -> None:
+    import datasets
+
     out = to("parquet", bag, tmp_path / "out")
     wanted = in_order(rows, card_of(out))
     wanted["disks"] = np.full(len(rows["episode"]), 2)
@@ -61,6 +61,8 @@ def test_parquet_is_read_back_by_pandas_polars_and_datasets(
 
 
 def test_datasets_knows_the_split_of_a_folder(bag: Path, tmp_path: Path) -> None:
+    import datasets
+
     out = to("parquet", bag, tmp_path / "out")
     found = datasets.load_dataset(str(out), cache_dir=str(tmp_path / "cache"))
     assert {part: len(found[part]) for part in PARTS} == card_of(out)["split"]["transitions"]
@@ -132,6 +134,9 @@ def test_minari_finds_a_data_set_by_its_name(
 
 
 def test_lerobot_is_read_back_by_lerobot(bag: Path, rows: Rows, tmp_path: Path) -> None:
+    # Here and not above: seconds, which every worker would spend when it collects.
+    from sain_bags.dataset.formats.to_lerobot import GOAL, STATE, TASK, LeRobotDataset
+
     out = to("lerobot", bag, tmp_path / "out")
     wanted = in_order(rows, card_of(out))
     data = LeRobotDataset("pushes", root=out)

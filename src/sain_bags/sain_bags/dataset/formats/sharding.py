@@ -26,7 +26,10 @@ class Sharding:
             disks = block.columns[Column.MASSES].shape[1]
             waiting = self._waiting.setdefault(disks, [])
             before = sum(map(_length, waiting))
-            rows = _joined([*waiting, block.columns])
+            waiting.append(block.columns)
+            if before + len(block.places) < self._size:
+                continue
+            rows = _joined(waiting)
             ends = range(self._size, _length(rows) + 1, self._size)
             for end in ends:
                 last = int(block.places[end - before - 1])
