@@ -41,7 +41,7 @@ def test_a_history_grows_push_by_push_and_leaves_the_old_one_as_it_was() -> None
 @pytest.mark.parametrize(
     ("field", "change", "text"),
     [
-        ("state", lambda a: a[:, :1], r"past state has shape \(P, N, 8\) with N >= 2, not"),
+        ("state", lambda a: a[:, :0], r"past state has shape \(P, N, 8\) with N >= 1, not"),
         ("action", lambda a: a[:-1], r"past action has shape \(3, 3\), not \(2, 3\)"),
         ("next_state", lambda a: a[:, [0, 1, 1]], r"past next_state has shape \(3, 2, 8\), no"),
         ("action", lambda a: a * np.nan, r"past action\[0, 0\] is NaN or Inf"),

@@ -11,18 +11,20 @@ from sain_sim.episodes.truth import TruthConfig
 
 FEASIBILITY = Feasibility()
 SEEDS = range(60)
+PAPER = ("paper", "paper_shift", "paper_cube")
+ANYWHERE = ("anywhere", "clutter", "anywhere_cube", "anywhere_rubber")
+SHAPES = ("box", "push_t", "shapes", "shapes_indirect", "blocked", "streak")
+SEVERAL = ("rearrange_2", "rearrange_3", "rearrange_4")
 LOCATIONS = np.linspace(-np.pi, np.pi, 73)[1:]
 
 
-@pytest.fixture(params=sorted(SCENARIOS))
+@pytest.fixture(params=sorted((*PAPER, *ANYWHERE)))
 def scenario(request):
     return SCENARIOS[request.param]
 
 
 def test_the_scenarios_are_there():
-    paper = {"paper", "paper_shift", "paper_cube"}
-    anywhere = {"anywhere", "clutter", "anywhere_cube", "anywhere_rubber"}
-    assert set(SCENARIOS) == paper | anywhere
+    assert set(SCENARIOS) == {*PAPER, *ANYWHERE, *SHAPES, *SEVERAL}
 
 
 def test_the_same_seed_gives_the_same_scene_and_another_another(scenario):
@@ -60,7 +62,7 @@ def test_parameters_are_in_the_papers_ranges(scenario):
     assert mid.min() >= 0.075 and mid.max() <= 0.085 and np.ptp(mid) > 0.006
 
 
-@pytest.mark.parametrize("name", ["anywhere", "clutter", "anywhere_cube", "anywhere_rubber"])
+@pytest.mark.parametrize("name", ANYWHERE)
 def test_a_straight_push_from_behind_reaches_the_goal(name):
     for seed in SEEDS:
         case = SCENARIOS[name].scene(seed)

@@ -245,8 +245,8 @@ def test_bad_input_is_refused_by_name(prior: PlanarPrior) -> None:
         InvalidInputError, match=r"pushes have shape \(3, 3\) or \(3, 4\), one for each"
     ):
         check_batch(scenes, pushes[:2])
-    with pytest.raises(InvalidInputError, match=r"scenes have shape \(B, N, 8\) with N >= 2"):
-        check_batch(scenes[:, :1], pushes)
+    with pytest.raises(InvalidInputError, match=r"scenes have shape \(B, N, 8\) with N >= 1"):
+        check_batch(scenes[:, :0], pushes)
     with pytest.raises(InvalidInputError, match=r"friction has shape \(3,\), not \(2,\)"):
         check_batch(scenes, pushes, np.array([0.1, 0.1]))
 

@@ -7,7 +7,7 @@ that are drawn uniformly are uniform along the outline. On a disk, a location is
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from math import pi
 from typing import Final
 
@@ -19,6 +19,7 @@ from sain_core.scene import wrap_angle
 from sain_core.shapes.shape import Shape
 from sain_core.types import Angles, Mask, Points, Polygons, Scalars
 
+ROUND: Final = 256  # points all along an outline
 LEFTMOST: Final = 1e-6  # [radii], within which points are equally far left
 
 
@@ -47,6 +48,27 @@ class Outline:
         part = (share - self.shares[side]) / (self.shares[side + 1] - self.shares[side])
         inward = np.arctan2(way[..., 1], way[..., 0]) + pi / 2
         return start + part[..., None] * way, wrap_angle(inward)
+
+    def facing(self, headings: Angles) -> tuple[Angles, Angles]:
+        """Return where a push straight through the middle in headings (...,) touches the outline.
+
+        Headings are in the body's frame.
+
+        Returns:
+            Locations (...,) and the angles (...,) of these pushes to the normals there [rad]. An
+            angle may be too large to be allowed.
+        """
+        locations, bearings, normals = self._round
+        apart = np.abs(wrap_angle(bearings - np.asarray(headings)[..., None] - pi))
+        nearest = np.argmin(apart, axis=-1)
+        return locations[nearest], wrap_angle(headings - normals[nearest])
+
+    @cached_property
+    def _round(self) -> tuple[Angles, Angles, Angles]:
+        """Locations all along the outline, with the bearings of the points and of the normals."""
+        locations = np.linspace(-pi, pi, ROUND, endpoint=False)
+        points, normals = self.at(locations)
+        return locations, np.arctan2(points[..., 1], points[..., 0]), normals
 
     def location(self, side: int, part: float) -> float:
         """Return the location of a point on a side: 0 <= part <= 1 from its start to its end."""

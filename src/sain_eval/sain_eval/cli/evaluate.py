@@ -21,22 +21,27 @@ from sain_eval.cli.options import EvaluateOptions
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.evaluation import EpisodeJob, run_jobs
 from sain_eval.loop.journal import Journal
-from sain_eval.loop.results import (
+from sain_eval.loop.results import SceneRecord, summarise, write_results
+from sain_eval.loop.tables import (
     HEADER,
-    SceneRecord,
+    failure_lines,
     results_table,
-    summarise,
+    shape_table,
     table_cells,
-    write_results,
 )
 
 TABLE_FILE: Final = "table.md"
+SHAPE_TABLE_FILE: Final = "table_per_shape.md"
+FAILURES_FILE: Final = "failures.md"
+MOST_FAILURES: Final = 40  # that are printed
 
 
 def run(options: EvaluateOptions, console: Console) -> None:
     """Evaluate, and print the summary as a table."""
     progress = Console(stderr=True, soft_wrap=True)
-    show(evaluate(options, ros2_command("sain_eval", "evaluate"), progress), console)
+    records = evaluate(options, ros2_command("sain_eval", "evaluate"), progress)
+    show(records, console)
+    show_failures(records, options.out / FAILURES_FILE, console)
 
 
 def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[SceneRecord]:
@@ -69,6 +74,10 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     config = {**dataclasses.asdict(options), "out": str(options.out)}
     write_results(options.out, kept, config, command)
     write_whole(options.out / TABLE_FILE, results_table(summarise(kept)).encode())
+    if per_shape := shape_table(kept):
+        write_whole(options.out / SHAPE_TABLE_FILE, per_shape.encode())
+    lines = [f"* {line}\n" for line in failure_lines(kept)] or ["None.\n"]
+    write_whole(options.out / FAILURES_FILE, "".join(lines).encode())
     return kept
 
 
@@ -108,6 +117,17 @@ def show(records: list[SceneRecord], console: Console) -> None:
     for row in summarise(records):
         table.add_row(*table_cells(row))
     console.print(table, soft_wrap=True)
+
+
+def show_failures(records: list[SceneRecord], path: Path, console: Console) -> None:
+    """Print each failed episode with its reason; where there are many, the first ones."""
+    lines = failure_lines(records)
+    if lines:
+        console.print(f"\nFailures ({len(lines)}):", highlight=False)
+    for line in lines[:MOST_FAILURES]:
+        console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
+    if len(lines) > MOST_FAILURES:
+        console.print(f"  and {len(lines) - MOST_FAILURES} more in {path}", markup=False)
 
 
 def _picture(options: EvaluateOptions, scenario: str, seed: int, controller: str) -> Path | None:

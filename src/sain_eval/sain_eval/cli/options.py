@@ -10,6 +10,7 @@ import tyro
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
 from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.tolerance import Tolerance
 from sain_mppi.loop.agent import AgentConfig
 from sain_mppi.search.config import PlannerConfig
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
@@ -17,6 +18,7 @@ from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 PAPER_SCENARIOS: Final = "paper,paper_shift,paper_cube"
 PAPER_CONTROLLERS: Final = "null,straight,random,planar,sain"
 PAPER_TOLERANCES: Final = "0.05,0.02,0.01,0.005"
+LARGEST_TURN: Final = 5.0  # [rad]; any heading is nearer than pi
 
 
 @dataclass(frozen=True)
@@ -40,9 +42,8 @@ class EvaluateOptions(Config):
     )
     tolerances: str = option(
         "0.05,0.02",
-        "distances from the goal that count as success, with commas; an episode ends at the"
-        " smallest",
-        unit="m",
+        "what counts as success, with commas: METRES or METRES:RADIANS from the goal; without"
+        " RADIANS, headings have 5 rad for each metre; an episode ends at the smallest",
     )
     history: bool = option(True, "models infer the friction from earlier pushes of the episode")
     workers: int = option(
@@ -69,8 +70,15 @@ class EvaluateOptions(Config):
             if name not in SCENARIOS:
                 raise ConfigError(f"--scenario is {name!r}; allowed: {', '.join(SCENARIOS)}")
         for tolerance in self.tolerance_values:
-            if not 0.0 < tolerance <= 1.0:
-                raise ConfigError(f"--tolerances has {tolerance} m; allowed: above 0, at most 1 m")
+            if not 0.0 < tolerance.distance <= 1.0:
+                raise ConfigError(
+                    f"--tolerances has {tolerance.distance} m; allowed: above 0, at most 1 m"
+                )
+            if not 0.0 < tolerance.turn <= LARGEST_TURN:
+                raise ConfigError(
+                    f"--tolerances has {tolerance.turn} rad; allowed: above 0, at most"
+                    f" {LARGEST_TURN} rad"
+                )
 
     @property
     def scenario_names(self) -> tuple[str, ...]:
@@ -83,15 +91,17 @@ class EvaluateOptions(Config):
         return _split(PAPER_CONTROLLERS if self.table else self.controllers, "controllers")
 
     @property
-    def tolerance_values(self) -> tuple[float, ...]:
-        """The tolerances [m], the widest first."""
+    def tolerance_values(self) -> tuple[Tolerance, ...]:
+        """The tolerances, the widest first."""
         words = _split(PAPER_TOLERANCES if self.table else self.tolerances, "tolerances")
         try:
-            return tuple(sorted({float(word) for word in words}, reverse=True))
+            known = {Tolerance.parse(word) for word in words}
         except ValueError as error:
             raise ConfigError(
-                f"--tolerances is {self.tolerances!r}; allowed: numbers with commas"
+                f"--tolerances is {self.tolerances!r}; allowed: numbers with commas, or pairs as"
+                " 0.02:0.1 in m and rad"
             ) from error
+        return tuple(sorted(known, key=lambda one: (one.distance, one.turn), reverse=True))
 
     @property
     def agent(self) -> AgentConfig:
@@ -101,7 +111,7 @@ class EvaluateOptions(Config):
     def settings(self) -> dict[str, object]:
         """Return what a record depends on besides scenario, seed and controller."""
         settings: dict[str, object] = {
-            "tolerances": self.tolerance_values,
+            "tolerances": [tolerance.stored() for tolerance in self.tolerance_values],
             "planner": dataclasses.asdict(self.planner),
             "history": self.history,
         }

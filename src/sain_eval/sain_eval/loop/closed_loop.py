@@ -5,12 +5,15 @@ from dataclasses import dataclass
 from sain_core.errors import ErrorCode, SainError
 from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, is_settled
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
 from sain_eval.plots.episode_record import EpisodeRecord
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.tolerance import Tolerance
 from sain_mppi.loop.agent import Agent
-from sain_mppi.loop.decision import PushDecision, Task
+from sain_mppi.loop.decision import PushDecision, Stop, StopReason, Task
 from sain_mppi.loop.goal_tracker import LOOK_AGAIN
+from sain_mppi.search.poses import PoseGoal
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 
@@ -21,50 +24,120 @@ EPISODE = 1  # its id; the agent is new in each
 class EpisodeOutcome:
     """What became of an episode."""
 
-    record: EpisodeRecord
+    record: EpisodeRecord  # of its last goal
     final: Scene  # (N, 8)
     refusals: int
     failure: str  # why it ended short of the tightest tolerance; empty when it did not
-    fallen: bool  # a disk left the table
+    fallen: bool  # a body left the table
     fallbacks: int = 0  # pushes that physics planned because the model failed
+    earlier: tuple[EpisodeRecord, ...] = ()  # of goals that were reached before, without a reset
+
+    @property
+    def records(self) -> tuple[EpisodeRecord, ...]:
+        """The records of all goals that were given, in order."""
+        return (*self.earlier, self.record)
 
 
 def run_episode(
     case: ScenarioScene,
     agent: Agent,
-    tolerance: float,
+    tolerance: Tolerance | float,
     world_config: WorldConfig | None = None,
 ) -> EpisodeOutcome:
-    """Play one scene with an agent until the target is within tolerance [m], or it stops."""
-    config = world_config or WorldConfig()
-    with World(case.parameters(), config) as world:
-        scene = start = world.reset(case.disks)
-        stop = agent.aim(Task(1, EPISODE, case.goal, tolerance, case.max_pushes))
-        pushes: list[PushRecord] = []
-        refusals = fallbacks = 0
-        failure = "" if stop is None else stop.failure
-        while not failure:
-            agent.see(scene, EPISODE, len(pushes) + 1, bool(is_settled(scene)))
-            decision = agent.act()
-            if not isinstance(decision, PushDecision):
-                failure = decision.failure if decision else "the scene did not settle"
+    """Play one scene with an agent until all its goals are reached, or it stops.
+
+    Each is to be reached within tolerance; a number is a distance [m].
+    """
+    config, parameters = world_config or WorldConfig(), case.parameters()
+    with World(parameters, config) as world:
+        play = _Play(agent, world, world.reset(case.disks))
+        if not _is_papers(parameters.bodies):
+            agent.meet(EPISODE, parameters.bodies)
+        records: list[EpisodeRecord] = []
+        for number, given in enumerate(case.goals, start=1):
+            within = Tolerance.of(tolerance)
+            goal = within.apply(given)
+            start, first = play.scene, len(play.pushes)
+            play.pursue(Task(number, EPISODE, goal, within.distance, case.max_pushes))
+            made = tuple(play.pushes[first:])
+            records.append(
+                EpisodeRecord(
+                    goal, within.distance, made, start, case.shapes, roles=tuple(case.roles)
+                )
+            )
+            if play.failure:
                 break
-            try:
-                after = world.push(decision.push).after
-            except SainError as error:
-                refusals += 1
-                agent.answered(decision.push_id, error.code)
-                if error.code in LOOK_AGAIN:  # there is no other scene to come
-                    failure = f"{type(error).__name__}: {error}"
-                continue
-            agent.learn(EPISODE, scene, decision.push, after)
-            agent.answered(decision.push_id, ErrorCode.OK)
-            pushes.append(_record(decision, scene, after))
-            fallbacks += decision.failure is not None
-            scene = after
-    record = EpisodeRecord(case.goal, tolerance, tuple(pushes), start, case.shapes)
+        scene = play.scene
     fallen = bool(~config.feasibility.table.contains(scene[:, POSITION]).all())
-    return EpisodeOutcome(record, scene, refusals, failure, fallen, fallbacks)
+    return EpisodeOutcome(
+        records[-1],
+        scene,
+        play.refusals,
+        play.failure,
+        fallen,
+        play.fallbacks,
+        tuple(records[:-1]),
+    )
+
+
+class _Play:
+    """An episode while it goes on."""
+
+    def __init__(self, agent: Agent, world: World, scene: Scene) -> None:
+        """Begin in a scene (N, 8)."""
+        self._agent, self._world = agent, world
+        self.scene = scene
+        self.pushes: list[PushRecord] = []
+        self.refusals = self.fallbacks = 0
+        self.failure = ""
+
+    def pursue(self, task: Task) -> None:
+        """Push until the agent stops; `failure` is why it stopped short of the goal."""
+        stop = self._agent.aim(task)
+        self.failure = "" if stop is None else stop.failure
+        while not self.failure:
+            settled = bool(is_settled(self.scene))
+            self._agent.see(self.scene, EPISODE, len(self.pushes) + 1, settled)
+            decision = self._agent.act()
+            if not isinstance(decision, PushDecision):
+                self.failure = _failure(decision) if decision else "the scene did not settle"
+                return
+            self._carry_out(decision)
+
+    def _carry_out(self, decision: PushDecision) -> None:
+        agent, before = self._agent, self.scene
+        try:
+            after = self._world.push(decision.push).after
+        except SainError as error:
+            self.refusals += 1
+            agent.answered(decision.push_id, error.code)
+            if error.code in LOOK_AGAIN:  # there is no other scene to come
+                self.failure = f"{type(error).__name__}: {error}"
+            return
+        agent.learn(EPISODE, before, decision.push, after)
+        agent.answered(decision.push_id, ErrorCode.OK)
+        self.pushes.append(_record(decision, before, after))
+        self.fallbacks += decision.failure is not None
+        self.scene = after
+
+
+def _is_papers(bodies: Bodies) -> bool:
+    """Tell whether bodies are disks with the paper's roles, as an agent takes them to be."""
+    return bodies.all_round and bodies.roles == Bodies.disks(len(bodies)).roles
+
+
+def _failure(stop: Stop) -> str:
+    """Return why a stop came short of the goal; empty: it did not."""
+    job, goal = stop.job, stop.task.goal
+    if stop.reason is not StopReason.EXHAUSTED or job is None or not isinstance(goal, PoseGoal):
+        return stop.failure
+    apart, turns = goal.errors(job.view.scene, job.known_bodies)
+    left = [
+        f"body {pose.body} {1e3 * away:.1f} mm and {abs(turn):.3f} rad from its pose"
+        for pose, away, turn in zip(goal.poses, apart, turns, strict=True)
+        if away > pose.tolerance or abs(turn) > pose.heading_tolerance
+    ]
+    return f"{stop.task.max_pushes} pushes left {', '.join(left)}"
 
 
 def _record(decision: PushDecision, before: Scene, after: Scene) -> PushRecord:

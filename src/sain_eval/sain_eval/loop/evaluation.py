@@ -12,6 +12,7 @@ from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.results import SceneRecord, scene_records
 from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_eval.tolerance import Tolerance, tightest
 from sain_mppi.loop.agent import AgentConfig
 from sain_sim.collecting.workers import environment
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
@@ -26,7 +27,7 @@ class EpisodeJob:
     scenario: str
     seed: int
     controller: str
-    tolerances: tuple[float, ...]  # [m]; the controller plays to the tightest
+    tolerances: tuple[Tolerance | float, ...]  # the controller plays to the tightest; a number: [m]
     agent: AgentConfig = AgentConfig()
     picture: Path | None = None  # where to draw it
     truth: TruthConfig = RANDOMISED_TRUTH
@@ -40,7 +41,7 @@ def play_job(job: EpisodeJob) -> EpisodeOutcome:
     """Run one episode to the tightest tolerance."""
     case = job.case()
     agent = agent_maker(job.controller, job.agent)(case)
-    return run_episode(case, agent, min(job.tolerances))
+    return run_episode(case, agent, tightest(job.tolerances))
 
 
 def run_job(job: EpisodeJob) -> list[SceneRecord]:

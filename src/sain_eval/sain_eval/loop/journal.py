@@ -72,6 +72,7 @@ class Journal:
 
 
 def _record(item: dict[str, Any]) -> SceneRecord:
-    for name in ("target_errors", "mid_errors"):
-        item[name] = tuple(item[name])
+    for name in ("target_errors", "mid_errors", "turn_errors", "plan_seconds", "shapes"):
+        if name in item:  # journals of earlier versions have the first two
+            item[name] = tuple(item[name])
     return SceneRecord(**item)

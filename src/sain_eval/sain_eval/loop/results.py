@@ -12,28 +12,20 @@ from typing import Any, Final
 import numpy as np
 
 from sain_core.provenance import git_commit, processor, system, versions
-from sain_core.scene import target_distance
+from sain_core.push_record import PushRecord
+from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
-from sain_eval.scenes.scenarios import ScenarioScene
-from sain_model.evaluation.markdown import markdown_table
+from sain_eval.plots.episode_record import EpisodeRecord
+from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.tolerance import Tolerance
+from sain_mppi.search.poses import PoseGoal
 
 SCHEMA: Final = "sain-results-1"
 RESULTS_FILE: Final = "results.json"
 PACKAGES: Final = ("numpy", "scipy", "numba", "torch", "pybullet", "sain_core")
-
-HEADER: Final = (
-    "scenario",
-    "controller",
-    "within",
-    "solved",
-    "95 % interval",
-    "pushes",
-    "prediction error",
-    "planning",
-)
 
 
 @dataclass(frozen=True)
@@ -46,50 +38,89 @@ class SceneRecord:
     tolerance: float  # [m]
     success: bool  # settled within the tolerance, everything on the table, in time
     pushes: int  # until then, or all that were made
-    final_distance: float  # [m], target to goal then, or at the end
+    final_distance: float  # [m], target to goal then, or at the end; of poses the largest
     planning_seconds: float  # mean of the pushes
     target_errors: tuple[float, ...]  # [m], of the model's prediction, one for each push
-    mid_errors: tuple[float, ...]  # [m]
+    mid_errors: tuple[float, ...]  # [m]; none for poses
     refusals: int
     failure: str  # empty for a success
     fallbacks: int = 0  # pushes that physics planned because the model failed
+    heading_tolerance: float = 0.0  # [rad]; 0: the goal is a place
+    final_turn: float = 0.0  # [rad], as the distance
+    turn_errors: tuple[float, ...] = ()  # [rad], of the model's prediction; none for places
+    plan_seconds: tuple[float, ...] = ()  # of each push
+    shapes: tuple[str, ...] = ()  # of the bodies
+    goals: int = 1  # reached in a row, where a scene has several
 
     @property
-    def group(self) -> tuple[str, str, float]:
+    def group(self) -> tuple[str, str, float, float]:
         """What is summarised together."""
-        return self.scenario, self.controller, self.tolerance
+        return self.scenario, self.controller, self.tolerance, self.heading_tolerance
 
 
 def scene_records(
-    case: ScenarioScene, controller: str, outcome: EpisodeOutcome, tolerances: Sequence[float]
+    case: ScenarioScene,
+    controller: str,
+    outcome: EpisodeOutcome,
+    tolerances: Sequence[Tolerance | float],
 ) -> list[SceneRecord]:
-    """Judge one episode at several tolerances [m], each as if it had ended when it was met."""
-    return [_judge(case, controller, outcome, tolerance) for tolerance in tolerances]
+    """Judge one episode at several tolerances, each as if it had ended when it was met.
+
+    A number is a distance [m].
+    """
+    return [_judge(case, controller, outcome, Tolerance.of(one)) for one in tolerances]
 
 
 def _judge(
-    case: ScenarioScene, controller: str, outcome: EpisodeOutcome, tolerance: float
+    case: ScenarioScene, controller: str, outcome: EpisodeOutcome, tolerance: Tolerance
 ) -> SceneRecord:
-    episode = outcome.record
-    reached = episode.pushes_to(tolerance)
-    count = len(episode.pushes) if reached is None else reached
-    made = episode.pushes[:count]
+    made: list[PushRecord] = []
+    goals, left = 0, (0.0, 0.0)
+    for episode in outcome.records:
+        reached = episode.pushes_to(tolerance)
+        count = len(episode.pushes) if reached is None else reached
+        made += episode.pushes[:count]
+        left = episode.left(episode.scenes[count])
+        if reached is None:
+            break
+        goals += 1
+    success = goals == len(case.goals)
     times = [push.planning_time for push in made]
+    poses = isinstance(case.goal, PoseGoal)
+    errors = [_prediction_error(push, outcome.record) for push in made]
+    known = [error for error in errors if error is not None]
+    mid = [] if poses else [e for push in made if (e := push.mid_error) is not None]
     return SceneRecord(
         scenario=case.scenario,
         seed=case.seed,
         controller=controller,
-        tolerance=tolerance,
-        success=reached is not None,
-        pushes=count,
-        final_distance=float(target_distance(episode.scenes[count], episode.goal)),
+        tolerance=tolerance.distance,
+        success=success,
+        pushes=len(made),
+        final_distance=left[0],
         planning_seconds=float(np.mean(times)) if times else 0.0,
-        target_errors=tuple(e for push in made if (e := push.target_error) is not None),
-        mid_errors=tuple(e for push in made if (e := push.mid_error) is not None),
+        target_errors=tuple(distance for distance, _ in known),
+        mid_errors=tuple(mid),
         refusals=outcome.refusals,
-        failure="" if reached is not None else outcome.failure,
+        failure="" if success else outcome.failure or "not within this tolerance",
         fallbacks=outcome.fallbacks,
+        heading_tolerance=tolerance.turn if poses else 0.0,
+        final_turn=left[1],
+        turn_errors=tuple(turn for _, turn in known) if poses else (),
+        plan_seconds=tuple(times),
+        shapes=case.shapes,
+        goals=goals,
     )
+
+
+def _prediction_error(push: PushRecord, episode: EpisodeRecord) -> tuple[float, float] | None:
+    """Return the largest distance [m] and turn [rad] of wanted bodies from their prediction."""
+    if push.predicted is None:
+        return None
+    rows = list(episode.wanted)
+    off = push.predicted[rows] - push.after[rows]
+    turns = np.abs(wrap_angle(off[:, THETA]))
+    return float(np.hypot(*off[:, POSITION].T).max()), float(turns.max())
 
 
 def summarise(records: Sequence[SceneRecord]) -> list[dict[str, Any]]:
@@ -104,20 +135,27 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
     random = generator(0, "bootstrap", *map(str, first.group))
     errors = [error for record in records for error in record.target_errors]
     mid_errors = [error for record in records for error in record.mid_errors]
+    times = [time for record in records for time in record.plan_seconds if time > 0.0]
     return {
         "scenario": first.scenario,
         "controller": first.controller,
         "tolerance": first.tolerance,
+        "heading_tolerance": first.heading_tolerance,
         "scenes": len(records),
         "successes": len(solved),
         "rate": _interval(wilson_interval(len(solved), len(records))),
         "pushes": _interval(bootstrap_mean(np.array([float(r.pushes) for r in solved]), random)),
         "final_distance": _mean([record.final_distance for record in records]),
+        "final_turn": _mean([record.final_turn for record in records]),
         "planning_seconds": _mean([record.planning_seconds for record in records]),
+        "planning_median": _quantile(times, 0.5),
+        "planning_p95": _quantile(times, 0.95),
         "target_error": _mean(errors),
+        "turn_error": _mean([error for record in records for error in record.turn_errors]),
         "mid_error": _mean(mid_errors),
         "refusals": sum(record.refusals for record in records),
         "fallbacks": sum(record.fallbacks for record in records),
+        "goals": _mean([float(record.goals) for record in records]),
     }
 
 
@@ -130,30 +168,8 @@ def _mean(values: list[float]) -> float | None:
     return float(np.mean(values)) if values else None
 
 
-def results_table(summary: Sequence[dict[str, Any]]) -> str:
-    """Return the summary as a markdown table, a line for each row of `summarise`."""
-    return markdown_table(HEADER, map(table_cells, summary))
-
-
-def table_cells(row: dict[str, Any]) -> list[str]:
-    """Return the cells of one row of the summary, as `HEADER` names them."""
-    rate, pushes = row["rate"], row["pushes"]["estimate"]
-    return [
-        row["scenario"],
-        row["controller"],
-        f"{100 * row['tolerance']:g} cm",
-        f"{row['successes']}/{row['scenes']}",
-        f"{100 * rate['low']:.0f}-{100 * rate['high']:.0f} %",
-        "-" if pushes is None else f"{pushes:.1f}",
-        _scaled(row["target_error"], 1e3, "mm"),
-        _scaled(row["planning_seconds"], 1e3, "ms", digits=0),
-    ]
-
-
-def _scaled(value: float | None, factor: float, unit: str, digits: int = 1) -> str:
-    if value is None or value == 0.0:
-        return "-"
-    return f"{factor * value:.{digits}f} {unit}"
+def _quantile(values: list[float], share: float) -> float | None:
+    return float(np.quantile(values, share)) if values else None
 
 
 def write_results(

@@ -8,6 +8,7 @@ from matplotlib.lines import Line2D
 
 from sain_core.drawing.figures import TEXT
 from sain_core.drawing.palette import PALETTE
+from sain_eval.plots.body_marks import BODY_COLOURS
 
 HOLLOW: Final = {"markerfacecolor": "none"}
 EDGE: Final = {"markeredgecolor": PALETTE.reach_edge}
@@ -17,9 +18,13 @@ MARKS: Final[dict[str, tuple[str, str, dict[str, Any]]]] = {  # marker, colour, 
     "mid disk": ("o", PALETTE.mid, {"alpha": 0.75}),
     "target": ("o", PALETTE.target, {"alpha": 0.75}),
     "other disk": ("o", PALETTE.other, {"alpha": 0.75}),
+    "pushing body": ("s", PALETTE.mid, {"alpha": 0.75}),
+    "other body": ("s", PALETTE.other, {"alpha": 0.75}),
+    **{f"body {body}": ("s", colour, {"alpha": 0.75}) for body, colour in enumerate(BODY_COLOURS)},
     "start": ("o", PALETTE.soft, HOLLOW),
     "goal and tolerance": ("+", PALETTE.goal, {"markersize": 10, "markeredgewidth": 2}),
     "goal": ("+", PALETTE.goal, {"markersize": 10, "markeredgewidth": 2}),
+    "goal pose": ("s", PALETTE.goal, {"markeredgewidth": 1.8} | HOLLOW),
     "push": ("$\\rightarrow$", PALETTE.ink, {"markersize": 14}),
     "predicted by physics": ("s", PALETTE.physics, {}),
     "predicted by the planner": ("D", PALETTE.predicted, {"markersize": 6} | HOLLOW),

@@ -15,9 +15,13 @@ from sain_core.drawing.figures import TEXT, new_figure, style_axes
 from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION, TARGET, target_distance
+from sain_core.types import Points, Scene
+from sain_eval.plots.body_marks import draw_error
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.plots.legend import draw_legend
-from sain_eval.plots.top_view import draw_error, draw_goal, draw_top_view
+from sain_eval.plots.pose_panels import draw_pose_distance, draw_pose_turn
+from sain_eval.plots.top_view import draw_goal, draw_top_view
+from sain_mppi.search.poses import PoseGoal
 
 SIZE: Final = (6.6, 7.4)  # [inch]
 ASPECT: Final = 1.4  # of the top view
@@ -33,22 +37,34 @@ def draw_episode(
 ) -> Figure:
     """Draw an episode: top view, distance to the goal, the arrival, prediction errors.
 
-    Without a title the record's own is written; table and reach are the defaults if not given.
+    For poses there are the errors of the headings in place of the arrival. Without a title the
+    record's own is written; table and reach are the defaults if not given.
     """
     figure = new_figure(*SIZE)
-    panels = "vvv;dae"  # top view; distance, arrival, errors
-    axes = figure.subplot_mosaic(panels, height_ratios=(2.7, 1.0))
+    axes = figure.subplot_mosaic(_panels(record), height_ratios=(2.7, 1.0))
     heading = describe_task(record, title)
     figure.suptitle(heading, x=0.02, ha="left", fontsize=13, fontweight="bold", color=PALETTE.ink)
     names = draw_top_view(axes["v"], record, feasibility, ASPECT)
     axes["v"].set_title(
         describe_result(record), fontsize=TEXT + 1, loc="left", color=result_colour(record)
     )
-    _draw_distance(axes["d"], record)
-    _draw_arrival(axes["a"], record)
+    if isinstance(record.goal, PoseGoal):
+        draw_pose_distance(axes["d"], record)
+        if record.has_heading:
+            draw_pose_turn(axes["t"], record)
+    else:
+        _draw_distance(axes["d"], record)
+        _draw_arrival(axes["a"], record, record.goal)
     names += _draw_errors(axes["e"], record)
     draw_legend(figure, names, columns=3)
     return figure
+
+
+def _panels(record: EpisodeRecord) -> str:
+    """Return what stands where: the top view above distance, turn or arrival, and errors."""
+    if not isinstance(record.goal, PoseGoal):
+        return "vvv;dae"
+    return "vvv;dte" if record.has_heading else "vvv;dde"
 
 
 def describe_result(record: EpisodeRecord) -> str:
@@ -56,14 +72,24 @@ def describe_result(record: EpisodeRecord) -> str:
     count = len(record.pushes)
     pushes = f"{count} push" if count == 1 else f"{count} pushes"
     left = _millimetres(record.final_distance)
-    word = "reached" if record.final_distance <= record.tolerance else "not reached"
+    left += f" and {record.final_turn:.3f} rad" if record.has_heading else ""
+    word = "reached" if _is_near(record) else "not reached"
     return f"{word} in {pushes}, {left} from the goal"
 
 
 def describe_task(record: EpisodeRecord, title: str = "") -> str:
     """Return what an episode is called, and its tolerance."""
     name = title or record.title or "Episode"
-    return f"{name}, tolerance {1e3 * record.tolerance:g} mm"
+    text = f"{name}, tolerance {1e3 * record.tolerance:g} mm"
+    if isinstance(record.goal, PoseGoal) and record.has_heading:
+        text += f", {max(pose.heading_tolerance for pose in record.goal.poses):g} rad"
+    return text
+
+
+def _is_near(record: EpisodeRecord) -> bool:
+    if isinstance(record.goal, PoseGoal):
+        return record.is_reached(record.scenes[-1])
+    return record.final_distance <= record.tolerance
 
 
 def _millimetres(distance: float) -> str:
@@ -72,7 +98,7 @@ def _millimetres(distance: float) -> str:
 
 def result_colour(record: EpisodeRecord) -> str:
     """Return the colour of an episode's result: whether it reached the goal."""
-    return PALETTE.success if record.final_distance <= record.tolerance else PALETTE.alarm
+    return PALETTE.success if _is_near(record) else PALETTE.alarm
 
 
 def _draw_distance(axes: Axes, record: EpisodeRecord) -> None:
@@ -90,16 +116,16 @@ def _draw_distance(axes: Axes, record: EpisodeRecord) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
 
 
-def _draw_arrival(axes: Axes, record: EpisodeRecord) -> None:
+def _draw_arrival(axes: Axes, record: EpisodeRecord, goal: Points) -> None:
     """Draw where the target came to rest about the goal, in millimetres."""
     style_axes(axes, "Target at the goal", grid=None, xlabel="x [mm]", ylabel="y [mm]")
     tolerance = 1e3 * record.tolerance
     draw_goal(axes, np.zeros(2), tolerance, size=9.0)
-    trail = np.array([1e3 * (scene[TARGET, POSITION] - record.goal) for scene in record.scenes])
+    trail = np.array([1e3 * (scene[TARGET, POSITION] - goal) for scene in record.scenes])
     axes.plot(*trail.T, "o-", color=PALETTE.target, linewidth=1.6, markersize=4.5)
     for push, end in zip(record.pushes, trail[1:], strict=True):
         if push.predicted is not None:
-            draw_error(axes, 1e3 * (push.predicted[TARGET, POSITION] - record.goal), end)
+            draw_error(axes, 1e3 * (push.predicted[TARGET, POSITION] - goal), end)
     half = ZOOM * tolerance
     axes.set(xlim=(-half, half), ylim=(-half, half))
     axes.set_aspect("equal", adjustable="box")
@@ -107,10 +133,15 @@ def _draw_arrival(axes: Axes, record: EpisodeRecord) -> None:
 
 def _draw_errors(axes: Axes, record: EpisodeRecord) -> list[str]:
     """Draw how far from each prediction the target came to rest; return the series' names."""
-    style_axes(axes, "Prediction error", xlabel="push", ylabel="of the target [mm]")
+    what = "of the bodies [mm]" if len(record.wanted) > 1 else "of the target [mm]"
+    what = "of the body [mm]" if record.wanted == (0,) else what
+    style_axes(axes, "Prediction error", xlabel="push", ylabel=what)
+    pushes, bodies = record.pushes, record.wanted
+    physics = [_error(push.physics, push.after, bodies) for push in pushes]
+    planner = [_error(push.predicted, push.after, bodies) for push in pushes]
     series = {
-        "predicted by physics": (PALETTE.physics, [push.physics_error for push in record.pushes]),
-        "predicted by the planner": (PALETTE.predicted, [p.target_error for p in record.pushes]),
+        "predicted by physics": (PALETTE.physics, physics),
+        "predicted by the planner": (PALETTE.predicted, planner),
     }
     known = {name: one for name, one in series.items() if any(e is not None for e in one[1])}
     number, width = np.arange(1, len(record.pushes) + 1), 0.76 / max(len(known), 1)
@@ -121,6 +152,14 @@ def _draw_errors(axes: Axes, record: EpisodeRecord) -> list[str]:
     axes.set_xlim(0.4, max(len(number), 1) + 0.6)
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     return list(known)
+
+
+def _error(predicted: Scene | None, after: Scene, bodies: Sequence[int]) -> float | None:
+    """Return the largest distance [m] of some bodies from their prediction."""
+    if predicted is None:
+        return None
+    off = (predicted - after)[list(bodies), POSITION]
+    return float(np.linalg.norm(off, axis=-1).max())
 
 
 def draw_overview(records: Sequence[EpisodeRecord]) -> Figure:

@@ -1,28 +1,35 @@
-"""An episode from above: disks, goal, pushes, and predicted against actual targets."""
+"""An episode from above: bodies, goals, pushes, and predicted against actual places."""
 
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Patch, Polygon, Wedge
+from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Wedge
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MultipleLocator
-from numpy import ndarray
 
 from sain_core.drawing.figures import style_axes
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.feasibility import Feasibility
-from sain_core.push import push_direction, tool_end, tool_start
+from sain_core.push import LENGTH, strokes
 from sain_core.push_record import PushRecord
-from sain_core.scene import POSITION, RADIUS, TARGET, unit
-from sain_core.shapes.disk import DISK
-from sain_core.shapes.registry import get_shape
-from sain_core.shapes.shape import Shape
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, unit, wrap_angle
 from sain_core.types import Points, Scene
+from sain_eval.plots.body_marks import (
+    body_colour,
+    draw_body,
+    draw_error,
+    draw_ghost,
+    draw_heading,
+    draw_pose,
+)
 from sain_eval.plots.episode_record import EpisodeRecord
+from sain_mppi.search.poses import PoseGoal
 
 SHOWN_MOVE: Final = 0.01  # [m], a disk that moved less is not drawn again
+SHOWN_TURN: Final = 0.1  # [rad], a body that moved and turned less has no ghost
+GHOST_OFF: Final = 0.003  # [m], one that was predicted nearer and straighter has none either
+GHOST_TURN: Final = 0.03  # [rad]
 SHOWN_TRAIL: Final = 1e-3  # [m], a disk that moved less has no trail
 VIEW_MARGIN: Final = 0.06  # [m]
 BASE_RADIUS: Final = 0.055  # [m], of the arm's foot as drawn
@@ -43,36 +50,66 @@ def draw_top_view(
     feasibility = feasibility or Feasibility()
     frame_view(axes, _extent(record, feasibility), aspect)
     draw_table(axes, feasibility)
-    draw_goal(axes, record.goal, record.tolerance)
     scenes = record.scenes
     for disk in range(len(scenes[0])):
         _draw_trail(axes, record, disk)
-        start = {"linestyle": (0, (3, 2.5)), "linewidth": 1.1, "edge": 0.8}
-        _draw_disk(axes, record, scenes[0], disk, 0.0, zorder=3, **start)
-        _draw_disk(axes, record, scenes[-1], disk, 0.38, zorder=4, linewidth=1.8)
+        start = {"linestyle": _start_line(record), "linewidth": 1.1, "edge": 0.8}
+        draw_body(axes, record, scenes[0], disk, 0.0, zorder=3, **start)
+        draw_body(axes, record, scenes[-1], disk, 0.38, zorder=4, linewidth=1.8)
+    _draw_goals(axes, record)
     for push in record.pushes:
-        _draw_prediction(axes, push)
+        _draw_prediction(axes, record, push)
     for number, push in enumerate(record.pushes, start=1):
-        _draw_push(axes, push, number, feasibility)
-    names = ["table", "reachable area", "mid disk", "target", "start", "goal and tolerance"]
-    names += ["other disk"] if len(scenes[0]) > 2 else []
+        _draw_push(axes, record, push, number, feasibility)
+    names = ["table", "reachable area", "start", *_body_names(record)]
     names += ["push"] if record.pushes else []
     predicted = any(push.predicted is not None for push in record.pushes)
     return names + ["predicted by the planner"] * predicted
 
 
+def _start_line(record: EpisodeRecord) -> tuple[float, tuple[float, float]]:
+    """Return how outlines at the start are drawn: dotted where those at the goal are dashed."""
+    return 0, (1, 1.3) if isinstance(record.goal, PoseGoal) else (3, 2.5)
+
+
+def _body_names(record: EpisodeRecord) -> list[str]:
+    """Return what of `sain_eval.legend.MARKS` stands for the bodies and their goal."""
+    count = len(record.start)
+    if isinstance(record.goal, PoseGoal):
+        return [*(f"body {body}" for body in range(count)), "goal pose"]
+    round_ = [shape.is_round for shape in record.bodies.shapes]
+    names = ["mid disk" if round_[MID] else "pushing body", "target", "goal and tolerance"]
+    others = ["other disk" if all(round_[TARGET + 1 :]) else "other body"]
+    return names + others * (count > TARGET + 1)
+
+
+def _draw_goals(axes: Axes, record: EpisodeRecord) -> None:
+    """Draw the goal, and marks of the headings where they count."""
+    if not isinstance(record.goal, PoseGoal):
+        draw_goal(axes, record.goal, record.tolerance)
+        return
+    for pose in record.goal.poses:
+        draw_pose(axes, record, pose)
+        if pose.heading is not None:
+            shape, colour = record.bodies.shapes[pose.body], body_colour(record, pose.body)
+            draw_heading(axes, record.scenes[-1][pose.body], shape, colour, zorder=6)
+
+
 def _extent(record: EpisodeRecord, feasibility: Feasibility) -> Points:
     """Return points (M, 2) that all have to be in view."""
-    points = [
-        np.array([[-BASE_RADIUS, 0.0]]),
-        record.goal[None] - record.tolerance,
-        record.goal[None] + record.tolerance,
-    ]
-    for scene in record.scenes:
-        radius = scene[:, RADIUS, None]
+    points = [np.array([[-BASE_RADIUS, 0.0]])]
+    scenes, goal = record.scenes, record.goal
+    if isinstance(goal, PoseGoal):
+        scenes = (*scenes, goal.placed(record.start))
+    else:
+        points += [goal[None] - record.tolerance, goal[None] + record.tolerance]
+    ratios = np.array([shape.circumradius for shape in record.bodies.shapes])
+    for scene in scenes:
+        radius = (ratios * scene[:, RADIUS])[:, None]
         points += [scene[:, POSITION] - radius, scene[:, POSITION] + radius]
     for push in record.pushes:
-        points.append(tool_start(push.before, push.push, feasibility.limits)[None])
+        start = strokes(push.before, push.push, feasibility.limits, record.bodies)[0]
+        points.append(start[None])
     return np.concatenate(points)
 
 
@@ -86,24 +123,6 @@ def draw_goal(axes: Axes, place: Points, tolerance: float, size: float = 11.0) -
     axes.plot(*place, "+", color=edge, markersize=size, markeredgewidth=2.0, zorder=9)
 
 
-def _outline(state: Float[ndarray, "8"], shape: Shape, **style: Any) -> Patch:
-    if shape.is_round:
-        return Circle(tuple(state[POSITION]), float(state[RADIUS]), **style)
-    return Polygon(shape.placed(state), closed=True, **style)
-
-
-def _draw_disk(
-    axes: Axes, record: EpisodeRecord, scene: Scene, disk: int, face: float, **style: Any
-) -> None:
-    """Draw one disk of a scene; `face` is the opacity of its inside, `edge` that of its rim."""
-    shape = get_shape(record.shapes[disk] if record.shapes else DISK)
-    colour = PALETTE.disk(disk)
-    edge = rgba(colour, style.pop("edge", 1.0))
-    axes.add_patch(
-        _outline(scene[disk], shape, facecolor=rgba(colour, face), edgecolor=edge, **style)
-    )
-
-
 def _draw_trail(axes: Axes, record: EpisodeRecord, disk: int) -> None:
     """Draw where a disk's centre came to rest, and the disk itself, faintly, in between."""
     scenes = record.scenes
@@ -111,25 +130,34 @@ def _draw_trail(axes: Axes, record: EpisodeRecord, disk: int) -> None:
     moves = np.linalg.norm(np.diff(trail, axis=0), axis=1)
     if moves.sum() < SHOWN_TRAIL:
         return
-    colour = PALETTE.disk(disk)
+    colour = body_colour(record, disk)
     axes.plot(*trail.T, color=colour, linewidth=1.8, alpha=0.85, zorder=6, solid_capstyle="round")
     axes.plot(*trail.T, "o", color=colour, markersize=3.8, zorder=6.5)
     for scene, move in zip(scenes[1:-1], moves[:-1], strict=True):
         if move > SHOWN_MOVE:
-            _draw_disk(axes, record, scene, disk, 0.07, edge=0.4, linewidth=0.7, zorder=2)
+            draw_body(axes, record, scene, disk, 0.07, edge=0.4, linewidth=0.7, zorder=2)
 
 
-def _draw_prediction(axes: Axes, push: PushRecord) -> None:
-    moved = push.after[TARGET, POSITION] - push.before[TARGET, POSITION]
-    if push.predicted is not None and np.linalg.norm(moved) >= SHOWN_MOVE:
-        draw_error(axes, push.predicted[TARGET, POSITION], push.after[TARGET, POSITION])
+def _draw_prediction(axes: Axes, record: EpisodeRecord, push: PushRecord) -> None:
+    """Draw where bodies were expected that moved; in outline where that was visibly elsewhere."""
+    if push.predicted is None:
+        return
+    for body in record.wanted:
+        straight = record.bodies.shapes[body].is_round  # a disk's heading shows nowhere
+        moved = _difference(push.before, push.after, body)
+        if moved[0] < SHOWN_MOVE and (straight or moved[1] < SHOWN_TURN):
+            continue
+        draw_error(axes, push.predicted[body, POSITION], push.after[body, POSITION])
+        off = _difference(push.predicted, push.after, body)
+        if not straight and (off[0] > GHOST_OFF or off[1] > GHOST_TURN):
+            draw_ghost(axes, push.predicted, record, body)
 
 
-def draw_error(axes: Axes, predicted: Points, actual: Points) -> None:
-    """Draw a predicted place (2,), with a line to where the target came to rest (2,)."""
-    axes.plot(*np.stack([predicted, actual]).T, color=PALETTE.predicted, linewidth=1.0, zorder=7)
-    mark: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": PALETTE.predicted}
-    axes.plot(*predicted, "D", markersize=5.0, markeredgewidth=1.2, zorder=7, **mark)
+def _difference(first: Scene, second: Scene, body: int) -> tuple[float, float]:
+    """Return by how much the poses of a body differ in two scenes: distance [m] and turn [rad]."""
+    apart = np.linalg.norm(first[body, POSITION] - second[body, POSITION])
+    turn = wrap_angle(first[body, THETA] - second[body, THETA])
+    return float(apart), abs(float(turn))
 
 
 def draw_arrow(axes: Axes, start: Points, end: Points) -> None:
@@ -149,10 +177,12 @@ def draw_arrow(axes: Axes, start: Points, end: Points) -> None:
     )
 
 
-def _draw_push(axes: Axes, push: PushRecord, number: int, feasibility: Feasibility) -> None:
-    start = tool_start(push.before, push.push, feasibility.limits)
-    draw_arrow(axes, start, tool_end(push.before, push.push, feasibility.limits))
-    badge = start - 0.004 * unit(push_direction(push.push))
+def _draw_push(
+    axes: Axes, record: EpisodeRecord, push: PushRecord, number: int, feasibility: Feasibility
+) -> None:
+    start, heading = strokes(push.before, push.push, feasibility.limits, record.bodies)
+    draw_arrow(axes, start, start + push.push[LENGTH] * unit(heading))
+    badge = start - 0.004 * unit(heading)
     edge: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 1.2}
     axes.plot(*badge, "o", markersize=12.5, color=PALETTE.ink, zorder=10, **edge)
     axes.text(

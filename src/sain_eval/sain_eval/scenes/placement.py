@@ -34,7 +34,7 @@ def draw_goal(
         heading = np.asarray(random.uniform(-pi, pi))
         way = random.uniform(*distance)
         goal = target + way * unit(heading)
-        if not _has_room(goal, pair[TARGET, RADIUS], feasibility.table):
+        if not has_room(goal, pair[TARGET, RADIUS], feasibility.table):
             continue
         if not feasibility.reach.contains(goal):
             continue
@@ -48,11 +48,11 @@ def _can_be_pushed(pair: Scene, heading: Angles, way: float, feasibility: Feasib
     behind = pair.copy()
     behind[MID, POSITION] = pair[TARGET, POSITION] - touching_distance(pair) * unit(heading)
     stroke = np.array([heading, 0.0, way])
-    room = _has_room(behind[MID, POSITION], pair[MID, RADIUS], feasibility.table)
+    room = has_room(behind[MID, POSITION], pair[MID, RADIUS], feasibility.table)
     return room and bool(reachable(behind, stroke, feasibility.limits, feasibility.reach))
 
 
-def _has_room(point: Goal, radius: float, table: Table) -> bool:
+def has_room(point: Goal, radius: float, table: Table) -> bool:
     """Tell whether a disk at a point (2,) lies on the table with some room to the edge."""
     margin = radius + EDGE_ROOM
     corners = point + margin * np.array([[-1, -1], [1, 1]])
@@ -77,7 +77,7 @@ def draw_extra_disks(
     for radius in radii:
         for _ in range(DISK_TRIES):
             place = middle + random.uniform(-NEIGHBOURHOOD, NEIGHBOURHOOD, 2)
-            if not _has_room(place, radius, feasibility.table):
+            if not has_room(place, radius, feasibility.table):
                 continue
             apart = np.linalg.norm(placed[:, POSITION] - place, axis=-1)
             if (apart < placed[:, RADIUS] + radius + DISK_ROOM).any():

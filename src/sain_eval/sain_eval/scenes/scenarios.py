@@ -1,136 +1,55 @@
-"""The scenes that controllers are measured on: each scenario draws one from a seed.
+"""The scenes that controllers are measured on: each scenario draws one from a seed."""
 
-A scene is valid by construction: disks apart and on the table, the goal on the table and in
-reach, and a straight push through the target to the goal possible for the arm once the mid disk
-stands behind the target.
-"""
+from typing import Final, Protocol
 
-from dataclasses import dataclass, replace
-from typing import Final
-
-import numpy as np
-
-from sain_core.feasibility import Feasibility
-from sain_core.scene import POSITION, TARGET, THETA, check_scene, unit
-from sain_core.seeding import generator
-from sain_core.shapes.disk import DISK, THREE_FEET
-from sain_core.shapes.registry import built_shapes, get_shape
-from sain_core.types import Scene
-from sain_eval.scenes.placement import draw_extra_disks, draw_goal, touching_distance
-from sain_mppi.search.goal import Goal
-from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
-from sain_sim.world.parameters import (
-    FRICTION_RANGE,
-    PAPER,
-    RANGES,
-    WorldParameters,
-    sample_parameters,
+from sain_eval.scenes.disk_scenarios import CONTACT_GAP, AnywhereScenario, PaperScenario
+from sain_eval.scenes.scenario_scene import MAX_PUSHES, ScenarioScene
+from sain_eval.scenes.shape_scenarios import (
+    BlockedScenario,
+    IndirectScenario,
+    PoseScenario,
+    StreakScenario,
 )
 
-MAX_PUSHES: Final = 15  # paper section II-D
-CONTACT_GAP: Final = 0.001  # [m], "touching": as near as disks can be set without overlap
+__all__ = [
+    "CONTACT_GAP",
+    "MAX_PUSHES",
+    "SCENARIOS",
+    "AnywhereScenario",
+    "PaperScenario",
+    "Scenario",
+    "ScenarioScene",
+]
 
 
-@dataclass(frozen=True)
-class ScenarioScene:
-    """One scene to solve, with the hidden truth about its world."""
+class Scenario(Protocol):
+    """Draws scenes."""
 
-    scenario: str
-    seed: int
-    disks: Scene  # (N, 8), at rest
-    friction: float  # between disks and table; hidden from all controllers but the oracle
-    shapes: tuple[str, ...]  # a footprint for each, as `sain_core.shapes` names them
-    goal: Goal  # (2,) [m]
-    max_pushes: int = MAX_PUSHES
-    truth: TruthConfig = RANDOMISED_TRUTH  # the world it plays in
-
-    def within(self, truth: TruthConfig) -> "ScenarioScene":
-        """Return the same scene in another world, with the friction that it has there."""
-        moved = replace(self, truth=truth)
-        return replace(moved, friction=moved.parameters().friction)
-
-    def parameters(self, disk_shape: str = THREE_FEET) -> WorldParameters:
-        """Return the simulated world that this scene plays in; `disk_shape` builds its disks."""
-        shapes = built_shapes(self.shapes, disk_shape)
-        return self.truth.roughen(WorldParameters.of_scene(self.disks, self.friction, shapes))
-
-
-@dataclass(frozen=True)
-class PaperScenario:
-    """The paper's own: the target straight ahead of the mid disk, the goal straight ahead of it."""
-
-    name: str = "paper"
-    mid: tuple[float, float] = (0.35, 0.0)  # [m]
-    goal: tuple[float, float] = (0.80, 0.0)  # [m]
-    shift: float = 0.0  # [m], of the goal in x and in y, with random signs
-    target_shape: str = DISK
+    @property
+    def name(self) -> str:
+        """What it is called."""
 
     def scene(self, seed: int) -> ScenarioScene:
-        """Draw masses, radii, friction and the goal's shift."""
-        random = generator(seed, "scenario", self.name)
-        drawn = sample_parameters(random, 2)
-        mid = np.array(self.mid)
-        target = mid + np.array([sum(drawn.radii) + CONTACT_GAP, 0.0])
-        goal = np.array(self.goal) + self.shift * random.choice([-1.0, 1.0], 2)
-        disks = drawn.scene(np.stack([mid, target]))
-        shapes = (DISK, self.target_shape)
-        return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, goal)
+        """Draw one scene; the same seed gives the same."""
 
 
-@dataclass(frozen=True)
-class AnywhereScenario:
-    """What a user would ask: the target at any side of the mid disk, the goal in any direction."""
+_SCENARIOS: Final[tuple[Scenario, ...]] = (
+    PaperScenario(),  # the paper's Table I
+    PaperScenario("paper_shift", shift=0.02),  # the paper's Fig. 5
+    PaperScenario("paper_cube", target_shape="cube"),  # the paper's Fig. 6
+    AnywhereScenario(),
+    AnywhereScenario("clutter", extra_disks=(1, 3)),
+    AnywhereScenario("anywhere_cube", target_shape="cube"),
+    AnywhereScenario("anywhere_rubber", friction=(0.25, 0.45)),  # on a table that grips
+    PoseScenario("box", shape="box_3x2"),
+    PoseScenario("push_t", shape="t"),
+    PoseScenario("shapes"),  # another shape for each seed
+    IndirectScenario(),
+    PoseScenario("rearrange_2", count=2),
+    PoseScenario("rearrange_3", count=3),
+    PoseScenario("rearrange_4", count=4),
+    BlockedScenario(),
+    StreakScenario(),
+)
 
-    name: str = "anywhere"
-    mid: tuple[float, float] = (0.45, 0.0)  # [m]
-    scatter: float = 0.03  # [m], of the mid disk in x and y
-    goal_distance: tuple[float, float] = (0.15, 0.30)  # [m], from the target
-    extra_disks: tuple[int, int] = (0, 0)  # fewest and most further disks
-    target_shape: str = DISK  # one with corners turns a side to the mid disk
-    friction: tuple[float, float] = FRICTION_RANGE  # with the table
-
-    def scene(self, seed: int) -> ScenarioScene:
-        """Draw parameters, places and goal; redraw the places until the scene can be solved."""
-        random = generator(seed, "scenario", self.name)
-        low, high = self.extra_disks
-        count = 2 + int(random.integers(low, high + 1))
-        ranges = RANGES[PAPER]._replace(friction=self.friction)
-        drawn = sample_parameters(random, count, ranges=ranges)
-        shapes = (DISK, self.target_shape, *(DISK,) * (count - 2))
-        feasibility = Feasibility()
-        while True:
-            pair = self._draw_pair(random, drawn)
-            goal = draw_goal(pair, self.goal_distance, feasibility, random)
-            if goal is None:
-                continue
-            extra = draw_extra_disks(pair, goal, drawn.radii[2:], feasibility, random)
-            if extra is None:
-                continue
-            positions = np.concatenate([pair[:, POSITION], extra])
-            headings = np.append(pair[:, THETA], np.zeros(count - 2))
-            disks = check_scene(drawn.scene(positions, headings), feasibility.table)
-            return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, goal)
-
-    def _draw_pair(self, random: np.random.Generator, drawn: WorldParameters) -> Scene:
-        """Return mid disk and target (2, 8), touching at a uniform bearing."""
-        mid = np.array(self.mid) + random.uniform(-self.scatter, self.scatter, 2)
-        bearing = np.asarray(random.uniform(-np.pi, np.pi))
-        pair = WorldParameters(drawn.masses[:2], drawn.radii[:2], drawn.shapes[:2], drawn.friction)
-        scene = pair.scene(np.stack([mid, mid]))
-        scene[TARGET, POSITION] = mid + (touching_distance(scene) + CONTACT_GAP) * unit(bearing)
-        scene[TARGET, THETA] = 0.0 if get_shape(self.target_shape).is_round else bearing
-        return scene
-
-
-SCENARIOS: Final[dict[str, PaperScenario | AnywhereScenario]] = {
-    scenario.name: scenario
-    for scenario in (
-        PaperScenario(),  # the paper's Table I
-        PaperScenario("paper_shift", shift=0.02),  # the paper's Fig. 5
-        PaperScenario("paper_cube", target_shape="cube"),  # the paper's Fig. 6
-        AnywhereScenario(),
-        AnywhereScenario("clutter", extra_disks=(1, 3)),
-        AnywhereScenario("anywhere_cube", target_shape="cube"),
-        AnywhereScenario("anywhere_rubber", friction=(0.25, 0.45)),  # on a table that grips
-    )
-}
+SCENARIOS: Final[dict[str, Scenario]] = {scenario.name: scenario for scenario in _SCENARIOS}

@@ -16,16 +16,14 @@ def check_batch(
 ) -> None:
     """Check that scenes (B, N, 8), pushes (B, 3 or 4) and frictions (B,) fit and can exist.
 
-    Without bodies, scenes have two disks or more.
-
     Raises:
         InvalidInputError: naming what does not.
     """
-    allowed = "N >= 2" if bodies is None else f"N = {len(bodies)}"
+    allowed = "N >= 1" if bodies is None else f"N = {len(bodies)}"
     if (
         scenes.ndim != 3
         or scenes.shape[2] != STATE_SIZE
-        or (scenes.shape[1] < 2 if bodies is None else scenes.shape[1] != len(bodies))
+        or (scenes.shape[1] < 1 if bodies is None else scenes.shape[1] != len(bodies))
     ):
         raise InvalidInputError(f"scenes have shape (B, N, 8) with {allowed}, not {scenes.shape}")
     if pushes.shape not in ((len(scenes), PUSH_SIZE), (len(scenes), PUSH_SIZE + 1)):

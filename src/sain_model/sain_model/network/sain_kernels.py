@@ -110,12 +110,14 @@ def copy_scene(scene, copy):
 
 
 @compiled
-def predict_physics(before, push, friction, start, physics, order, ordered, after, bodies):
+def predict_physics(
+    before, push, friction, start, physics, order, ordered, after, bodies, touched
+):
     """Write what the prior predicts for one push from a scene (N, 8)."""
     sort_disks(before, order)
     for disk in range(before.shape[0]):
         copy_disk(before[order[disk]], ordered[disk])
-    push_scene(ordered, push, friction, start, physics, bodies)
+    push_scene(ordered, push, friction, start, physics, bodies, touched)
     for disk in range(before.shape[0]):
         copy_disk(ordered[disk], after[order[disk]])
 
@@ -145,13 +147,14 @@ def roll_out_block(first, scene, pushes, friction, start, physics, places, weigh
     disks, last = scene.shape[0], min(first + LANES, pushes.shape[0])
     work, bodies = make_work(disks, weights), make_workspace(disks)
     order, ordered = np.zeros(disks, np.int64), np.zeros((disks, STATE_SIZE))
+    touched = np.zeros(disks, np.bool_)  # by the tool; nobody asks
     for step in range(pushes.shape[1]):
         for index in range(first, last):
             push, after = pushes[index, step], predicted[index, step]
             before = scene if step == 0 else predicted[index, step - 1]
             if push[LENGTH] > 0.0:
                 predict_physics(
-                    before, push, friction, start, physics, order, ordered, after, bodies
+                    before, push, friction, start, physics, order, ordered, after, bodies, touched
                 )
                 write_lane(before, push, after, index - first, places, work)
             else:

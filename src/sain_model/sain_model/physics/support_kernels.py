@@ -6,15 +6,15 @@ from sain_model.compute.compiling import compiled
 from sain_model.physics.outline_kernels import (
     ARM_X,
     ARM_Y,
-    HELD_X,
-    HELD_Y,
-    LIMIT,
     COS,
     FOOT_X,
     FOOT_Y,
+    HELD_X,
+    HELD_Y,
     LEAN_X,
     LEAN_Y,
     LIGHTNESS,
+    LIMIT,
     PULL_X,
     PULL_Y,
     REACH,
@@ -29,6 +29,7 @@ from sain_model.physics.outline_kernels import (
 )
 
 SLOW = 1.0  # a support is slow that friction could stop in this many steps under a whole load
+
 
 @compiled
 def brake(work, row, slowing, physics, step):

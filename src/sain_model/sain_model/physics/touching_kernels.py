@@ -45,6 +45,7 @@ from sain_model.physics.outline_kernels import (
 
 NEAR = 0.005  # [m], features further apart are looked at again in the next step
 FACING = 0.1  # sine of the angle by which a corner's sides may dip into a side that it entered
+CROSSED = 0.005  # [m], corners as near as this may have crossed since they were looked at
 ON_SIDE, ON_CORNER, NOTHING = 0, 1, 2
 
 
@@ -102,9 +103,11 @@ def _corners_against(work, point_body, side_body, near, meet, limit):
         y = away_y + sin * corners[point, CORNER_X] + cos * corners[point, CORNER_Y]
         if x * x + y * y < reach * reach and corners[point, CONVEX] > 0.0:
             start = count[0]
-            inside = _list_in_front(
+            inside, corner = _list_in_front(
                 work, point_body, side_body, point, x, y, cos, sin, near, meet, limit
             )
+            if meet and corner >= 0 and not inside:
+                _list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin)
             if inside:
                 count[0] = start  # what is in front of a point inside is no obstacle
                 _list_way_out(work, point_body, side_body, point, x, y, cos, sin)
@@ -112,15 +115,17 @@ def _corners_against(work, point_body, side_body, near, meet, limit):
 
 @compiled
 def _list_in_front(work, point_body, side_body, point, x, y, cos, sin, near, meet, limit):
-    """List the features of an outline near a point (x, y); tell whether the point is inside.
+    """List the features of an outline near a point (x, y).
 
-    It is inside when the nearest feature is a side that it is behind, or a concave corner.
+    Returns:
+        Whether the point is inside: the nearest feature is a side that it is behind, or a concave
+        corner. And a convex corner as near as `CROSSED`, -1 if there is none.
     """
     corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
     first, last = work.first_corner[side_body], work.first_corner[side_body + 1]
     own_first, own_last = work.first_corner[point_body], work.first_corner[point_body + 1]
     total = corners.shape[0]
-    nearest, inside, past = np.inf, False, True
+    nearest, inside, past, close = np.inf, False, True, -1
     if last - first > 1:
         past = _along(corners, last - 1, x, y) >= corners[last - 1, LENGTH]
     for side in range(first, last):
@@ -128,6 +133,8 @@ def _list_in_front(work, point_body, side_body, point, x, y, cos, sin, near, mee
         along = dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
         off = dx * corners[side, SIDE_Y] - dy * corners[side, SIDE_X]
         kind = NOTHING
+        if dx * dx + dy * dy < CROSSED * CROSSED and corners[side, CONVEX] > 0.0:
+            close = side
         if along < 0.0 or last - first == 1:
             off = np.sqrt(dx * dx + dy * dy)
             if off < nearest:
@@ -150,7 +157,7 @@ def _list_in_front(work, point_body, side_body, point, x, y, cos, sin, near, mee
             features[number, KEY] = (point * total + side) * 2 + kind
             count[0] = number + 1
         past = along > corners[side, LENGTH]
-    return inside
+    return inside, close
 
 
 @compiled
@@ -170,29 +177,83 @@ def _is_beyond(corners, point, first, last, x, y):
 
 
 @compiled
+def _list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin):
+    """List two corners that have crossed, so that neither is inside the other's outline.
+
+    Separating axes of two wedges are the normals of their sides, but those into which the other
+    wedge dips. When none of them parts the wedges, the one with the least overlap does.
+    """
+    corners, features, contacts, count = work.corners, work.features, work.contacts, work.count
+    back = _side_before(work, side_body, corner)
+    own_back = _side_before(work, point_body, point)
+    dx, dy = x - corners[corner, CORNER_X], y - corners[corner, CORNER_Y]
+    widest, best, swapped = -np.inf, -1, False
+    for axis in range(4):
+        own = axis > 1
+        first, second = (own_back, point) if own else (back, corner)
+        side = first if axis % 2 == 0 else second
+        nx, ny = corners[side, SIDE_Y], -corners[side, SIDE_X]
+        if own:  # into the frame of the other outline
+            nx, ny = cos * nx - sin * ny, sin * nx + cos * ny
+            apart = -(nx * dx + ny * dy)
+            ax, ay = corners[corner, SIDE_X], corners[corner, SIDE_Y]
+            bx, by = -corners[back, SIDE_X], -corners[back, SIDE_Y]
+        else:
+            apart = nx * dx + ny * dy
+            ax = cos * corners[point, SIDE_X] - sin * corners[point, SIDE_Y]
+            ay = sin * corners[point, SIDE_X] + cos * corners[point, SIDE_Y]
+            bx = -(cos * corners[own_back, SIDE_X] - sin * corners[own_back, SIDE_Y])
+            by = -(sin * corners[own_back, SIDE_X] + cos * corners[own_back, SIDE_Y])
+        if min(nx * ax + ny * ay, nx * bx + ny * by) >= 0.0 and apart > widest:
+            widest, best, swapped = apart, side, own
+    number = count[0]
+    if best >= 0 and widest < 0.0:
+        contacts[number, GAP] = widest
+        contacts[number, PAST], contacts[number, LEFT] = 0.0, np.inf
+        features[number, POINT_BODY] = side_body if swapped else point_body
+        features[number, SIDE_BODY] = point_body if swapped else side_body
+        features[number, KIND] = ON_SIDE
+        which = corner if swapped else point
+        features[number, KEY] = (which * corners.shape[0] + best) * 2 + ON_SIDE
+        count[0] = number + 1
+
+
+@compiled
+def _side_before(work, body, corner):
+    """Return the number of the side that ends at a corner."""
+    first, last = work.first_corner[body], work.first_corner[body + 1]
+    return corner - 1 if corner > first else last - 1
+
+
+@compiled
 def _list_way_out(work, point_body, side_body, point, x, y, cos, sin):
     """List the side through which a point inside an outline leaves it soonest.
 
-    A corner cannot have entered through a side that one of its own sides dips into.
+    A corner will not have entered through a side that one of its own sides dips into.
     """
     corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
     own_first, own_last = work.first_corner[point_body], work.first_corner[point_body + 1]
     before = point - 1 if point > own_first else own_last - 1
-    best, highest, best_faces, past = -1, -np.inf, False, 0.0
-    for side in range(work.first_corner[side_body], work.first_corner[side_body + 1]):
+    best, highest, deepest, past = -1, -np.inf, 0.0, 0.0
+    first, last = work.first_corner[side_body], work.first_corner[side_body + 1]
+    for side in range(first, last):
+        after = side + 1 if side + 1 < last else first
         dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
         along = dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
         off = dx * corners[side, SIDE_Y] - dy * corners[side, SIDE_X]
-        if 0.0 <= along <= corners[side, LENGTH] and off <= 0.0:
+        # Behind a concave corner no side is; there, those that meet in it reach a little further.
+        back = -CROSSED if corners[side, CONVEX] == 0.0 else 0.0
+        ahead = CROSSED if corners[after, CONVEX] == 0.0 else 0.0
+        if back <= along <= corners[side, LENGTH] + ahead and off <= 0.0:
             nx, ny = corners[side, SIDE_Y], -corners[side, SIDE_X]
             nx, ny = cos * nx + sin * ny, cos * ny - sin * nx  # in the frame of the point's body
             dips = -(nx * corners[point, SIDE_X] + ny * corners[point, SIDE_Y])
             dips = max(dips, nx * corners[before, SIDE_X] + ny * corners[before, SIDE_Y])
-            faces = dips < FACING
-            if (faces and not best_faces) or (faces == best_faces and off > highest):
-                best, highest, best_faces, past = side, off, faces, along
+            score = off if dips < FACING else off - CROSSED
+            if score > highest:
+                best, highest, deepest, past = side, score, off, along
     number = count[0]
-    contacts[number, GAP] = highest
+    contacts[number, GAP] = deepest
     contacts[number, PAST], contacts[number, LEFT] = past, corners[best, LENGTH] - past
     features[number, POINT_BODY], features[number, SIDE_BODY] = point_body, side_body
     features[number, KIND] = ON_SIDE

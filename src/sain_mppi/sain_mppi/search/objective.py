@@ -5,14 +5,16 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.dynamics import Radii, scenes_before
 from sain_core.feasibility import Feasibility
-from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE
-from sain_core.scene import POSITION, THETA, wrap_angle
+from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, push_direction
+from sain_core.scene import MID, POSITION, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.outline import outline_of
-from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene
+from sain_core.types import PredictedScenes, PushSequences, Scalars, Scene
 from sain_mppi.search.candidates import go_around_sequences, straight_sequences
 from sain_mppi.search.cost import CostWeights, Rollout, cost_terms, make_rollout, total_cost
 from sain_mppi.search.goal import Goal
@@ -61,7 +63,9 @@ class Objective(ABC):
         pushes = self.feasibility.limits.sample(generator, count * horizon)
         return self.with_body(pushes, generator).reshape(count, horizon, self.push_size)
 
-    def with_body(self, pushes: Pushes, generator: np.random.Generator) -> Pushes:
+    def with_body(
+        self, pushes: Float[ndarray, "B 3"], generator: np.random.Generator
+    ) -> Float[ndarray, "B A"]:
         """Return pushes (B, 3) as this objective's, (B, A), on pushable bodies at random."""
         if self.push_size == PUSH_SIZE:
             return pushes
@@ -112,6 +116,11 @@ class TargetObjective(Objective):
                 go_around_sequences(scene, self.goal, limits, generator, count - straight, horizon),
             ]
         )
+        if self.bodies is not None and not self.bodies.shapes[MID].is_round:
+            outline, limits = outline_of(self.bodies.shapes[MID]), self.feasibility.limits
+            heading = push_direction(sequences) - scene[MID, THETA]
+            sequences[..., LOCATION], angle = outline.facing(heading)
+            sequences[..., ANGLE] = np.clip(angle, -limits.max_angle, limits.max_angle)
         more = self.push_size - PUSH_SIZE  # the mid disk is body 0
         return np.pad(sequences, ((0, 0), (0, 0), (0, more)))
 

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.errors import InvalidInputError, OffTableError, OutOfRangeError
 from sain_core.feasibility import Feasibility
@@ -12,6 +14,8 @@ from sain_core.scene import POSITION, RADIUS, THETA, Table, is_settled
 from sain_core.shapes.bodies import Bodies, overlap
 from sain_core.types import Angles, Scalars, Scene, Scenes
 from sain_mppi.search.cost import CostWeights, Rollout, blocked_pushes
+
+Errors = Float[ndarray, "*B P"]  # of P poses
 
 MOST_SHARED: Final = 1e-3  # [m], by which the bodies of two goals may overlap
 
@@ -144,7 +148,7 @@ class PoseGoal:
                 placed[pose.body, THETA] = pose.heading
         return placed
 
-    def errors(self, scenes: Scenes, bodies: Bodies) -> tuple[Scalars, Angles]:
+    def errors(self, scenes: Scenes, bodies: Bodies) -> tuple[Errors, Errors]:
         """Return distances [m] and turns [rad] (..., P) of bodies to their poses; 0 where free."""
         apart = [
             np.hypot(scenes[..., pose.body, 0] - pose.x, scenes[..., pose.body, 1] - pose.y)
@@ -178,7 +182,7 @@ def heading_error(headings: Angles, pose: BodyPose, bodies: Bodies) -> Angles:
     return np.asarray(np.mod(headings - pose.heading + turn / 2, turn) - turn / 2)
 
 
-def pose_distance(goal: PoseGoal, scenes: Scenes, bodies: Bodies, lever: float) -> Scalars:
+def pose_distance(goal: PoseGoal, scenes: Scenes, bodies: Bodies, lever: float) -> Errors:
     """Return for each pose (..., P) the root mean square distance [m] of points about the body.
 
     The points are `lever` circumscribed radii from its middle: sqrt(d^2 + 2 r^2 (1 - cos turn)).

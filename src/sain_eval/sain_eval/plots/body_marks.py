@@ -1,0 +1,100 @@
+"""Bodies from above: their outlines, where they should be, and where they were expected."""
+
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, Patch, Polygon
+from numpy import ndarray
+
+from sain_core.drawing.palette import PALETTE, rgba
+from sain_core.scene import POSITION, RADIUS, THETA, unit
+from sain_core.shapes.bodies import MOST_BODIES
+from sain_core.shapes.shape import Shape
+from sain_core.types import Points, Scene
+from sain_eval.plots.episode_record import EpisodeRecord
+from sain_mppi.search.poses import BodyPose, PoseGoal
+
+BODY_COLOURS: Final = (
+    PALETTE.mid,
+    PALETTE.target,
+    PALETTE.history,
+    PALETTE.inside,
+    PALETTE.learned,
+    PALETTE.alarm,
+    PALETTE.identified,
+    PALETTE.physics,
+    PALETTE.soft,
+    PALETTE.ink,
+)
+assert len(BODY_COLOURS) == MOST_BODIES
+DASHED: Final = (0, (4, 2.5))
+HEADING_MARK: Final = (0.0, 0.8)  # of the radius, from where to where it is drawn
+
+
+def body_colour(record: EpisodeRecord, body: int) -> str:
+    """Return the colour of a body: its own where bodies have poses, otherwise by its task."""
+    return BODY_COLOURS[body] if isinstance(record.goal, PoseGoal) else PALETTE.disk(body)
+
+
+def outline_patch(state: Float[ndarray, "8"], shape: Shape, **style: Any) -> Patch:
+    """Return the outline of a body in a state (8,)."""
+    if shape.is_round:
+        return Circle(tuple(state[POSITION]), float(state[RADIUS]), **style)
+    return Polygon(shape.placed(state), closed=True, **style)
+
+
+def draw_body(
+    axes: Axes, record: EpisodeRecord, scene: Scene, body: int, face: float, **style: Any
+) -> None:
+    """Draw a body of a scene; `face` is the opacity of its inside, `edge` that of its rim."""
+    colour, edge = body_colour(record, body), style.pop("edge", 1.0)
+    style |= {"facecolor": rgba(colour, face), "edgecolor": rgba(colour, edge)}
+    if body in record.bodies.fixed:
+        style["hatch"] = "////"
+    axes.add_patch(outline_patch(scene[body], record.bodies.shapes[body], **style))
+
+
+def draw_pose(axes: Axes, record: EpisodeRecord, pose: BodyPose) -> None:
+    """Draw where a body should come to rest: its outline, and its heading if that counts.
+
+    Cross and heading have the body's colour. Without a heading: the circle of its tolerance.
+    """
+    shape, colour = record.bodies.shapes[pose.body], body_colour(record, pose.body)
+    state = record.start[pose.body].copy()
+    state[POSITION] = pose.x, pose.y
+    style: dict[str, Any] = {"fill": False, "linewidth": 1.8, "zorder": 9}
+    style["edgecolor"] = PALETTE.goal
+    axes.plot(*state[POSITION], "+", color=colour, markersize=9.0, markeredgewidth=1.6, zorder=9)
+    if pose.heading is not None:
+        state[THETA] = pose.heading
+        draw_heading(axes, state, shape, colour, zorder=9)
+    if pose.heading is not None or shape.is_round:
+        axes.add_patch(outline_patch(state, shape, linestyle=DASHED, **style))
+    else:
+        axes.add_patch(Circle((pose.x, pose.y), pose.tolerance, **style))
+
+
+def draw_heading(
+    axes: Axes, state: Float[ndarray, "8"], shape: Shape, colour: str, zorder: float
+) -> None:
+    """Draw a line from the centre of a body in a state (8,) along its x axis."""
+    radius = shape.circumradius * float(state[RADIUS])
+    reach = radius * np.array(HEADING_MARK)[:, None]
+    line = state[POSITION] + reach * unit(state[THETA])
+    axes.plot(*line.T, color=colour, linewidth=1.6, zorder=zorder, solid_capstyle="round")
+
+
+def draw_ghost(axes: Axes, scene: Scene, record: EpisodeRecord, body: int) -> None:
+    """Draw the outline of a body where it was expected."""
+    shape = record.bodies.shapes[body]
+    style: dict[str, Any] = {"edgecolor": rgba(PALETTE.predicted, 0.8), "linewidth": 0.9}
+    axes.add_patch(outline_patch(scene[body], shape, fill=False, zorder=6.8, **style))
+
+
+def draw_error(axes: Axes, predicted: Points, actual: Points) -> None:
+    """Draw a predicted place (2,), with a line to where the body came to rest (2,)."""
+    axes.plot(*np.stack([predicted, actual]).T, color=PALETTE.predicted, linewidth=1.0, zorder=7)
+    mark: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": PALETTE.predicted}
+    axes.plot(*predicted, "D", markersize=5.0, markeredgewidth=1.2, zorder=7, **mark)

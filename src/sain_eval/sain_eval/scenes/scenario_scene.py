@@ -1,0 +1,59 @@
+"""One scene to solve: bodies, their goal or goals, and the hidden truth about their world."""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from sain_core.shapes.disk import THREE_FEET
+from sain_core.shapes.registry import built_shapes
+from sain_core.types import Scene
+from sain_mppi.search.goal import Goal
+from sain_mppi.search.poses import PoseGoal
+from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
+from sain_sim.world.parameters import WorldParameters
+
+MAX_PUSHES: Final = 15  # paper section II-D
+
+
+@dataclass(frozen=True)
+class ScenarioScene:
+    """One scene to solve, with the hidden truth about its world.
+
+    Attributes:
+        scenario: its name.
+        seed: what it was drawn from.
+        disks: (N, 8), the bodies at rest.
+        friction: between bodies and table; hidden from all controllers but the oracle.
+        shapes: a footprint for each body, as `sain_core.shapes` names them.
+        goal: (2,) [m] of the target, or poses of bodies.
+        max_pushes: for each goal.
+        truth: the world that it plays in.
+        roles: of each body; none: the paper's.
+        further: goals that follow without a reset, each once the one before is reached.
+    """
+
+    scenario: str
+    seed: int
+    disks: Scene
+    friction: float
+    shapes: tuple[str, ...]
+    goal: Goal | PoseGoal
+    max_pushes: int = MAX_PUSHES
+    truth: TruthConfig = RANDOMISED_TRUTH
+    roles: tuple[str, ...] = ()
+    further: tuple[PoseGoal, ...] = ()
+
+    @property
+    def goals(self) -> tuple[Goal | PoseGoal, ...]:
+        """All goals, in order."""
+        return (self.goal, *self.further)
+
+    def within(self, truth: TruthConfig) -> "ScenarioScene":
+        """Return the same scene in another world, with the friction that it has there."""
+        moved = replace(self, truth=truth)
+        return replace(moved, friction=moved.parameters().friction)
+
+    def parameters(self, disk_shape: str = THREE_FEET) -> WorldParameters:
+        """Return the simulated world that this scene plays in; `disk_shape` builds its disks."""
+        shapes = built_shapes(self.shapes, disk_shape)
+        parameters = WorldParameters.of_scene(self.disks, self.friction, shapes, self.roles)
+        return self.truth.roughen(parameters)

@@ -1,0 +1,159 @@
+"""Scenes of bodies of any shape: valid by construction, from their seed alone, not yet solved."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from sain_core.feasibility import Feasibility
+from sain_core.push import LOCATION
+from sain_core.scene import MASS, POSITION, RADIUS, TARGET
+from sain_core.shapes.bodies import Bodies, check_bodies
+from sain_core.shapes.outline import is_inside
+from sain_core.shapes.registry import footprint_names
+from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.shape_scenarios import StreakScenario, library_footprints
+from sain_eval.scenes.tool_room import draw_places, has_tool_room
+from sain_mppi.search.poses import PoseGoal
+
+FEASIBILITY = Feasibility()
+POSES = ("box", "push_t", "shapes", "rearrange_2", "rearrange_3", "rearrange_4")
+TARGETS = ("shapes_indirect", "blocked")
+SEEDS = range(40)
+
+
+def bodies_of(case) -> Bodies:
+    return case.parameters().bodies
+
+
+def sizes_of(case) -> np.ndarray:
+    return case.disks[:, RADIUS] * [shape.circumradius for shape in bodies_of(case).shapes]
+
+
+def gaps(places, sizes) -> list[float]:
+    """Return the gaps between circumscribed circles."""
+    return [
+        float(np.linalg.norm(places[a] - places[b]) - sizes[a] - sizes[b])
+        for a, b in combinations(range(len(places)), 2)
+    ]
+
+
+@pytest.mark.parametrize("name", [*POSES, *TARGETS, "streak"])
+def test_the_same_seed_gives_the_same_scene_and_another_another(name):
+    first, again, other = (SCENARIOS[name].scene(seed) for seed in (3, 3, 4))
+    assert first.disks.tobytes() == again.disks.tobytes()
+    assert repr(first.goal) == repr(again.goal) and first.shapes == again.shapes
+    assert first.friction == again.friction != other.friction
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_bodies_and_poses_are_on_the_table_apart_and_with_room_for_the_tool(name):
+    for seed in SEEDS:
+        case = SCENARIOS[name].scene(seed)
+        bodies, sizes = bodies_of(case), sizes_of(case)
+        check_bodies(case.disks, bodies, FEASIBILITY.table)
+        assert isinstance(case.goal, PoseGoal)
+        case.goal.check(case.disks, bodies, FEASIBILITY.table)
+        ends = case.goal.placed(case.disks)
+        for scene in (case.disks, ends):
+            assert has_tool_room(scene[:, POSITION], sizes, FEASIBILITY).all()
+            assert min(gaps(scene[:, POSITION], sizes), default=1.0) >= 0.03
+        way = np.linalg.norm((ends - case.disks)[:, POSITION], axis=1)
+        assert way.min() >= 0.08
+        assert not case.goal.reached(case.disks, case.disks, bodies)
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_the_tool_can_stand_at_every_point_of_an_outline_at_the_start(name):
+    """Straight pushes of a few millimetres, but where an inner corner has no room for the tool."""
+    locations = np.linspace(-np.pi, np.pi, 73)[1:]
+    for seed in range(0, 40, 8):
+        case = SCENARIOS[name].scene(seed)
+        for body in range(len(case.disks)):
+            pushes = np.zeros((72, 4))
+            pushes[:, LOCATION], pushes[:, 2], pushes[:, 3] = locations, 0.004, body
+            scenes = np.broadcast_to(case.disks, (72, *case.disks.shape))
+            possible = FEASIBILITY.mask(scenes, pushes, bodies_of(case))
+            convex = bodies_of(case).shapes[body].is_convex
+            assert possible.all() if convex else possible.mean() > 0.5
+
+
+@pytest.mark.parametrize("name", [*POSES, *TARGETS])
+def test_sizes_and_parameters_are_those_of_the_task(name):
+    for seed in SEEDS:
+        case = SCENARIOS[name].scene(seed)
+        sizes = sizes_of(case)[2 if name == "blocked" else 0 :]
+        low, high = (0.09, 0.11) if len(case.disks) == 1 else (0.06, 0.08)
+        assert sizes.min() >= low and sizes.max() <= high
+        assert 0.08 <= case.friction <= 0.20
+        assert case.disks[:, MASS].min() >= 7.0 and case.disks[:, MASS].max() <= 9.0
+
+
+def test_pushes_grow_with_the_bodies():
+    most = {name: SCENARIOS[name].scene(0).max_pushes for name in (*POSES, *TARGETS, "streak")}
+    assert most == {
+        "box": 30, "push_t": 30, "shapes": 30, "rearrange_2": 40, "rearrange_3": 60,
+        "rearrange_4": 80, "shapes_indirect": 15, "blocked": 30, "streak": 30,
+    }  # fmt: skip
+
+
+def test_shapes_has_each_of_33_shapes_in_turn():
+    names = [SCENARIOS["shapes"].scene(seed).shapes for seed in range(34)]
+    assert names[0] == names[33] == ("disk",) and names[1] == ("cube",)
+    assert len(set(names)) == 33 and {("t",), ("star",), ("u",)} <= set(names)
+    assert set(library_footprints()) <= set(footprint_names())
+
+
+def test_a_disk_has_no_heading_and_any_other_body_has_one():
+    poses = [SCENARIOS["shapes"].scene(seed).goal.poses[0] for seed in range(3)]
+    assert poses[0].heading is None
+    assert all(pose.heading is not None for pose in poses[1:])
+
+
+def test_body_0_alone_may_be_touched_where_it_pushes_another():
+    for seed in SEEDS:
+        case = SCENARIOS["shapes_indirect"].scene(seed)
+        bodies = bodies_of(case)
+        assert bodies.pushable == (0,) and case.shapes[0] != case.shapes[1]
+        check_bodies(case.disks, bodies, FEASIBILITY.table)
+        assert has_tool_room(case.disks[:, POSITION], sizes_of(case), FEASIBILITY).all()
+        away = np.linalg.norm(case.goal - case.disks[TARGET, POSITION])
+        assert 0.15 <= away <= 0.30
+
+
+def test_what_blocks_the_way_stands_in_the_straight_lane_and_may_be_touched():
+    counts = set()
+    for seed in SEEDS:
+        case = SCENARIOS["blocked"].scene(seed)
+        bodies = bodies_of(case)
+        check_bodies(case.disks, bodies, FEASIBILITY.table)
+        assert bodies.pushable == (0, *range(2, len(bodies)))
+        counts.add(len(bodies))
+        target, goal, sizes = case.disks[TARGET, POSITION], case.goal, sizes_of(case)
+        way = (goal - target) / np.linalg.norm(goal - target)
+        side = sizes[TARGET] * np.array([-way[1], way[0]])
+        for body in range(2, len(bodies)):
+            place = case.disks[body, POSITION]
+            widest = side * (1.0 + 0.5 * sizes[body] / sizes[TARGET])
+            lane = np.stack([target - widest, goal - widest, goal + widest, target + widest])
+            assert is_inside(place, lane)
+            assert has_tool_room(place, sizes[body], FEASIBILITY)
+    assert counts == {3, 4}
+
+
+def test_a_streak_is_many_poses_each_away_from_the_one_before():
+    case = SCENARIOS["streak"].scene(0)
+    assert len(case.goals) == 100 and case.shapes == ("t",)
+    places = [case.disks[0, POSITION]]
+    places += [np.array([goal.poses[0].x, goal.poses[0].y]) for goal in case.goals]
+    ways = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    assert ways.min() >= 0.08
+    assert has_tool_room(np.stack(places), sizes_of(case)[0], FEASIBILITY).all()
+    assert len(StreakScenario(goals=3).scene(0).goals) == 3
+
+
+def test_ten_bodies_find_their_places():
+    sizes = np.full(10, 0.05)
+    places = draw_places(sizes, np.random.default_rng(0))
+    assert min(gaps(places, sizes)) >= 0.03
+    assert has_tool_room(places, sizes, FEASIBILITY).all()
