@@ -212,9 +212,7 @@ def run_episode(
     return rows
 
 
-def draw_push(
-    random: np.random.Generator, scene: Scene, parameters: WorldParameters
-) -> PushArray:
+def draw_push(random: np.random.Generator, scene: Scene, parameters: WorldParameters) -> PushArray:
     """Draw a push (4,) uniform along an outline; many of them roughly towards the other body."""
     limits = PushLimits()
     body = int(random.integers(len(scene)))

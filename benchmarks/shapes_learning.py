@@ -48,7 +48,10 @@ def main() -> None:
     parser.add_argument("--frame", choices=(PUSH_FRAME, WORLD_FRAME))
     parser.add_argument("--epochs", type=int, default=40)
     parser.add_argument("--members", type=int, default=3)
-    parser.add_argument("--hidden", type=int, default=64)
+    parser.add_argument("--hidden", type=int, default=128)
+    parser.add_argument("--layers", type=int, default=2)
+    parser.add_argument("--batch", type=int, default=128)
+    parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--decay", type=float, default=0.01)
     parser.add_argument("--episodes", type=int, default=10**9, help="number of first episodes")
     parser.add_argument("--baseline", action="store_true")
@@ -116,12 +119,22 @@ def learn(
     """Return the trained network on its prior, with the regions of its predictions."""
     frame = arguments.frame or (WORLD_FRAME if arguments.world == "rough" else PUSH_FRAME)
     network = NetworkConfig(
-        features=frame, members=arguments.members, bodies=ANY_SHAPE, hidden=arguments.hidden
+        features=frame,
+        members=arguments.members,
+        bodies=ANY_SHAPE,
+        hidden=arguments.hidden,
+        message=arguments.hidden // 2,
+        layers=arguments.layers,
     )
     smooth = arguments.world != "rough"
     loss = LossConfig(position_scale=0.0002, heading_scale=0.01) if smooth else LossConfig()
     config = TrainingConfig(
-        epochs=arguments.epochs, network=network, loss=loss, weight_decay=arguments.decay
+        epochs=arguments.epochs,
+        batch=arguments.batch,
+        learning_rate=arguments.rate,
+        network=network,
+        loss=loss,
+        weight_decay=arguments.decay,
     )
     trainer = Trainer(split, prior, config, arguments.out, friction)
     trainer.run(

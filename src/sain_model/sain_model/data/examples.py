@@ -20,8 +20,9 @@ from sain_model.data.shaped_physics import filter_for, prior_for
 from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE
 from sain_model.network.features import relation_ends, true_residual
 from sain_model.network.settings import ANY_SHAPE, DISKS, ON_PHYSICS, NetworkConfig
-from sain_model.network.shape_feature_kernels import MIRRORED_BODY, MIRRORED_RELATION
+from sain_model.network.shape_feature_kernels import MIRRORED_BODY
 from sain_model.network.shape_features import network_inputs, push_frames
+from sain_model.network.shape_relation_kernels import MIRRORED_RELATION
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import step_knowing
 

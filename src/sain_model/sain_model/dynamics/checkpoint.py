@@ -22,11 +22,8 @@ from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.network.feature_kernels import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import ANY_SHAPE, DISKS
-from sain_model.network.shape_feature_kernels import (
-    SHAPE_BODY_FEATURES,
-    SHAPE_FEATURE_VERSION,
-    SHAPE_RELATION_FEATURES,
-)
+from sain_model.network.shape_feature_kernels import SHAPE_BODY_FEATURES, SHAPE_FEATURE_VERSION
+from sain_model.network.shape_relation_kernels import SHAPE_RELATION_FEATURES
 
 OLD_ARCHITECTURES: Final = {"network-inside-physics": "parameter-correction"}
 OLD_ROLLOUT_SETTINGS: Final = {

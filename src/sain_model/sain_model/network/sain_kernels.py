@@ -110,9 +110,7 @@ def copy_scene(scene, copy):
 
 
 @compiled
-def predict_physics(
-    before, push, friction, start, physics, order, ordered, after, bodies, touched
-):
+def predict_physics(before, push, friction, start, physics, order, ordered, after, bodies, touched):
     """Write what the prior predicts for one push from a scene (N, 8)."""
     sort_disks(before, order)
     for disk in range(before.shape[0]):

@@ -64,6 +64,6 @@ class NetworkConfig(PerceptronConfig):
     def relation_features(self) -> int:
         """The number of features of each relation."""
         from sain_model.network.feature_kernels import RELATION_FEATURES
-        from sain_model.network.shape_feature_kernels import SHAPE_RELATION_FEATURES
+        from sain_model.network.shape_relation_kernels import SHAPE_RELATION_FEATURES
 
         return RELATION_FEATURES if self.bodies == DISKS else SHAPE_RELATION_FEATURES

@@ -16,13 +16,11 @@ from sain_core.push import ANGLE, LENGTH
 from sain_core.scene import MASS, RADIUS, THETA, X, Y
 from sain_model.compute.compiling import compiled, compiled_apart
 from sain_model.network.feature_kernels import (
-    GAP_AFTER,
-    GAP_BEFORE,
-    GAP_SCALE,
     LANES,
     MASS_MIDDLE,
     MASS_SCALE,
     MOVE_SCALE,
+    PLACE_FEATURES,
     PLACE_SCALE,
     TABLE_SCALE,
     TABLE_X,
@@ -32,12 +30,6 @@ from sain_model.network.feature_kernels import (
     wrap,
 )
 from sain_model.network.patch_kernels import (
-    APART,
-    AT_X,
-    AT_Y,
-    EXTENT,
-    NORMAL_X,
-    NORMAL_Y,
     PATCH_SIZE,
     POSE_COS,
     POSE_RADIUS,
@@ -48,17 +40,18 @@ from sain_model.network.patch_kernels import (
     find_patch,
     place_corners,
 )
+from sain_model.network.shape_relation_kernels import (
+    write_contact,
+    write_context,
+    write_headings,
+    write_who,
+)
 
 SHAPE_FEATURE_VERSION = 1  # raise it with every change of meaning, order or scale below
 SHAPE_BODY_FEATURES = 20  # and the `PLACE_FEATURES` of a network that sees the world
-SHAPE_RELATION_FEATURES = 32
-IS_TOOL, EXTENT_BEFORE, EXTENT_AFTER = 0, 9, 11  # columns of a relation; gaps: `GAP_BEFORE`, ...
-CONTACT_BEFORE, CONTACT_AFTER = 16, 24  # eight columns each
 
 REACH_MIDDLE = 0.08  # [m]
 REACH_SCALE = 0.02  # [m]
-CURVATURE_SCALE = 0.02  # [m], times 1 / radius
-EXTENT_SCALE = 0.03  # [m]
 INERTIA_MIDDLE = 0.3
 INERTIA_SCALE = 0.2
 ORDER_3_SCALE = 3.0
@@ -68,9 +61,7 @@ ORDER_3_SCALE = 3.0
 START_X, START_Y, PUSHED = 3, 4, 5
 STROKE_SIZE = 6
 
-# Columns of a mirror image's features that change their sign.
-MIRRORED_BODY = (4, 6, 8, 10, 13, 14, 18)
-MIRRORED_RELATION = (13, 17, 19, 21, 22, 23, 25, 27, 29, 30, 31)
+MIRRORED_BODY = (4, 6, 8, 10, 13, 14, 18)  # columns that change their sign in a mirror
 
 
 @compiled
@@ -115,17 +106,39 @@ def write_shape_lane(before, stroke, after, table, lane, places, work):
     sums, patch = np.empty(9), np.empty(PATCH_SIZE)
     for body in range(count):
         for other in range(body + 1, count + 1):
-            slot = body if other == count else other
-            there = work.relations[body * count + slot]
-            back = work.relations[other * count + body] if other < count else there
-            _write_who(body, other, stroke, table, work.disks, poses, lane, there)
-            if other < count:
-                _write_who(other, body, stroke, table, work.disks, poses, lane, back)
+            _write_relation(body, other, stroke, table, lane, work)
             for when in range(2):
                 find_patch(table, placed[when], poses[when], body, other, sums, patch)
-                if other < count:
-                    _write_contact(patch, poses[when], other, body, -1.0, when, lane, back)
-                _write_contact(patch, poses[when], body, other, 1.0, when, lane, there)
+                _write_meeting(patch, body, other, when, lane, places, work)
+    write_context(work, pushed, SHAPE_BODY_FEATURES + PLACE_FEATURES * places, lane)
+
+
+@compiled
+def _write_relation(body, other, stroke, table, lane, work):
+    """Write who a body and another one, or the tool, are; both ways round."""
+    count = work.disks.shape[0]
+    slot = body if other == count else other
+    there = work.relations[body * count + slot]
+    write_who(body, other, stroke, table, work.disks, work.places, lane, there)
+    if other < count:
+        back = work.relations[other * count + body]
+        write_who(other, body, stroke, table, work.disks, work.places, lane, back)
+
+
+@compiled
+def _write_meeting(patch, body, other, when, lane, places, work):
+    """Write how they meet; both ways round."""
+    count, poses = work.disks.shape[0], work.places[when]
+    slot = body if other == count else other
+    there = work.relations[body * count + slot]
+    write_contact(patch, poses, body, other, 1.0, when, lane, there)
+    if places:
+        write_headings(patch, poses, body, other, 1.0, when, lane, there)
+    if other < count:
+        back = work.relations[other * count + body]
+        write_contact(patch, poses, other, body, -1.0, when, lane, back)
+        if places:
+            write_headings(patch, poses, other, body, -1.0, when, lane, back)
 
 
 @compiled
@@ -190,48 +203,6 @@ def _write_world(before, stroke, after, lane, features):
 
 
 @compiled
-def _write_who(body, other, stroke, table, features, poses, lane, relation):
-    """Write who tells and who is told; a tool has no mass and no inertia."""
-    tool = other == features.shape[0]
-    relation[IS_TOOL, lane] = 1.0 if tool else 0.0
-    relation[1, lane] = features[body, 0, lane]
-    relation[2, lane] = 0.0 if tool else features[other, 0, lane]
-    relation[3, lane] = features[body, 1, lane]
-    relation[4, lane] = 0.0 if tool else features[other, 1, lane]
-    relation[5, lane] = features[body, 15, lane]
-    relation[6, lane] = 0.0 if tool else features[other, 15, lane]
-    curved, bent = table.rounding[body], table.rounding[other]
-    relation[7, lane] = CURVATURE_SCALE * curved / poses[0, body, POSE_RADIUS]
-    relation[8, lane] = CURVATURE_SCALE * bent / poses[0, other, POSE_RADIUS]
-    relation[12, lane], relation[13, lane] = np.cos(stroke[ANGLE]), np.sin(stroke[ANGLE])
-    relation[14, lane] = stroke[LENGTH] / PLACE_SCALE
-
-
-@compiled
-def _write_contact(patch, poses, body, other, way, when, lane, relation):
-    """Write how a body meets another one: `way` is 1 where the normal leads there, else -1."""
-    first = CONTACT_AFTER if when == 1 else CONTACT_BEFORE
-    gap = GAP_AFTER if when == 1 else GAP_BEFORE
-    extent = EXTENT_AFTER if when == 1 else EXTENT_BEFORE
-    for column in range(first, first + 8):
-        relation[column, lane] = 0.0
-    relation[extent, lane] = 0.0
-    relation[gap, lane] = 1.0
-    if patch[APART] == np.inf:
-        return
-    relation[gap, lane] = np.tanh(max(patch[APART], 0.0) / GAP_SCALE)
-    relation[extent, lane] = patch[EXTENT] / EXTENT_SCALE
-    x, y = patch[AT_X] - poses[body, POSE_X], patch[AT_Y] - poses[body, POSE_Y]
-    off_x, off_y = patch[AT_X] - poses[other, POSE_X], patch[AT_Y] - poses[other, POSE_Y]
-    normal_x, normal_y = way * patch[NORMAL_X], way * patch[NORMAL_Y]
-    relation[first, lane], relation[first + 1, lane] = x / PLACE_SCALE, y / PLACE_SCALE
-    relation[first + 2, lane], relation[first + 3, lane] = off_x / PLACE_SCALE, off_y / PLACE_SCALE
-    relation[first + 4, lane], relation[first + 5, lane] = normal_x, normal_y
-    relation[first + 6, lane] = (x * normal_y - y * normal_x) / PLACE_SCALE
-    relation[first + 7, lane] = (off_x * normal_y - off_y * normal_x) / PLACE_SCALE
-
-
-@compiled
 def write_shape_block(first, scenes, strokes, physics_next, table, places, bodies, relations):
     """Write the features of up to `LANES` pushes, from the one numbered `first` on.
 
@@ -247,9 +218,7 @@ def write_shape_block(first, scenes, strokes, physics_next, table, places, bodie
     """
     work = make_shape_work(scenes.shape[1], relations.shape[2], bodies.shape[2], 1)
     for index in range(first, min(first + LANES, scenes.shape[0])):
-        write_shape_lane(
-            scenes[index], strokes[index], physics_next[index], table, 0, places, work
-        )
+        write_shape_lane(scenes[index], strokes[index], physics_next[index], table, 0, places, work)
         for body in range(bodies.shape[1]):
             for column in range(bodies.shape[2]):
                 bodies[index, body, column] = work.disks[body, column, 0]

@@ -19,11 +19,11 @@ from sain_model.network.settings import ANY_SHAPE, WORLD_FRAME, NetworkConfig
 from sain_model.network.shape_feature_kernels import (
     PUSHED,
     SHAPE_BODY_FEATURES,
-    SHAPE_RELATION_FEATURES,
     START_X,
     STROKE_SIZE,
     write_shape_block,
 )
+from sain_model.network.shape_relation_kernels import SHAPE_RELATION_FEATURES
 from sain_model.physics.outlines import body_table
 
 Strokes = Float[ndarray, "B C"]
