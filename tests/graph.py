@@ -16,7 +16,15 @@ from visualization_msgs.msg import MarkerArray
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED, RELIABLE
-from sain_interfaces.msg import Goal, Plan, Push, PushPrediction, PushResult, WorldParameters
+from sain_interfaces.msg import (
+    Bodies,
+    Goal,
+    Plan,
+    Push,
+    PushPrediction,
+    PushResult,
+    WorldParameters,
+)
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
 
@@ -31,6 +39,7 @@ HEARD = {
     "push": Push,
     "plan_markers": MarkerArray,
     "world_parameters": WorldParameters,
+    "shapes": Bodies,
 }
 
 
@@ -104,6 +113,13 @@ class Graph:
         self.aiming.publish(
             codec.encode_goal(place, stamp=stamp, goal_id=goal_id, tolerance=tolerance, **more)
         )
+
+    def aim_at(self, goal: Any, goal_id: int, **more: int) -> None:
+        """Give a goal of poses."""
+        from sain_mppi.ros.goal_message import encode_pose_goal
+
+        stamp = self.bystander.get_clock().now().to_msg()
+        self.aiming.publish(encode_pose_goal(goal, stamp=stamp, goal_id=goal_id, **more))
 
     def find(self, topic: str, **fields: Any) -> list[Any]:
         """Return what was heard on a topic and has these values."""

@@ -141,3 +141,26 @@ def test_disks_that_seem_to_overlap_a_little_are_planned_with_as_touching(scene,
     assert Feasibility().mask(near, plan.push)
     with pytest.raises(InvalidInputError, match=r"disks 0 and 1 overlap by 30\.0 mm"):
         planner(dynamics).plan(deep, GOAL, generator(0))
+
+
+def test_a_plan_that_was_prepared_is_corrected_with_few_samples(scene, dynamics):
+    ahead = planner(dynamics)
+    first = ahead.plan(scene, GOAL, generator(0))
+    expected = first.predicted[0]
+    ahead.prepare(expected, generator(1))
+    then = ahead.plan(expected, GOAL, generator(2))
+    anew = planner(dynamics).plan(expected, GOAL, generator(2))
+    assert then.rounds == 1 and then.samples <= CONFIG.correction + 16 < anew.samples
+    assert then.cost < 0.1 * then.rest_cost  # `anew` likewise: three times the samples
+
+
+def test_what_was_prepared_is_dropped_for_a_wide_plan_a_refusal_or_another_goal(scene, dynamics):
+    def rounds(goal=GOAL, **options):
+        ahead = planner(dynamics)
+        expected = ahead.plan(scene, GOAL, generator(0)).predicted[0]
+        ahead.prepare(expected, generator(1))
+        return ahead.plan(expected, goal, generator(2), **options).rounds
+
+    assert rounds() == 1
+    assert rounds(wide=True) == rounds(refused=(np.array([3.0, 0.0, 0.1]),)) == CONFIG.rounds
+    assert rounds(goal=GOAL + 0.02) == CONFIG.rounds

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.dataset import Column, Transitions
 from sain_core.dynamics import (
@@ -21,7 +23,7 @@ from sain_core.errors import InvalidInputError
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
 from sain_core.shapes.bodies import Bodies
-from sain_core.types import PushArray, Pushes, Scene
+from sain_core.types import PushArray, Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +87,7 @@ class PushHistory(Transitions):
         return self.select(slice(max(len(self) - most, 0), None))
 
 
-def _as_wide(*pushes: Pushes) -> list[Pushes]:
+def _as_wide(*pushes: Float[ndarray, "_ _"]) -> list[Float[ndarray, "_ _"]]:
     """Return pushes (B, 3) and (B, 4) with equal numbers: three of them are against body 0."""
     size = max(some.shape[1] for some in pushes)
     return [np.pad(some, ((0, 0), (0, size - some.shape[1]))) for some in pushes]

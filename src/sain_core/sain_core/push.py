@@ -124,8 +124,11 @@ def check_pushed(push: PushArray, bodies: Bodies) -> None:
     """Raise `OutOfRangeError` unless a push (3,) or (4,) is against a pushable body."""
     body = push[BODY] if len(push) > PUSH_SIZE else 0.0
     if body not in bodies.pushable:
-        allowed = ", ".join(map(str, bodies.pushable))
-        raise OutOfRangeError(f"the push is against body {body:g}; pushable are: {allowed}")
+        allowed, known = ", ".join(map(str, bodies.pushable)), range(len(bodies))
+        what = f"is {bodies.roles[int(body)]}" if body in known else "does not exist"
+        raise OutOfRangeError(
+            f"the push is against body {body:.0f}, which {what}; pushable are: {allowed}"
+        )
 
 
 def push_direction(pushes: Pushes) -> Angles:

@@ -11,12 +11,16 @@ from math import prod
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.errors import InvalidInputError
 from sain_core.history import PushHistory
 from sain_core.push import PUSH_NAMES, PUSH_SIZE
 from sain_core.scene import STATE_NAMES, STATE_SIZE
+from sain_core.shapes.bodies import MOST_BODIES
 from sain_core.types import (
+    Indices,
     Points,
     PredictedScenes,
     PushArray,
@@ -26,14 +30,15 @@ from sain_core.types import (
     Scenes,
 )
 
-MIN_DISKS = 2
+MIN_DISKS = 1
+GOAL_POSE_FIELDS = ("x", "y", "heading", "tolerance", "heading_tolerance")
 
 
 def decode_disks(disks: Sequence[Any], name: str = "scene") -> Scene:
     """Return ``DiskState[]`` as a scene (N, 8).
 
     Raises:
-        InvalidInputError: fewer than two disks, NaN or Inf.
+        InvalidInputError: no disk, NaN or Inf.
     """
     values = [[getattr(disk, column) for column in STATE_NAMES] for disk in disks]
     return check_disks(np.array(values, dtype=np.float64).reshape(-1, STATE_SIZE), name)
@@ -43,7 +48,7 @@ def check_disks(scene: Scene, name: str = "scene") -> Scene:
     """Return a scene (N, 8) that came over the wire when it has the numbers of one.
 
     Raises:
-        InvalidInputError: fewer than two disks, NaN or Inf.
+        InvalidInputError: no disk, NaN or Inf.
     """
     if len(scene) < MIN_DISKS:
         raise InvalidInputError(f"{name} has {len(scene)} disks; it needs at least {MIN_DISKS}")
@@ -57,12 +62,22 @@ def check_disks(scene: Scene, name: str = "scene") -> Scene:
 
 
 def decode_push(message: Any) -> PushArray:
-    """Return a ``Push`` as an array (3,): location, angle, length.
+    """Return a ``Push`` as an array (3,), or (4,) where it is against another body than body 0.
 
     Raises:
         InvalidInputError: NaN or Inf.
     """
-    return _decode_fields(message, PUSH_NAMES, "push")
+    return with_body(_decode_fields(message, PUSH_NAMES, "push"), pushed_body(message))
+
+
+def pushed_body(message: Any) -> int:
+    """Return the body that a ``Push`` is against; older recordings know only body 0."""
+    return int(getattr(message, "body", 0))
+
+
+def with_body(push: Float[ndarray, "3"], body: int) -> PushArray:
+    """Return a push (3,) against a body: (3,) for body 0, else (4,)."""
+    return np.append(push, float(body)) if body else push
 
 
 def decode_goal(message: Any) -> Points:
@@ -74,13 +89,35 @@ def decode_goal(message: Any) -> Points:
     return _decode_fields(message, ("x", "y", "tolerance"), "goal")[:2]
 
 
+def decode_goal_poses(message: Any) -> tuple[Indices, ndarray]:
+    """Return the bodies (P,) of a ``Goal``'s poses, and what `GOAL_POSE_FIELDS` name (P, 5).
+
+    NaN where any heading will do. Older recordings have no poses: P = 0.
+
+    Raises:
+        InvalidInputError: more poses than a scene may have bodies, NaN or Inf.
+    """
+    poses = getattr(message, "poses", ())
+    if len(poses) > MOST_BODIES:
+        raise InvalidInputError(f"the goal has {len(poses)} poses; at most {MOST_BODIES} may be")
+    values = np.empty((len(poses), len(GOAL_POSE_FIELDS)))
+    for row, pose in zip(values, poses, strict=True):
+        free = () if pose.has_heading else ("heading", "heading_tolerance")
+        named = tuple(name for name in GOAL_POSE_FIELDS if name not in free)
+        given = _decode_fields(pose, named, f"goal of body {pose.body}")
+        row[:] = np.nan
+        row[[GOAL_POSE_FIELDS.index(name) for name in named]] = given
+    return np.array([pose.body for pose in poses], dtype=np.int64), values
+
+
 def decode_plan(message: Any) -> tuple[Pushes, Scenes]:
-    """Return the pushes (H, 3) of a ``Plan`` and the scenes (H, N, 8) that it expects.
+    """Return the pushes (H, 3) or (H, 4) of a ``Plan`` and the scenes (H, N, 8) that it expects.
 
     A plan that sends no push has H = 0.
     """
     horizon, disks = message.horizon, message.disks
     pushes = decode_floats(message.pushes, (horizon, PUSH_SIZE), "pushes of the plan")
+    pushes = _with_bodies(pushes, getattr(message, "push_bodies", ()), "push_bodies of the plan")
     predicted = decode_floats(
         message.predicted, (horizon, disks, STATE_SIZE), "predicted scenes of the plan"
     )
@@ -88,23 +125,25 @@ def decode_plan(message: Any) -> tuple[Pushes, Scenes]:
 
 
 def decode_rollout_request(request: Any) -> tuple[Scene, PushSequences]:
-    """Return the scene (N, 8) and the push sequences (K, H, 3) of a ``Rollout`` request."""
+    """Return scene (N, 8) and sequences (K, H, 3) or (K, H, 4) of a ``Rollout`` request."""
     samples, horizon, disks = request.samples, request.horizon, request.disks
     _at_least(samples, 1, "samples")
     _at_least(horizon, 1, "horizon")
     _at_least(disks, MIN_DISKS, "disks")
     scene = decode_floats(request.scene, (disks, STATE_SIZE), "scene")
-    return scene, decode_floats(request.pushes, (samples, horizon, PUSH_SIZE), "pushes")
+    pushes = decode_floats(request.pushes, (samples, horizon, PUSH_SIZE), "pushes")
+    return scene, _with_bodies(pushes, request.push_bodies, "push_bodies", disks)
 
 
 def decode_predict_request(request: Any) -> tuple[Scenes, Pushes, Scenes | None]:
-    """Return scenes (B, N, 8), pushes (B, 3) and, if given, f_p(s, a) (B, N, 8)."""
+    """Return scenes (B, N, 8), pushes (B, 3) or (B, 4) and, if given, f_p(s, a) (B, N, 8)."""
     batch, disks = request.batch, request.disks
     _at_least(batch, 1, "batch")
     _at_least(disks, MIN_DISKS, "disks")
     shape = (batch, disks, STATE_SIZE)
     scenes = decode_floats(request.scenes, shape, "scenes")
     pushes = decode_floats(request.pushes, (batch, PUSH_SIZE), "pushes")
+    pushes = _with_bodies(pushes, request.push_bodies, "push_bodies", disks)
     if len(request.physics_next) == 0:
         return scenes, pushes, None
     return scenes, pushes, decode_floats(request.physics_next, shape, "physics_next")
@@ -119,15 +158,16 @@ def decode_past(request: Any) -> PushHistory:
     past, disks = request.past, request.disks
     _at_least(disks, MIN_DISKS, "disks")
     shape = (past, disks, STATE_SIZE)
+    pushes = decode_floats(request.past_pushes, (past, PUSH_SIZE), "past_pushes")
     return PushHistory(
         decode_floats(request.past_scenes, shape, "past_scenes"),
-        decode_floats(request.past_pushes, (past, PUSH_SIZE), "past_pushes"),
+        _with_bodies(pushes, request.past_bodies, "past_bodies", disks),
         decode_floats(request.past_next, shape, "past_next"),
     )
 
 
 def decode_result(message: Any) -> tuple[Scene, PushArray, Scene]:
-    """Return the scene (N, 8) before a ``PushResult``, its push (3,), and the scene after it.
+    """Return the scene (N, 8) before a ``PushResult``, its push, and the scene after it.
 
     Raises:
         InvalidInputError: NaN or Inf, or scenes of different numbers of disks.
@@ -144,7 +184,7 @@ def decode_rollout(response: Any, shape: tuple[int, int, int]) -> PredictedScene
     return decode_floats(response.predicted, (*shape, STATE_SIZE), "predicted")
 
 
-def decode_floats(values: Sequence[float], shape: tuple[int, ...], name: str) -> np.ndarray:
+def decode_floats(values: Sequence[float], shape: tuple[int, ...], name: str) -> ndarray:
     """Return a flat, row-major ``float64[]`` in its shape.
 
     Raises:
@@ -162,12 +202,38 @@ def decode_floats(values: Sequence[float], shape: tuple[int, ...], name: str) ->
     return array
 
 
-def _decode_fields(message: Any, fields: tuple[str, ...], name: str) -> np.ndarray:
+def _with_bodies(
+    pushes: ndarray, bodies: Sequence[int], name: str, count: int | None = None
+) -> ndarray:
+    """Return pushes (..., 3) with the bodies that they are against; unchanged if all are body 0.
+
+    Raises:
+        InvalidInputError: other numbers of pushes and bodies, or not one of `count` bodies.
+    """
+    if len(bodies) == 0:
+        return pushes
+    column = np.asarray(bodies)
+    if column.size != pushes[..., 0].size:
+        raise InvalidInputError(
+            f"{name} has {column.size} numbers; the pushes are {pushes[..., 0].size}"
+        )
+    if count is not None and (column >= count).any():
+        raise InvalidInputError(
+            f"{name} names body {column.max()}; there are bodies 0 to {count - 1}"
+        )
+    if not column.any():
+        return pushes
+    return np.concatenate(
+        [pushes, column.reshape(*pushes.shape[:-1], 1).astype(np.float64)], axis=-1
+    )
+
+
+def _decode_fields(message: Any, fields: tuple[str, ...], name: str) -> ndarray:
     values = np.array([getattr(message, field) for field in fields], dtype=np.float64)
     return check_fields(values, fields, name)
 
 
-def check_fields(values: np.ndarray, fields: tuple[str, ...], name: str) -> np.ndarray:
+def check_fields(values: ndarray, fields: tuple[str, ...], name: str) -> ndarray:
     """Return numbers that came over the wire, one a field, when they are finite.
 
     Raises:

@@ -6,12 +6,12 @@ from sain_core.cli.node_command import NodeCommand
 
 mppi_node: Final = NodeCommand(
     "sain_mppi mppi_node",
-    about="Plans one push for each settled scene until the target has reached the goal. Calls the"
+    about="Plans one push for each settled scene until the goal is reached. Calls the"
     " model as a service, and plans with the prior when no model answers.",
     node="ros.mppi_node:MppiNode",
     settings="loop.agent:MppiConfig",
     publishes=("push", "plan", "plan_markers", "/diagnostics"),
-    subscribes=("scene", "push_result", "goal"),
+    subscribes=("scene", "shapes", "push_result", "goal"),
     calls=("rollout",),
     example="planner.samples:=512",
 )

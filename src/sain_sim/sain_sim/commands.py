@@ -15,6 +15,7 @@ sim_node: Final = NodeCommand(
         "scene",
         "push_result",
         "physics_prediction",
+        "shapes",
         "world_parameters",
         "joint_states",
         "markers",

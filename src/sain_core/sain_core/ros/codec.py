@@ -5,16 +5,22 @@ is checked number by number (20 times slower for 100,000 doubles). Doubles arriv
 """
 
 from array import array
+from collections.abc import Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, Point32, Polygon
+from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import Header
 
 from sain_core.history import PushHistory
-from sain_core.push import PUSH_NAMES
-from sain_core.scene import STATE_NAMES
-from sain_core.types import Points, PushArray, Pushes, Scene, Scenes
-from sain_interfaces.msg import DiskState, Goal, Plan, Push
+from sain_core.push import LENGTH, PUSH_NAMES, PUSH_SIZE, pushed_bodies
+from sain_core.scene import DISK_HEIGHT, STATE_NAMES
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.shape import Shape, Solid
+from sain_core.types import Points, PushArray, Pushes, PushSequences, Scene, Scenes
+from sain_interfaces.msg import Bodies as BodiesMessage
+from sain_interfaces.msg import Body, DiskState, Goal, Plan, Push
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import PredictResidual, Rollout
 
@@ -57,17 +63,54 @@ def encode_scene(
     )
 
 
+def encode_bodies(
+    bodies: Bodies, radii: Sequence[float], *, stamp: Time, episode_id: int
+) -> BodiesMessage:
+    """Return shapes and roles of an episode's bodies with these radii [m]."""
+    messages = [
+        Body(
+            name=shape.footprint,
+            role=str(role),
+            radius=radius,
+            symmetry=shape.symmetry,
+            parts=_parts(shape, radius),
+            supports=[
+                Point(x=x, y=y, z=-DISK_HEIGHT / 2) for x, y in shape.supports(radius).tolist()
+            ],
+        )
+        for shape, role, radius in zip(bodies.shapes, bodies.roles, radii, strict=True)
+    ]
+    return BodiesMessage(header=header(stamp), episode_id=episode_id, bodies=messages)
+
+
+def _parts(shape: Shape, radius: float) -> list[SolidPrimitive]:
+    if shape.solid is Solid.CYLINDER:
+        return [SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[DISK_HEIGHT, radius])]
+    if shape.solid is Solid.BOX:
+        sides = [2 * radius, 2 * radius, DISK_HEIGHT]
+        return [SolidPrimitive(type=SolidPrimitive.BOX, dimensions=sides)]
+    return [
+        SolidPrimitive(
+            type=SolidPrimitive.PRISM,
+            dimensions=[DISK_HEIGHT],
+            polygon=Polygon(points=[Point32(x=x, y=y) for x, y in part.tolist()]),
+        )
+        for part in shape.parts(radius)
+    ]
+
+
 def encode_push(
     push: PushArray, *, stamp: Time, push_id: int, episode_id: int, scene_id: int, source: str
 ) -> Push:
-    """Return a push (3,) with its id and those of the scene that it was planned from."""
+    """Return a push (3,) or (4,) with its id and those of the scene that it was planned from."""
     return Push(
         header=header(stamp),
         push_id=push_id,
         episode_id=episode_id,
         scene_id=scene_id,
         source=source,
-        **dict(zip(PUSH_NAMES, push.tolist(), strict=True)),
+        body=int(pushed_bodies(push)),
+        **dict(zip(PUSH_NAMES, push[:PUSH_SIZE].tolist(), strict=True)),
     )
 
 
@@ -97,12 +140,27 @@ def fill_past(request: Rollout.Request | PredictResidual.Request, history: PushH
     """Put an episode's earlier pushes into a request about scenes with as many disks."""
     request.past = len(history)
     request.past_scenes = encode_floats(history.state)
-    request.past_pushes = encode_floats(history.action)
+    request.past_pushes, request.past_bodies = encode_pushes(history.action)
     request.past_next = encode_floats(history.next_state)
 
 
+def fill_bodies(request: Rollout.Request | PredictResidual.Request, bodies: Bodies | None) -> None:
+    """Put shapes and roles into a request; None: disks with the paper's roles."""
+    if bodies is not None:
+        request.shapes = [shape.footprint for shape in bodies.shapes]
+        request.roles = [str(role) for role in bodies.roles]
+
+
+def encode_pushes(pushes: Pushes | PushSequences) -> "tuple[array[float], array[int]]":
+    """Return pushes (..., 3) or (..., 4) as flat doubles, and the bodies; none: all body 0."""
+    bodies = array("I")
+    if pushes.shape[-1] > PUSH_SIZE:
+        bodies.frombytes(pushed_bodies(pushes).astype(np.uint32).tobytes())
+    return encode_floats(pushes[..., : LENGTH + 1]), bodies
+
+
 def fill_plan(message: Plan, pushes: Pushes, predicted: Scenes) -> None:
-    """Put the pushes (H, 3) and the scenes (H, N, 8) that they should lead to into a plan."""
+    """Put the pushes (H, 3) or (H, 4) and the scenes (H, N, 8) after them into a plan."""
     message.horizon, message.disks = predicted.shape[:2]
-    message.pushes = encode_floats(pushes)
+    message.pushes, message.push_bodies = encode_pushes(pushes)
     message.predicted = encode_floats(predicted)

@@ -1,15 +1,26 @@
 """Markers for RViz and Foxglove."""
 
+from collections.abc import Sequence
 from math import cos, sin
+from typing import Final
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Pose, Quaternion
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker
 
 from sain_core.ros.codec import header
+from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, X, Y
+from sain_core.shapes.shape import Shape, Solid
+from sain_core.types import Points
 
 Colour = tuple[float, float, float, float]  # red, green, blue, alpha
+
+SOLIDS: Final = {
+    Solid.CYLINDER: Marker.CYLINDER,
+    Solid.BOX: Marker.CUBE,
+    Solid.PRISM: Marker.TRIANGLE_LIST,
+}
 
 
 def make_marker(group: str, number: int, kind: int, colour: Colour, stamp: Time) -> Marker:
@@ -30,3 +41,34 @@ def make_pose(x: float, y: float, z: float, yaw: float = 0.0) -> Pose:
     """Return an upright pose [m, rad]."""
     turn = Quaternion(z=sin(yaw / 2), w=cos(yaw / 2))
     return Pose(position=Point(x=x, y=y, z=z), orientation=turn)
+
+
+def body_marker(
+    group: str, number: int, shape: Shape, state: Sequence[float], colour: Colour, stamp: Time
+) -> Marker:
+    """Return a body in a state (8,) as it is: a cylinder, a box, or the surface of its prisms."""
+    marker = make_marker(group, number, SOLIDS[shape.solid], colour, stamp)
+    marker.pose = make_pose(state[X], state[Y], DISK_HEIGHT / 2, state[THETA])
+    width = 2 * state[RADIUS]
+    marker.scale = Vector3(x=width, y=width, z=DISK_HEIGHT)
+    if shape.solid is Solid.PRISM:
+        marker.scale = Vector3(x=1.0, y=1.0, z=1.0)
+        corners = shape.triangles(state[RADIUS]).reshape(-1, 3).tolist()
+        marker.points = [Point(x=x, y=y, z=z) for x, y, z in corners]
+    return marker
+
+
+def line_marker(
+    group: str,
+    number: int,
+    points: Points,
+    height: float,
+    width: float,
+    colour: Colour,
+    stamp: Time,
+) -> Marker:
+    """Return a line through points (M, 2) [m] in the world, at a height."""
+    marker = make_marker(group, number, Marker.LINE_STRIP, colour, stamp)
+    marker.scale = Vector3(x=width)
+    marker.points = [Point(x=x, y=y, z=height) for x, y in points.tolist()]
+    return marker

@@ -30,9 +30,9 @@ SHARE, ALONG_X, ALONG_Y = 2, 3, 4  # columns of a support after its x and y
 class BodyTable(NamedTuple):
     """N bodies with M corners and F supports in all; those of body i from `first[i]` on."""
 
-    first_corner: Int[ndarray, "_"]
+    first_corner: Int[ndarray, "N+1"]
     corners: Float[ndarray, "M 2"]  # counter-clockwise
-    first_support: Int[ndarray, "_"]
+    first_support: Int[ndarray, "N+1"]
     supports: Float[ndarray, "F 5"]  # x, y, share of the load, and how it grows along x and y
     rounding: Float[ndarray, "N"]  # 1 for a disk, 0 for an outline with straight sides
     reach: Float[ndarray, "N"]  # circumscribed radius
@@ -135,5 +135,5 @@ def _supports(shape: Shape) -> Points:
     return shape.supports(1.0)
 
 
-def _starts(groups: list[ndarray]) -> Int[ndarray, "_"]:
+def _starts(groups: list[Float[ndarray, "_ _"]]) -> Int[ndarray, "G"]:
     return np.cumsum([0, *map(len, groups)])

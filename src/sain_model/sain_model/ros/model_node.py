@@ -21,6 +21,7 @@ from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import SERVICE
 from sain_core.ros.worker import Worker
+from sain_core.shapes.received import decode_request_bodies
 from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
 from sain_model.serving.latency import ServiceRecord
 from sain_model.serving.settings import ServingConfig
@@ -77,13 +78,13 @@ class ModelNode(Node):
     ) -> Rollout.Response:
         def work(server: "ModelServer") -> None:
             scene, pushes = wire.decode_rollout_request(request)
-            past = wire.decode_past(request)
-            predicted = server.rollout(scene, pushes, past)
+            known = wire.decode_past(request), decode_request_bodies(request)
+            predicted = server.rollout(scene, pushes, *known)
             response.predicted = codec.encode_floats(predicted)
             if request.with_regions:
-                regions = server.regions(scene, pushes, predicted, past)
+                regions = server.regions(scene, pushes, predicted, *known)
                 response.regions = codec.encode_floats(np.empty(0) if regions is None else regions)
-            response.friction = server.friction(past)
+            response.friction = server.friction(*known)
 
         return await self._answer(work, response)
 
@@ -91,9 +92,10 @@ class ModelNode(Node):
         self, request: PredictResidual.Request, response: PredictResidual.Response
     ) -> PredictResidual.Response:
         def work(server: "ModelServer") -> None:
-            asked, past = wire.decode_predict_request(request), wire.decode_past(request)
-            residual, next_state = server.predict(*asked, past)
-            response.friction = server.friction(past)
+            asked = wire.decode_predict_request(request)
+            known = wire.decode_past(request), decode_request_bodies(request)
+            residual, next_state = server.predict(*asked, history=known[0], bodies=known[1])
+            response.friction = server.friction(*known)
             response.residual = codec.encode_floats(residual)
             response.next_state = codec.encode_floats(next_state)
 

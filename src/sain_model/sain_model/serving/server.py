@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.dynamics import Dynamics, Radii, RegionModel, as_rollout
+from sain_core.dynamics import Dynamics, Radii, RegionModel, as_rollout, shaped
 from sain_core.errors import TooMuchWorkError
 from sain_core.history import PushHistory, informed
 from sain_core.model_checks.response_check import (
@@ -15,13 +15,14 @@ from sain_core.model_checks.response_check import (
     check_step,
 )
 from sain_core.plugins import load_dynamics
-from sain_core.push import check_predictable
-from sain_core.scene import THETA, check_scene, check_scenes, make_scene, wrap_angle
+from sain_core.scene import THETA, make_scene, wrap_angle
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.devices import CPU, choose_device
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.physics.planar import PlanarPrior
+from sain_model.serving.request_checks import check_asked_pushes, check_asked_scenes
 from sain_model.serving.settings import ServingConfig
 
 WARM_UP_SCENE: Final = make_scene(
@@ -64,7 +65,7 @@ class ModelServer:
         self._name = f"model {config.model!r}"
         self.description = describe_model(config.model, dynamics)
         self._usual = dynamics
-        self._learned: tuple[PushHistory, Dynamics] | None = None
+        self._learned: tuple[PushHistory, Bodies | None, Dynamics] | None = None
 
     def with_model(self, name: str) -> "ModelServer":
         """Return a server of another model with these settings; see `load_server`."""
@@ -80,42 +81,54 @@ class ModelServer:
             self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES)
             self.predict(np.stack([WARM_UP_SCENE] * len(WARM_UP_PUSHES)), WARM_UP_PUSHES[:, 0])
 
-    def knowing(self, history: PushHistory | None) -> Dynamics:
-        """Return the model conditioned on an episode's earlier pushes; the latest is kept.
+    def knowing(self, history: PushHistory | None, bodies: Bodies | None = None) -> Dynamics:
+        """Return the model for these bodies, conditioned on an episode's earlier pushes.
+
+        The latest is kept. Bodies None: disks with the paper's roles.
 
         Raises:
             TooMuchWorkError: more pushes than the limit of work allows.
+            ConfigError: the model cannot predict these bodies.
         """
         if history is None or len(history) == 0:
-            return self._usual
+            return shaped(self._usual, bodies)
         self._check_work(len(history) * self._frictions(), history.disks)
-        if self._learned is None or not self._learned[0].equals(history):
-            self._learned = history, informed(self._usual, history)
-        return self._learned[1]
+        kept = self._learned
+        if kept is None or kept[1] != bodies or not kept[0].equals(history):
+            self._learned = history, bodies, informed(shaped(self._usual, bodies), history)
+            return self._learned[2]
+        return kept[2]
 
-    def friction(self, history: PushHistory | None) -> float:
+    def friction(self, history: PushHistory | None, bodies: Bodies | None = None) -> float:
         """Return the friction of a prediction; 0: the model has none."""
-        dynamics = self.knowing(history)
+        dynamics = self.knowing(history, bodies)
         prior = dynamics.prior if isinstance(dynamics, LEARNED) else dynamics
         return prior.config.friction if isinstance(prior, PlanarPrior) else 0.0
 
     def rollout(
-        self, scene: Scene, pushes: PushSequences, history: PushHistory | None = None
+        self,
+        scene: Scene,
+        pushes: PushSequences,
+        history: PushHistory | None = None,
+        bodies: Bodies | None = None,
     ) -> PredictedScenes:
-        """Predict (K, H, N, 8) for push sequences (K, H, 3) from a scene (N, 8).
+        """Predict (K, H, N, 8) for push sequences (K, H, A) from a scene (N, 8).
 
-        `history` are the earlier pushes of the scene's episode, where they are known.
+        `history` are the earlier pushes of the scene's episode, where they are known; `bodies` its
+        bodies, None: disks with the paper's roles.
 
         Raises:
             InvalidInputError: a scene that cannot exist.
-            OutOfRangeError: a push that no arm's limits could allow.
+            OutOfRangeError: a push that no arm's limits could allow, or against a body that is not
+                pushable.
+            ConfigError: the model cannot predict these bodies.
             TooMuchWorkError: K x H x N is above the limit, or N alone.
             ModelUnavailableError: the model answers with something that no answer can be.
         """
         self._check_work(pushes.shape[0] * pushes.shape[1], len(scene))
-        check_scene(scene)
-        check_predictable(pushes)
-        predicted = as_rollout(self.knowing(history)).rollout(scene, pushes)
+        check_asked_scenes(scene[None], bodies)
+        check_asked_pushes(pushes, bodies)
+        predicted = as_rollout(self.knowing(history, bodies)).rollout(scene, pushes)
         return check_finite_answer(check_rollout(predicted, scene, pushes, self._name), self._name)
 
     def regions(
@@ -124,12 +137,13 @@ class ModelServer:
         pushes: PushSequences,
         predicted: PredictedScenes,
         history: PushHistory | None = None,
+        bodies: Bodies | None = None,
     ) -> Radii | None:
         """Return how sure the model is of a rollout (K, H, N) [m]; None: it cannot tell.
 
         All but `predicted` as in `rollout`, whose answer that is.
         """
-        dynamics = self.knowing(history)
+        dynamics = self.knowing(history, bodies)
         if not isinstance(dynamics, RegionModel):
             return None
         return dynamics.regions(scene, pushes, predicted)
@@ -140,14 +154,16 @@ class ModelServer:
         pushes: Pushes,
         physics_next: Scenes | None = None,
         history: PushHistory | None = None,
+        bodies: Bodies | None = None,
     ) -> tuple[Scenes, Scenes]:
-        """Predict where pushes (B, 3) lead from scenes (B, N, 8).
+        """Predict where pushes (B, A) lead from scenes (B, N, 8).
 
         Args:
             scenes: settled scenes.
             pushes: one a scene.
             physics_next: (B, N, 8), what to correct; None: what the model's own prior predicts.
             history: the earlier pushes of the episode of all these scenes, where they are known.
+            bodies: of all these scenes; None: disks with the paper's roles.
 
         Returns:
             The residual (B, N, 8), angles wrapped, and the next state (B, N, 8).
@@ -157,9 +173,9 @@ class ModelServer:
                 `rollout`, for B x N predictions.
         """
         self._check_work(len(scenes), scenes.shape[1])
-        check_scenes(scenes)
-        check_predictable(pushes)
-        dynamics = self.knowing(history)
+        check_asked_scenes(scenes, bodies)
+        check_asked_pushes(pushes, bodies)
+        dynamics = self.knowing(history, bodies)
         if physics_next is None:
             prior = dynamics.prior if isinstance(dynamics, LEARNED) else dynamics
             physics_next = check_step(prior.step(scenes, pushes), scenes, self._name)

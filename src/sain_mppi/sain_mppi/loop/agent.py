@@ -125,6 +125,10 @@ class Agent:
         episode, bodies = self._bodies
         if episode == job.view.episode_id:
             job = replace(job, bodies=bodies)
+        try:
+            job.check(self._config.feasibility.table)
+        except SainError as error:
+            return Stop(job.task, StopReason.FAILED, error=error)
         if stop := self._tracker.stop(job):
             return stop
         past = self._memory.of(job.view.episode_id, len(job.view.scene))

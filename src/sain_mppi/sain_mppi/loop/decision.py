@@ -7,9 +7,9 @@ from threading import Event
 
 import numpy as np
 
-from sain_core.errors import SainError
+from sain_core.errors import InvalidInputError, SainError
 from sain_core.history import PushHistory
-from sain_core.scene import MASS, POSITION, RADIUS, target_distance
+from sain_core.scene import MASS, POSITION, RADIUS, Table, target_distance
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_mppi.loop.progress_monitor import LastPush
@@ -78,6 +78,20 @@ class PlanJob:
     def known_bodies(self) -> Bodies:
         """Shapes and roles."""
         return self.bodies or Bodies.disks(len(self.view.scene))
+
+    def check(self, table: Table) -> None:
+        """Check that shapes and goal are about the bodies of this scene.
+
+        Raises:
+            InvalidInputError, OffTableError: they are not; see `PoseGoal.check`.
+        """
+        scene, bodies = self.view.scene, self.known_bodies
+        if len(bodies) != len(scene):
+            raise InvalidInputError(
+                f"the scene has {len(scene)} bodies; {len(bodies)} shapes are known"
+            )
+        if isinstance(self.task.goal, PoseGoal):
+            self.task.goal.check(scene, bodies, table)
 
     @property
     def distance(self) -> float:

@@ -13,17 +13,19 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core.drawing.palette import PALETTE, rgba
-from sain_core.ros.markers import Colour, make_marker, make_pose
-from sain_core.scene import DISK_HEIGHT, MID, RADIUS, TARGET, THETA, X, Y
-from sain_core.types import Points, Scene
-from sain_mppi.loop.decision import PushDecision, Task
+from sain_core.push import pushed_bodies
+from sain_core.ros.markers import body_marker, line_marker, make_marker, make_pose
+from sain_core.scene import DISK_HEIGHT, TARGET, X, Y
+from sain_core.types import Scene
+from sain_mppi.loop.decision import PlanJob, PushDecision
+from sain_mppi.search.poses import PoseGoal
 from sain_mppi.search.result import Shown
 
 LINE_WIDTH: Final = 0.006  # [m]
 GOAL_HEIGHT: Final = 0.002  # [m]
 THIN_LINE: Final = 0.0015  # [m]
 GOAL_COLOUR: Final = rgba(PALETTE.goal, 0.8)
-PATH_COLOURS: Final = {disk: rgba(PALETTE.disk(disk), 0.9) for disk in (MID, TARGET)}
+BODY_GROUPS: Final = ("path", "ghost", "region")  # a marker of each for a body
 
 GHOST_ALPHA: Final = 0.25
 REGION_COLOUR: Final = (0.96, 0.76, 0.20, 0.35)
@@ -34,60 +36,99 @@ State = Float[np.ndarray, "8"]
 
 
 def plan_markers(decision: PushDecision, stamp: Time) -> MarkerArray:
-    """Return the goal and, for mid disk and target, the way that the plan expects."""
+    """Return the goal and, for the bodies that matter, the way that the plan expects."""
     job, result = decision.job, decision.plan
-    array = goal_markers(job.task, stamp)
+    array = goal_markers(job, stamp)
     if result is None:
         return array
-    array.markers.append(_others(job.view.scene, result.others, stamp))
-    for disk, colour in PATH_COLOURS.items():
-        array.markers.append(_path(disk, result.way(job.view.scene, disk), colour, stamp))
-        array.markers.append(_ghost(disk, result.predicted[0, disk], colour, stamp))
-        radius = 0.0 if result.regions is None else float(result.regions[0, disk])
-        array.markers.append(_region(disk, result.predicted[0, disk], radius, stamp))
+    scene, bodies, shown = job.view.scene, job.known_bodies, shown_bodies(decision)
+    array.markers.append(_others(scene, result.others, aimed_body(job), stamp))
+    for body in range(len(bodies)):
+        if body not in shown:
+            array.markers += [_gone(group, body, stamp) for group in BODY_GROUPS]
+            continue
+        colour, after = rgba(PALETTE.disk(body), 0.9), result.predicted[0, body]
+        way = result.way(scene, body)
+        array.markers.append(line_marker("path", body, way, DISK_HEIGHT, LINE_WIDTH, colour, stamp))
+        ghost = (*colour[:3], GHOST_ALPHA)
+        shape = bodies.shapes[body]
+        array.markers.append(body_marker("ghost", body, shape, after.tolist(), ghost, stamp))
+        radius = 0.0 if result.regions is None else float(result.regions[0, body])
+        array.markers.append(_region(body, after, radius, stamp))
     return array
 
 
-def goal_markers(task: Task, stamp: Time) -> MarkerArray:
-    """Return the goal as a flat disk, as wide as the tolerance allows."""
-    marker = make_marker("goal", 0, Marker.CYLINDER, GOAL_COLOUR, stamp)
-    x, y = task.goal.tolist()
+def shown_bodies(decision: PushDecision) -> tuple[int, ...]:
+    """Return the bodies whose ways are drawn: the paper's two; or those pushed or with a pose."""
+    goal, count = decision.job.task.goal, len(decision.job.view.scene)
+    if not isinstance(goal, PoseGoal):
+        return tuple(range(min(count, TARGET + 1)))
+    pushes = decision.push[None] if decision.plan is None else decision.plan.pushes
+    pushed = pushed_bodies(pushes).tolist()
+    return tuple(sorted({*pushed, *(pose.body for pose in goal.poses)}))
+
+
+def aimed_body(job: PlanJob) -> int:
+    """Return the body of the goal: the target, or that of the first pose."""
+    goal = job.task.goal
+    return goal.poses[0].body if isinstance(goal, PoseGoal) else TARGET
+
+
+def goal_markers(job: PlanJob, stamp: Time) -> MarkerArray:
+    """Return the goal: a flat disk as wide as the tolerance, or outlines in their poses.
+
+    A pose without a heading is a flat disk, too.
+    """
+    goal, scene, bodies = job.task.goal, job.view.scene, job.known_bodies
+    if not isinstance(goal, PoseGoal):
+        x, y = goal.tolist()
+        others = range(1, len(bodies))
+        disk = _goal_disk(0, x, y, job.task.tolerance, stamp)
+        return MarkerArray(markers=[disk, *(_gone("goal", number, stamp) for number in others)])
+    markers = {number: _gone("goal", number, stamp) for number in range(len(bodies))}
+    for pose in goal.poses:
+        if pose.heading is None:
+            marker = _goal_disk(pose.body, pose.x, pose.y, pose.tolerance, stamp)
+        else:
+            state = goal.placed(scene)[pose.body]
+            outline = bodies.shapes[pose.body].placed(state)
+            ring = np.concatenate([outline, outline[:1]])
+            marker = line_marker(
+                "goal", pose.body, ring, GOAL_HEIGHT, LINE_WIDTH, GOAL_COLOUR, stamp
+            )
+        markers[pose.body] = marker
+    return MarkerArray(markers=list(markers.values()))
+
+
+def _goal_disk(number: int, x: float, y: float, tolerance: float, stamp: Time) -> Marker:
+    marker = make_marker("goal", number, Marker.CYLINDER, GOAL_COLOUR, stamp)
     marker.pose = make_pose(x, y, GOAL_HEIGHT / 2)
-    marker.scale = Vector3(x=2 * task.tolerance, y=2 * task.tolerance, z=GOAL_HEIGHT)
-    return MarkerArray(markers=[marker])
-
-
-def _path(disk: int, way: Points, colour: Colour, stamp: Time) -> Marker:
-    marker = make_marker("path", disk, Marker.LINE_STRIP, colour, stamp)
-    marker.scale = Vector3(x=LINE_WIDTH)
-    marker.points = [Point(x=x, y=y, z=DISK_HEIGHT) for x, y in way.tolist()]
+    marker.scale = Vector3(x=2 * tolerance, y=2 * tolerance, z=GOAL_HEIGHT)
     return marker
 
 
-def _others(scene: Scene, others: Shown, stamp: Time) -> Marker:
-    """Return where other sequences lead the target, from green (cheap) to a pale red (dear)."""
+def _gone(group: str, number: int, stamp: Time) -> Marker:
+    """Return what takes an earlier marker away."""
+    marker = make_marker(group, number, Marker.CYLINDER, GOAL_COLOUR, stamp)
+    marker.action = Marker.DELETE
+    return marker
+
+
+def _others(scene: Scene, others: Shown, body: int, stamp: Time) -> Marker:
+    """Return where other sequences lead a body, from green (cheap) to a pale red (dear)."""
     marker = make_marker("others", 0, Marker.LINE_LIST, (0.0, 0.0, 0.0, 1.0), stamp)
     marker.scale = Vector3(x=THIN_LINE)
     count, horizon = others.predicted.shape[:2]
     if not count:
         marker.action = Marker.DELETE
         return marker
-    ways = others.ways(scene, TARGET)
+    ways = others.ways(scene, body)
     legs = np.stack([ways[:, :-1], ways[:, 1:]], axis=2)  # (R, H, 2, 2), from and to
     marker.points = [Point(x=x, y=y, z=DISK_HEIGHT) for x, y in legs.reshape(-1, 2).tolist()]
     rank = np.linspace(0.0, 1.0, count)[:, None]
     for red, green, blue, alpha in ((1.0 - rank) * CHEAP + rank * DEAR).tolist():
         colour = ColorRGBA(r=red, g=green, b=blue, a=alpha)
         marker.colors.extend([colour] * (2 * horizon))
-    return marker
-
-
-def _ghost(disk: int, state: State, colour: Colour, stamp: Time) -> Marker:
-    """Return a disk where it should be after the push."""
-    marker = make_marker("ghost", disk, Marker.CYLINDER, (*colour[:3], GHOST_ALPHA), stamp)
-    x, y, heading, radius = state[[X, Y, THETA, RADIUS]].tolist()
-    marker.pose = make_pose(x, y, DISK_HEIGHT / 2, heading)
-    marker.scale = Vector3(x=2 * radius, y=2 * radius, z=DISK_HEIGHT)
     return marker
 
 

@@ -5,7 +5,6 @@ from functools import partial
 from itertools import count
 from typing import Any
 
-import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
@@ -20,12 +19,21 @@ from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
-from sain_interfaces.msg import Goal, Plan, Push, PushResult
+from sain_core.shapes.bodies import Bodies as CoreBodies
+from sain_core.shapes.received import check_unchanged, decode_bodies
+from sain_interfaces.msg import Bodies, Goal, Plan, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_mppi.loop.agent import SERVICE, MppiConfig, planning_agent
-from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, Task
+from sain_mppi.loop.decision import PlanJob, PushDecision, Stop
+from sain_mppi.ros.goal_message import decode_task
 from sain_mppi.ros.markers import plan_markers
-from sain_mppi.ros.plan_message import plan_of_decision, plan_of_stop, push_message, summary
+from sain_mppi.ros.plan_message import (
+    plan_of_bad_goal,
+    plan_of_decision,
+    plan_of_stop,
+    push_message,
+    summary,
+)
 from sain_mppi.ros.remote import RemoteRollout
 
 LOOK_AGAIN = 0.1  # [s] between looks for what no message tells of
@@ -44,6 +52,8 @@ class MppiNode(Node):
         self.agent = planning_agent(model, as_rollout(load_dynamics(config.prior)), config)
         self.worker = Worker(self, "planning")
         self.plan_ids = count(1)
+        self.bodies: tuple[int, CoreBodies] | None = None  # the latest, and of which episode
+        self.early: SceneMessage | None = None  # of an episode whose shapes are not known yet
         self._offer()
         self.starting = True
         self.diagnostics.set(WARN, "no model serves rollout yet: plans rest on the prior")
@@ -59,6 +69,7 @@ class MppiNode(Node):
         self.diagnostics = Diagnostics(self)
         self.create_subscription(SceneMessage, "scene", self._on_scene, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
+        self.create_subscription(Bodies, "shapes", self._on_bodies, LATCHED)
         self.create_subscription(Goal, "goal", self._on_goal, LATCHED)
 
     def _look_again(self) -> None:
@@ -69,15 +80,46 @@ class MppiNode(Node):
         self._go_on()
 
     def _on_goal(self, message: Goal) -> None:
-        goal, ids = np.array([message.x, message.y]), (message.goal_id, message.episode_id)
-        self._tell(self.agent.aim(Task(*ids, goal, message.tolerance, message.max_pushes)))
+        try:
+            task = decode_task(message)
+        except SainError as error:
+            self._publish(plan_of_bad_goal(message, error))
+            return
+        self._tell(self.agent.aim(task))
         self._go_on()
+
+    def _on_bodies(self, message: Bodies) -> None:
+        try:
+            bodies = decode_bodies(message)
+            if self.bodies is not None and self.bodies[0] == message.episode_id:
+                check_unchanged(self.bodies[1], bodies)
+        except SainError as error:
+            text = f"the shapes of episode {message.episode_id} are ignored: {error}"
+            self.get_logger().error(text)
+            self.diagnostics.set(WARN, text)
+            return
+        self.bodies = message.episode_id, bodies
+        self.agent.meet(*self.bodies)
+        early, self.early = self.early, None
+        if early is not None:
+            self._on_scene(early)
+
+    def _waits_for_shapes(self, episode_id: int) -> bool:
+        """Tell whether a simulator sends shapes, and those of an episode have not come yet.
+
+        Topics overtake each other. Recordings from before there were shapes have none to wait for.
+        """
+        known = self.bodies is not None and self.bodies[0] == episode_id
+        return not known and self.count_publishers("shapes") > 0
 
     def _on_scene(self, message: SceneMessage) -> None:
         try:
             scene = wire.decode_disks(message.disks)
         except SainError as error:
             self.diagnostics.set(WARN, f"scene {message.scene_id} is ignored: {error}")
+            return
+        if self._waits_for_shapes(message.episode_id):
+            self.early = message
             return
         self.agent.see(scene, message.episode_id, message.scene_id, message.settled)
         self._go_on()

@@ -7,12 +7,13 @@ from typing import Final
 import numpy as np
 from builtin_interfaces.msg import Time
 
-from sain_core.errors import ErrorCode, error_reply
+from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.ros import codec
 from sain_core.scene import POSITION
-from sain_interfaces.msg import Plan, Push
+from sain_interfaces.msg import Goal, Plan, Push
 from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, StopReason, Task
 from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.poses import PoseGoal
 from sain_mppi.search.result import PlanResult
 
 STATUS: Final = {
@@ -65,6 +66,13 @@ def plan_of_stop(stop: Stop) -> Plan:
     return plan
 
 
+def plan_of_bad_goal(goal: Goal, error: SainError) -> Plan:
+    """Return a plan that says why a goal cannot be read."""
+    plan = Plan(goal_id=goal.goal_id, episode_id=goal.episode_id, status=Plan.NO_PUSH)
+    plan.error_code, plan.error_message = error_reply(error)
+    return plan
+
+
 def _empty_plan(task: Task, status: int, error: BaseException | None) -> Plan:
     plan = Plan(goal_id=task.goal_id, episode_id=task.episode_id, status=status)
     plan.error_code, plan.error_message = (
@@ -77,7 +85,16 @@ def _fill_job(plan: Plan, job: PlanJob) -> None:
     plan.episode_id, plan.scene_id = job.view.key
     plan.disks = len(job.view.scene)
     plan.goal_distance = job.distance
+    plan.goal_turn = goal_turn(job)
     plan.planning_time = monotonic() - job.view.received
+
+
+def goal_turn(job: PlanJob) -> float:
+    """Return the largest turn [rad] of a body from the heading asked for; 0: none is."""
+    goal = job.task.goal
+    if not isinstance(goal, PoseGoal):
+        return 0.0
+    return float(np.abs(goal.errors(job.view.scene, job.known_bodies)[1]).max())
 
 
 def _fill_result(plan: Plan, result: PlanResult) -> None:

@@ -1,5 +1,7 @@
 """A model behind the rollout service, to be called from a thread that may wait."""
 
+from copy import copy
+from dataclasses import dataclass
 from threading import Event
 from time import monotonic
 from typing import Final, Self
@@ -17,10 +19,18 @@ from sain_core.errors import (
 )
 from sain_core.history import PushHistory
 from sain_core.ros import codec
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_interfaces.srv import Rollout
 
 LOOK: Final = 0.02  # [s] between looks whether an answer is still wanted
+
+
+@dataclass
+class Served:
+    """Who answered last."""
+
+    model: str = ""
 
 
 class RemoteRollout:
@@ -31,11 +41,17 @@ class RemoteRollout:
         self._client = node.create_client(Rollout, "rollout")
         self._name = node.resolve_service_name("rollout")
         self._timeout_s = timeout_s
-        self.model = ""
+        self._served = Served()
+        self._bodies: Bodies | None = None
         self._history: PushHistory | None = None
         self._until: float | None = None
         self._cancelled = Event()
         self._closed = Event()
+
+    @property
+    def model(self) -> str:
+        """The model that answered last; empty: none has."""
+        return self._served.model
 
     @property
     def ready(self) -> bool:
@@ -45,6 +61,12 @@ class RemoteRollout:
     def wait_until_ready(self, timeout_s: float) -> bool:
         """Wait until a model serves, for so long [s]; tell whether one does."""
         return bool(self._client.wait_for_service(timeout_s))
+
+    def with_bodies(self, bodies: Bodies) -> Self:
+        """Return the same model, asked about these bodies."""
+        shaped = copy(self)
+        shaped._bodies = bodies
+        return shaped
 
     def with_history(self, history: PushHistory) -> Self:
         """Send these earlier pushes of the episode along from now on; return itself."""
@@ -60,7 +82,7 @@ class RemoteRollout:
         self._closed.set()
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
-        """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8).
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, A) from one scene (N, 8).
 
         Raises:
             ModelUnavailableError: nobody serves, answers in time, or answers what was asked.
@@ -97,7 +119,8 @@ class RemoteRollout:
         samples, horizon, _ = pushes.shape
         request = Rollout.Request(samples=samples, horizon=horizon, disks=len(scene))
         request.scene = codec.encode_floats(scene)
-        request.pushes = codec.encode_floats(pushes)
+        request.pushes, request.push_bodies = codec.encode_pushes(pushes)
+        codec.fill_bodies(request, self._bodies)
         if self._history is not None and self._history.disks == len(scene):
             codec.fill_past(request, self._history)
         return request
@@ -116,7 +139,7 @@ class RemoteRollout:
         response: Rollout.Response = future.result()
         if response.error_code != ErrorCode.OK:
             raise ModelUnavailableError(f"the model refused: {response.error_message}")
-        self.model = response.model
+        self._served.model = response.model
         return response
 
     def _wait(self, answered: Event) -> None:

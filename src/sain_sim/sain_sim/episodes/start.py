@@ -19,6 +19,7 @@ from sain_core.scene import (
     unit,
 )
 from sain_core.seeding import generator
+from sain_core.shapes.bodies import MOST_BODIES
 from sain_core.shapes.disk import DISK, THREE_FEET
 from sain_core.shapes.registry import built_shapes
 from sain_core.types import Scalars, Scene
@@ -47,6 +48,7 @@ def draw_episode(
     disk_shape: str = THREE_FEET,
     lab: int = 0,
     effects: str = ALL,
+    roles: tuple[str, ...] = (),
 ) -> tuple[WorldParameters, Scene]:
     """Return what an episode is made of; what is not given is drawn from the seed.
 
@@ -59,25 +61,32 @@ def draw_episode(
         disk_shape: one of `DISK_SHAPES`.
         lab: which rough world.
         effects: what is rough there, as `TruthConfig` has it.
+        roles: of each body, as `sain_core.shapes.bodies` names them; none: the paper's.
 
     Raises:
-        InvalidInputError: a world or shape that does not exist, or too few or many shapes.
+        InvalidInputError: a world or shape that does not exist, too few or many shapes or roles,
+            or too many bodies.
         OutOfRangeError: a friction that is negative.
-        ConfigError: an effect that does not exist, or feet to be moved on a flat disk.
+        ConfigError: an effect or role that does not exist, no pushable body, or feet to be moved on
+            a flat disk.
     """
     if world not in WORLDS:
         raise InvalidInputError(f"world is {world!r}; allowed: {', '.join(WORLDS)}")
     if not friction >= 0.0:
         raise OutOfRangeError(f"friction is {friction}; it must be positive, or 0 to have it drawn")
     count = 2 if scene is None else len(scene)
-    if len(shapes) not in (0, count):
-        raise InvalidInputError(f"{len(shapes)} shapes are given for {count} disks")
+    if count > MOST_BODIES:
+        raise InvalidInputError(f"the scene has {count} bodies; at most {MOST_BODIES} are allowed")
+    for name, given in (("shapes", shapes), ("roles", roles)):
+        if len(given) not in (0, count):
+            raise InvalidInputError(f"{len(given)} {name} are given for {count} disks")
     built = built_shapes(shapes or (DISK,) * count, disk_shape)
     if world == NOMINAL:
         parameters = nominal_parameters(count)
     else:
         parameters = TruthConfig(world, effects, lab).draw(generator(seed, "episode"), count)
-    parameters = replace(parameters, shapes=built, friction=friction or parameters.friction)
+    friction = friction or parameters.friction
+    parameters = replace(parameters, shapes=built, roles=roles, friction=friction)
     if scene is None:
         return parameters, paper_start(parameters)
     masses, radii = tuple(scene[:, MASS].tolist()), tuple(scene[:, RADIUS].tolist())

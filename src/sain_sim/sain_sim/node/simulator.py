@@ -7,13 +7,13 @@ from time import perf_counter
 from sain_core.config import option
 from sain_core.shapes.disk import DISK_SHAPES, THREE_FEET
 from sain_core.types import PushArray, Scene
+from sain_sim.episodes.nominal_shadow import NominalShadow
 from sain_sim.episodes.start import WORLDS, draw_episode
 from sain_sim.episodes.truth import TruthConfig
 from sain_sim.node.pacing import Pacer
 from sain_sim.rendering.window import Window
 from sain_sim.world.outcome import Sample, StrokeOutcome
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
-from sain_sim.world.shadow import BulletPrior
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 
@@ -73,7 +73,7 @@ class Simulator:
         self.pacer = pacer
         viewer = Window() if config.gui else None
         self.world = World(nominal_parameters(), config.bullet, viewer)
-        self.shadow = BulletPrior("nominal", config.bullet) if config.shadow else None
+        self.shadow = NominalShadow("nominal", config.bullet) if config.shadow else None
         self._every = max(1, round(1 / (config.bullet.motion.time_step * config.state_rate)))
 
     @property
@@ -82,7 +82,13 @@ class Simulator:
         return self.world.parameters
 
     def reset(
-        self, seed: int, world: str, scene: Scene | None, shapes: tuple[str, ...], friction: float
+        self,
+        seed: int,
+        world: str,
+        scene: Scene | None,
+        shapes: tuple[str, ...],
+        friction: float,
+        roles: tuple[str, ...] = (),
     ) -> Sample:
         """Start an episode as `draw_episode` draws it."""
         config = self.config
@@ -95,6 +101,7 @@ class Simulator:
             config.disk_shape,
             config.lab,
             config.effects,
+            roles,
         )
         self.world.reset(start, parameters)
         if self.shadow is not None:
@@ -102,7 +109,7 @@ class Simulator:
         return self._look()
 
     def push(self, push: PushArray, on_sample: Callable[[Sample], None]) -> Pushed:
-        """Execute a push (3,) with samples at the state rate; see `World.push` for errors."""
+        """Execute a push (3,) or (4,) with samples at the state rate; see `World.push` for errors."""
 
         def show(sample: Sample) -> None:
             self.pacer.follow(sample.time)
@@ -113,7 +120,7 @@ class Simulator:
         return Pushed(outcome, self._look(), perf_counter() - begun)
 
     def predict(self, scene: Scene, push: PushArray) -> Scene:
-        """Return the nominal world's prediction for a push (3,) from a scene (N, 8)."""
+        """Return the nominal world's prediction for a push from a scene (N, 8)."""
         assert self.shadow is not None
         return self.shadow.step(scene[None], push[None])[0]
 

@@ -13,7 +13,7 @@ from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import is_settled
 from sain_core.types import Scene
-from sain_interfaces.msg import Push, PushPrediction, PushResult, WorldParameters
+from sain_interfaces.msg import Bodies, Push, PushPrediction, PushResult, WorldParameters
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_sim.arm.panda import JOINT_NAMES
 from sain_sim.node.session import Session
@@ -30,6 +30,8 @@ class Publishing:
         self._simulator = simulator
         self._session = session
         self._clock = node.create_publisher(Clock, "/clock", RELIABLE)
+        # Before the scene's: a planner that sees scenes can see that there are shapes to wait for.
+        self._shapes = node.create_publisher(Bodies, "shapes", LATCHED)
         self._scene = node.create_publisher(SceneMessage, "scene", RELIABLE)
         self._result = node.create_publisher(PushResult, "push_result", RELIABLE)
         self._prediction = node.create_publisher(PushPrediction, "physics_prediction", RELIABLE)
@@ -60,9 +62,20 @@ class Publishing:
         joints.velocity = codec.encode_floats(sample.joint_velocities)
         self._joints.publish(joints)
         table = self._simulator.config.bullet.feasibility.table
-        shapes = self._simulator.parameters.shapes
-        self._markers.publish(scene_markers(sample, shapes, table, stamp))
+        bodies = self._simulator.parameters.bodies
+        self._markers.publish(scene_markers(sample, bodies, table, stamp))
         self._scene.publish(scene)
+
+    def shapes(self) -> None:
+        """Publish shape and role of each body of an episode."""
+        parameters = self._simulator.parameters
+        message = codec.encode_bodies(
+            parameters.bodies,
+            parameters.radii,
+            stamp=codec.encode_time(self._simulator.pacer.now_ns),
+            episode_id=self._session.episode_id,
+        )
+        self._shapes.publish(message)
 
     def world(self, seed: int, world: str) -> None:
         """Publish the parameters of an episode's world."""
@@ -74,6 +87,7 @@ class Publishing:
                 seed=seed,
                 world=world or self._simulator.config.world,
                 shapes=list(parameters.shapes),
+                roles=list(parameters.roles),
                 friction=parameters.friction,
                 rim_friction=parameters.rim_friction,
                 tool_friction=parameters.tool_friction,

@@ -66,14 +66,15 @@ class SimNode(Node):
         if self.session.busy:
             raise BusyError(f"push {self.session.busy_with} is under way; reset when it has ended")
         scene = wire.decode_disks(request.disks) if request.disks else None
-        shapes = tuple(request.shapes)
+        shapes, roles = tuple(request.shapes), tuple(request.roles)
         self.pacer.idle()
         sample = self.worker.call(
             lambda: self.simulator.reset(
-                request.seed, request.world, scene, shapes, request.friction
+                request.seed, request.world, scene, shapes, request.friction, roles
             )
         )
         self.session.begin_episode()
+        self.publishing.shapes()
         self.publishing.world(request.seed, request.world)
         self._settle(sample)
 

@@ -1,0 +1,211 @@
+"""The bodies of an episode as a message states them: checked before anything is made of them.
+
+Messages are read by their attributes and never by their class, as in `sain_core.wire`. A shape that
+is installed here is that shape, once its outline was compared. Any other is made of the parts that
+the message has, so a planner can push bodies of which it has only the outline.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
+from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
+from sain_core.shapes.disk import DISK
+from sain_core.shapes.polygon import MOST_CORNERS, MOST_PARTS, Compound
+from sain_core.shapes.registry import get_shape
+from sain_core.shapes.shape import Pair, Shape
+from sain_core.types import Points
+
+Ring = Float[ndarray, "_ 2"]  # one of several, each with its own number of corners
+
+BOX: Final = 1  # of shape_msgs/SolidPrimitive
+CYLINDER: Final = 3
+PRISM: Final = 5
+SINGLE: Final = 1e-5  # [radii], corners come as float32
+MOST_RADIUS: Final = 0.5  # [m]
+LONGEST_NAME: Final = 64
+
+
+def decode_bodies(message: Any) -> Bodies:
+    """Return the shapes and roles that a ``Bodies`` message states.
+
+    Raises:
+        InvalidInputError: no body or too many; parts that are no polygons, run clockwise, cross
+            themselves, are too many or do not touch; another outline than the shape has here.
+        OutOfRangeError: a radius that is not positive or too large.
+        ConfigError: a role that does not exist, or no pushable body.
+    """
+    count = len(message.bodies)
+    if not 1 <= count <= MOST_BODIES:
+        raise InvalidInputError(f"the message has {count} bodies; allowed: 1 to {MOST_BODIES}")
+    shapes = [_shape(number, body) for number, body in enumerate(message.bodies)]
+    roles = [body.role for body in message.bodies]
+    for number, role in enumerate(roles):
+        if role not in list(Role):
+            raise ConfigError(f"role of body {number} is {role!r}; allowed: {', '.join(Role)}")
+    return Bodies(tuple(shapes), tuple(map(Role, roles)))
+
+
+def decode_request_bodies(request: Any) -> Bodies | None:
+    """Return the bodies of a ``Rollout`` or ``PredictResidual`` request; None: the paper's disks.
+
+    Raises:
+        InvalidInputError: another number of shapes or roles than of bodies.
+        ConfigError: a shape or a role that does not exist, or no pushable body.
+    """
+    shapes, roles = request.shapes, request.roles
+    if not shapes and not roles:
+        return None
+    for name, given in (("shapes", shapes), ("roles", roles)):
+        if len(given) not in (0, request.disks):
+            raise InvalidInputError(f"{len(given)} {name} are given for {request.disks} bodies")
+    return Bodies.named(shapes or [DISK] * request.disks, roles)
+
+
+def check_unchanged(known: Bodies, now: Bodies) -> None:
+    """Raise `InvalidInputError` where bodies are no longer what they were in their episode."""
+    if len(now) != len(known):
+        raise InvalidInputError(
+            f"the episode began with {len(known)} bodies and has {len(now)} now; it cannot:"
+            " reset the scene"
+        )
+    for what, before, after in (
+        ("shape", [s.name for s in known.shapes], [s.name for s in now.shapes]),
+        ("role", known.roles, now.roles),
+        ("outline", known.shapes, now.shapes),
+    ):
+        for body, (old, new) in enumerate(zip(before, after, strict=True)):
+            if old != new:
+                values = f"from {old!s} to {new!s}" if what != "outline" else "of its shape"
+                raise InvalidInputError(
+                    f"the {what} of body {body} changed {values} within its episode; it cannot:"
+                    " reset the scene"
+                )
+
+
+def _shape(number: int, body: Any) -> Shape:
+    radius = float(body.radius)
+    if not 0.0 < radius <= MOST_RADIUS:  # also NaN
+        raise OutOfRangeError(
+            f"radius of body {number} is {radius} m; allowed: above 0, to {MOST_RADIUS} m"
+        )
+    if not 0 < len(body.name) <= LONGEST_NAME:
+        raise InvalidInputError(
+            f"the name of body {number} has {len(body.name)} characters;"
+            f" allowed: 1 to {LONGEST_NAME}"
+        )
+    outline = _parts(number, body, radius)
+    try:
+        known: Shape | None = get_shape(body.name)
+    except ConfigError:
+        known = None
+    if known is None:
+        return _made(number, body.name, outline)
+    if not _same(known, outline):
+        raise InvalidInputError(
+            f"body {number} is a {body.name!r} with another outline than that shape has here;"
+            " install the same version of the shape, or give it another name"
+        )
+    return known
+
+
+def _parts(number: int, body: Any, radius: float) -> list[Ring] | None:
+    """Return the parts (M, 2) [radii]; None: one cylinder of the body's radius."""
+    if not 1 <= len(body.parts) <= MOST_PARTS:
+        raise InvalidInputError(
+            f"body {number} ({body.name!r}) has {len(body.parts)} parts; allowed: 1 to {MOST_PARTS}"
+        )
+    kinds = [int(part.type) for part in body.parts]
+    if kinds == [CYLINDER]:
+        across = _dimension(number, body.parts[0].dimensions, 1)
+        if abs(across - radius) > SINGLE * radius:
+            raise InvalidInputError(
+                f"body {number} is a cylinder with radius {across} m; the body has {radius} m"
+            )
+        return None
+    return [
+        _part(f"part {place} of body {number} ({body.name!r})", number, part) / radius
+        for place, part in enumerate(body.parts)
+    ]
+
+
+def _part(what: str, number: int, part: Any) -> Points:
+    if int(part.type) == BOX:
+        x, y = (_dimension(number, part.dimensions, side) / 2 for side in (0, 1))
+        return np.array([(x, y), (-x, y), (-x, -y), (x, -y)])
+    if int(part.type) != PRISM:
+        raise InvalidInputError(
+            f"{what} has type {part.type}; allowed: {PRISM} (prism), {BOX} (box), or one"
+            f" {CYLINDER} (cylinder) alone"
+        )
+    corners = part.polygon.points
+    if not 3 <= len(corners) <= MOST_CORNERS:
+        raise InvalidInputError(
+            f"{what} has {len(corners)} corners; it needs 3 or more, and at most {MOST_CORNERS}"
+        )
+    points = np.array([(corner.x, corner.y) for corner in corners], dtype=np.float64)
+    if not np.isfinite(points).all():
+        raise InvalidInputError(f"{what} has a corner that is NaN or Inf; all must be finite")
+    if np.abs(points).max() > MOST_RADIUS:
+        raise InvalidInputError(
+            f"{what} has a corner {np.abs(points).max():.3g} m away; allowed: {MOST_RADIUS} m"
+        )
+    _check_ring(what, points)
+    return points
+
+
+def _check_ring(what: str, points: Points) -> None:
+    """Raise `InvalidInputError` unless corners make a simple polygon, counter-clockwise."""
+    from shapely import Polygon
+
+    ring = Polygon(points)
+    if not ring.is_valid or ring.area <= 0.0:
+        raise InvalidInputError(f"the outline of {what} crosses or touches itself; it must not")
+    if not ring.exterior.is_ccw:
+        raise InvalidInputError(f"the outline of {what} runs clockwise; give it counter-clockwise")
+
+
+def _dimension(number: int, dimensions: Sequence[float], place: int) -> float:
+    if len(dimensions) <= place:
+        raise InvalidInputError(
+            f"body {number} has a part with {len(dimensions)} dimensions;"
+            f" it needs {place + 1} or more"
+        )
+    value = float(dimensions[place])
+    if not 0.0 < value <= 2 * MOST_RADIUS:
+        raise InvalidInputError(
+            f"body {number} has a part of {value} m; allowed: above 0, to {2 * MOST_RADIUS} m"
+        )
+    return value
+
+
+def _same(shape: Shape, parts: list[Ring] | None) -> bool:
+    if shape.is_round or parts is None:
+        return shape.is_round and parts is None
+    own = shape.parts(1.0)
+    return len(own) == len(parts) and all(
+        mine.shape == theirs.shape and np.allclose(mine, theirs, atol=SINGLE, rtol=0.0)
+        for mine, theirs in zip(own, parts, strict=True)
+    )
+
+
+def _made(number: int, name: str, parts: list[Ring] | None) -> Shape:
+    """Return a shape that is not installed here, from its parts."""
+    if parts is None:
+        return get_shape(DISK)
+    polygons: list[tuple[Pair, ...]] = [tuple((x, y) for x, y in part.tolist()) for part in parts]
+    try:
+        made = Compound.of(name, *polygons)
+    except ConfigError as error:
+        raise InvalidInputError(f"body {number}: {error}") from error
+    moved = float(np.abs(made.parts(1.0)[0] - parts[0]).max())
+    if moved > 10 * SINGLE:
+        raise InvalidInputError(
+            f"body {number} ({name!r}) has its centroid or circumscribed circle elsewhere than at"
+            f" (0, 0) with its radius, by {moved:.3g} radii"
+        )
+    return made

@@ -1,0 +1,52 @@
+"""The shadow world for bodies of any shape and role."""
+
+from dataclasses import replace
+
+from sain_core.push import PUSH_SIZE
+from sain_core.scene import POSE, POSITION, THETA, VELOCITY, wrap_angle
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import PushArray, Scene
+from sain_sim.world.outcome import Stroke, is_idle
+from sain_sim.world.parameters import NOMINAL_MASS, WorldParameters
+from sain_sim.world.shadow import MEASURED, TRUE, BulletPrior
+
+
+class NominalShadow(BulletPrior):
+    """A `BulletPrior` that also predicts pushes against bodies that are no disks.
+
+    Their size is part of their shape, and contacts lie within the circumscribed circle. So a
+    shadow of such bodies has the radii of the scene, and only masses and friction are nominal.
+    """
+
+    def predict(self, scene: Scene, push: PushArray) -> Scene:
+        """Predict the settled scene (N, 8) after one push (3,) or (4,) from a scene (N, 8)."""
+        truth = self.truth
+        if truth is None or is_idle(push) or (len(push) == PUSH_SIZE and is_plain(truth)):
+            return super().predict(scene, push)
+        parameters = self._with_shapes(scene, truth)
+        start = parameters.scene(scene[:, POSITION], scene[:, THETA])
+        limits = self._world.config.feasibility.limits
+        stroke = Stroke.of_push(scene, push, limits, truth.bodies)
+        self._world.load(start, parameters)
+        after = self._world.carry_out(stroke, pushed=None).after
+        predicted = scene.copy()
+        predicted[:, POSE] += after[:, POSE] - start[:, POSE]
+        predicted[:, THETA] = wrap_angle(predicted[:, THETA])
+        predicted[:, VELOCITY] = after[:, VELOCITY]
+        return predicted
+
+    def _with_shapes(self, scene: Scene, truth: WorldParameters) -> WorldParameters:
+        if self.kind == TRUE:
+            return truth
+        measured = WorldParameters.of_scene(scene, shapes=truth.shapes, roles=truth.roles)
+        if self.kind == MEASURED:
+            return measured
+        return replace(measured, masses=(NOMINAL_MASS,) * len(scene))
+
+
+def is_plain(parameters: WorldParameters) -> bool:
+    """Tell whether bodies are disks and cubes with the paper's roles, the first a disk."""
+    bodies = parameters.bodies
+    paper = bodies.roles == Bodies.disks(len(bodies)).roles
+    stands_in = all(shape.is_round or shape.circumradius > 1.0 for shape in bodies.shapes)
+    return paper and stands_in and bodies.shapes[0].is_round

@@ -1,0 +1,113 @@
+"""Bodies out of messages: the same bodies, or an error that names body and value."""
+
+from types import SimpleNamespace as Message
+
+import numpy as np
+import pytest
+
+from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.polygon import Compound
+from sain_core.shapes.received import check_unchanged, decode_bodies
+from sain_core.shapes.registry import get_shape, shape_names
+
+PRISM = 5
+
+
+def prism(corners):
+    points = [Message(x=x, y=y) for x, y in np.float32(corners).astype(float).tolist()]
+    return Message(type=PRISM, dimensions=[0.04], polygon=Message(points=points))
+
+
+def body(name="t", role="pushable", radius=0.09, parts=None):
+    parts = [prism(part) for part in get_shape(name).parts(radius)] if parts is None else parts
+    return Message(name=name, role=role, radius=radius, parts=parts)
+
+
+def disk(role="movable", radius=0.06):
+    part = Message(type=3, dimensions=[0.04, radius], polygon=None)
+    return Message(name="disk", role=role, radius=radius, parts=[part])
+
+
+def bodies(*found):
+    return Message(bodies=list(found))
+
+
+def test_shapes_of_the_library_are_found_by_name():
+    names = [name for name in shape_names() if name not in ("three_feet", "flat", "cube")]
+    for name in names:
+        assert decode_bodies(bodies(body(name))) == Bodies.named([name], ["pushable"])
+    assert decode_bodies(bodies(body(), disk("fixed"))) == Bodies.named(
+        ["t", "disk"], ["pushable", "fixed"]
+    )
+
+
+def test_a_cube_is_a_box():
+    cube = Message(type=1, dimensions=[0.1, 0.1, 0.04], polygon=None)
+    found = decode_bodies(bodies(body("cube", radius=0.05, parts=[cube])))
+    assert found == Bodies.named(["cube"], ["pushable"])
+
+
+def test_a_shape_that_is_not_installed_is_made_of_its_parts():
+    shape = Compound.of("tee_of_others", *(map(tuple, p.tolist()) for p in get_shape("t").parts(1)))
+    sent = body("tee_of_others", parts=[prism(part) for part in shape.parts(0.09)])
+    (made,) = decode_bodies(bodies(sent)).shapes
+    assert made.name == "tee_of_others"
+    np.testing.assert_allclose(made.outline(0.09), get_shape("t").outline(0.09), atol=1e-6)
+
+
+SQUARE = 0.06 * np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
+BOW = SQUARE[[0, 2, 1, 3]]
+
+
+@pytest.mark.parametrize(
+    ("message", "error", "text"),
+    [
+        (bodies(), InvalidInputError, "the message has 0 bodies; allowed: 1 to 10"),
+        (bodies(*[disk()] * 11), InvalidInputError, "has 11 bodies"),
+        (bodies(disk("pushable"), body(role="idle")), ConfigError, "role of body 1 is 'idle'"),
+        (bodies(disk("fixed")), ConfigError, "no body is pushable"),
+        (bodies(disk("pushable", np.nan)), OutOfRangeError, "radius of body 0 is nan m"),
+        (bodies(disk("pushable", 9.0)), OutOfRangeError, "radius of body 0 is 9.0 m"),
+        (bodies(body("x" * 65, parts=[])), InvalidInputError, "name of body 0 has 65 characters"),
+        (bodies(body(parts=[])), InvalidInputError, "body 0 ('t') has 0 parts"),
+        (bodies(body(parts=[prism(SQUARE)] * 13)), InvalidInputError, "has 13 parts"),
+        (bodies(body(parts=[prism(SQUARE[:2])])), InvalidInputError, "has 2 corners"),
+        (bodies(body(parts=[prism(np.tile(SQUARE, (17, 1)))])), InvalidInputError, "68 corners"),
+        (bodies(body(parts=[prism(SQUARE[::-1])])), InvalidInputError, "runs clockwise"),
+        (bodies(body(parts=[prism(BOW)])), InvalidInputError, "crosses or touches itself"),
+        (bodies(body(parts=[prism(99 * SQUARE)])), InvalidInputError, "a corner 5.94 m away"),
+        (bodies(body(parts=[prism(SQUARE * np.nan)])), InvalidInputError, "corner that is NaN"),
+        (bodies(body(parts=[prism(SQUARE)])), InvalidInputError, "another outline than that shape"),
+        (
+            bodies(body("mine", parts=[prism(SQUARE + 0.05)], radius=0.06 * 2**0.5)),
+            InvalidInputError,
+            "body 0 ('mine') has its centroid or circumscribed circle elsewhere",
+        ),
+        (
+            bodies(disk("pushable"), body("disk", parts=[prism(SQUARE)])),
+            InvalidInputError,
+            "body 1",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused_and_named(message, error, text):
+    with pytest.raises(error) as raised:
+        decode_bodies(message)
+    assert text in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("names", "roles", "text"),
+    [
+        (["l", "disk"], (), "shape of body 0 changed from t to l"),
+        (["t", "disk"], ("pushable", "fixed"), "role of body 1 changed from movable to fixed"),
+        (["t"], (), "began with 2 bodies and has 1 now"),
+    ],
+)
+def test_bodies_that_change_within_an_episode_are_refused(names, roles, text):
+    known = Bodies.named(["t", "disk"])
+    check_unchanged(known, Bodies.named(["t", "disk"]))
+    with pytest.raises(InvalidInputError, match="within its episode|cannot") as raised:
+        check_unchanged(known, Bodies.named(names, roles))
+    assert text in str(raised.value)

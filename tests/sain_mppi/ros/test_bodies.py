@@ -1,0 +1,152 @@
+"""The planner's node and bodies that are no disks: shapes come late, change, or cannot be."""
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from visualization_msgs.msg import Marker
+
+from sain_core import wire
+from sain_core.errors import ErrorCode
+from sain_core.ros import codec
+from sain_core.ros.qos import LATCHED
+from sain_core.scene import make_scene
+from sain_core.shapes.bodies import Bodies
+from sain_interfaces.msg import Bodies as BodiesMessage
+from sain_interfaces.msg import Goal, GoalPose, Plan
+from sain_model.physics.planar import PlanarPrior
+from sain_mppi.ros.mppi_node import MppiNode
+from sain_mppi.search.poses import BodyPose, PoseGoal
+from tests.sain_mppi.ros.straw import SMALL, nth_push, plan
+
+SCENE = make_scene(
+    np.array([(0.45, 0.0), (0.60, 0.25)]), np.full(2, 8.0), np.array([0.09, 0.05]), np.zeros(2)
+)
+TEE = Bodies.named(["t", "disk"], ["pushable", "fixed"])
+TURN = PoseGoal((BodyPose(0, 0.50, 0.0, 0.3, 0.01, 0.05),))
+
+
+@pytest.fixture
+def shapes(graph):
+    publisher = graph.bystander.create_publisher(BodiesMessage, "shapes", LATCHED)
+
+    def send(bodies, episode_id=1):
+        stamp = graph.bystander.get_clock().now().to_msg()
+        radii = SCENE[: len(bodies), 7].tolist()
+        publisher.publish(codec.encode_bodies(bodies, radii, stamp=stamp, episode_id=episode_id))
+
+    send.publisher = publisher
+    return send
+
+
+@pytest.fixture
+def planner(graph, straw, shapes):
+    node = graph.start(MppiNode, dynamics="in_process", model="planar", **SMALL)
+    graph.listen("/diagnostics", DiagnosticArray)
+    graph.wait(lambda: straw.scenes.get_subscription_count() == 2, "the planner")
+    graph.wait(lambda: graph.aiming.get_subscription_count() == 1, "the planner")
+    graph.wait(lambda: shapes.publisher.get_subscription_count() == 2, "the planner")
+    graph.wait(lambda: node.count_publishers("shapes") == 1, "who sends shapes")
+    return node
+
+
+def warned(graph, text):
+    def found():
+        return [
+            status.message
+            for message in graph.heard["/diagnostics"]
+            for status in message.status
+            if text in status.message
+        ]
+
+    graph.wait(found, f"a diagnostic with {text!r}")
+
+
+def test_a_scene_waits_for_the_shapes_of_its_episode(graph, straw, shapes, planner):
+    graph.aim_at(TURN, 1)
+    straw.show(disks=SCENE)
+    graph.wait(lambda: planner.early is not None, "the scene to wait")
+    assert not graph.heard["plan"]
+    shapes(TEE)
+    push = nth_push(graph, 1)
+    made = plan(graph, push_id=push.push_id)
+    assert (made.error_message, made.fallback, push.body) == ("", False, 0)
+    pushes, predicted = wire.decode_plan(made)
+    expected = PlanarPrior().with_bodies(TEE).step(SCENE[None], pushes[:1])[0]
+    np.testing.assert_array_equal(predicted[0], expected)
+    assert made.goal_distance == pytest.approx(0.05)
+    assert made.goal_turn == pytest.approx(0.3)
+    assert "turn" in made.cost_terms or "distance" in made.cost_terms
+
+
+def test_plans_are_drawn_with_true_outlines(graph, straw, shapes, planner):
+    shapes(TEE)
+    graph.aim_at(TURN, 1)
+    straw.show(disks=SCENE)
+    nth_push(graph, 1)
+    graph.wait(lambda: graph.heard["plan_markers"], "markers")
+    markers = {(m.ns, m.id): m for m in graph.heard["plan_markers"][0].markers}
+    goal, ghost = markers["goal", 0], markers["ghost", 0]
+    corners = np.array([(point.x, point.y) for point in goal.points])
+    state = np.array([0.50, 0.0, 0.3, 0, 0, 0, 8.0, 0.09])
+    np.testing.assert_allclose(corners[:-1], TEE.shapes[0].placed(state))
+    assert (goal.type, ghost.type) == (Marker.LINE_STRIP, Marker.TRIANGLE_LIST)
+    assert len(ghost.points) == 3 * len(TEE.shapes[0].triangles(0.09))
+    assert markers["ghost", 1].action == Marker.DELETE
+    assert len(markers["path", 0].points) == 3
+
+
+def test_shapes_that_change_during_an_episode_are_ignored_and_reported(
+    graph, straw, shapes, planner
+):
+    shapes(TEE)
+    graph.aim_at(TURN, 1)
+    straw.show(disks=SCENE)
+    nth_push(graph, 1)
+    shapes(Bodies.named(["l", "disk"], ["pushable", "fixed"]))
+    warned(graph, "shapes of episode 1 are ignored: the shape of body 0 changed from t to l")
+    assert planner.bodies == (1, TEE)
+    shapes(Bodies.named(["l", "disk"]), episode_id=2)
+    graph.wait(lambda: planner.bodies[0] == 2, "the next episode")
+
+
+def test_a_scene_of_other_bodies_than_its_shapes_gets_no_push(graph, straw, shapes, planner):
+    shapes(Bodies.named(["t"]))
+    graph.aim_at(TURN, 1)
+    straw.show(disks=SCENE)
+    refused = plan(graph, goal_id=1)
+    assert ErrorCode(refused.error_code) is ErrorCode.INVALID
+    assert "the scene has 2 bodies; 1 shapes are known" in refused.error_message
+
+
+@pytest.mark.parametrize(
+    ("pose", "keep", "code", "text"),
+    [
+        ({"x": np.nan}, (), ErrorCode.INVALID, "x of the goal of body 0 is nan"),
+        ({"heading": np.inf}, (), ErrorCode.INVALID, "heading of the goal of body 0 is inf"),
+        ({"tolerance": 0.0}, (), ErrorCode.OUT_OF_RANGE, "tolerance of body 0 is 0.0"),
+        ({"heading_tolerance": -1.0}, (), ErrorCode.OUT_OF_RANGE, "heading_tolerance of body 0"),
+        ({"body": 7}, (), ErrorCode.INVALID, "a goal is given for body 7; the scene has bodies 0"),
+        ({"body": 1}, (), ErrorCode.INVALID, "goal of body 1 has heading 0.300 rad; it is a disk"),
+        ({"x": 3.0}, (), ErrorCode.OFF_TABLE, "of body 0 is off the table"),
+        ({}, (0,), ErrorCode.INVALID, "body 0 is to be kept and to be moved"),
+        ({}, (9,), ErrorCode.INVALID, "body 9 is to be kept; the scene has bodies 0 to 1"),
+        ({"x": 0.62, "y": 0.25}, (), ErrorCode.INVALID, "the goal of body 0 overlaps fixed body 1"),
+    ],
+)
+def test_a_goal_of_poses_that_cannot_be_served_says_why(
+    graph, straw, shapes, planner, pose, keep, code, text
+):
+    shapes(TEE)
+    straw.show(disks=SCENE)
+    usual = {"body": 0, "x": 0.5, "y": 0.0, "heading": 0.3, "has_heading": True}
+    usual |= {"tolerance": 0.01, "heading_tolerance": 0.05}
+    graph.aiming.publish(Goal(goal_id=3, poses=[GoalPose(**usual | pose)], keep=list(keep)))
+    refused = plan(graph, goal_id=3)
+    assert (refused.status, ErrorCode(refused.error_code)) == (Plan.NO_PUSH, code)
+    assert text in refused.error_message
+    assert not graph.heard["push"]
+
+
+def test_a_goal_of_more_poses_than_bodies_can_be_is_not_read(graph, straw, shapes, planner):
+    graph.aiming.publish(Goal(goal_id=4, poses=[GoalPose()] * 11))
+    assert "the goal has 11 poses; at most 10" in plan(graph, goal_id=4).error_message

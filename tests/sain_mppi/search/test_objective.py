@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+
+from sain_core.feasibility import Feasibility
+from sain_core.push import ANGLE, BODY, LENGTH, strokes
+from sain_core.scene import POSITION, make_scene, wrap_angle
+from sain_core.shapes.bodies import Bodies
+from sain_mppi.search.cost import CostWeights
+from sain_mppi.search.objective import PoseObjective, TargetObjective, make_objective
+from sain_mppi.search.poses import BodyPose, PoseGoal
+from sain_mppi.search.sampling import inside_limits, weighted_mean
+
+FEASIBILITY = Feasibility()
+PAIR = Bodies.named(("bar", "disk"), ("pushable", "pushable"))
+SCENE = make_scene(
+    np.array([[0.45, -0.15], [0.5, 0.15]]), np.full(2, 8.0), np.full(2, 0.06), np.array([0.4, 0.0])
+)
+GOAL = PoseGoal((BodyPose(0, 0.6, -0.1, 0.0), BodyPose(1, 0.35, 0.2)))
+
+
+def objective(bodies: Bodies = PAIR) -> PoseObjective:
+    return PoseObjective(GOAL, SCENE, CostWeights(), FEASIBILITY, bodies)
+
+
+def test_uniform_draws_are_even_along_all_outlines_together():
+    drawn = objective().uniform(np.random.default_rng(0), 4000, 2)
+    assert drawn.shape == (4000, 2, 4)
+    share = (drawn[..., BODY] == 1).mean()  # a bar of 5 x 1 has a perimeter of 4.71 radii
+    assert share == pytest.approx(2 * np.pi / (2 * np.pi + 4.71), abs=0.02)
+
+
+def test_only_pushable_bodies_are_drawn():
+    only = Bodies.named(("bar", "disk"), ("movable", "pushable"))
+    search = objective(only)
+    drawn = [search.uniform(np.random.default_rng(0), 50, 1)]
+    drawn.append(search.candidates(SCENE, np.random.default_rng(0), 50, 1))
+    assert all((some[..., BODY] == 1).all() for some in drawn)
+
+
+def test_candidates_travel_towards_the_pose_of_their_body():
+    drawn = objective().candidates(SCENE, np.random.default_rng(0), 300, 1)[:, 0]
+    assert {0.0, 1.0} == set(drawn[:, BODY])
+    scenes = np.broadcast_to(SCENE, (300, 2, 8))
+    _, headings = strokes(scenes, drawn, FEASIBILITY.limits, PAIR)
+    body = drawn[:, BODY].astype(int)
+    way = np.array([[0.6, -0.1], [0.35, 0.2]])[body] - SCENE[body, POSITION]
+    apart = np.abs(wrap_angle(headings - np.arctan2(way[:, 1], way[:, 0])))
+    assert np.median(apart) < 0.05
+    assert (drawn[:, LENGTH] <= FEASIBILITY.limits.max_length).all()
+    assert (np.abs(drawn[:, ANGLE]) <= FEASIBILITY.limits.max_angle).all()
+
+
+def test_rest_costs_more_the_farther_the_bodies_are():
+    there = GOAL.placed(SCENE)
+    far, near = objective().rest_cost(SCENE), objective().rest_cost(there)
+    assert far > near + 5.0
+
+
+def test_moving_a_body_that_is_to_be_kept_costs():
+    kept = PoseGoal((BodyPose(0, 0.6, -0.1, 0.0),), keep=(1,))
+    after = SCENE.copy()
+    after[1, 0] += 0.02
+    terms = PoseObjective(kept, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
+        SCENE, np.zeros((1, 1, 4)), after[None, None]
+    )
+    assert terms["keep"][0] == pytest.approx(CostWeights().keep * 0.02)
+
+
+def test_the_mean_of_pushes_is_one_against_the_body_with_most_weight():
+    pushes = np.array([[[3.1, 0.1, 0.1, 1]], [[-3.1, 0.3, 0.1, 1]], [[0.0, 0.0, 0.0, 0]]])
+    mean = weighted_mean(pushes, np.array([0.3, 0.3, 0.4]))
+    assert mean[0, BODY] == 1 and abs(mean[0, 0]) == pytest.approx(np.pi)
+    assert mean[0, ANGLE] == pytest.approx(0.2)
+    assert (inside_limits(mean[None], FEASIBILITY.limits)[..., BODY] == 1).all()
+
+
+def test_a_place_is_the_paper_s_goal_and_poses_are_for_bodies():
+    place = make_objective(np.array([0.6, 0.0]), SCENE, CostWeights(), FEASIBILITY, None)
+    assert isinstance(place, TargetObjective) and place.push_size == 3
+    poses = make_objective(GOAL, SCENE, CostWeights(), FEASIBILITY, PAIR)
+    assert isinstance(poses, PoseObjective) and poses.push_size == 4

@@ -1,0 +1,151 @@
+"""Simulator, model and planner together: bodies that are no disks, to poses."""
+
+import numpy as np
+import pytest
+from visualization_msgs.msg import Marker, MarkerArray
+
+from sain_core import wire
+from sain_core.errors import ErrorCode
+from sain_core.ros import codec
+from sain_core.scene import make_scene
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.received import decode_bodies
+from sain_interfaces.msg import Plan
+from sain_model.physics.planar import PlanarPrior
+from sain_model.ros.model_node import ModelNode
+from sain_mppi.ros.mppi_node import MppiNode
+from sain_mppi.search.poses import BodyPose, PoseGoal
+from sain_sim.ros.sim_node import SimNode
+
+SMALL = {"planner__samples": 256, "planner__rounds": 3, "planner__horizon": 3}
+NAMES, ROLES = ["t", "disk", "l"], ["pushable", "fixed", "pushable"]
+START = make_scene(
+    np.array([(0.46, 0.0), (0.62, 0.24), (0.40, -0.26)]),
+    np.full(3, 8.0),
+    np.array([0.09, 0.05, 0.07]),
+    np.array([0.4, 0.0, -1.0]),
+)
+
+
+@pytest.fixture
+def running(graph):
+    graph.listen("markers", MarkerArray)
+    graph.start(SimNode, peer_wait=0.0)
+    graph.start(ModelNode, model="planar")
+    planner = graph.start(MppiNode, **SMALL)
+    graph.wait(planner.remote._client.service_is_ready, "the model's service")
+    graph.wait(lambda: graph.pushing.get_subscription_count() == 2, "the simulator")
+    return planner
+
+
+def begin(graph):
+    return graph.reset(
+        disks=codec.encode_disks(START), shapes=NAMES, roles=ROLES, friction=0.15, seed=1
+    )
+
+
+def ended(graph, goal_id):
+    return [plan for plan in graph.find("plan", goal_id=goal_id) if plan.status != Plan.PUSH]
+
+
+def test_a_t_is_brought_into_its_pose_and_the_fixed_disk_stays(graph, running):
+    scene = begin(graph)
+    goal = PoseGoal((BodyPose(0, 0.50, 0.03, 0.9, 0.03, 0.2),), keep=(2,))
+    graph.aim_at(goal, 1, episode_id=scene.episode_id, max_pushes=25)
+    graph.wait(lambda: ended(graph, 1), "the end of the episode")
+    (end,) = ended(graph, 1)
+    assert (end.status, end.error_message) == (Plan.REACHED, "")
+    assert end.goal_distance <= 0.03
+    assert end.goal_turn <= 0.2
+    results = graph.heard["push_result"]
+    assert results
+    assert {result.push.body for result in results} <= {0, 2}
+    last = wire.decode_disks(results[-1].after.disks)
+    assert np.hypot(*(last[0, :2] - (0.50, 0.03))) == pytest.approx(end.goal_distance)
+    np.testing.assert_array_equal(last[1], START[1])
+    assert np.hypot(*(last[2] - START[2])[:2]) <= 0.005
+    plans = graph.find("plan", status=Plan.PUSH)
+    assert not any(plan.fallback for plan in plans)
+    assert {plan.dynamics for plan in plans} == {"planar"}
+
+
+def test_shapes_are_said_once_an_episode_and_drawn_as_they_are(graph, running):
+    scene = begin(graph)
+    graph.wait(lambda: graph.find("shapes", episode_id=scene.episode_id), "the shapes")
+    (message,) = graph.find("shapes", episode_id=scene.episode_id)
+    assert decode_bodies(message) == Bodies.named(NAMES, ROLES)
+    t, disk, _ = message.bodies
+    assert (t.name, t.role, t.radius, t.symmetry) == ("t", "pushable", 0.09, 2 * np.pi)
+    assert len(t.parts) == 2
+    assert len(t.supports) == 3
+    assert list(disk.parts[0].dimensions) == [0.04, 0.05]
+    graph.wait(
+        lambda: graph.heard["markers"] and len(graph.heard["markers"][-1].markers) == 2 + 6,
+        "markers of three bodies",
+    )
+    drawn = {m.id: m for m in graph.heard["markers"][-1].markers if m.ns == "disks"}
+    assert [drawn[body].type for body in range(3)] == [
+        Marker.TRIANGLE_LIST, Marker.CYLINDER, Marker.TRIANGLE_LIST,
+    ]  # fmt: skip
+    words = [m.text for m in graph.heard["markers"][-1].markers if m.ns == "labels"]
+    assert words == ["0 t", "1 disk (fixed)", "2 l"]
+
+
+def test_a_push_against_any_pushable_body_is_carried_out_and_predicted(graph, running):
+    scene = begin(graph)
+    graph.push(scene, 5, (0.3, 0.1, 0.04, 2.0))
+    result = graph.result(5)
+    assert (result.error_code, result.error_message) == (ErrorCode.OK, "")
+    assert result.push.body == 2
+    after = wire.decode_disks(result.after.disks)
+    moved = np.hypot(*(after - START)[:, :2].T)
+    assert moved[2] > 0.01
+    assert moved[0] < 1e-4
+    graph.wait(lambda: graph.find("physics_prediction", push_id=5), "the shadow world")
+    (prediction,) = graph.find("physics_prediction", push_id=5)
+    assert prediction.error_code == ErrorCode.OK, prediction.error_message
+    expected = wire.decode_disks(prediction.disks)
+    assert np.hypot(*(expected - after)[2, :2]) < 0.5 * moved[2]
+    push = wire.decode_push(result.push)
+    planar = PlanarPrior().with_bodies(Bodies.named(NAMES, ROLES)).step(START[None], push[None])[0]
+    assert np.hypot(*(planar - after)[2, :2]) < 0.5 * moved[2]
+
+
+@pytest.mark.parametrize(
+    ("body", "text"),
+    [
+        (1.0, "against body 1, which is fixed"),
+        (3.0, "against body 3, which does not exist"),
+        (4294967295.0, "against body 4294967295, which does not exist"),
+    ],
+)
+def test_a_push_against_a_fixed_or_missing_body_is_refused(graph, body, text):
+    graph.start(SimNode, peer_wait=0.0)
+    scene = begin(graph)
+    graph.push(scene, 6, (0.3, 0.1, 0.04, body))
+    result = graph.result(6)
+    assert ErrorCode(result.error_code) is ErrorCode.OUT_OF_RANGE
+    assert text in result.error_message
+    assert "pushable are: 0, 2" in result.error_message
+    assert result.before == result.after
+
+
+@pytest.mark.parametrize(
+    ("request_fields", "code", "text"),
+    [
+        ({"shapes": ["t", "disk"]}, ErrorCode.INVALID, "2 shapes are given for 3 disks"),
+        ({"roles": ["fixed"]}, ErrorCode.INVALID, "1 roles are given for 3 disks"),
+        ({"roles": ["fixed"] * 3}, ErrorCode.CONFIG, "no body is pushable"),
+        ({"roles": ["pushable", "idle", "fixed"]}, ErrorCode.CONFIG, "role of body 1 is 'idle'"),
+        ({"shapes": ["t", "disk", "blob"]}, ErrorCode.INVALID, "shape is 'blob'"),
+    ],
+)
+def test_a_reset_with_bodies_that_cannot_be_says_why(graph, request_fields, code, text):
+    from sain_interfaces.srv import ResetScene
+
+    graph.start(SimNode, peer_wait=0.0)
+    request = ResetScene.Request(disks=codec.encode_disks(START), **request_fields)
+    response = graph.call(ResetScene, "reset_scene", request)
+    assert ErrorCode(response.error_code) is code
+    assert text in response.error_message
+    assert response.scene.episode_id == 1
