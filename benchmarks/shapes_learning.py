@@ -32,9 +32,11 @@ from sain_model.network.settings import ANY_SHAPE, PUSH_FRAME, WORLD_FRAME, Netw
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.interval_fit import fit_intervals
+from sain_model.training.lab_fit import fit_lab
 from sain_model.training.push_training import Trainer
 from sain_model.training.settings import TrainingConfig
 
+IDENTIFIED_BY = 300  # combinations of shapes with an earlier episode than this fit the prior
 MOVED = 0.002  # [m]; bodies that moved less are left out
 Rows = dict[str, np.ndarray]
 
@@ -55,13 +57,18 @@ def main() -> None:
     parser.add_argument("--decay", type=float, default=0.01)
     parser.add_argument("--episodes", type=int, default=10**9, help="number of first episodes")
     parser.add_argument("--baseline", action="store_true")
+    parser.add_argument("--identify", action="store_true", help="fit the prior to the laboratory")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     settle_threads()
     split, unseen = load(arguments.data, arguments.world == "rough", arguments.episodes)
-    prior = PlanarPrior()
-    friction = make_filter(prior, split.train)
+    usual = prior = PlanarPrior()
+    if arguments.identify:
+        prior = fit_lab([part for part in split.train.parts if part.episode.min() < IDENTIFIED_BY])
+        print(prior.centre, prior.config.friction, prior.config.disk_friction, flush=True)
+    baseline, friction = make_filter(usual, split.train), make_filter(prior, split.train)
     assert friction is not None
+    assert baseline is not None
     print(friction.config, *(len(part) for part in vars(split).values()), len(unseen), flush=True)
     tests = {"seen": split.test, "unseen": unseen}
     sain = None
@@ -69,7 +76,9 @@ def main() -> None:
         sain = learn(arguments, split, prior, friction)
     report = {}
     for name, test in tests.items():
-        rows = measure(prior, friction, sain, test)
+        if arguments.identify:
+            print(f"\n## {name}, identified prior\n\n{table(measure(friction, None, test))}")
+        rows = measure(baseline, sain, test)
         report[name] = summary(rows)
         print(f"\n## {arguments.world}, {name} shapes\n\n{table(rows)}", flush=True)
     (arguments.out / "report.json").write_text(json.dumps(report, indent=1) + "\n")
@@ -146,16 +155,15 @@ def learn(
     return replace(sain, intervals=fit_intervals(sain, *split.validation.parts))
 
 
-def measure(
-    prior: PlanarPrior, friction: FrictionFilter, sain: SainDynamics | None, data: MixedDataset
-) -> Rows:
+def measure(friction: FrictionFilter, sain: SainDynamics | None, data: MixedDataset) -> Rows:
     """Return one row for each body of each push."""
     pieces: list[Rows] = []
     for part in data.parts:
         assert part.bodies is not None
         count = part.disks
-        known = earlier_friction(filter_for(friction, part.bodies), part)
-        physics = prior.with_bodies(part.bodies).step(part.state, part.action, known.mean)
+        told = filter_for(friction, part.bodies)
+        known = earlier_friction(told, part)
+        physics = told.physics.step(part.state, part.action, known.mean)
         moved = np.linalg.norm((part.next_state - part.state)[..., POSITION], axis=-1)
         names = np.array([shape.name for shape in part.bodies.shapes])
         columns = {
@@ -166,10 +174,10 @@ def measure(
             **errors("prior", physics, part.next_state),
         }
         if sain is not None:
-            told = predict_with_history(sain, part)
-            assert told.radius is not None
-            columns |= errors("sain", told.mean, part.next_state)
-            columns |= {"inside": columns["sain_mm"] <= 1e3 * told.radius, "radius": told.radius}
+            said = predict_with_history(sain, part)
+            assert said.radius is not None
+            columns |= errors("sain", said.mean, part.next_state)
+            columns |= {"inside": columns["sain_mm"] <= 1e3 * said.radius, "radius": said.radius}
         pieces.append({name: values.reshape(-1) for name, values in columns.items()})
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
