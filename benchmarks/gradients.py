@@ -86,6 +86,7 @@ def places(model: RolloutModel, command: Command) -> list[Place]:
     for seed in range(1000, 1000 + command.scenes):
         case: ScenarioScene = SCENARIOS["anywhere"].scene(seed)
         config = replace(CONFIG, gradient=replace(CONFIG.gradient, steps=command.descended))
+        assert isinstance(case.goal, np.ndarray)  # a place, as in all scenes of this scenario
         objective = TargetObjective(case.goal, config.weights, Feasibility())
         search = Search(model, config, Feasibility(), case.disks, objective)
         random = generator(seed, "slopes")

@@ -4,7 +4,7 @@ Whole pushes a second of the planar prior, on one core and on two, beside Bullet
 and what the network adds. Scenes have two touching disks, pushes come from any side.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +16,9 @@ import tyro
 from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
 from sain_core.push import PushLimits
-from sain_core.scene import make_scene, unit
+from sain_core.scene import STATE_SIZE, make_scene, unit
 from sain_core.seeding import generator
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.load import load_sain, shipped_checkpoint
 from sain_model.physics.planar import PlanarPrior
@@ -73,6 +74,23 @@ def prior_rate(options: Options, threads: int) -> float:
     return options.batch / times["step"].wall
 
 
+def bodies_rate(options: Options, names: Sequence[str], threads: int) -> float:
+    """Return pushes a second of bodies of these shapes, a few millimetres apart."""
+    random = generator(options.seed, "bodies benchmark")
+    bodies = Bodies.named(names)
+    scenes = np.empty((options.batch, len(names), STATE_SIZE))
+    gap, radius = 0.005, 0.06
+    for index in range(options.batch):
+        places = np.arange(len(names))[:, None] * [[2 * radius + gap, 0.0]] + [0.35, 0.0]
+        headings = random.uniform(-np.pi, np.pi, len(names))
+        masses = random.uniform(1.0, 3.0, len(names))
+        scenes[index] = make_scene(places, masses, np.full(len(names), radius), headings)
+    prior, pushes = PlanarPrior().with_bodies(bodies), PushLimits().sample(random, options.batch)
+    with on_threads(threads):
+        times = fastest({"step": lambda: prior.step(scenes, pushes)}, options.repeats)
+    return options.batch / times["step"].wall
+
+
 def bullet_rate(options: Options) -> float:
     """Return pushes a second of Bullet without an arm, on one core."""
     from benchmarks import sim_push  # needs the simulator; the rest does not
@@ -99,6 +117,12 @@ def main() -> None:
     figures = [
         Figure("planar prior on one core", one, "pushes/s"),
         Figure(f"planar prior on {most} cores", two, "pushes/s", at_least=300_000),
+        Figure(f"one T on {most} cores", bodies_rate(options, ("t",), most), "pushes/s"),
+        Figure(
+            f"T, L and U in a row on {most} cores",
+            bodies_rate(options, ("t", "l", "u"), most),
+            "pushes/s",
+        ),
         Figure("Bullet without an arm on one core", bullet, "pushes/s"),
         Figure("planar prior over Bullet, one core each", one / bullet, "times"),
         Figure("network on one core", SAMPLES / correction, "pushes/s"),

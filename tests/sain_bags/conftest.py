@@ -15,7 +15,8 @@ from sain_core.scene import STATE_NAMES, make_scene
 from sain_core.types import Scene
 
 INTERFACES = (
-    "DiskState", "Scene", "Goal", "Push", "PushResult", "PushPrediction", "Plan", "WorldParameters",
+    "DiskState", "Scene", "GoalPose", "Goal", "Push", "PushResult", "PushPrediction", "Plan",
+    "WorldParameters", "Body", "Bodies",
 )  # fmt: skip
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND

@@ -9,7 +9,8 @@ import pytest
 from PIL import Image
 from rich.console import Console
 
-from sain_bags.transitions.recorded_episodes import Episode, PlanRecord, RecordedPush
+from sain_bags.transitions.recorded_episodes import Episode
+from sain_bags.transitions.recorded_pushes import PlanRecord, RecordedPush
 from sain_bringup.display import Display, EpisodeView
 from sain_bringup.movie import Moment, MovieConfig, choose_moments, encode_gif, film
 from sain_bringup.options import EpisodePlan

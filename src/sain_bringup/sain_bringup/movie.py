@@ -19,7 +19,6 @@ from sain_bags.transitions.message_fields import SCENE
 from sain_bags.transitions.recorded_episodes import Episode
 from sain_bringup.options import NAMESPACE_KEY
 from sain_core.config import Config, option
-from sain_core.scene import target_distance
 from sain_core.types import Points, Scene
 from sain_core.wire import decode_disks
 
@@ -59,7 +58,7 @@ class Moment:
     time: float  # [s], simulated
     joints: Float[ndarray, "7"]  # [rad]
     scene: Scene  # (N, 8)
-    distance: float  # [m], target to goal
+    distance: float  # [m], target to goal, or the largest of bodies to their poses
 
 
 def episode_moments(bag: Bag, episode: Episode) -> list[Moment]:
@@ -76,9 +75,8 @@ def episode_moments(bag: Bag, episode: Episode) -> list[Moment]:
             joints[stamp] = np.array(message.position, dtype=np.float64)
         elif message.episode_id == episode.episode_id:
             scenes[stamp] = decode_disks(message.disks)
-    goal = episode.goal if episode.goal is not None else np.full(2, np.nan)
     return [
-        Moment(1e-9 * stamp, joints[stamp], scene, float(target_distance(scene, goal)))
+        Moment(1e-9 * stamp, joints[stamp], scene, episode.distance(scene))
         for stamp, scene in sorted(scenes.items())
         if stamp in joints
     ]

@@ -84,13 +84,15 @@ class PushOptions(Config):
 
     location: float = option(
         0.0,
-        "heading from the contact point on the mid disk's rim to its centre; 0: along +x",
+        "where the tool touches: of a disk the heading from there to its centre, 0: along +x; of"
+        " another body 2 pi times the share of its outline",
         unit="rad",
     )
     angle: float = option(
-        0.0, "direction of travel relative to the location, -pi/4 to pi/4", unit="rad"
+        0.0, "direction of travel relative to straight inward, -pi/4 to pi/4", unit="rad"
     )
     length: float = option(0.1, "travel of the tool, 0 to 0.15", unit="m")
+    body: int = option(0, "body to push, as counted in the scene", minimum=0, maximum=2**32 - 1)
     timeout: float = option(10.0, "longest wait for the simulator", unit="s", minimum=0.0)
 
 

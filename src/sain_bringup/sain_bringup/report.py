@@ -8,12 +8,14 @@ import numpy as np
 from rich.text import Text
 
 from sain_bags.reading.reader import Bag
+from sain_bags.transitions.asked_poses import AskedPoses
 from sain_bags.transitions.recorded_episodes import Episode, read_episodes
 from sain_bringup.options import EPISODES_KEY, NAMESPACE_KEY
 from sain_core.cli.fitting_table import FittingTable
 from sain_core.storage import write_json
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenarios import SCENARIOS
+from sain_mppi.search.poses import BodyPose, PoseGoal
 
 EpisodeSummary = dict[str, Any]
 
@@ -29,6 +31,7 @@ class PlayedEpisode:
     def summary(self) -> EpisodeSummary:
         """Return the episode in figures [m, s]; None where there is nothing to take a mean of."""
         executed = self.episode.executed
+        poses, aimed = self.episode.poses, self.episode.aimed
         times = [push.plan.planning_time for push in executed if push.plan is not None]
         return {
             "scenario": self.scenario,
@@ -41,22 +44,42 @@ class PlayedEpisode:
             "final_distance": self.episode.final_distance,
             "planning_time": _mean(times),
             "longest_planning_time": max(times, default=None),
-            "model_error": _mean([push.target_error for push in self.episode.records]),
-            "physics_error": _mean([push.physics_error for push in self.episode.records]),
+            "final_turn": None if poses is None else float(poses.turns(self.episode.final).max()),
+            "model_error": _mean([push.error(aimed) for push in self.episode.records]),
+            "physics_error": _mean([push.physics_error_of(aimed) for push in self.episode.records]),
         }
 
     def record(self) -> EpisodeRecord:
         """Return the episode as `sain_eval` draws it."""
-        goal = self.episode.goal
-        assert goal is not None
+        episode = self.episode
+        assert episode.goal is not None
+        shapes = SCENARIOS[self.scenario].scene(self.seed).shapes if self.scenario else ()
+        roles: tuple[str, ...] = ()
+        if episode.bodies is not None:
+            shapes = tuple(shape.footprint for shape in episode.bodies.shapes)
+            roles = tuple(map(str, episode.bodies.roles))
         return EpisodeRecord(
-            goal=goal,
-            tolerance=self.episode.tolerance,
-            pushes=self.episode.records,
-            start=self.episode.start,
-            shapes=SCENARIOS[self.scenario].scene(self.seed).shapes if self.scenario else (),
+            goal=episode.goal if episode.poses is None else pose_goal(episode.poses),
+            tolerance=episode.tolerance,
+            pushes=episode.records,
+            start=episode.start,
+            shapes=shapes,
+            roles=roles,
             title=f"{self.scenario} {self.seed}".strip(),
         )
+
+
+def pose_goal(poses: AskedPoses) -> PoseGoal:
+    """Return recorded poses as a goal."""
+    rows = zip(poses.bodies, poses.values.tolist(), strict=True)
+    return PoseGoal(
+        tuple(
+            BodyPose(body, x, y, tolerance=tolerance)
+            if np.isnan(heading)
+            else BodyPose(body, x, y, heading, tolerance, turn)
+            for body, (x, y, heading, tolerance, turn) in rows
+        )
+    )
 
 
 def played_episodes(bag: Bag) -> tuple[PlayedEpisode, ...]:

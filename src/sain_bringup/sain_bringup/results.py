@@ -14,7 +14,7 @@ from sain_bringup.movie import (
     film,
 )
 from sain_bringup.report import PlayedEpisode, played_episodes, summary_table, write_summary
-from sain_core.scene import RADIUS, TARGET
+from sain_core.scene import RADIUS
 from sain_core.storage import write_whole
 
 LIVELY = 8  # pushes: the moving picture shows the longest episode with no more than these
@@ -91,9 +91,10 @@ def render_movie(
     config = config or MovieConfig()
     moments = choose_moments(episode_moments(bag, one.episode), config)
     camera = CameraConfig(width=config.width, height=config.height)
-    goal, tolerance = one.record().goal, one.episode.tolerance
+    goal, tolerance = one.episode.goal, one.episode.tolerance
+    assert goal is not None
     # The target has reached the goal when it lies wholly inside the ring.
-    ring = float(one.episode.start[TARGET, RADIUS]) + tolerance
+    ring = float(one.episode.start[one.episode.aimed, RADIUS]) + tolerance
     title = f"{one.scenario} {one.seed}".strip()
     with Renderer(one.episode.start, one.record().shapes or None, camera) as renderer:
         frames = film(renderer, moments, goal, ring, tolerance, title, display.status)

@@ -7,7 +7,7 @@ Data sets are npz shards of 1,000 rows, as in the paper (section III-B c). Episo
 divided between the parts of a split: pushes of one episode share friction, masses and radii.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from pathlib import Path
@@ -21,7 +21,8 @@ from sain_core.errors import DatasetError
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import POSITION, STATE_SIZE
 from sain_core.seeding import generator
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.names import as_names, bodies_named, marked_bodies
 from sain_core.types import Mask, Points, Scenes
 
 SHARD_SIZE: Final = 1000  # transitions, as in the paper
@@ -35,7 +36,6 @@ SHARES: Final = {VALIDATION: 0.1, TEST: 0.15}  # of the episodes, by default
 FLAT: Final = "8 N"  # a scene (N, 8), row by row
 DISKS: Final = "N"
 ROUGH: Final = "rough_"  # prefix of the columns of a rough world; their shapes are the world's
-MARKS: Final = "s"  # ends the column (N,) that states which bodies have a shape: ``hexagons``
 
 Row = Mapping[str, Any]  # one transition: a value for each column
 Columns = dict[str, ndarray]  # many: an array (M, ...) for each
@@ -92,6 +92,8 @@ class Column(StrEnum):
     STATE = ("state", (FLAT,), "float64", "m, rad, m/s, rad/s, kg",
              "scene before the push: x, y, theta, vx, vy, omega, mass, radius of each disk")
     ACTION = "action", (PUSH_SIZE,), "float64", "rad, rad, m", "the push: location, angle, length"
+    BODY = ("body", (), "int64", "", "body that is pushed; without this column always body 0",
+            SOMETIMES, SOMETIMES)
     PHYSICS_NEXT = ("physics_next", (FLAT,), "float64", "as `state`",
                     "scene after the push as physics predicts it, f_p(s, a)")
     NEXT_STATE = "next_state", (FLAT,), "float64", "as `state`", "scene after the push"
@@ -102,6 +104,10 @@ class Column(StrEnum):
     SEED = "seed", (), "int64", "", "seed of the collection", ALWAYS, NEVER
     MASSES = "masses", (DISKS,), "float64", "kg", "mass of each disk"
     RADII = "radii", (DISKS,), "float64", "m", "radius of each disk"
+    SHAPES = ("shapes", (), "str", "", "shapes of the bodies, with commas between; without: disks",
+              SOMETIMES, SOMETIMES)
+    ROLES = ("roles", (), "str", "", "of each body: `pushable`, `movable` or `fixed`; without:"
+             " body 0 is pushable, all others movable", SOMETIMES, SOMETIMES)
     FRICTION = ("friction", (), "float64", "",
                 "friction coefficient of the table; NaN: not known", ALWAYS, SOMETIMES)
     RIM_FRICTION = ("rim_friction", (), "float64", "",
@@ -112,6 +118,10 @@ class Column(StrEnum):
     DURATION = "duration", (), "float64", "s", "simulated time of the push"
     GOAL = "goal", (2,), "float64", "m", "goal x, y; NaN: no goal", NEVER, ALWAYS
     TOLERANCE = "tolerance", (), "float64", "m", "goal's tolerance; NaN: no goal", NEVER, ALWAYS
+    GOAL_POSES = ("goal_poses", ("3 N",), "float64", "m, rad",
+                  "x, y and heading asked of each body; NaN: not asked", NEVER, SOMETIMES)
+    GOAL_TOLERANCES = ("goal_tolerances", ("2 N",), "float64", "m, rad",
+                       "of place and heading of each body; NaN: not asked", NEVER, SOMETIMES)
     PUSH_ID = "push_id", (), "uint64", "", "id of the push in the recording", NEVER, ALWAYS
     BAG_EPISODE = "bag_episode", (), "uint64", "", "its episode's id there", NEVER, ALWAYS
     BAG_SCENE = "bag_scene", (), "uint64", "", "id there of the scene before it", NEVER, ALWAYS
@@ -131,15 +141,17 @@ class Column(StrEnum):
 
     def row_shape(self, disks: int) -> tuple[int, ...]:
         """Return the shape of one row in a scene of so many disks."""
-        sizes = {FLAT: disks * STATE_SIZE, DISKS: disks}
+        sizes = {FLAT: disks * STATE_SIZE, DISKS: disks, "3 N": 3 * disks, "2 N": 2 * disks}
         return tuple(sizes[size] if isinstance(size, str) else size for size in self.shape)
 
 
-COLLECTED: Final = tuple(c for c in Column if c.collected is not NEVER)
+COLLECTED: Final = tuple(c for c in Column if c.collected is ALWAYS)
 RECORDED: Final = tuple(c for c in Column if c.recorded is ALWAYS)
 NEEDED: Final = (  # for training; the order is that of a data set's SHA-256
     Column.STATE, Column.PHYSICS_NEXT, Column.NEXT_STATE, Column.ACTION, Column.EPISODE,
 )  # fmt: skip
+SHAPED: Final = (Column.BODY, Column.SHAPES, Column.ROLES)  # where not all bodies are disks
+POSED: Final = (Column.GOAL_POSES, Column.GOAL_TOLERANCES)  # where goals are poses
 FRICTIONS: Final = (Column.FRICTION, Column.RIM_FRICTION, Column.TOOL_FRICTION)
 
 
@@ -149,7 +161,7 @@ class Transitions:
 
     Attributes:
         state: (M, N, 8), settled, before each push.
-        action: (M, 3), as executed.
+        action: (M, 3) or (M, 4), as executed.
         next_state: (M, N, 8), settled, after each push.
     """
 
@@ -177,10 +189,22 @@ class Transitions:
         return replace(self, **{name: array[rows] for name, array in self.arrays.items()})
 
 
-def shape_marks(shapes: Sequence[str]) -> Columns:
-    """Return for each shape with corners, as a column, which bodies (N,) have it."""
-    cornered = [name for name in dict.fromkeys(shapes) if not get_shape(name).is_round]
-    return {f"{name}{MARKS}": np.array([shape == name for shape in shapes]) for name in cornered}
+def describe_bodies(bodies: Bodies) -> dict[str, str]:
+    """Return shapes and roles as the columns of a row."""
+    return dict(zip(SHAPED[1:], as_names(bodies), strict=True))
+
+
+def row_bodies(columns: Columns) -> list[Bodies]:
+    """Return the bodies of each row; older data sets have marks like ``cubes``.
+
+    Raises:
+        DatasetError: shapes or roles that do not exist, or not one for each body.
+    """
+    rows, count = len(columns[Column.STATE]), columns[Column.STATE][0].size // STATE_SIZE
+    if Column.SHAPES not in columns:
+        return marked_bodies(columns, rows, count)
+    named = zip(*(columns[name].tolist() for name in SHAPED[1:]), strict=True)
+    return [bodies_named(shapes, roles, count) for shapes, roles in named]
 
 
 def shard_path(folder: Path, index: int) -> Path:

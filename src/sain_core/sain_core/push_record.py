@@ -12,7 +12,7 @@ from sain_core.types import PushArray, Scene
 class PushRecord:
     """One push that was carried out, however it was run (closed loop, graph, bag)."""
 
-    push: PushArray  # (3,)
+    push: PushArray  # (3,) or (4,)
     before: Scene  # (N, 8), settled
     predicted: Scene | None  # (N, 8), what the planner's model expected
     physics: Scene | None  # (N, 8), what the nominal world expected, f_p
@@ -36,7 +36,11 @@ class PushRecord:
     @property
     def physics_error(self) -> float | None:
         """Prediction error [m] of the target, by physics alone."""
-        return _apart(self.physics, self.after, TARGET)
+        return self.physics_error_of(TARGET)
+
+    def physics_error_of(self, body: int) -> float | None:
+        """Return how far [m] physics alone put a body from where it came to rest."""
+        return _apart(self.physics, self.after, body)
 
 
 def _apart(predicted: Scene | None, after: Scene, disk: int) -> float | None:

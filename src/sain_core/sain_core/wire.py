@@ -158,9 +158,10 @@ def decode_past(request: Any) -> PushHistory:
     past, disks = request.past, request.disks
     _at_least(disks, MIN_DISKS, "disks")
     shape = (past, disks, STATE_SIZE)
+    scenes = decode_floats(request.past_scenes, shape, "past_scenes")
     pushes = decode_floats(request.past_pushes, (past, PUSH_SIZE), "past_pushes")
     return PushHistory(
-        decode_floats(request.past_scenes, shape, "past_scenes"),
+        scenes,
         _with_bodies(pushes, request.past_bodies, "past_bodies", disks),
         decode_floats(request.past_next, shape, "past_next"),
     )

@@ -108,6 +108,6 @@ def test_what_cannot_be_is_refused_and_named(message, error, text):
 def test_bodies_that_change_within_an_episode_are_refused(names, roles, text):
     known = Bodies.named(["t", "disk"])
     check_unchanged(known, Bodies.named(["t", "disk"]))
-    with pytest.raises(InvalidInputError, match="within its episode|cannot") as raised:
+    with pytest.raises(InvalidInputError, match=r"within its episode|cannot") as raised:
         check_unchanged(known, Bodies.named(names, roles))
     assert text in str(raised.value)

@@ -30,7 +30,7 @@ def test_a_shape_has_a_name_and_a_footprint():
 
 def test_an_unknown_name_is_an_error_that_lists_what_is_allowed():
     with pytest.raises(
-        ConfigError, match="shape is 'cone'; allowed: disk, cube, square, .*, three_feet, flat"
+        ConfigError, match=r"shape is 'cone'; allowed: disk, cube, square, .*, three_feet, flat"
     ):
         get_shape("cone")
     with pytest.raises(ConfigError, match="shape is 'disk'; allowed: three_feet, flat, cube"):
@@ -58,7 +58,7 @@ def test_an_installed_package_offers_its_shapes(offered):
     offered.append(EntryPoint("hexagon", "offering:HEXAGON", GROUP))
     assert get_shape("six_sided") is HEXAGON
     with pytest.raises(
-        ConfigError, match="shape is 'cone'; allowed: disk, cube, .*six_sided, three_"
+        ConfigError, match=r"shape is 'cone'; allowed: disk, cube, .*six_sided, three_"
     ):
         get_shape("cone")
 

@@ -10,18 +10,20 @@ from rich.console import Console
 
 from sain_core.errors import ConfigError, OutputError
 from sain_eval import commands
-from sain_eval.cli.evaluate import evaluate, jobs_of, show
+from sain_eval.cli.evaluate import evaluate, jobs_of, show, show_failures
 from sain_eval.cli.options import EvaluateOptions as Evaluate
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.journal import JOURNAL_FILE, Journal
-from sain_eval.loop.results import (
-    SceneRecord,
+from sain_eval.loop.results import SceneRecord, scene_records, summarise, write_results
+from sain_eval.loop.tables import (
+    HEADER,
+    failure_lines,
     results_table,
-    scene_records,
-    summarise,
-    write_results,
+    shape_table,
+    table_cells,
 )
 from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.tolerance import Tolerance, tightest
 
 CASE = SCENARIOS["paper"].scene(0)
 SETTINGS = {"tolerances": (0.05, 0.005)}
@@ -115,7 +117,9 @@ def test_the_command_writes_results_table_and_pictures(tmp_path):
     assert [scene["seed"] for scene in content["scenes"]] == [0, 0, 1, 1]
     assert [row["successes"] for row in content["summary"]] == [0, 0]
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"results.json", "table.md", "episodes.jsonl", "paper_0_null.png"}
+    assert names == {
+        "results.json", "table.md", "failures.md", "episodes.jsonl", "paper_0_null.png",
+    }  # fmt: skip
 
 
 def test_the_command_goes_on_and_reports_only_what_was_asked(tmp_path):
@@ -140,7 +144,7 @@ def test_workers_find_the_same_as_one_process(tmp_path):
 def test_the_papers_table_is_all_of_it(tmp_path):
     options = Evaluate(out=tmp_path, table=True, scenes=2)
     assert len(jobs_of(options, set())) == 3 * 2 * 5
-    assert options.tolerance_values == (0.05, 0.02, 0.01, 0.005)
+    assert options.tolerance_values == tuple(map(Tolerance, (0.05, 0.02, 0.01, 0.005)))
 
 
 def test_the_summary_is_shown(records):
@@ -154,7 +158,11 @@ def test_the_summary_is_shown(records):
     [
         ({"scenario": "somewhere"}, "scenario is 'somewhere'; allowed: paper,"),
         ({"tolerances": "0"}, "--tolerances has 0.0 m; allowed"),
-        ({"tolerances": "near"}, "allowed: numbers with commas"),
+        ({"tolerances": "near"}, "allowed: numbers with commas, or pairs as 0.02:0.1"),
+        ({"tolerances": "0.02:"}, "--tolerances is '0.02:'; allowed: numbers"),
+        ({"tolerances": "0.02:0.1:3"}, "--tolerances is '0.02:0.1:3'; allowed: numbers"),
+        ({"tolerances": "0.02:-1"}, "--tolerances has -1.0 rad; allowed: above 0, at most 5.0 rad"),
+        ({"tolerances": "nan"}, "--tolerances has nan m; allowed"),
         ({"controllers": ","}, "controllers is empty"),
         ({"scenes": 0}, r"EvaluateOptions\.scenes is 0; it must be at least 1"),
     ],
@@ -189,3 +197,83 @@ def test_a_mistake_on_the_command_line_is_told_in_one_line(tmp_path, capsys):
     (tmp_path / "taken").write_text("")
     assert commands.evaluate(["--out", str(tmp_path / "taken")]) == 1
     assert capsys.readouterr().err.startswith("evaluate: cannot write to")
+
+
+POSE_RECORD = SceneRecord(
+    "shapes", 7, "planar", 0.02, True, 4, 0.012, 0.3, (0.004, 0.006), (), 1, "",
+    heading_tolerance=0.1, final_turn=0.05, turn_errors=(0.02, 0.04),
+    plan_seconds=(0.2, 0.4), shapes=("butter",),
+)  # fmt: skip
+
+
+def test_tolerances_are_metres_and_radians():
+    options = Evaluate(tolerances="0.01, 0.02:0.3,0.005:0.03")
+    assert options.tolerance_values == (
+        Tolerance(0.02, 0.3), Tolerance(0.01), Tolerance(0.005, 0.03)
+    )  # fmt: skip
+    assert [one.turn for one in options.tolerance_values] == pytest.approx([0.3, 0.05, 0.03])
+    assert options.settings()["tolerances"] == [(0.02, 0.3), 0.01, (0.005, 0.03)]
+
+
+def test_an_episode_is_played_to_the_smallest_distance_and_turn():
+    assert tightest((0.05, Tolerance(0.02, 0.5))) == Tolerance(0.02, 0.25)
+
+
+def test_the_table_has_headings_refusals_and_planning_times():
+    cells = table_cells(summarise([POSE_RECORD])[0])
+    assert dict(zip(HEADER, cells, strict=True)) == {
+        "scenario": "shapes",
+        "controller": "planar",
+        "within": "2 cm, 0.1 rad",
+        "solved": "1/1",
+        "95 % interval": "21-100 %",
+        "pushes": "4.0",
+        "prediction error": "5.0 mm, 0.030 rad",
+        "refused": "1",
+        "planning median / p95": "300 / 390 ms",
+    }
+
+
+def test_each_shape_has_its_line_in_the_order_of_the_library(records):
+    other = replace(POSE_RECORD, seed=0, shapes=("disk",))
+    lines = shape_table([POSE_RECORD, other, *records]).splitlines()
+    assert [line.split(" | ")[0] for line in lines] == ["| shape", "| ---", "| disk", "| butter"]
+    assert shape_table(records) == ""
+
+
+def test_a_failure_is_listed_once_with_scene_and_reason(records):
+    missed = replace(POSE_RECORD, success=False, failure="30 pushes left body 0 12.0 mm away")
+    tight = replace(missed, tolerance=0.01, heading_tolerance=0.05)
+    assert failure_lines([tight, missed, POSE_RECORD, *records]) == [
+        "paper 0, planar, not within 0.5 cm: too far; 2 pushes, 1 refused, ended 8.0 mm away",
+        "shapes 7 (butter), planar, not within 2 cm, 0.1 rad: 30 pushes left body 0 12.0 mm away;"
+        " 4 pushes, 1 refused, ended 12.0 mm, 0.050 rad away",
+    ]
+
+
+def test_the_failures_are_printed_the_first_of_them_only(records, tmp_path):
+    failed = [replace(records[1], seed=seed) for seed in range(50)]
+    text = StringIO()
+    show_failures(failed, tmp_path / "failures.md", Console(file=text, width=200))
+    lines = text.getvalue().splitlines()
+    assert lines[1] == "Failures (50):" and lines[2].startswith("  paper 0, planar, not within")
+    assert len(lines) == 2 + 40 + 1 and lines[-1].startswith("  and 10 more in ")
+    silent = StringIO()
+    show_failures(records[:1], tmp_path, Console(file=silent))
+    assert silent.getvalue() == ""
+
+
+def test_a_journal_of_an_earlier_version_goes_on(tmp_path):
+    """Its records have no headings, and its tolerances are numbers."""
+    old = {
+        "scenario": "paper", "seed": 0, "controller": "null", "tolerance": 0.05,
+        "success": False, "pushes": 0, "final_distance": 0.3, "planning_seconds": 0.0,
+        "target_errors": [], "mid_errors": [], "refusals": 0, "failure": "no", "fallbacks": 0,
+    }  # fmt: skip
+    settings = Evaluate(tolerances="0.05").settings()
+    text = json.dumps({"settings": json.loads(json.dumps(settings))}) + "\n"
+    (tmp_path / JOURNAL_FILE).write_text(text + json.dumps([old]) + "\n")
+    assert settings["tolerances"] == [0.05]
+    (record,) = Journal(tmp_path, settings).records
+    assert (record.heading_tolerance, record.shapes, record.goals) == (0.0, (), 1)
+    assert table_cells(summarise([record])[0])[2] == "5 cm"

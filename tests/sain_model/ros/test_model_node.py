@@ -72,7 +72,7 @@ def test_physics_cannot_tell_how_sure_it_is(graph, model):
     ("fields", "code", "text"),
     [
         ({"samples": 0}, ErrorCode.INVALID, "samples is 0; it must be at least 1"),
-        ({"disks": 1}, ErrorCode.INVALID, "disks is 1; it must be at least 2"),
+        ({"disks": 0}, ErrorCode.INVALID, "disks is 0; it must be at least 1"),
         ({"samples": 5}, ErrorCode.INVALID, "pushes has 12 numbers; 30 were expected"),
         ({"scene": [0.0] * 7}, ErrorCode.INVALID, "scene has 7 numbers; 16 were expected"),
         ({"scene": [np.nan] * 16}, ErrorCode.INVALID, "scene at (0, 0) is nan; must be finite"),

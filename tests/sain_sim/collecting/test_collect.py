@@ -145,8 +145,9 @@ def test_wide_parameters_and_a_cube_for_a_target(tmp_path):
     episode = EpisodeConfig(disks=3, pushes=3, target="cube", parameters="wide")
     done = collect(CollectConfig(tmp_path, 3, seed=2, episode=episode))
     data = load_shards(tmp_path)
-    assert done.transitions == len(data["cubes"]) > 0
-    assert (data["cubes"] == [False, True, False]).all()
+    assert done.transitions == len(data["shapes"]) > 0
+    assert set(data["shapes"]) == {"disk,cube,disk"}
+    assert not data["body"].any()
     identity = json.loads((tmp_path / "collection.json").read_text())
     assert identity["target"] == "cube" and identity["parameters"] == "wide"
     assert (data["masses"] < 7.0).any() or (data["masses"] > 9.0).any()

@@ -26,6 +26,7 @@ QUANTITIES: Final = {  # what is counted, its unit, and the range that its bins 
     "physics_error": ("m", 0.0, 0.05),
 }
 COUNTED: Final = (Column.SOURCE, Column.PHYSICS_SOURCE, Column.BAG_SHA256)
+COUNTED_BODIES: Final = (Column.SHAPES, Column.ROLES)  # where a data set has them
 DISKS: Final = "disks"
 EXAMPLES: Final = 3  # of what was dropped, for each reason
 
@@ -76,7 +77,9 @@ class DatasetCard:
         self.late_predictions = 0
         self.dropped: Counter[str] = Counter()
         self._details: dict[str, list[str]] = {}
-        self._counts: dict[str, Counter[str]] = {key: Counter() for key in (*COUNTED, DISKS)}
+        self._counts: dict[str, Counter[str]] = {
+            key: Counter() for key in (*COUNTED, *COUNTED_BODIES, DISKS)
+        }
         self._moved = 0
         self._shards: list[int] = []
         self._fields: dict[str, list[int]] = {}
@@ -96,8 +99,9 @@ class DatasetCard:
         self._shards.append(rows)
         self._moved += int(shard[Column.MOVED].sum())
         self._fields = describe_fields(shard)
-        for key in COUNTED:
-            self._counts[key].update(_occurrences(shard[key]))
+        for key in (*COUNTED, *COUNTED_BODIES):
+            if key in shard:
+                self._counts[key].update(_occurrences(shard[key]))
         self._counts[DISKS][str(shard[Column.MASSES].shape[1])] += rows
         for name, values in _quantities(shard).items():
             self._spreads[name].add(values)
@@ -117,6 +121,7 @@ class DatasetCard:
             "shard_size": SHARD_SIZE,
             "shards": self._shards,
             DISKS: dict(self._counts[DISKS]),
+            **{str(k): dict(self._counts[k]) for k in COUNTED_BODIES if self._counts[k]},
             "scenes_from": dict(self._counts[Column.SOURCE]),
             "physics_from": dict(self._counts[Column.PHYSICS_SOURCE]),
             "dropped": {
@@ -142,13 +147,14 @@ def _quantities(shard: Columns) -> dict[str, ndarray]:
     states = (Column.STATE, Column.NEXT_STATE, Column.PHYSICS_NEXT)
     before, after, physics = (centres(shard[column]) for column in states)  # each (M, N, 2)
     travel = np.linalg.norm(after - before, axis=-1)
+    target = min(TARGET, before.shape[1] - 1)  # or the only body
     return {
         "location": shard[Column.ACTION][:, LOCATION],
         "angle": shard[Column.ACTION][:, ANGLE],
         "length": shard[Column.ACTION][:, LENGTH],
-        "target_x": before[:, TARGET, 0],
-        "target_y": before[:, TARGET, 1],
+        "target_x": before[:, target, 0],
+        "target_y": before[:, target, 1],
         "mid_travel": travel[:, MID],
-        "target_travel": travel[:, TARGET],
-        "physics_error": np.linalg.norm(physics - after, axis=-1)[:, TARGET],
+        "target_travel": travel[:, target],
+        "physics_error": np.linalg.norm(physics - after, axis=-1)[:, target],
     }

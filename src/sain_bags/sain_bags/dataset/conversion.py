@@ -17,6 +17,7 @@ from sain_bags.dataset.card import DatasetCard
 from sain_bags.dataset.dataset_folder import DatasetFolder
 from sain_bags.dataset.formats import FormatName
 from sain_bags.dataset.formats.sharding import Sharding
+from sain_bags.dataset.known_bodies import KnownBodies
 from sain_bags.dataset.known_parameters import KnownParameters
 from sain_bags.transitions.messages import MessageReader
 from sain_bags.transitions.numbering import Numbering
@@ -93,6 +94,7 @@ def convert(
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
     card, numbering, parameters = DatasetCard(), Numbering(), KnownParameters(sources)
+    known = KnownBodies(sources)
     with ExitStack() as stack:
 
         def prior() -> Dynamics:
@@ -101,7 +103,7 @@ def convert(
             return dynamics
 
         maker = RowMaker(prior, config.prior, config.moved_only, config.keep_unsettled)
-        shards = _shards(sources, maker, numbering, card, progress)
+        shards = map(known.added_to, _shards(sources, maker, known, numbering, card, progress))
         for shard in _stored(folder, map(parameters.added_to, shards)):
             card.add(shard)
     if not card.transitions:
@@ -129,6 +131,7 @@ def _stored(folder: DatasetFolder, shards: Iterable[Columns]) -> Iterator[Column
 def _shards(
     sources: Sequence[Source],
     maker: RowMaker,
+    known: KnownBodies,
     numbering: Numbering,
     card: DatasetCard,
     progress: ConversionProgress,
@@ -148,7 +151,7 @@ def _shards(
     for source in sources:
         for count, paired in _pushes(source, card):
             for pushes in paired:
-                blocks, dropped = maker.rows(pushes)
+                blocks, dropped = maker.rows(pushes, known.of_bag(source.sha256))
                 for push in dropped:
                     card.drop(source.bag.path, push)
                 yield from passed_on(sharding.add(numbering.number(blocks, source.sha256)))

@@ -160,7 +160,12 @@ def _view(found: Sequence[Gathered]) -> list[float]:
         for scene in scenes:
             points += [scene[:, :2] - scene[:, 7:], scene[:, :2] + scene[:, 7:]]
         if one.episode.goal is not None:
-            points += [one.episode.goal[None] - 0.03, one.episode.goal[None] + 0.03]
+            goals = (
+                one.episode.goal[None]
+                if one.episode.poses is None
+                else one.episode.poses.values[:, :2]
+            )
+            points += [goals - 0.03, goals + 0.03]
     every = np.clip(np.concatenate(points), -5.0, 5.0)
     (left, bottom), (right, top) = every.min(axis=0) - 0.05, every.max(axis=0) + 0.05
     return [round(float(value), 3) for value in (left, right, bottom, top)]
@@ -212,10 +217,11 @@ def _above(value: float) -> float:
 
 def _errors(found: Sequence[Gathered]) -> dict[str, Any]:
     """Return the errors of the predicted targets over all executed pushes, by predictor."""
-    pushes = [push for one in found for push in one.episode.executed]
+    made = [(one.episode.aimed, push) for one in found for push in one.episode.executed]
+    pushes = [push for _, push in made]
     return {
-        "expected": _distribution([target_error(push.predicted, push.after) for push in pushes]),
-        "physics": _distribution([target_error(push.physics, push.after) for push in pushes]),
+        "expected": _distribution([target_error(p.predicted, p.after, body) for body, p in made]),
+        "physics": _distribution([target_error(p.physics, p.after, body) for body, p in made]),
         **models(pushes),
     }
 

@@ -12,7 +12,9 @@ from sain_bags.transitions.recorded_episodes import Episode
 from sain_core.errors import ConfigError
 from sain_core.scene import MASS, POSE, RADIUS
 from sain_core.shapes.disk import DISK
+from sain_core.shapes.names import is_plain
 from sain_core.shapes.registry import get_shape
+from sain_core.shapes.shape import Shape
 from sain_core.types import Scene
 
 STATUS: Final = ("unknown", "push", "reached", "no push", "exhausted")  # sain_interfaces/msg/Plan
@@ -37,12 +39,15 @@ def describe_episode(gathered: Gathered, title: str, start: int) -> dict[str, An
         "title": title,
         "outcome": outcome(episode),
         "goal": None if episode.goal is None else [rounded(value) for value in episode.goal],
+        "aimed": episode.aimed,
+        "poses": _poses(episode),
         "tolerance": rounded(episode.tolerance),
         "distance": rounded(episode.final_distance),
         "maxPushes": episode.max_pushes,
         "start": rounded(1e-9 * (episode.interval[0] - start), 3),
         "end": rounded(1e-9 * (episode.interval[1] - start), 3),
-        "disks": _disks(frames[0].scene if frames else episode.start, gathered.log.shapes),
+        "turn": rounded(episode.poses.turns(episode.final).max()) if episode.poses else None,
+        "disks": _disks(frames[0].scene if frames else episode.start, gathered),
         "frames": _frames(frames, gathered, replaced, len(pushes) > len(shown)),
         "pushes": shown,
         "counts": _counts(pushes),
@@ -58,9 +63,31 @@ def outcome(episode: Episode) -> str:
     return "reached" if episode.success else "not reached"
 
 
-def _disks(scene: Scene, shapes: Sequence[str]) -> list[dict[str, Any]]:
-    """Return what each disk is like; it has an outline [m] in its own frame unless it is round."""
-    named = (*shapes, *(DISK for _ in scene))
+def _poses(episode: Episode) -> list[dict[str, Any]]:
+    """Return the poses that bodies should come to; the heading is null where any will do."""
+    names, poses = ("x", "y", "heading", "tolerance", "turn"), episode.poses
+    if poses is None:
+        return []
+    return [
+        {"body": body, **dict(zip(names, map(rounded, pose.tolist()), strict=True))}
+        for body, pose in zip(poses.bodies, poses.values, strict=True)
+    ]
+
+
+def _disks(scene: Scene, gathered: Gathered) -> list[dict[str, Any]]:
+    """Return what each body is like; it has an outline [m] in its own frame unless it is round."""
+    bodies = gathered.episode.bodies
+    if bodies is not None and len(bodies) == len(scene):
+        return [
+            {
+                "radius": rounded(state[RADIUS]),
+                "mass": rounded(state[MASS], 3),
+                "outline": _corners(shape, float(state[RADIUS])),
+                **({} if is_plain(bodies) else {"name": shape.footprint, "role": str(role)}),
+            }
+            for state, shape, role in zip(scene, bodies.shapes, bodies.roles, strict=True)
+        ]
+    named = (*gathered.log.shapes, *(DISK for _ in scene))
     return [
         {
             "radius": rounded(disk[RADIUS]),
@@ -76,6 +103,10 @@ def _outline(name: str, radius: float) -> list[list[float | None]] | None:
         shape = get_shape(name)
     except ConfigError:  # recorded where more shapes were installed
         return None
+    return _corners(shape, radius)
+
+
+def _corners(shape: Shape, radius: float) -> list[list[float | None]] | None:
     if shape.is_round:
         return None
     return [[rounded(value) for value in corner] for corner in shape.outline(radius)]

@@ -7,10 +7,12 @@ import numpy as np
 
 from sain_bags.report.frames import Frame
 from sain_bags.report.gathering import Gathered
-from sain_bags.transitions.recorded_episodes import Episode, RecordedPush
+from sain_bags.transitions.recorded_episodes import Episode
+from sain_bags.transitions.recorded_pushes import RecordedPush, push_as_sent
 from sain_core.errors import ErrorCode
-from sain_core.push import PUSH_NAMES, PushLimits, tool_end, tool_start
-from sain_core.scene import POSE, POSITION, TARGET, target_distance
+from sain_core.push import PushLimits, pushed_bodies, tool_end, tool_start
+from sain_core.scene import POSE, POSITION, TARGET
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 
 DIGITS: Final = 8  # of metres and radians: what the page rounds again stays what it was
@@ -62,7 +64,7 @@ def unanswered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, An
         alone = named.count(push.scene_id) == 1
         record = RecordedPush(
             push_id=push.push_id,
-            push=np.array([getattr(push, name) for name in PUSH_NAMES]),
+            push=push_as_sent(push),
             before=None if first is None else frames[first].scene,
             after=frames[last].scene if last is not None and alone else None,
             error_code=ErrorCode.UNKNOWN,
@@ -102,21 +104,22 @@ def _describe(push: RecordedPush, episode: Episode, moments: Moments) -> dict[st
         "model": plan.dynamics if plan else "",
         "fallback": bool(plan and plan.fallback),
         "planning": rounded(plan.planning_time if plan else None),
+        "body": int(pushed_bodies(push.push)),
         "location": rounded(push.push[0]),
         "angle": rounded(push.push[1]),
         "length": rounded(push.push[2]),
         "duration": rounded(push.duration, 3),
         "from": moments[0],
         "to": moments[1],
-        "tool": _tool(push.before, push.push),
+        "tool": _tool(push.before, push.push, episode.bodies),
         "before": poses(push.before),
         "after": poses(actual),
         "expected": poses(push.predicted if comparable else None),
         "physics": poses(push.physics if comparable else None),
         "physicsModel": push.physics_model,
-        "expectedError": rounded(target_error(push.predicted, actual)),
-        "physicsError": rounded(target_error(push.physics, actual)),
-        "moved": rounded(target_error(push.before, actual)),
+        "expectedError": rounded(target_error(push.predicted, actual, episode.aimed)),
+        "physicsError": rounded(target_error(push.physics, actual, episode.aimed)),
+        "moved": rounded(target_error(push.before, actual, episode.aimed)),
         "distance": [_distance(scene, episode) for scene in (push.before, actual)],
     }
 
@@ -127,11 +130,11 @@ def _outcome(push: RecordedPush) -> str:
     return "unanswered" if push.error_code == ErrorCode.UNKNOWN else "refused"
 
 
-def target_error(one: Scene | None, other: Scene | None) -> float | None:
-    """Return how far the target is from where the other scene has it [m]."""
-    if one is None or other is None or one.shape != other.shape:
+def target_error(one: Scene | None, other: Scene | None, body: int = TARGET) -> float | None:
+    """Return how far the target, or another body, is from where the other scene has it [m]."""
+    if one is None or other is None or one.shape != other.shape or body >= len(one):
         return None
-    return float(np.linalg.norm(one[TARGET, POSITION] - other[TARGET, POSITION]))
+    return float(np.linalg.norm(one[body, POSITION] - other[body, POSITION]))
 
 
 def models(pushes: Sequence[RecordedPush]) -> dict[str, list[str]]:
@@ -145,12 +148,14 @@ def models(pushes: Sequence[RecordedPush]) -> dict[str, list[str]]:
 def _distance(scene: Scene | None, episode: Episode) -> float | None:
     if scene is None or episode.goal is None:
         return None
-    return rounded(float(target_distance(scene, episode.goal)))
+    return rounded(episode.distance(scene))
 
 
-def _tool(scene: Scene | None, push: PushArray) -> list[list[float]] | None:
+def _tool(scene: Scene | None, push: PushArray, bodies: Bodies | None) -> list[list[float]] | None:
     """Return where the tool's axis starts and ends, [[x, y], [x, y]]; None: not finite."""
-    if scene is None or not np.isfinite(push).all():
+    if scene is None or not np.isfinite(push).all() or pushed_bodies(push) >= len(scene):
         return None
-    ends = (tool_start(scene, push, LIMITS), tool_end(scene, push, LIMITS))
+    if bodies is not None and len(bodies) != len(scene):
+        bodies = None
+    ends = (tool_start(scene, push, LIMITS, bodies), tool_end(scene, push, LIMITS, bodies))
     return [[round(float(value), PLACE_DIGITS) for value in end] for end in ends]

@@ -68,6 +68,11 @@ def why_senseless(pushes: PairedPushes, push: int) -> str:
         if len(before) != len(after):
             raise InvalidInputError(f"{len(before)} disks before the push, {len(after)} after")
         check_fields(pushes.actions[push], PUSH_NAMES, "push")
+        if pushes.bodies[push] >= len(before):
+            raise InvalidInputError(
+                f"it is against body {pushes.bodies[push]}; the scene has bodies"
+                f" 0 to {len(before) - 1}"
+            )
         if pushes.predictions is not None and pushes.predicted[push]:
             table, rows = pushes.predictions
             disks = table.disks[DISKS]

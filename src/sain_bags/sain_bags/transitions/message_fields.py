@@ -15,13 +15,16 @@ GOAL: Final = "sain_interfaces/msg/Goal"
 PLAN: Final = "sain_interfaces/msg/Plan"
 PUSH_RESULT: Final = "sain_interfaces/msg/PushResult"
 PREDICTION: Final = "sain_interfaces/msg/PushPrediction"
-EPISODE_TYPES: Final = frozenset({SCENE, GOAL, PLAN, PUSH_RESULT, PREDICTION})
 PUSH: Final = "sain_interfaces/msg/Push"
 WORLD: Final = "sain_interfaces/msg/WorldParameters"
+BODIES: Final = "sain_interfaces/msg/Bodies"
+EPISODE_TYPES: Final = frozenset({SCENE, GOAL, PLAN, PUSH_RESULT, PREDICTION, BODIES})
 DISKS: Final = "disks"
+BODY: Final = "body"  # of a push
+GOAL_ID: Final = "goal_id"
 
 _IDS: Final = ("push_id", "episode_id")
-_PUSH: Final = (*_IDS, "scene_id", *PUSH_NAMES)
+_PUSH: Final = (*_IDS, "scene_id", *PUSH_NAMES, BODY)
 _SCENE: Final = (
     "episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec", DISKS,
 )  # fmt: skip
@@ -29,7 +32,7 @@ FIELDS: Final = {
     PUSH: _PUSH,
     SCENE: _SCENE,
     PREDICTION: ("push_id", "error_code", "model", DISKS),
-    GOAL: ("episode_id", "x", "y", "tolerance"),
+    GOAL: ("episode_id", "x", "y", "tolerance", GOAL_ID),
     WORLD: ("episode_id", *FRICTIONS),
     PUSH_RESULT: (
         *_IDS, "error_code", "error_message", "duration",
@@ -38,6 +41,7 @@ FIELDS: Final = {
     ),
 }  # fmt: skip
 TEXTS: Final = frozenset({"model", "error_message"})
+LATER: Final = frozenset({BODY, f"push.{BODY}", GOAL_ID})  # 0 where older definitions lack them
 
 
 def all_paths(fields: Sequence[str]) -> list[str]:
@@ -59,6 +63,17 @@ def check_path(types: MessageTypes, name: str, path: str) -> None:
     is_text = kind == "string"
     if kind in types or is_text != (path in TEXTS):
         raise DatasetError(f"{path} of {name} is a {kind}")
+
+
+def has_field(types: MessageTypes, name: str, path: str) -> bool:
+    """Tell whether a message of this type has a field, also in a message within it."""
+    kind = name
+    for step in path.split("."):
+        found = {entry.name: entry.type for entry in types.get(kind, ())}
+        if step not in found:
+            return False
+        kind = found[step]
+    return True
 
 
 def namespaces(bag: Bag, *types: str) -> tuple[str, ...]:

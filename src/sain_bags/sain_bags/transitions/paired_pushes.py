@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.message_fields import DISKS
+from sain_bags.transitions.message_fields import BODY, DISKS, GOAL_ID
 from sain_bags.transitions.tables import Disks, Message, MessageTable, gather
 from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_NAMES
@@ -116,6 +116,21 @@ class PairedPushes:
         """Location, angle and length of the pushes (K, 3)."""
         prefix = FIELDS_OF[self.source][0]
         return _numbers(self.messages[0], [prefix + name for name in PUSH_NAMES])
+
+    @cached_property
+    def bodies(self) -> ndarray:
+        """The body that each push is against (K,)."""
+        table, rows = self.messages[0]
+        return np.asarray(table.columns[FIELDS_OF[self.source][0] + BODY][rows].astype(np.int64))
+
+    @cached_property
+    def goal_ids(self) -> ndarray:
+        """The id of each push's goal (K,); 0: it has none."""
+        ids = np.zeros(len(self), dtype=np.uint64)
+        if self.goals:
+            table, rows = gather(self.goals)
+            ids[self.given] = table.columns[GOAL_ID][rows][self.goal_of[self.given]]
+        return ids
 
     @cached_property
     def durations(self) -> ndarray:

@@ -4,13 +4,13 @@ Everything is paired by the ids that the messages carry; time stamps pair nothin
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from sain_bags.reading.reader import Bag, Received
+from sain_bags.transitions.asked_poses import AskedPoses, asked_poses
 from sain_bags.transitions.message_fields import (
+    BODIES,
     EPISODE_TYPES,
     GOAL,
     PLAN,
@@ -20,67 +20,19 @@ from sain_bags.transitions.message_fields import (
     namespaces,
     parent_of,
 )
-from sain_core.errors import DatasetError, ErrorCode, InvalidInputError
-from sain_core.push import PUSH_NAMES
+from sain_bags.transitions.recorded_pushes import (
+    PlanRecord,
+    RecordedPush,
+    recorded_plan,
+    recorded_push,
+)
+from sain_core.errors import DatasetError, InvalidInputError, SainError
 from sain_core.push_record import PushRecord
-from sain_core.scene import POSITION, Table, target_distance
-from sain_core.types import Points, PushArray, Pushes, Scene, Scenes
-from sain_core.wire import decode_disks, decode_goal, decode_plan, decode_push
-
-
-@dataclass(frozen=True)
-class PlanRecord:
-    """One decision of the planner."""
-
-    plan_id: int
-    push_id: int  # of the push it sent, 0: none
-    status: int  # sain_interfaces/msg/Plan
-    error_code: int
-    error_message: str
-    dynamics: str
-    fallback: bool
-    pushes: Pushes  # (H, 3)
-    predicted: Scenes  # (H, N, 8), the scene after each
-    goal_distance: float  # [m]
-    planning_time: float  # [s]
-
-
-@dataclass(frozen=True)
-class RecordedPush:
-    """A push as a recording has it: executed, refused, or without a result."""
-
-    push_id: int
-    push: PushArray  # (3,)
-    before: Scene | None  # (N, 8); None: it came before there was a scene
-    after: Scene | None  # (N, 8)
-    error_code: int
-    error_message: str
-    source: str
-    duration: float  # [s] simulated
-    wall_time: float  # [s]
-    plan: PlanRecord | None = None
-    physics: Scene | None = None  # (N, 8), f_p(s, a)
-    physics_model: str = ""
-
-    @property
-    def executed(self) -> bool:
-        """Whether it was carried out; a refused push moved nothing."""
-        return self.error_code == ErrorCode.OK
-
-    @property
-    def predicted(self) -> Scene | None:
-        """The scene (N, 8) that the planner expected after this push."""
-        if self.plan is None or not len(self.plan.predicted):
-            return None
-        return np.asarray(self.plan.predicted[0])
-
-    @property
-    def record(self) -> PushRecord | None:
-        """The record of a push that was executed; None: it was not, or a scene is missing."""
-        if not self.executed or self.before is None or self.after is None:
-            return None
-        time = self.plan.planning_time if self.plan else 0.0
-        return PushRecord(self.push, self.before, self.predicted, self.physics, self.after, time)
+from sain_core.scene import POSITION, TARGET, Table, target_distance
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.received import decode_bodies
+from sain_core.types import Points, Scene
+from sain_core.wire import decode_disks, decode_goal
 
 
 @dataclass(frozen=True)
@@ -90,12 +42,19 @@ class Episode:
     episode_id: int
     start: Scene  # (N, 8), as the reset left it
     final: Scene  # (N, 8), the last settled one
-    goal: Points | None  # (2,), None: none was given
-    tolerance: float  # [m]
+    goal: Points | None  # (2,), None: none was given; of poses the first one's place
+    tolerance: float  # [m], of that
     max_pushes: int  # 0: no limit
     pushes: tuple[RecordedPush, ...]
     plans: tuple[PlanRecord, ...]
     interval: tuple[int, int]  # [ns since the epoch], first and last message received
+    bodies: Bodies | None = None  # None: not recorded, so disks
+    poses: AskedPoses | None = None  # of the goal; None: it is a place for the target
+
+    @property
+    def aimed(self) -> int:
+        """The body that the goal is for: the target, or the first that has a pose."""
+        return self.poses.bodies[0] if self.poses else TARGET
 
     @property
     def executed(self) -> tuple[RecordedPush, ...]:
@@ -110,12 +69,22 @@ class Episode:
     @property
     def final_distance(self) -> float:
         """Distance from the target to the goal at the end [m], NaN without a goal."""
-        return float("nan") if self.goal is None else float(target_distance(self.final, self.goal))
+        return self.distance(self.final)
+
+    def distance(self, scene: Scene) -> float:
+        """Return the distance [m] from the target to the goal, or the largest to a pose; or NaN."""
+        if self.poses is not None:
+            return float(self.poses.distances(scene).max())
+        if self.goal is None or len(scene) <= TARGET:
+            return float("nan")
+        return float(target_distance(scene, self.goal))
 
     @property
     def success(self) -> bool:
         """Whether the target came to rest within the tolerance with every disk on the table."""
         on_table = bool(Table().contains(self.final[:, POSITION]).all())
+        if self.poses is not None:
+            return on_table and self.poses.reached(self.final)
         return on_table and self.final_distance <= self.tolerance
 
 
@@ -125,6 +94,7 @@ class _Draft:
 
     scenes: list[Scene] = field(default_factory=list)
     goal: Any = None
+    bodies: Bodies | None = None
     results: list[Any] = field(default_factory=list)
     plans: list[PlanRecord] = field(default_factory=list)
     first: int = 0
@@ -173,8 +143,10 @@ def collect_episodes(messages: Iterable[Received]) -> tuple[Episode, ...]:
             draft.scenes.append(decode_disks(message.disks))
         elif received.type == GOAL:
             draft.goal = message
+        elif received.type == BODIES:
+            draft.bodies = draft.bodies or _bodies(message)
         elif received.type == PLAN:
-            draft.plans.append(_plan(message))
+            draft.plans.append(recorded_plan(message))
         elif received.type == PUSH_RESULT:
             draft.results.append(message)
     return tuple(
@@ -186,51 +158,32 @@ def collect_episodes(messages: Iterable[Received]) -> tuple[Episode, ...]:
 
 def _episode(number: int, draft: _Draft, goal: Any, physics: dict[int, Any]) -> Episode:
     plans = {plan.push_id: plan for plan in draft.plans if plan.push_id}
-    pushes = tuple(_push(result, plans, physics) for result in draft.results)
+    pushes = tuple(recorded_push(result, plans, physics) for result in draft.results)
     before = [push.before for push in pushes if push.before is not None]
     after = [push.after for push in pushes if push.after is not None]
     scenes = draft.scenes or before
+    poses = asked_poses(goal, draft.bodies) if goal else None
+    place = decode_goal(goal) if goal else None
     return Episode(
         episode_id=number,
         start=scenes[0],
         final=(after or scenes)[-1],
-        goal=decode_goal(goal) if goal else None,
-        tolerance=float(goal.tolerance) if goal else float("nan"),
+        goal=poses.values[0, :2] if poses else place,
+        tolerance=float(poses.values[0, 3] if poses else goal.tolerance) if goal else float("nan"),
         max_pushes=int(goal.max_pushes) if goal else 0,
         pushes=pushes,
         plans=tuple(draft.plans),
         interval=(draft.first, draft.last),
+        bodies=draft.bodies,
+        poses=poses,
     )
 
 
-def _push(result: Any, plans: dict[int, PlanRecord], physics: dict[int, Any]) -> RecordedPush:
-    executed = result.error_code == ErrorCode.OK
-    predicted = physics.get(result.push_id)
-    if predicted is not None and predicted.error_code != ErrorCode.OK:
-        predicted = None
-    push = result.push
-    return RecordedPush(
-        push_id=result.push_id,
-        # One that was refused may hold anything, also NaN.
-        push=decode_push(push) if executed else np.array([getattr(push, n) for n in PUSH_NAMES]),
-        before=decode_disks(result.before.disks) if result.before.disks else None,
-        after=decode_disks(result.after.disks) if result.after.disks else None,
-        error_code=result.error_code,
-        error_message=result.error_message,
-        source=push.source,
-        duration=result.duration,
-        wall_time=result.wall_time,
-        plan=plans.get(result.push_id),
-        physics=None if predicted is None else decode_disks(predicted.disks),
-        physics_model="" if predicted is None else predicted.model,
-    )
-
-
-def _plan(message: Any) -> PlanRecord:
-    pushes, predicted = decode_plan(message)
-    decoded: dict[str, Any] = {"pushes": pushes, "predicted": predicted}
-    names = [field.name for field in fields(PlanRecord) if field.name not in decoded]
-    return PlanRecord(**{name: getattr(message, name) for name in names}, **decoded)
+def _bodies(message: Any) -> Bodies:
+    try:
+        return decode_bodies(message)
+    except SainError as error:
+        raise InvalidInputError(f"shapes of episode {message.episode_id}: {error}") from error
 
 
 def _choose(found: tuple[str, ...], wanted: str | None, bag: Bag) -> str:

@@ -18,17 +18,22 @@ from sain_bags.transitions.dropped import (
     why_no_row,
     why_senseless,
 )
+from sain_bags.transitions.message_fields import GOAL_ID
 from sain_bags.transitions.paired_pushes import PairedPushes, as_columns
 from sain_bags.transitions.pairing import Paired
 from sain_core.dataset import MOVED, Column
-from sain_core.dynamics import Dynamics
+from sain_core.dynamics import Dynamics, shaped
 from sain_core.errors import SainError
 from sain_core.push import check_predictable
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET, check_scenes
+from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.types import Pushes, Scenes
 from sain_core.wire import MIN_DISKS
 
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction
+
+
+EpisodeBodies = Callable[[int], Bodies | None]  # by the episode's id in the bag
 
 
 class RowBlock(NamedTuple):
@@ -53,11 +58,16 @@ class RowMaker:
         self._prior: Dynamics | None = None
         self._moved_only, self._keep_unsettled = moved_only, keep_unsettled
 
-    def rows(self, pushes: Paired) -> tuple[list[RowBlock], list[Dropped]]:
-        """Return the rows of pushes, and those that are none, in their order."""
+    def rows(
+        self, pushes: Paired, bodies: EpisodeBodies = lambda _: None
+    ) -> tuple[list[RowBlock], list[Dropped]]:
+        """Return the rows of pushes, and those that are none, in their order.
+
+        `bodies` returns those of an episode by its id; None: the paper's disks.
+        """
         dropped: dict[int, Dropped] = {}
         if isinstance(pushes, PairedPushes):
-            blocks = self._blocks(pushes, dropped)
+            blocks = self._blocks(pushes, dropped, bodies)
         else:
             blocks, left = [], []
             for place, push in enumerate(pushes):
@@ -66,11 +76,13 @@ class RowMaker:
                 else:
                     dropped[place] = found
             for _, places in groupby(left, key=lambda place: pushes[place].result is None):
-                blocks += self._blocks(as_columns(pushes, list(places)), dropped)
+                blocks += self._blocks(as_columns(pushes, list(places)), dropped, bodies)
         blocks = [block for block in blocks if len(block.places)]
         return blocks, [dropped[place] for place in sorted(dropped)]
 
-    def _blocks(self, pushes: PairedPushes, dropped: dict[int, Dropped]) -> list[RowBlock]:
+    def _blocks(
+        self, pushes: PairedPushes, dropped: dict[int, Dropped], bodies: EpisodeBodies
+    ) -> list[RowBlock]:
         before, after = pushes.before, pushes.after
         left = np.ones(len(pushes), dtype=bool)
         if not self._keep_unsettled:
@@ -80,12 +92,16 @@ class RowMaker:
         drop(pushes, np.flatnonzero(left & ~alike), SENSELESS, why_senseless, dropped)
         left &= alike
         return [
-            self._block(pushes, np.flatnonzero(left & (before.counts == count)), dropped)
+            self._block(pushes, np.flatnonzero(left & (before.counts == count)), dropped, bodies)
             for count in np.unique(before.counts[left])
         ]
 
     def _block(
-        self, pushes: PairedPushes, chosen: ndarray, dropped: dict[int, Dropped]
+        self,
+        pushes: PairedPushes,
+        chosen: ndarray,
+        dropped: dict[int, Dropped],
+        bodies: EpisodeBodies,
     ) -> RowBlock:
         """Return the rows of pushes (M,) whose scenes have one number of disks N."""
         count = int(pushes.before.counts[chosen[0]])
@@ -101,11 +117,12 @@ class RowMaker:
 
         sensible = _possible(before) & _possible(after)
         sensible &= np.isfinite(pushes.actions[chosen]).all(axis=-1)
+        sensible &= pushes.bodies[chosen] < count
         sensible &= np.isfinite(physics).all(axis=(1, 2)) | ~predicted
         keep(sensible, SENSELESS, why_senseless)
         lacking = np.flatnonzero(kept & ~predicted)
         if len(lacking):
-            computed, reasons = self._predict(before[lacking], pushes.actions[chosen[lacking]])
+            computed, reasons = self._predict(before[lacking], pushes, chosen[lacking], bodies)
             physics[lacking] = computed
             why = {int(chosen[lacking[place]]): reason for place, reason in reasons.items()}
             keep(~np.isin(chosen, list(why)), UNPREDICTED, lambda _, push: why[push])
@@ -125,6 +142,8 @@ class RowMaker:
         models = np.where(pushes.predicted, pushes.models, computed)[chosen]
         return {
             Column.ACTION: pushes.actions[chosen],
+            Column.BODY: pushes.bodies[chosen],
+            GOAL_ID: pushes.goal_ids[chosen],
             Column.DURATION: pushes.durations[chosen],
             Column.GOAL: pushes.goal_values[chosen, :2],
             Column.TOLERANCE: pushes.goal_values[chosen, 2],
@@ -139,25 +158,41 @@ class RowMaker:
             Column.PHYSICS_SOURCE: models.astype(np.str_),
         }
 
-    def _predict(self, scenes: Scenes, pushes: Pushes) -> tuple[Scenes, dict[int, str]]:
+    def _predict(
+        self, scenes: Scenes, pushes: PairedPushes, chosen: ndarray, bodies: EpisodeBodies
+    ) -> tuple[Scenes, dict[int, str]]:
         """Return the prior's predictions (M, N, 8), and the reason for each that it cannot make."""
         if self._prior is None:
             self._prior = self._make_prior()
-        reasons: dict[int, str] = {}
-        try:
-            predicted = self._prior.step(check_scenes(scenes), check_predictable(pushes))
-        except SainError:  # one spoils all: each is looked at alone
-            predicted = np.zeros_like(scenes)
-            for row in range(len(scenes)):
-                one = slice(row, row + 1)
-                try:
-                    checked = check_scenes(scenes[one]), check_predictable(pushes[one])
-                    predicted[one] = self._prior.step(*checked)
-                except SainError as error:
-                    reasons[row] = str(error)
+        actions, pushed = pushes.actions[chosen], pushes.bodies[chosen]
+        if pushed.any():
+            actions = np.concatenate([actions, pushed[:, None].astype(np.float64)], axis=1)
+        predicted, reasons = np.zeros_like(scenes), dict[int, str]()
+        episodes = pushes.ids["episode"][chosen]
+        for episode in np.unique(episodes).tolist():
+            rows, known = np.flatnonzero(episodes == episode), bodies(episode)
+            try:
+                predicted[rows] = _step(self._prior, scenes[rows], actions[rows], known)
+            except SainError:  # one spoils all: each is looked at alone
+                for row in rows.tolist():
+                    one = slice(row, row + 1)
+                    try:
+                        predicted[one] = _step(self._prior, scenes[one], actions[one], known)
+                    except SainError as error:
+                        reasons[row] = str(error)
         for row in np.flatnonzero(~np.isfinite(predicted).all(axis=(1, 2))).tolist():
             reasons[row] = f"{self._prior_name} predicted NaN or Inf"
         return predicted, reasons
+
+
+def _step(prior: Dynamics, scenes: Scenes, pushes: Pushes, bodies: Bodies | None) -> Scenes:
+    """Return the prior's predictions (M, N, 8) of pushes that it can be asked about."""
+    if bodies is None or bodies.all_round:
+        check_scenes(scenes)
+    else:
+        for scene in scenes:
+            check_bodies(scene, bodies)
+    return shaped(prior, bodies).step(scenes, check_predictable(pushes))
 
 
 def _possible(scenes: Scenes) -> ndarray:
@@ -167,8 +202,9 @@ def _possible(scenes: Scenes) -> ndarray:
 
 
 def _moved(before: Scenes, after: Scenes) -> ndarray:
-    """Return which pushes moved the target by 2 mm or more (M,)."""
-    travel = after[:, TARGET, POSITION] - before[:, TARGET, POSITION]
+    """Return which pushes moved the target, or the only body, by 2 mm or more (M,)."""
+    target = min(TARGET, before.shape[1] - 1)
+    travel = after[:, target, POSITION] - before[:, target, POSITION]
     return np.asarray(np.hypot(travel[:, 0], travel[:, 1]) >= MOVED)
 
 

@@ -14,7 +14,14 @@ from numpy import ndarray
 
 from sain_bags.bag.layouts import Layout, find_layout, read_types
 from sain_bags.reading.bag_files import BagChannel, Batch
-from sain_bags.transitions.message_fields import DISKS, FIELDS, all_paths, check_path
+from sain_bags.transitions.message_fields import (
+    DISKS,
+    FIELDS,
+    LATER,
+    all_paths,
+    check_path,
+    has_field,
+)
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_NAMES, STATE_SIZE
 
@@ -105,7 +112,11 @@ class TableReader:
         self._channel = channel
         self._types = read_types(channel.type, channel.definition())
         self._layouts: defaultdict[int, list[Layout]] = defaultdict(list)
-        self._wanted = all_paths(FIELDS[channel.type])
+        self._wanted = [
+            path
+            for path in all_paths(FIELDS[channel.type])
+            if path not in LATER or has_field(self._types, channel.type, path)
+        ]
         for path in self._wanted:
             check_path(self._types, channel.type, path)
 
@@ -173,10 +184,14 @@ class _Builder:
             )
             for name, parts in self._parts.items()
         }
+        for name in LATER.intersection(self._names) - self._columns.keys():
+            self._columns[name] = np.zeros(self._count, dtype=np.uint64)
         return MessageTable(self._columns, disks)
 
     def _take(self, layout: Layout, rows: ndarray, messages: ndarray) -> None:
         for name in self._names:
+            if name in LATER and name not in layout.numbers:
+                continue  # an older definition
             if name in layout.texts:
                 values: ndarray | list[str] = layout.read_texts(name, messages)
                 kind = np.dtype(object)

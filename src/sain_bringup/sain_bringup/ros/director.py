@@ -18,10 +18,13 @@ from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.peers import refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import target_distance
+from sain_core.shapes.bodies import Bodies
 from sain_core.wire import decode_disks
 from sain_eval.scenes.scenarios import ScenarioScene
-from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult
+from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult, Scene
 from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
+from sain_mppi.ros.goal_message import encode_pose_goal
+from sain_mppi.search.poses import PoseGoal
 
 SPIN: Final = 0.02  # [s], also how soon a signal or a dead process is noticed
 LOOK: Final = 0.1  # [s] between looks at the graph: each costs some ms
@@ -110,7 +113,9 @@ class Director(Node):
         return missing
 
     def play(self, case: ScenarioScene, tolerance: float, view: EpisodeView) -> None:
-        """Play one episode until the target is within tolerance [m], or no push follows.
+        """Play one episode until the goal is reached, or no push follows.
+
+        The tolerance [m] is that of a goal of the target; poses have their own.
 
         Raises:
             SainError: the simulator refused the scene, or nothing happened any more.
@@ -165,24 +170,22 @@ class Director(Node):
             seed=case.seed,
             disks=encode_disks(case.disks),
             shapes=list(case.shapes),
+            roles=list(map(str, case.roles)),
             friction=case.friction,
         )
         scene = self.call("reset_scene", request).scene
-        view.at(float(target_distance(decode_disks(scene.disks), case.goal)))
+        view.at(_distance(case, scene))
         return int(scene.episode_id)
 
     def _give_goal(self, case: ScenarioScene, episode_id: int, tolerance: float) -> None:
         self._goals += 1
-        self._goal.publish(
-            encode_goal(
-                case.goal,
-                stamp=self.get_clock().now().to_msg(),
-                goal_id=self._goals,
-                episode_id=episode_id,
-                tolerance=tolerance,
-                max_pushes=case.max_pushes,
-            )
-        )
+        named = {"goal_id": self._goals, "episode_id": episode_id, "max_pushes": case.max_pushes}
+        stamp = self.get_clock().now().to_msg()
+        if isinstance(case.goal, PoseGoal):
+            message = encode_pose_goal(case.goal, stamp=stamp, **named)
+        else:
+            message = encode_goal(case.goal, stamp=stamp, tolerance=tolerance, **named)
+        self._goal.publish(message)
 
     def _is_over(self, view: EpisodeView) -> bool:
         """Tell whether the planner is done, and so is every push it sent: news may overtake."""
@@ -195,7 +198,7 @@ class Director(Node):
         self._answered.add(event.push_id)
         if event.error_code == ErrorCode.OK:
             self._executed.add(event.push_id)
-            view.at(float(target_distance(decode_disks(event.after.disks), case.goal)))
+            view.at(_distance(case, event.after))
         else:
             view.refuse(event.error_message)
 
@@ -231,3 +234,12 @@ class Director(Node):
             lambda: self._executed <= self._predicted or time.monotonic() > deadline,
             lambda: "no physics predictions",
         )
+
+
+def _distance(case: ScenarioScene, message: Scene) -> float:
+    """Return the distance [m] from the target to the goal, or the largest of bodies to poses."""
+    scene = decode_disks(message.disks)
+    if not isinstance(case.goal, PoseGoal):
+        return float(target_distance(scene, case.goal))
+    bodies = Bodies.named(case.shapes, case.roles)
+    return float(case.goal.errors(scene, bodies)[0].max())

@@ -1,6 +1,6 @@
 """``ros2 run sain_bringup push``: one push by hand, and what became of it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -14,11 +14,12 @@ from sain_core.errors import ErrorCode, SainError
 from sain_core.push import push_ids
 from sain_core.ros.codec import encode_push
 from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
-from sain_core.ros.qos import RELIABLE
+from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import POSITION, THETA
+from sain_core.shapes.disk import DISK
 from sain_core.types import PushArray
-from sain_core.wire import decode_disks
-from sain_interfaces.msg import Push, PushResult, Scene
+from sain_core.wire import decode_disks, with_body
+from sain_interfaces.msg import Bodies, Push, PushResult, Scene
 
 DISK_NAMES: Final = ("mid disk", "target")
 
@@ -37,12 +38,14 @@ class PushSender(Node):
         self._push_id = next(push_ids())
         self._scene: Scene | None = None
         self._result: PushResult | None = None
+        self.shapes: tuple[str, ...] = ()  # of the bodies, where the simulator states them
         self._publisher = self.create_publisher(Push, "push", RELIABLE)
         self.create_subscription(Scene, "scene", self._on_scene, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
+        self.create_subscription(Bodies, "shapes", self._on_bodies, LATCHED)
 
     def send(self, push: PushArray) -> PushResult:
-        """Send a push (3,) from the next settled scene and return its result.
+        """Send a push from the next settled scene and return its result.
 
         Raises:
             SilentSimulatorError: no simulator, or no answer in time.
@@ -71,13 +74,16 @@ class PushSender(Node):
     def _on_scene(self, message: Scene) -> None:
         self._scene = message if message.settled else None
 
+    def _on_bodies(self, message: Bodies) -> None:
+        self.shapes = tuple(body.name for body in message.bodies)
+
     def _on_result(self, message: PushResult) -> None:
         if message.push_id == self._push_id:
             self._result = message
 
 
-def show(result: PushResult, console: Console) -> None:
-    """Print what became of a push."""
+def show(result: PushResult, console: Console, shapes: Sequence[str] = ()) -> None:
+    """Print what became of a push; bodies are named by their shapes where these are not disks."""
     push = f"push {result.push_id} of episode {result.episode_id}"
     if result.error_code != ErrorCode.OK:
         name = ErrorCode(result.error_code).name
@@ -85,13 +91,15 @@ def show(result: PushResult, console: Console) -> None:
         return
     console.print(f"[green]{push} was carried out[/] in {result.duration:.2f} s of simulated time")
     table = FittingTable()
-    table.add_column("disk")
+    shaped = any(shape != DISK for shape in shapes[:1])
+    table.add_column("body" if shaped else "disk")
     for column in ("x [m]", "y [m]", "theta [rad]", "moved [mm]"):
         table.add_column(column, justify="right")
     before, after = decode_disks(result.before.disks), decode_disks(result.after.disks)
     moved = 1e3 * np.linalg.norm(after[:, POSITION] - before[:, POSITION], axis=1)
     for disk, row in enumerate(after):
         name = DISK_NAMES[disk] if disk < len(DISK_NAMES) else f"disk {disk}"
+        name = f"{disk} {shapes[disk]}" if shaped and disk < len(shapes) else name
         place = [f"{value:.4f}" for value in (*row[POSITION], row[THETA])]
         table.add_row(name, *place, f"{moved[disk]:.1f}")
     console.print(table, soft_wrap=True)
@@ -102,8 +110,11 @@ def run(options: PushOptions, console: Console) -> int:
     with ros_context():
         sender = PushSender(options.timeout)
         try:
-            result = sender.send(np.array([options.location, options.angle, options.length]))
+            push = with_body(
+                np.array([options.location, options.angle, options.length]), options.body
+            )
+            result = sender.send(push)
         finally:
             sender.destroy_node()
-    show(result, console)
+    show(result, console, sender.shapes)
     return 0 if result.error_code == ErrorCode.OK else int(result.error_code) or 1

@@ -27,7 +27,7 @@ class Prism(Shape):
 
     solid: ClassVar = Solid.PRISM
 
-    @property
+    @cached_property
     def symmetry(self) -> float:
         """The smallest turn [rad] that leaves the outline unchanged."""
         corners = self.outline(1.0)

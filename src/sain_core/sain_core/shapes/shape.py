@@ -73,7 +73,7 @@ class Shape(ABC):
     def symmetry(self) -> float:
         """The smallest turn [rad] that leaves the outline unchanged; 0: any turn does."""
 
-    @property
+    @cached_property
     def is_round(self) -> bool:
         """Whether the outline is a circle, so that no heading differs from another."""
         return self.symmetry == 0.0

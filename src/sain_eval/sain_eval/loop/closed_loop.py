@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from sain_core.errors import ErrorCode, SainError
 from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, is_settled
@@ -100,9 +102,20 @@ class _Play:
             self._agent.see(self.scene, EPISODE, len(self.pushes) + 1, settled)
             decision = self._agent.act()
             if not isinstance(decision, PushDecision):
-                self.failure = _failure(decision) if decision else "the scene did not settle"
+                self.failure = _failure(decision) if decision else self._unsettled()
                 return
             self._carry_out(decision)
+
+    def _unsettled(self) -> str:
+        """Return why there is no scene to decide on."""
+        off = ~self._world.config.feasibility.table.contains(self.scene[:, POSITION])
+        if off.any():
+            body = int(np.argmax(off))
+            x, y = self.scene[body, POSITION]
+            return (
+                f"push {len(self.pushes)} moved body {body} off the table, to ({x:.3f}, {y:.3f}) m"
+            )
+        return f"the scene did not settle after push {len(self.pushes)}"
 
     def _carry_out(self, decision: PushDecision) -> None:
         agent, before = self._agent, self.scene

@@ -13,11 +13,12 @@ from sain_core.feasibility import Feasibility
 from sain_core.plugins import load_dynamics
 from sain_core.push import LOCATION
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_mppi.loop.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.loop.decision import Decider, PlanJob, PushDecision
 from sain_mppi.search.feasible_mask import permitted
+from sain_mppi.search.poses import PoseGoal
 
 ORACLE: Final = "oracle"
 RANDOM_DRAWS: Final = 256
@@ -42,8 +43,13 @@ class StraightDecider(Decider):
         """Push along the line from mid disk to goal by the distance left for the target.
 
         Raises:
-            NoPushError: this push was refused.
+            NoPushError: this push was refused, or the goal is poses.
         """
+        if isinstance(job.task.goal, PoseGoal):
+            raise NoPushError(
+                "the controller straight brings a target to a place, and the goal is poses;"
+                " choose random, planar or another model"
+            )
         if job.refused:
             location = job.refused[-1][LOCATION]
             raise NoPushError(f"the straight push at {location:.2f} rad was refused")
@@ -69,7 +75,12 @@ class RandomDecider(Decider):
             NoPushError: none of many draws is permitted.
         """
         pushes = self._feasibility.limits.sample(generator, RANDOM_DRAWS)
-        pushes = pushes[permitted(job.view.scene, pushes, self._feasibility)]
+        bodies = job.known_bodies
+        if bodies.pushable != (MID,):
+            body = generator.choice(bodies.pushable, (RANDOM_DRAWS, 1))
+            pushes = np.concatenate([pushes, body], axis=1)
+        scene = job.view.scene
+        pushes = pushes[permitted(scene, pushes, self._feasibility, bodies=job.bodies)]
         if not len(pushes):
             raise NoPushError(f"none of {RANDOM_DRAWS} random pushes can be carried out")
         return PushDecision(job, pushes[0])

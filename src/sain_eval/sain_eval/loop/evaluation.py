@@ -11,7 +11,8 @@ from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.results import SceneRecord, scene_records
 from sain_eval.plots.pictures import draw_episode
-from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.tolerance import Tolerance, tightest
 from sain_mppi.loop.agent import AgentConfig
 from sain_sim.collecting.workers import environment

@@ -114,12 +114,16 @@ def _judge(
 
 
 def _prediction_error(push: PushRecord, episode: EpisodeRecord) -> tuple[float, float] | None:
-    """Return the largest distance [m] and turn [rad] of wanted bodies from their prediction."""
+    """Return the largest distance [m] and turn [rad] of wanted bodies from their prediction.
+
+    The turn of a disk shows nowhere and does not count.
+    """
     if push.predicted is None:
         return None
     rows = list(episode.wanted)
     off = push.predicted[rows] - push.after[rows]
-    turns = np.abs(wrap_angle(off[:, THETA]))
+    turned = [not episode.bodies.shapes[body].is_round for body in rows]
+    turns = np.where(turned, np.abs(wrap_angle(off[:, THETA])), 0.0)
     return float(np.hypot(*off[:, POSITION].T).max()), float(turns.max())
 
 

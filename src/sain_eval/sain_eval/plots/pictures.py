@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from sain_core.drawing.figures import TEXT, new_figure, style_axes
 from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
-from sain_core.scene import POSITION, TARGET, target_distance
+from sain_core.scene import POSITION, TARGET
 from sain_core.types import Points, Scene
 from sain_eval.plots.body_marks import draw_error
 from sain_eval.plots.episode_record import EpisodeRecord
@@ -103,7 +103,7 @@ def result_colour(record: EpisodeRecord) -> str:
 
 def _draw_distance(axes: Axes, record: EpisodeRecord) -> None:
     style_axes(axes, "Target to goal", grid=None, xlabel="pushes", ylabel="distance [mm]")
-    distance = [1e3 * float(target_distance(scene, record.goal)) for scene in record.scenes]
+    distance = [1e3 * record.left(scene)[0] for scene in record.scenes]
     tolerance = 1e3 * record.tolerance
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter("{x:g}")

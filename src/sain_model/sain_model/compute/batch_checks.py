@@ -51,7 +51,8 @@ def _check_pushed(pushed: np.ndarray, count: int) -> None:
     if wrong.any():
         index = int(np.argmax(wrong))
         raise InvalidInputError(
-            f"push {index} is against body {pushed[index]:g}; the scenes have bodies 0 to {count - 1}"
+            f"push {index} is against body {pushed[index]:g};"
+            f" the scenes have bodies 0 to {count - 1}"
         )
 
 

@@ -24,7 +24,6 @@ from sain_model.physics.outline_kernels import (
     FACE_X,
     FACE_Y,
     GAP,
-    KEY,
     KIND,
     LEFT,
     LIGHTNESS,
@@ -60,31 +59,6 @@ SHARPEST = 0.001  # [m], the normal of sharper corners is not followed as they p
 
 
 @compiled
-def keep_impulses(work):
-    """Put the impulses of the step that is over aside."""
-    count = work.count
-    count[1] = 0
-    for index in range(count[0]):
-        if work.contacts[index, ALONG] > 0.0:
-            work.kept[count[1], 0] = work.contacts[index, ALONG]
-            work.kept[count[1], 1] = work.contacts[index, ACROSS]
-            work.kept_keys[count[1]] = work.features[index, KEY]
-            count[1] += 1
-
-
-@compiled
-def recall_impulses(work):
-    """Give the contacts that are still there the impulses that were put aside."""
-    contacts = work.contacts
-    for index in range(work.count[0]):
-        contacts[index, ALONG] = contacts[index, ACROSS] = 0.0
-        for kept in range(work.count[1]):
-            if work.kept_keys[kept] == work.features[index, KEY]:
-                contacts[index, ALONG] = work.kept[kept, 0]
-                contacts[index, ACROSS] = work.kept[kept, 1]
-
-
-@compiled
 def foresee(work, horizon):
     """Look at how the listed features move.
 
@@ -112,12 +86,12 @@ def foresee(work, horizon):
             if contacts[index, ALONG] > 0.0:
                 turning = max(turning, abs(bodies[side, SPIN]))
                 if features[index, KIND] == ON_SIDE:
-                    dx, dy = contacts[index, POINT_X], contacts[index, POINT_Y]
+                    _dx, _dy = contacts[index, POINT_X], contacts[index, POINT_Y]
                     cx = vx - rounding * (bodies[point, SPIN] - bodies[side, SPIN]) * ny
                     cy = vy + rounding * (bodies[point, SPIN] - bodies[side, SPIN]) * nx
                     along = cy * nx - cx * ny
                     room = contacts[index, LEFT] if along > 0.0 else contacts[index, PAST]
-                    if abs(along) * leave > room:
+                    if abs(along) * leave > room >= 0.0:
                         leave = room / abs(along)
                 if features[index, KIND] == ON_CORNER:
                     rolling = abs(vy * nx - vx * ny)
@@ -225,7 +199,7 @@ def solve_impulses(work, physics):
 
     Bodies with a `grip` are held back by the table meanwhile.
     """
-    contacts, features = work.contacts, work.features
+    contacts = work.contacts
     for index in range(work.count[0]):
         if contacts[index, ALONG] > 0.0:
             _apply_to_both(work, index, contacts[index, ALONG], contacts[index, ACROSS])
@@ -240,6 +214,13 @@ def solve_impulses(work, physics):
                 change = max(change, hold_supports(work, row))
         if change < CONVERGED:
             break
+    _note_touched(work)
+
+
+@compiled
+def _note_touched(work):
+    """Note which bodies the tool presses on."""
+    contacts, features = work.contacts, work.features
     for index in range(work.count[0]):
         if contacts[index, ALONG] > 0.0 and features[index, POINT_BODY] == TOOL:
             work.touched[features[index, SIDE_BODY]] = True
@@ -248,7 +229,7 @@ def solve_impulses(work, physics):
 @compiled
 def _solve_contact(work, index, physics):
     """Correct the impulse of one contact; return the change of velocity it made [m/s]."""
-    bodies, contacts = work.bodies, work.contacts
+    _bodies, contacts = work.bodies, work.contacts
     point, side = work.features[index, POINT_BODY], work.features[index, SIDE_BODY]
     excess = _leaving(work, index, point, side) + contacts[index, BIAS]
     normal = max(contacts[index, ALONG] - contacts[index, NORMAL_MASS] * excess, 0.0)
@@ -278,25 +259,6 @@ def _apply_to_both(work, index, along, across):
     bodies[side, VY] -= py * bodies[side, LIGHTNESS]
     turn = along * contacts[index, ARM_SIDE] + across * contacts[index, REACH_SIDE]
     bodies[side, SPIN] -= turn * bodies[side, TURN]
-
-
-@compiled
-def note_lean(work, physics, step):
-    """Note how the contacts of this step shift the load of each body on its supports."""
-    bodies, contacts, tilt = work.bodies, work.contacts, work.tilt
-    for row in range(bodies.shape[0]):
-        tilt[row, 0] = tilt[row, 1] = 0.0
-    for index in range(work.count[0]):
-        point, side = work.features[index, POINT_BODY], work.features[index, SIDE_BODY]
-        height = physics.tool_height if point == TOOL else physics.disk_height
-        arm = (height - physics.middle_height) / (physics.gravity * step)
-        along, across = arm * contacts[index, ALONG], arm * contacts[index, ACROSS]
-        nx, ny = contacts[index, NORMAL_X], contacts[index, NORMAL_Y]
-        px, py = along * nx - across * ny, along * ny + across * nx
-        tilt[point, 0] += px * bodies[point, LIGHTNESS]
-        tilt[point, 1] += py * bodies[point, LIGHTNESS]
-        tilt[side, 0] -= px * bodies[side, LIGHTNESS]
-        tilt[side, 1] -= py * bodies[side, LIGHTNESS]
 
 
 @compiled

@@ -71,7 +71,7 @@ class OutlineWorkspace(NamedTuple):
 def make_outline_workspace(table):
     """Return scratch memory for the bodies of a table."""
     rows = table.rounding.shape[0] + 1
-    contacts = rows * (rows - 1) // 2 * MOST_CONTACTS
+    contacts = rows * (rows - 1) // 2 * MOST_CONTACTS + 1
     return OutlineWorkspace(
         np.zeros((rows, BODY_SIZE)),
         np.zeros(rows + 1, np.int64),
@@ -152,7 +152,9 @@ def _load_corners(work, row, radius, table, body):
         x = corners[after, CORNER_X] - corners[index, CORNER_X]
         y = corners[after, CORNER_Y] - corners[index, CORNER_Y]
         length = np.sqrt(x * x + y * y)
-        scale = 1.0 / length if length > 0.0 else 0.0  # a disk's one corner has no side
+        if length == 0.0:  # a disk's one corner: any direction will do
+            x, y = 1.0, 0.0
+        scale = 1.0 / np.sqrt(x * x + y * y)
         corners[index, SIDE_X], corners[index, SIDE_Y] = scale * x, scale * y
         corners[index, LENGTH] = length
     for index in range(start, end):
@@ -220,3 +222,28 @@ def outer_speed(bodies, row):
     """Return a bound on the speed of any point of a body [m/s]."""
     sliding = np.sqrt(bodies[row, VX] ** 2 + bodies[row, VY] ** 2)
     return sliding + abs(bodies[row, SPIN]) * bodies[row, REACH]
+
+
+@compiled
+def keep_impulses(work):
+    """Put the impulses of the step that is over aside."""
+    count = work.count
+    count[1] = 0
+    for index in range(count[0]):
+        if work.contacts[index, ALONG] > 0.0:
+            work.kept[count[1], 0] = work.contacts[index, ALONG]
+            work.kept[count[1], 1] = work.contacts[index, ACROSS]
+            work.kept_keys[count[1]] = work.features[index, KEY]
+            count[1] += 1
+
+
+@compiled
+def recall_impulses(work):
+    """Give the contacts that are still there the impulses that were put aside."""
+    contacts = work.contacts
+    for index in range(work.count[0]):
+        contacts[index, ALONG] = contacts[index, ACROSS] = 0.0
+        for kept in range(work.count[1]):
+            if work.kept_keys[kept] == work.features[index, KEY]:
+                contacts[index, ALONG] = work.kept[kept, 0]
+                contacts[index, ACROSS] = work.kept[kept, 1]

@@ -9,11 +9,8 @@ import numpy as np
 from sain_model.compute.compiling import compiled, compiled_apart
 from sain_model.physics.impulse_kernels import (
     foresee,
-    keep_impulses,
-    note_lean,
     part_overlaps,
     prepare_impulses,
-    recall_impulses,
     solve_impulses,
 )
 from sain_model.physics.outline_kernels import (
@@ -28,15 +25,24 @@ from sain_model.physics.outline_kernels import (
     X,
     Y,
     forget_steps,
+    keep_impulses,
     load_bodies,
     make_outline_workspace,
     outer_speed,
+    recall_impulses,
     unload_bodies,
 )
 from sain_model.physics.planar_kernels import CHUNK, COLLISION, MOST_STEPS, SHORTEST_STEP, STILL
-from sain_model.physics.support_kernels import brake
-from sain_model.physics.tool_kernels import make_profile, time_of, tool_speed, travelled, until_kink
-from sain_model.physics.touching_kernels import find_touching, first_touch_of
+from sain_model.physics.support_kernels import brake, note_lean
+from sain_model.physics.tool_kernels import (
+    first_touch_of,
+    make_profile,
+    time_of,
+    tool_speed,
+    travelled,
+    until_kink,
+)
+from sain_model.physics.touching_kernels import find_touching
 
 
 @compiled

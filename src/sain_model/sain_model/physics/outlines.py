@@ -4,6 +4,7 @@ Everything is in the body's frame, in units of the state's radius, so that one t
 scenes. A disk is an outline of one corner, rounded by its radius; the tool likewise.
 """
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -28,11 +29,14 @@ SHARE, ALONG_X, ALONG_Y = 2, 3, 4  # columns of a support after its x and y
 
 
 class BodyTable(NamedTuple):
-    """N bodies with M corners and F supports in all; those of body i from `first[i]` on."""
+    """N bodies with M corners and F supports in all; those of body i begin at `first[i]`.
 
-    first_corner: Int[ndarray, "N+1"]
+    E = N + 1.
+    """
+
+    first_corner: Int[ndarray, "E"]
     corners: Float[ndarray, "M 2"]  # counter-clockwise
-    first_support: Int[ndarray, "N+1"]
+    first_support: Int[ndarray, "E"]
     supports: Float[ndarray, "F 5"]  # x, y, share of the load, and how it grows along x and y
     rounding: Float[ndarray, "N"]  # 1 for a disk, 0 for an outline with straight sides
     reach: Float[ndarray, "N"]  # circumscribed radius
@@ -135,5 +139,5 @@ def _supports(shape: Shape) -> Points:
     return shape.supports(1.0)
 
 
-def _starts(groups: list[Float[ndarray, "_ _"]]) -> Int[ndarray, "G"]:
+def _starts(groups: Sequence[ndarray]) -> ndarray:
     return np.cumsum([0, *map(len, groups)])

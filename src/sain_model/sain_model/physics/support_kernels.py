@@ -4,6 +4,8 @@ import numpy as np
 
 from sain_model.compute.compiling import compiled
 from sain_model.physics.outline_kernels import (
+    ACROSS,
+    ALONG,
     ARM_X,
     ARM_Y,
     COS,
@@ -15,12 +17,17 @@ from sain_model.physics.outline_kernels import (
     LEAN_Y,
     LIGHTNESS,
     LIMIT,
+    NORMAL_X,
+    NORMAL_Y,
+    POINT_BODY,
     PULL_X,
     PULL_Y,
     REACH,
     SHARE,
+    SIDE_BODY,
     SIN,
     SPIN,
+    TOOL,
     TURN,
     TWIST,
     VX,
@@ -175,3 +182,22 @@ def hold_back(work, row):
     bodies[row, SPIN] += change_spin
     held[row, 0], held[row, 1], held[row, 2] = x, y, spin
     return max(abs(change_x), abs(change_y), abs(change_spin) * bodies[row, REACH])
+
+
+@compiled
+def note_lean(work, physics, step):
+    """Note how the contacts of this step shift the load of each body on its supports."""
+    bodies, contacts, tilt = work.bodies, work.contacts, work.tilt
+    for row in range(bodies.shape[0]):
+        tilt[row, 0] = tilt[row, 1] = 0.0
+    for index in range(work.count[0]):
+        point, side = work.features[index, POINT_BODY], work.features[index, SIDE_BODY]
+        height = physics.tool_height if point == TOOL else physics.disk_height
+        arm = (height - physics.middle_height) / (physics.gravity * step)
+        along, across = arm * contacts[index, ALONG], arm * contacts[index, ACROSS]
+        nx, ny = contacts[index, NORMAL_X], contacts[index, NORMAL_Y]
+        px, py = along * nx - across * ny, along * ny + across * nx
+        tilt[point, 0] += px * bodies[point, LIGHTNESS]
+        tilt[point, 1] += py * bodies[point, LIGHTNESS]
+        tilt[side, 0] -= px * bodies[side, LIGHTNESS]
+        tilt[side, 1] -= py * bodies[side, LIGHTNESS]

@@ -1,10 +1,28 @@
-"""The tool's way through a push, compiled: a straight line with a trapezoid speed profile."""
+"""The tool's way through a push, compiled: a straight line with a trapezoid speed profile.
+
+And where on it the tool first touches a body with an outline.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from sain_model.compute.compiling import compiled
+from sain_model.physics.outline_kernels import (
+    CONVEX,
+    CORNER_X,
+    CORNER_Y,
+    COS,
+    LENGTH,
+    REACH,
+    ROUND,
+    SIDE_X,
+    SIDE_Y,
+    SIN,
+    TOOL,
+    X,
+    Y,
+)
 
 
 class Profile(NamedTuple):
@@ -63,3 +81,48 @@ def until_kink(profile, time):
     if time < profile.end - 1e-9:
         return profile.end - time
     return np.inf
+
+
+@compiled
+def first_touch_of(work, way_x, way_y):
+    """Return how far [m] the tool travels until it touches any body; infinite if never."""
+    bodies = work.bodies
+    nearest = np.inf
+    for row in range(1, bodies.shape[0]):
+        dx, dy = bodies[TOOL, X] - bodies[row, X], bodies[TOOL, Y] - bodies[row, Y]
+        reach = bodies[row, REACH] + bodies[TOOL, ROUND]
+        across = dx * way_y - dy * way_x
+        if abs(across) < reach and dx * way_x + dy * way_y < reach:
+            nearest = min(nearest, _distance_to(work, row, dx, dy, way_x, way_y))
+    return nearest
+
+
+@compiled
+def _distance_to(work, row, dx, dy, way_x, way_y):
+    """Return how far [m] the tool, at (dx, dy) from a body's centre, travels until they touch.
+
+    The tool's axis meets the outline grown by both radii: each side moved outward, and a circle
+    about each convex corner.
+    """
+    bodies, corners = work.bodies, work.corners
+    cos, sin = bodies[row, COS], bodies[row, SIN]
+    x, y = cos * dx + sin * dy, cos * dy - sin * dx
+    ux, uy = cos * way_x + sin * way_y, cos * way_y - sin * way_x
+    rounding = bodies[row, ROUND] + bodies[TOOL, ROUND]
+    nearest = np.inf
+    for side in range(work.first_corner[row], work.first_corner[row + 1]):
+        from_x, from_y = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
+        closing = uy * corners[side, SIDE_X] - ux * corners[side, SIDE_Y]
+        off = from_x * corners[side, SIDE_Y] - from_y * corners[side, SIDE_X]
+        if closing > 0.0 and off >= 0.0:
+            distance = max((off - rounding) / closing, 0.0)
+            along = (from_x + distance * ux) * corners[side, SIDE_X]
+            along += (from_y + distance * uy) * corners[side, SIDE_Y]
+            if 0.0 <= along <= corners[side, LENGTH]:
+                nearest = min(nearest, distance)
+        if corners[side, CONVEX] == 1.0:
+            ahead = -(from_x * ux + from_y * uy)
+            squared = rounding * rounding - (from_x * from_x + from_y * from_y - ahead * ahead)
+            if squared > 0.0 and ahead > 0.0:
+                nearest = min(nearest, max(ahead - np.sqrt(squared), 0.0))
+    return nearest

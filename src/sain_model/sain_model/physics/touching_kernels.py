@@ -89,7 +89,7 @@ def _corners_against(work, point_body, side_body, near, meet, limit):
         meet: whether to look at corners against corners as well.
         limit: how many contacts there may be after it.
     """
-    bodies, corners, count = work.bodies, work.corners, work.count
+    bodies, corners, _count = work.bodies, work.corners, work.count
     cos_side, sin_side = bodies[side_body, COS], bodies[side_body, SIN]
     dx = bodies[point_body, X] - bodies[side_body, X]
     dy = bodies[point_body, Y] - bodies[side_body, Y]
@@ -102,69 +102,71 @@ def _corners_against(work, point_body, side_body, near, meet, limit):
         x = away_x + cos * corners[point, CORNER_X] - sin * corners[point, CORNER_Y]
         y = away_y + sin * corners[point, CORNER_X] + cos * corners[point, CORNER_Y]
         if x * x + y * y < reach * reach and corners[point, CONVEX] > 0.0:
-            start = count[0]
-            inside, corner = _list_in_front(
-                work, point_body, side_body, point, x, y, cos, sin, near, meet, limit
-            )
-            if meet and corner >= 0 and not inside:
-                _list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin)
+            nearest, inside, corner, hole = _nearest(work, side_body, x, y)
             if inside:
-                count[0] = start  # what is in front of a point inside is no obstacle
-                _list_way_out(work, point_body, side_body, point, x, y, cos, sin)
+                _list_way_out(work, point_body, side_body, point, x, y, cos, sin, hole, limit)
+            elif nearest < near:
+                _list_in_front(
+                    work, point_body, side_body, point, x, y, cos, sin, near, meet, limit
+                )
+                if meet and corner >= 0:
+                    _list_crossing(
+                        work, point_body, side_body, point, corner, x, y, cos, sin, limit
+                    )
+
+
+@compiled
+def _nearest(work, side_body, x, y):
+    """Look at an outline from a point (x, y), in that outline's frame.
+
+    Returns:
+        The distance to the nearest feature [m]. Whether the point is inside: that feature is a
+        side that the point is behind, or a concave corner. A convex corner as near as `CROSSED`,
+        and the concave corner if it is the nearest feature; -1 if there is none.
+    """
+    corners = work.corners
+    nearest, inside, corner, hole = np.inf, False, -1, -1
+    for side in range(work.first_corner[side_body], work.first_corner[side_body + 1]):
+        along, off = _seen_from(corners, side, x, y)
+        squared = along * along + off * off
+        if squared < CROSSED * CROSSED and corners[side, CONVEX] > 0.0:
+            corner = side
+        if along < 0.0 or corners[side, LENGTH] == 0.0:
+            if squared < nearest:
+                nearest, inside = squared, corners[side, CONVEX] == 0.0
+                hole = side if inside else -1
+        elif along <= corners[side, LENGTH] and off * off < nearest:
+            nearest, inside, hole = off * off, off < 0.0, -1
+    return np.sqrt(nearest), inside, corner, hole
 
 
 @compiled
 def _list_in_front(work, point_body, side_body, point, x, y, cos, sin, near, meet, limit):
-    """List the features of an outline near a point (x, y).
-
-    Returns:
-        Whether the point is inside: the nearest feature is a side that it is behind, or a concave
-        corner. And a convex corner as near as `CROSSED`, -1 if there is none.
-    """
+    """List the features of an outline that a point (x, y) outside of it is in front of."""
     corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
     first, last = work.first_corner[side_body], work.first_corner[side_body + 1]
     own_first, own_last = work.first_corner[point_body], work.first_corner[point_body + 1]
-    total = corners.shape[0]
-    nearest, inside, past, close = np.inf, False, True, -1
-    if last - first > 1:
-        past = _along(corners, last - 1, x, y) >= corners[last - 1, LENGTH]
+    along, _ = _seen_from(corners, last - 1, x, y)
+    past = along >= corners[last - 1, LENGTH]  # the end of the side before
     for side in range(first, last):
-        dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
-        along = dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
-        off = dx * corners[side, SIDE_Y] - dy * corners[side, SIDE_X]
-        kind = NOTHING
-        if dx * dx + dy * dy < CROSSED * CROSSED and corners[side, CONVEX] > 0.0:
-            close = side
-        if along < 0.0 or last - first == 1:
-            off = np.sqrt(dx * dx + dy * dy)
-            if off < nearest:
-                nearest, inside = off, corners[side, CONVEX] == 0.0
-            if meet and past and corners[side, CONVEX] > 0.0:
-                here_x, here_y = -(cos * dx + sin * dy), sin * dx - cos * dy
-                if _is_beyond(corners, point, own_first, own_last, here_x, here_y):
-                    kind = ON_CORNER
-        elif along <= corners[side, LENGTH]:
-            if abs(off) < nearest:
-                nearest, inside = abs(off), off < 0.0
-            if off >= 0.0:
-                kind = ON_SIDE
+        along, off = _seen_from(corners, side, x, y)
+        length = corners[side, LENGTH]
+        kind = ON_SIDE if 0.0 <= along <= length and off >= 0.0 and length > 0.0 else NOTHING
+        ends = length == 0.0 or (past and along < 0.0)
+        if meet and ends and corners[side, CONVEX] > 0.0:
+            dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
+            here_x, here_y = -(cos * dx + sin * dy), sin * dx - cos * dy
+            if _is_beyond(corners, point, own_first, own_last, here_x, here_y):
+                kind, off = ON_CORNER, np.sqrt(dx * dx + dy * dy)
         if kind != NOTHING and off < near and count[0] < limit:
             number = count[0]
             contacts[number, GAP] = off
-            contacts[number, PAST], contacts[number, LEFT] = along, corners[side, LENGTH] - along
+            contacts[number, PAST], contacts[number, LEFT] = along, length - along
             features[number, POINT_BODY], features[number, SIDE_BODY] = point_body, side_body
             features[number, KIND] = kind
-            features[number, KEY] = (point * total + side) * 2 + kind
+            features[number, KEY] = (point * corners.shape[0] + side) * 2 + kind
             count[0] = number + 1
-        past = along > corners[side, LENGTH]
-    return inside, close
-
-
-@compiled
-def _along(corners, side, x, y):
-    """Return how far along a side [m] a point lies."""
-    dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
-    return dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
+        past = along > length
 
 
 @compiled
@@ -173,11 +175,11 @@ def _is_beyond(corners, point, first, last, x, y):
     before = point - 1 if point > first else last - 1
     after = x * corners[point, SIDE_X] + y * corners[point, SIDE_Y]
     ahead = x * corners[before, SIDE_X] + y * corners[before, SIDE_Y]
-    return after <= 0.0 <= ahead
+    return corners[point, LENGTH] == 0.0 or after <= 0.0 <= ahead
 
 
 @compiled
-def _list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin):
+def _list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin, limit):
     """List two corners that have crossed, so that neither is inside the other's outline.
 
     Separating axes of two wedges are the normals of their sides, but those into which the other
@@ -215,7 +217,7 @@ def _list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin):
         features[number, KIND] = ON_SIDE
         which = corner if swapped else point
         features[number, KEY] = (which * corners.shape[0] + best) * 2 + ON_SIDE
-        count[0] = number + 1
+        count[0] = min(number + 1, limit)
 
 
 @compiled
@@ -226,39 +228,53 @@ def _side_before(work, body, corner):
 
 
 @compiled
-def _list_way_out(work, point_body, side_body, point, x, y, cos, sin):
+def _list_way_out(work, point_body, side_body, point, x, y, cos, sin, hole, limit):
     """List the side through which a point inside an outline leaves it soonest.
 
-    A corner will not have entered through a side that one of its own sides dips into.
+    A corner will not have entered through a side that one of its own sides dips into. A point
+    behind a concave corner (`hole`) is behind both sides that meet there, and has to leave both.
     """
-    corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
-    own_first, own_last = work.first_corner[point_body], work.first_corner[point_body + 1]
-    before = point - 1 if point > own_first else own_last - 1
-    best, highest, deepest, past = -1, -np.inf, 0.0, 0.0
+    corners = work.corners
+    own_back = _side_before(work, point_body, point)
     first, last = work.first_corner[side_body], work.first_corner[side_body + 1]
+    best, second, highest = hole, -1, -np.inf
+    if hole >= 0:
+        second = _side_before(work, side_body, hole)
+        first = last
     for side in range(first, last):
-        after = side + 1 if side + 1 < last else first
-        dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
-        along = dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
-        off = dx * corners[side, SIDE_Y] - dy * corners[side, SIDE_X]
-        # Behind a concave corner no side is; there, those that meet in it reach a little further.
-        back = -CROSSED if corners[side, CONVEX] == 0.0 else 0.0
-        ahead = CROSSED if corners[after, CONVEX] == 0.0 else 0.0
-        if back <= along <= corners[side, LENGTH] + ahead and off <= 0.0:
+        along, off = _seen_from(corners, side, x, y)
+        if 0.0 <= along <= corners[side, LENGTH] and off <= 0.0:
             nx, ny = corners[side, SIDE_Y], -corners[side, SIDE_X]
             nx, ny = cos * nx + sin * ny, cos * ny - sin * nx  # in the frame of the point's body
             dips = -(nx * corners[point, SIDE_X] + ny * corners[point, SIDE_Y])
-            dips = max(dips, nx * corners[before, SIDE_X] + ny * corners[before, SIDE_Y])
+            dips = max(dips, nx * corners[own_back, SIDE_X] + ny * corners[own_back, SIDE_Y])
             score = off if dips < FACING else off - CROSSED
             if score > highest:
-                best, highest, deepest, past = side, score, off, along
+                best, highest = side, score
+    _list_inside(work, point_body, side_body, point, best, x, y, limit)
+    _list_inside(work, point_body, side_body, point, second, x, y, limit)
+
+
+@compiled
+def _seen_from(corners, side, x, y):
+    """Return how far along a side [m] a point lies, and how far in front of it."""
+    dx, dy = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
+    along = dx * corners[side, SIDE_X] + dy * corners[side, SIDE_Y]
+    return along, dx * corners[side, SIDE_Y] - dy * corners[side, SIDE_X]
+
+
+@compiled
+def _list_inside(work, point_body, side_body, point, side, x, y, limit):
+    """List a side that a point is behind; none where its number is negative."""
+    corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
     number = count[0]
-    contacts[number, GAP] = deepest
-    contacts[number, PAST], contacts[number, LEFT] = past, corners[best, LENGTH] - past
+    along, off = _seen_from(corners, max(side, 0), x, y)
+    contacts[number, GAP] = off
+    contacts[number, PAST], contacts[number, LEFT] = along, corners[max(side, 0), LENGTH] - along
     features[number, POINT_BODY], features[number, SIDE_BODY] = point_body, side_body
     features[number, KIND] = ON_SIDE
-    features[number, KEY] = (point * corners.shape[0] + best) * 2 + ON_SIDE
-    count[0] = number + (1 if best >= 0 else 0)
+    features[number, KEY] = (point * corners.shape[0] + side) * 2 + ON_SIDE
+    count[0] = min(number + (1 if side >= 0 else 0), limit)
 
 
 @compiled
@@ -286,48 +302,3 @@ def _place_features(work):
             ny = (bodies[point_body, Y] + point_y - bodies[side_body, Y] - corner_y) / distance
         contacts[index, FACE_X], contacts[index, FACE_Y] = nx, ny
         contacts[index, GAP] = distance - bodies[point_body, ROUND] - bodies[side_body, ROUND]
-
-
-@compiled
-def first_touch_of(work, way_x, way_y):
-    """Return how far [m] the tool travels until it touches any body; infinite if never."""
-    bodies = work.bodies
-    nearest = np.inf
-    for row in range(1, bodies.shape[0]):
-        dx, dy = bodies[TOOL, X] - bodies[row, X], bodies[TOOL, Y] - bodies[row, Y]
-        reach = bodies[row, REACH] + bodies[TOOL, ROUND]
-        across = dx * way_y - dy * way_x
-        if abs(across) < reach and dx * way_x + dy * way_y < reach:
-            nearest = min(nearest, _distance_to(work, row, dx, dy, way_x, way_y))
-    return nearest
-
-
-@compiled
-def _distance_to(work, row, dx, dy, way_x, way_y):
-    """Return how far [m] the tool, at (dx, dy) from a body's centre, travels until they touch.
-
-    The tool's axis meets the outline grown by both radii: each side moved outward, and a circle
-    about each convex corner.
-    """
-    bodies, corners = work.bodies, work.corners
-    cos, sin = bodies[row, COS], bodies[row, SIN]
-    x, y = cos * dx + sin * dy, cos * dy - sin * dx
-    ux, uy = cos * way_x + sin * way_y, cos * way_y - sin * way_x
-    rounding = bodies[row, ROUND] + bodies[TOOL, ROUND]
-    nearest = np.inf
-    for side in range(work.first_corner[row], work.first_corner[row + 1]):
-        from_x, from_y = x - corners[side, CORNER_X], y - corners[side, CORNER_Y]
-        closing = uy * corners[side, SIDE_X] - ux * corners[side, SIDE_Y]
-        off = from_x * corners[side, SIDE_Y] - from_y * corners[side, SIDE_X]
-        if closing > 0.0 and off >= 0.0:
-            distance = max((off - rounding) / closing, 0.0)
-            along = (from_x + distance * ux) * corners[side, SIDE_X]
-            along += (from_y + distance * uy) * corners[side, SIDE_Y]
-            if 0.0 <= along <= corners[side, LENGTH]:
-                nearest = min(nearest, distance)
-        if corners[side, CONVEX] == 1.0:
-            ahead = -(from_x * ux + from_y * uy)
-            squared = rounding * rounding - (from_x * from_x + from_y * from_y - ahead * ahead)
-            if squared > 0.0 and ahead > 0.0:
-                nearest = min(nearest, max(ahead - np.sqrt(squared), 0.0))
-    return nearest

@@ -100,11 +100,15 @@ class GoalTracker:
         if task.episode_id not in (0, view.episode_id) or self._result_is_under_way():
             return None
         self._decided = view.key
-        if self._start is None or self._start.episode_id != view.episode_id:
-            self._start = view
+        first = self._start
+        if (
+            first is None
+            or first.episode_id != view.episode_id
+            or len(first.scene) != len(view.scene)
+        ):
+            first = self._start = view
             self._session += 1
-        start = self._start.scene
-        return PlanJob(task, view, start, self._session, self.pushes, self._refused)
+        return PlanJob(task, view, first.scene, self._session, self.pushes, self._refused)
 
     def stop(self, job: PlanJob) -> Stop | None:
         """Return why a job needs no decision; None: it needs one."""

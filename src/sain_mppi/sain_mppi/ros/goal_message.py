@@ -19,8 +19,8 @@ def decode_task(message: Goal) -> Task:
     bodies, values = wire.decode_goal_poses(message)
     ids = message.goal_id, message.episode_id
     if not len(bodies):
-        goal = np.array([message.x, message.y])
-        return Task(*ids, goal, message.tolerance, message.max_pushes)
+        place = np.array([message.x, message.y])
+        return Task(*ids, place, message.tolerance, message.max_pushes)
     poses = []
     for body, row in zip(bodies.tolist(), values.tolist(), strict=True):
         x, y, heading, tolerance, turn = row

@@ -12,25 +12,25 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from sain_core.config import Config, option
-from sain_core.dataset import SHARD_SIZE, Column, Row, describe_fields
+from sain_core.dataset import SHARD_SIZE, Column, describe_fields
 from sain_core.errors import DatasetError
 from sain_core.storage import write_json
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.push_counts import CollectionJournal, PushCounts
 from sain_sim.collecting.ray_workers import RayPool, ray_cluster
-from sain_sim.collecting.shards import (
-    full_shards,
-    last_transition,
-    load_shards,
-    remove_leftovers,
-    write_shard,
-)
+from sain_sim.collecting.shards import ShardWriter, load_by_count, remove_leftovers
 from sain_sim.collecting.workers import ProcessPool, in_order
 
 IDENTITY_FILE: Final = "collection.json"
 CARD_FILE: Final = "card.json"
 
-LATER: Final = ("truth", "target", "parameters")  # settings that older collections do not name
+LATER: Final = (
+    "truth",
+    "target",
+    "parameters",
+    "shapes",
+    "bodies",
+)  # settings that older collections do not name
 
 CollectionProgress = Callable[[int, int], None]  # episodes done, transitions so far
 
@@ -79,22 +79,17 @@ def collect(
     folder = config.out
     _claim(folder, config)
     remove_leftovers(folder)
-    shards = full_shards(folder)
-    last = last_transition(folder, shards - 1) if shards else (0, -1)
-    waiting: list[Row] = []
-    progress(last[0], shards * SHARD_SIZE)
-    journal = CollectionJournal(folder, last[0])
-    with closing(_run(config, last[0])) as results:
-        for episode, result in enumerate(results, start=last[0]):
+    writer = ShardWriter(folder, config.episode.counts)
+    first = writer.first
+    progress(first, writer.shards * SHARD_SIZE)
+    journal = CollectionJournal(folder, first)
+    with closing(_run(config, first)) as results:
+        for episode, result in enumerate(results, start=first):
             journal.add(episode, result.counts)
-            waiting += [row for row in result.transitions if _place(row) > last]
-            while len(waiting) >= SHARD_SIZE:
-                write_shard(folder, shards, waiting[:SHARD_SIZE])
-                shards, waiting = shards + 1, waiting[SHARD_SIZE:]
-            progress(episode + 1, shards * SHARD_SIZE + len(waiting))
-    if waiting:
-        write_shard(folder, shards, waiting)
-    done = Collected(shards * SHARD_SIZE + len(waiting), journal.total)
+            writer.add(result.transitions)
+            progress(episode + 1, writer.rows)
+    writer.finish()
+    done = Collected(writer.rows, journal.total)
     if done.transitions:
         write_json(folder / CARD_FILE, {**_identity(config), **_summary(config, done)})
     return done
@@ -118,11 +113,6 @@ def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, No
     else:
         with closing(EpisodeRunner(*settings)) as runner:
             yield from map(runner.run, episodes)
-
-
-def _place(row: Row) -> tuple[int, int]:
-    """Return the episode of a row and its step."""
-    return int(row[Column.EPISODE]), int(row[Column.STEP])
 
 
 def _identity(config: CollectConfig) -> dict[str, Any]:
@@ -162,12 +152,15 @@ def _read_identity(path: Path) -> dict[str, Any]:
 
 
 def _summary(config: CollectConfig, done: Collected) -> dict[str, Any]:
-    data = load_shards(config.out)
+    found = load_by_count(config.out)
+    fields = {str(count): describe_fields(data) for count, data in found.items()}
+    rows = {str(count): len(data[Column.EPISODE]) for count, data in found.items()}
     return {
         "episodes": config.episodes,
-        "transitions": len(data[Column.EPISODE]),
-        "moved": int(data[Column.MOVED].sum()),
+        "transitions": sum(rows.values()),
+        "moved": sum(int(data[Column.MOVED].sum()) for data in found.values()),
         "tally": {"drawn": done.counts.drawn, "valid": done.counts.valid, **asdict(done.counts)},
         "shard_size": SHARD_SIZE,
-        "fields": describe_fields(data),
+        **({"bodies": rows} if len(rows) > 1 else {}),
+        "fields": next(iter(fields.values())) if len(fields) == 1 else fields,
     }

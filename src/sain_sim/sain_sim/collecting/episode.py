@@ -11,17 +11,20 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from sain_core.config import Config, option
-from sain_core.dataset import MOVED, ROUGH, Column, Row, shape_marks
-from sain_core.errors import SainError
-from sain_core.push import PaperGrid
+from sain_core.dataset import MOVED, ROUGH, Column, Row, describe_bodies
+from sain_core.errors import ConfigError, SainError
+from sain_core.push import PUSH_SIZE, PaperGrid, pushed_bodies
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.seeding import generator
+from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
 from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
+from sain_core.shapes.names import is_plain
 from sain_core.shapes.registry import built_shapes, footprint_names
 from sain_core.types import PushArray
 from sain_sim.collecting.push_counts import PushCounts
-from sain_sim.episodes.samplers import CircleSampler, GridSampler
-from sain_sim.episodes.start import draw_start, wholly_on
+from sain_sim.episodes.nominal_shadow import NominalShadow
+from sain_sim.episodes.samplers import CircleSampler, GridSampler, OutlineSampler
+from sain_sim.episodes.start import draw_bodies_start, draw_start, wholly_on
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.outcome import StrokeOutcome
 from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
@@ -40,6 +43,14 @@ class EpisodeConfig(Config):
     disks: int = option(2, "number of disks N", minimum=2, maximum=5)
     shape: str = option(THREE_FEET, "construction of the disks", choices=DISK_SHAPES)
     target: str = option(DISK, f"what the target is: {', '.join(footprint_names())}")
+    shapes: str = option(
+        "",
+        "shapes with commas between, drawn for each body, and all are pushed; empty: body 0, a"
+        " disk, pushes the others",
+    )
+    bodies: str = option(
+        "", "number of bodies with `shapes`, or a range such as 1-3; empty: as many as disks"
+    )
     parameters: str = option(
         PAPER,
         "masses, radii and friction: the paper's ranges, or wide ones (5 to 12 kg, radii +-20 %,"
@@ -65,6 +76,32 @@ class EpisodeConfig(Config):
         """Check the fields, and that the target's shape exists."""
         super().__post_init__()
         built_shapes([self.target], self.shape)
+        built_shapes(self.shape_names, self.shape)
+        if self.bodies and not self.shapes:
+            raise ConfigError(f"bodies is {self.bodies!r}, and shapes is empty; give both")
+        _ = self.counts  # checks them
+
+    @property
+    def shape_names(self) -> tuple[str, ...]:
+        """The shapes that bodies are drawn from; none: disks and the target."""
+        return tuple(name.strip() for name in self.shapes.split(",") if name.strip())
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """The numbers of bodies that an episode may have."""
+        if not self.bodies:
+            return (self.disks,)
+        low, _, high = self.bodies.partition("-")
+        try:
+            first, last = int(low), int(high or low)
+        except ValueError:
+            first = last = 0
+        if not 1 <= first <= last <= MOST_BODIES:
+            raise ConfigError(
+                f"bodies is {self.bodies!r}; give a number from 1 to {MOST_BODIES}, or a range of"
+                " such, as 1-3"
+            )
+        return tuple(range(first, last + 1))
 
 
 class EpisodeResult(NamedTuple):
@@ -82,23 +119,26 @@ class EpisodeRunner:
         self._seed = seed
         self._config = config
         self._world_config = WorldConfig()
-        self._sampler = GridSampler(PaperGrid()) if config.sampler == GRID else CircleSampler()
+        circle = OutlineSampler() if config.shapes else CircleSampler()
+        self._sampler = GridSampler(PaperGrid()) if config.sampler == GRID else circle
         self._world = World(draw_parameters(generator(seed, "build"), config), self._world_config)
-        self._shadow = BulletPrior(NOMINAL, self._world_config, self._world.parameters)
+        self._shadow = NominalShadow(NOMINAL, self._world_config, self._world.parameters)
 
     def run(self, episode: int) -> EpisodeResult:
         """Return the transitions of one episode, in order, and what became of its pushes."""
         random = generator(self._seed, "episode", episode)
         parameters = draw_parameters(random, self._config)
         table = self._world_config.feasibility.table
-        self._world.reset(draw_start(random, parameters, table), parameters)
+        draw = draw_bodies_start if self._config.shapes else draw_start
+        self._world.reset(draw(random, parameters, table), parameters)
+        self._shadow.truth = parameters
         counts, kept = PushCounts(episodes=1), []
         with ExitStack() as stack:
             floor = None
             if episode < self._config.floor_episodes:
-                floor = stack.enter_context(BulletPrior(TRUE, self._world_config, parameters))
+                floor = stack.enter_context(NominalShadow(TRUE, self._world_config, parameters))
             for step, (push, outcome) in enumerate(self._pushes(random, counts)):
-                moved = _count(outcome, counts)
+                moved = _count(outcome, counts, any_body=bool(self._config.shapes))
                 if moved or not self._config.moved_only:
                     kept.append(self._row(episode, step, push, outcome, moved, floor))
         return EpisodeResult(kept, counts)
@@ -124,7 +164,7 @@ class EpisodeRunner:
         """Draw pushes until one can be carried out; None when none could."""
         scene = self._world.observe()
         for _ in range(self._config.tries):
-            push = self._sampler.draw(random, scene)
+            push = self._sampler.draw(random, scene, self._world.parameters.bodies)
             try:
                 return push, self._world.push(push)
             except SainError as error:  # unreachable or blocked: draw another
@@ -145,7 +185,7 @@ class EpisodeRunner:
         parameters = self._world.parameters
         row: dict[str, Any] = {
             Column.STATE: before.ravel(),
-            Column.ACTION: push,
+            Column.ACTION: push[:PUSH_SIZE],
             Column.PHYSICS_NEXT: self._shadow.predict(before, push).ravel(),
             Column.NEXT_STATE: after.ravel(),
             Column.FLOOR_NEXT: again.ravel(),
@@ -161,7 +201,7 @@ class EpisodeRunner:
             Column.DURATION: outcome.duration,
         }
         rough = {f"{ROUGH}{name}": v for name, v in parameters.roughness.arrays().items()}
-        return {**row, **shape_marks(parameters.shapes), **rough}
+        return {**row, **about_bodies(parameters.bodies, push), **rough}
 
     def close(self) -> None:
         """Let go of the worlds."""
@@ -169,10 +209,18 @@ class EpisodeRunner:
         self._shadow.close()
 
 
-def _count(outcome: StrokeOutcome, counts: PushCounts) -> bool:
-    """Count a push that was carried out; tell whether it moved the target by 2 mm."""
-    way = outcome.after[TARGET, POSITION] - outcome.before[TARGET, POSITION]
-    travel = float(np.linalg.norm(way))
+def about_bodies(bodies: Bodies, push: PushArray) -> dict[str, Any]:
+    """Return the columns of a push against bodies that are not all disks as in the paper."""
+    if is_plain(bodies):
+        return {}
+    return {Column.BODY: int(pushed_bodies(push)), **describe_bodies(bodies)}
+
+
+def _count(outcome: StrokeOutcome, counts: PushCounts, any_body: bool) -> bool:
+    """Count a push that was carried out; tell whether it moved the target, or any, by 2 mm."""
+    way = outcome.after[:, POSITION] - outcome.before[:, POSITION]
+    ways = np.linalg.norm(way, axis=1)
+    travel = float(ways.max() if any_body else ways[TARGET])
     counts.moved += travel >= MOVED
     counts.missed += travel < MISSED
     counts.short += MISSED <= travel < MOVED
@@ -182,6 +230,11 @@ def _count(outcome: StrokeOutcome, counts: PushCounts) -> bool:
 def draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> WorldParameters:
     """Draw what the world of an episode is made of."""
     ranges = RANGES[config.parameters]
+    if config.shapes:
+        count = int(random.choice(config.counts))
+        names = built_shapes(random.choice(config.shape_names, count).tolist(), config.shape)
+        drawn = config.truth.draw(random, count, config.shape, ranges)
+        return replace(drawn, shapes=names, roles=(Role.PUSHABLE,) * count)
     drawn = config.truth.draw(random, config.disks, config.shape, ranges)
     (target,) = built_shapes([config.target], config.shape)
     return replace(drawn, shapes=(drawn.shapes[MID], target, *drawn.shapes[TARGET + 1 :]))

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from sain_core.dataset import (
-    COLLECTED,
     NEEDED,
     SHARD_PATTERN,
     SHARD_SIZE,
@@ -16,7 +15,10 @@ from sain_core.dataset import (
     shard_path,
 )
 from sain_core.errors import DatasetError
+from sain_core.scene import STATE_SIZE
 from sain_core.storage import PARTIAL, read_arrays, write_arrays
+
+Place = tuple[int, int]  # of a row: its episode and its step
 
 
 def write_shard(folder: Path, index: int, rows: Sequence[Row]) -> None:
@@ -25,7 +27,7 @@ def write_shard(folder: Path, index: int, rows: Sequence[Row]) -> None:
     Raises:
         OutputError: when the folder cannot be written, or the disk is full.
     """
-    known = [column for column in COLLECTED if column in rows[0]]
+    known = [column for column in Column if column in rows[0]]
     columns: Columns = {
         str(column): np.array([row[column] for row in rows], dtype=column.dtype) for column in known
     }
@@ -33,6 +35,60 @@ def write_shard(folder: Path, index: int, rows: Sequence[Row]) -> None:
         if name not in columns:  # which shapes there are, and what is rough
             columns[name] = np.stack([np.asarray(row[name]) for row in rows])
     write_arrays(shard_path(folder, index), columns)
+
+
+class ShardWriter:
+    """Gathers rows into shards, each of scenes with one number of bodies.
+
+    Goes on where the whole shards of a folder end: what they hold is not written again.
+    """
+
+    def __init__(self, folder: Path, counts: Sequence[int]) -> None:
+        """Continue a folder of episodes with these numbers of bodies."""
+        self._folder, self.shards = folder, full_shards(folder)
+        self._last: dict[int, Place] = dict.fromkeys(counts, (0, -1))
+        self._waiting: dict[int, list[Row]] = {count: [] for count in counts}
+        for index in range(self.shards):
+            shard = _load(shard_path(folder, index))
+            self._last[bodies_in(shard)] = _last_place(shard)
+
+    @property
+    def first(self) -> int:
+        """The first episode that may have rows which are not written yet."""
+        return min(self._last.values())[0]
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are, written or not."""
+        return self.shards * SHARD_SIZE + sum(map(len, self._waiting.values()))
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Take the rows of the next episode; write the shard that they complete."""
+        for row in rows:
+            count = len(row[Column.MASSES])
+            if _place(row) > self._last[count]:
+                self._waiting[count].append(row)
+        for count in self._waiting:
+            while len(self._waiting[count]) >= SHARD_SIZE:
+                write_shard(self._folder, self.shards, self._waiting[count][:SHARD_SIZE])
+                self._waiting[count] = self._waiting[count][SHARD_SIZE:]
+                self.shards += 1
+
+    def finish(self) -> None:
+        """Write the shards that are not full."""
+        begun = [waiting for waiting in self._waiting.values() if waiting]
+        for number, waiting in enumerate(begun):
+            write_shard(self._folder, self.shards + number, waiting)
+
+
+def _place(row: Row) -> Place:
+    """Return the episode of a row and its step."""
+    return int(row[Column.EPISODE]), int(row[Column.STEP])
+
+
+def bodies_in(shard: Columns) -> int:
+    """Return the number of bodies in the scenes of a shard."""
+    return shard[Column.STATE][0].size // STATE_SIZE
 
 
 def full_shards(folder: Path) -> int:
@@ -45,14 +101,13 @@ def full_shards(folder: Path) -> int:
     return count
 
 
-def last_transition(folder: Path, index: int) -> tuple[int, int]:
-    """Return episode and step of the last transition in the index-th shard."""
-    shard = _load(shard_path(folder, index))
+def _last_place(shard: Columns) -> Place:
+    """Return episode and step of the last transition in a shard."""
     return int(shard[Column.EPISODE][-1]), int(shard[Column.STEP][-1])
 
 
-def load_shards(folder: Path) -> Columns:
-    """Return all transitions of a folder, one array (M, ...) for each column.
+def load_by_count(folder: Path) -> dict[int, Columns]:
+    """Return all transitions of a folder by the number of bodies: an array (M, ...) a column.
 
     Raises:
         DatasetError: when there are none, or a shard is damaged.
@@ -60,8 +115,22 @@ def load_shards(folder: Path) -> Columns:
     paths = sorted(folder.glob(SHARD_PATTERN))
     if not paths:
         raise DatasetError(f"{folder} holds no shards; ros2 run sain_sim collect --out makes some")
-    shards = [_load(path) for path in paths]
-    return {name: np.concatenate([shard[name] for shard in shards]) for name in shards[0]}
+    found: dict[int, list[Columns]] = {}
+    for shard in map(_load, paths):
+        found.setdefault(bodies_in(shard), []).append(shard)
+    return {
+        count: {name: np.concatenate([shard[name] for shard in shards]) for name in shards[0]}
+        for count, shards in sorted(found.items())
+    }
+
+
+def load_shards(folder: Path) -> Columns:
+    """Return all transitions of a folder with one number of bodies, as `load_by_count`."""
+    found = load_by_count(folder)
+    if len(found) > 1:
+        numbers = ", ".join(map(str, found))
+        raise DatasetError(f"{folder} has scenes of {numbers} bodies; read them one by one")
+    return next(iter(found.values()))
 
 
 def _load(path: Path) -> Columns:

@@ -6,7 +6,10 @@ from typing import Final
 import numpy as np
 
 from sain_core.push import PaperGrid, PushLimits
-from sain_core.scene import MID, POSITION, TARGET, wrap_angle
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, wrap_angle
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.outline import outline_of
+from sain_core.shapes.shape import Shape
 from sain_core.types import PushArray, Scene
 
 AIMED: Final = 0.6  # share of pushes aimed through the target
@@ -17,8 +20,10 @@ SHORTEST: Final = 0.02  # [m], shortest travel
 class CircleSampler:
     """Pushes from any side of the disk; a share of them roughly through the target."""
 
-    def draw(self, generator: np.random.Generator, scene: Scene) -> PushArray:
-        """Return a push (3,) for a scene (N, 8)."""
+    def draw(
+        self, generator: np.random.Generator, scene: Scene, bodies: Bodies | None = None
+    ) -> PushArray:
+        """Return a push (3,) for a scene (N, 8) of disks."""
         limits = PushLimits()
         angle = generator.uniform(-limits.max_angle, limits.max_angle)
         length = generator.uniform(SHORTEST, limits.max_length)
@@ -29,6 +34,28 @@ class CircleSampler:
         return np.array([wrap_angle(np.asarray(heading - angle)), angle, length])
 
 
+class OutlineSampler:
+    """Pushes evenly along the outlines of all pushable bodies."""
+
+    def draw(
+        self, generator: np.random.Generator, scene: Scene, bodies: Bodies | None = None
+    ) -> PushArray:
+        """Return a push (4,) for a scene (N, 8) of bodies."""
+        known = bodies or Bodies.disks(len(scene))
+        lengths = [scene[body, RADIUS] * perimeter(known.shapes[body]) for body in known.pushable]
+        body = generator.choice(known.pushable, p=np.array(lengths) / sum(lengths))
+        limits = PushLimits()
+        location = -generator.uniform(-pi, pi)  # (-pi, pi]
+        angle = generator.uniform(-limits.max_angle, limits.max_angle)
+        length = generator.uniform(SHORTEST, limits.max_length)
+        return np.array([location, angle, length, body])
+
+
+def perimeter(shape: Shape) -> float:
+    """Return the length of an outline [radii]."""
+    return 2 * pi if shape.is_round else outline_of(shape).perimeter
+
+
 class GridSampler:
     """The paper's: one of 105 pushes, each as likely (section III-B a)."""
 
@@ -36,6 +63,8 @@ class GridSampler:
         """Draw from this grid."""
         self._pushes = grid.pushes()
 
-    def draw(self, generator: np.random.Generator, scene: Scene) -> PushArray:
+    def draw(
+        self, generator: np.random.Generator, scene: Scene, bodies: Bodies | None = None
+    ) -> PushArray:
         """Return a push (3,), whatever the scene."""
         return np.asarray(self._pushes[generator.integers(len(self._pushes))])

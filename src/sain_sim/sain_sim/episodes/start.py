@@ -36,6 +36,7 @@ Y_RANGE: Final = (-0.22, 0.22)  # [m]
 TOUCHING: Final = 0.5  # share of drawn targets that start at the mid disk
 TOUCHING_GAP: Final = 0.002  # [m], largest gap of those
 TARGET_GAP: Final = 0.06  # [m], largest gap of the others
+TINY: Final = 1e-9  # [m], of rounding
 SPREAD: Final = 0.25  # [m], from the mid disk to further disks, at most, in x and in y
 
 
@@ -133,6 +134,31 @@ def draw_start(
     raise ConfigError(
         f"no room for {parameters.count} disks in {PLACING_TRIES} tries; enlarge spread"
     )
+
+
+def draw_bodies_start(
+    generator: np.random.Generator, parameters: WorldParameters, table: Table
+) -> Scene:
+    """Draw a start (N, 8) of bodies of any shape: each near another one, in any pose.
+
+    Raises:
+        ConfigError: when the bodies find no room.
+    """
+    radii = np.array(parameters.radii)
+    reach = radii * np.array([shape.circumradius for shape in parameters.body_shapes])
+    corners = reach - radii
+    for _ in range(PLACING_TRIES):
+        places = np.empty((parameters.count, 2))
+        places[0] = generator.uniform(*X_RANGE), generator.uniform(*Y_RANGE)
+        for body in range(1, parameters.count):
+            near = int(generator.integers(body))
+            away = reach[near] + reach[body] + generator.uniform(0.0, TARGET_GAP)
+            places[body] = places[near] + away * unit(np.asarray(generator.uniform(-pi, pi)))
+        scene = parameters.scene(places, generator.uniform(-pi, pi, parameters.count))
+        gaps = surface_gaps(scene) - corners[:, None] - corners
+        if gaps.min() >= -TINY and wholly_on(scene, table):
+            return scene
+    raise ConfigError(f"no room for {parameters.count} bodies in {PLACING_TRIES} tries; take fewer")
 
 
 def _least_gap(scene: Scene, corners: Scalars) -> float:

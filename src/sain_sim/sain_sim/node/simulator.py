@@ -109,7 +109,7 @@ class Simulator:
         return self._look()
 
     def push(self, push: PushArray, on_sample: Callable[[Sample], None]) -> Pushed:
-        """Execute a push (3,) or (4,) with samples at the state rate; see `World.push` for errors."""
+        """Execute a push with samples at the state rate; see `World.push` for errors."""
 
         def show(sample: Sample) -> None:
             self.pacer.follow(sample.time)

@@ -109,8 +109,9 @@ class Renderer(Closeable):
         """
         camera = self.camera
         eyes = candidate_eyes(np.array(camera.eye), np.array(camera.focus))
-        targets = np.stack([scene[TARGET, POSITION] for _, scene in moments])
-        radius = TOP_SHARE * float(moments[0][1][TARGET, RADIUS])
+        target = min(TARGET, len(moments[0][1]) - 1)  # or the only body
+        targets = np.stack([scene[target, POSITION] for _, scene in moments])
+        radius = TOP_SHARE * float(moments[0][1][target, RADIUS])
         goals = np.broadcast_to(goal, targets.shape)
         groups = [circle(targets, radius, DISK_HEIGHT), circle(goals, goal_radius, 0.0)]
         capsules = np.stack([self._capsules(joints) for joints, _ in moments])
@@ -176,7 +177,7 @@ class Renderer(Closeable):
         )
         colors = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3]
         body = np.reshape(np.asarray(bodies), (height, width, 1))
-        target = self._disks[TARGET] if len(self._disks) > TARGET else _UNMADE
+        target = self._disks[min(TARGET, len(self._disks) - 1)]
         ring = self._ring if goal is not None else _UNMADE - 1
         self.pixels = Pixels(int((body == target).sum()), int((body == ring).sum()))
         image = _average(np.where(body >= 0, colors, _sky(height)), times)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sain_bags.transitions.message_fields import GOAL_ID
 from sain_bags.transitions.rows import RowBlock
 from sain_core.dataset import RECORDED, SHARD_SIZE, Column, Columns, shard_path
 from sain_core.errors import DatasetError
@@ -85,7 +86,8 @@ def _cut(columns: Columns, rows: slice) -> Columns:
 def _tidy(columns: Columns, rows: slice) -> Columns:
     """Return some rows with columns in order, and texts as wide as the longest of them."""
     tidy = {}
-    for name in map(str, RECORDED):
+    passed = [name for name in (Column.BODY, GOAL_ID) if name in columns]
+    for name in map(str, (*RECORDED, *passed)):
         column = columns[name][rows]
         if column.dtype.kind == "U":
             width = max(int(np.strings.str_len(column).max()), 1)

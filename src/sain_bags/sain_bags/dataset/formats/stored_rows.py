@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from sain_core.dataset import MOVED, Column, Columns, centres
-from sain_core.scene import TARGET
+from sain_core.dataset import MOVED, Column, Columns, as_scenes, centres, row_bodies
+from sain_core.scene import POSITION, TARGET, THETA
 from sain_core.storage import read_arrays
 
 
@@ -56,14 +56,45 @@ class StoredRows:
 
 
 def goal_distance(columns: Columns) -> ndarray:
-    """Return how far from its goal each push left the target (M,) [m]; NaN: there is no goal."""
-    ends = centres(columns[Column.NEXT_STATE])[:, TARGET]
-    return np.asarray(np.linalg.norm(ends - columns[Column.GOAL], axis=-1))
+    """Return how far from its goal each push left the target (M,) [m]; NaN: there is no goal.
+
+    Of a goal of poses: the body that is farthest from its pose.
+    """
+    ends = centres(columns[Column.NEXT_STATE])
+    apart = np.linalg.norm(ends[:, min(TARGET, ends.shape[1] - 1)] - columns[Column.GOAL], axis=-1)
+    if Column.GOAL_POSES not in columns:
+        return np.asarray(apart)
+    far, asked = _pose_errors(columns)[0], _asked(columns)
+    return np.where(asked.any(axis=1), np.where(asked, far, 0.0).max(axis=1), apart)
 
 
 def reached(columns: Columns) -> ndarray:
-    """Return which pushes (M,) left the target within the tolerance of its goal."""
-    return np.asarray(goal_distance(columns) <= columns[Column.TOLERANCE])
+    """Return which pushes (M,) left the target, or all posed bodies, within the tolerances."""
+    at_place = goal_distance(columns) <= columns[Column.TOLERANCE]
+    if Column.GOAL_POSES not in columns:
+        return np.asarray(at_place)
+    far, turned = _pose_errors(columns)
+    asked = _asked(columns)
+    allowed = columns[Column.GOAL_TOLERANCES].reshape(*asked.shape, 2)
+    in_place = (far <= allowed[..., 0]) & ((turned <= allowed[..., 1]) | np.isnan(turned))
+    return np.where(asked.any(axis=1), (in_place | ~asked).all(axis=1), at_place)
+
+
+def _asked(columns: Columns) -> ndarray:
+    """Return which bodies (M, N) have a pose to come to."""
+    poses = columns[Column.GOAL_POSES]
+    return np.asarray(np.isfinite(poses.reshape(len(poses), -1, 3)[..., 0]))
+
+
+def _pose_errors(columns: Columns) -> tuple[ndarray, ndarray]:
+    """Return distances [m] and turns [rad] (M, N) from poses; NaN where none is asked for."""
+    scenes, poses = as_scenes(columns[Column.NEXT_STATE]), columns[Column.GOAL_POSES]
+    poses = poses.reshape(len(poses), -1, 3)
+    turns = np.array([[s.symmetry for s in bodies.shapes] for bodies in row_bodies(columns)])
+    turns = np.where(turns > 0.0, turns, 2 * np.pi)
+    apart = scenes[..., THETA] - poses[..., 2]
+    turned = np.abs(np.mod(apart + turns / 2, turns) - turns / 2)
+    return np.linalg.norm(scenes[..., POSITION] - poses[..., :2], axis=-1), turned
 
 
 def _begins(before: Columns | None, chunk: Columns) -> ndarray:

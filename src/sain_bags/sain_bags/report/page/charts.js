@@ -2,7 +2,7 @@
 
 import { draw } from "./elements.js";
 import { counted, fineMillimetres, milliseconds, tickText, ticks } from "./figures.js";
-import { apart, size } from "./geometry.js";
+import { goalDistance, size } from "./geometry.js";
 
 const NAMES = { physics: "physics", expected: "planner" };
 const LEFT = 34, BOTTOM = 22, TOP = 12;
@@ -54,17 +54,17 @@ function drawErrors(box, width, pushes, choose) {
 
 // The target's way to the goal, over the recorded scenes: it shares its axis with the slider.
 function drawDistance(box, width, episode) {
-  const height = 74, { poses } = episode.frames;
-  const values = poses.map((pose) => apart([...pose[1]], episode.goal));
+  const height = 74, { poses } = episode.frames, what = episode.poses.length ? "bodies" : "target";
+  const values = poses.map((pose) => goalDistance(episode, pose));
   const highest = Math.max(...values, 1000 * episode.tolerance, 1), floor = height - 4;
   const x = (index) => (poses.length > 1 ? (index / (poses.length - 1)) * width : width / 2);
   const y = (value) => floor - (value / highest) * (floor - 18);
-  const svg = canvas(box, width, height, `Distance from target to goal, from ${values[0].toFixed(0)} to ${values.at(-1).toFixed(1)} mm`);
+  const svg = canvas(box, width, height, `Distance from ${what} to goal, from ${values[0].toFixed(0)} to ${values.at(-1).toFixed(1)} mm`);
   const points = values.map((value, index) => `${x(index).toFixed(1)} ${y(value).toFixed(1)}`);
   const reached = floor - y(size(episode.tolerance));
   const cursor = draw("line", { class: "cursor", y1: 14, y2: floor });
   svg.append(
-    draw("text", { x: 0, y: 9 }, "Distance from target to goal"),
+    draw("text", { x: 0, y: 9 }, `Distance from ${what} to goal`),
     draw("text", { x: width, y: 9, "text-anchor": "end" }, `${values[0].toFixed(0)} → ${values.at(-1).toFixed(1)} mm`),
     draw("rect", { class: "tolerance", x: 0, width, y: floor - reached, height: reached }),
     draw("path", { class: "area distance", d: `M0 ${floor}L${points.join("L")}L${width} ${floor}Z` }),

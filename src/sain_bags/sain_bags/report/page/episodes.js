@@ -2,8 +2,8 @@
 
 import { drawDistance, drawErrors } from "./charts.js";
 import { find, make, onWidth } from "./elements.js";
-import { counted, fineMillimetres, fixed, millimetres } from "./figures.js";
-import { apart } from "./geometry.js";
+import { counted, degrees, fineMillimetres, fixed, millimetres } from "./figures.js";
+import { goalDistance } from "./geometry.js";
 import { seriesLegend, topViewLegend } from "./legend.js";
 import { Player } from "./player.js";
 import { pushFacts, pushRows, shownText, verdictText } from "./pushes.js";
@@ -22,7 +22,8 @@ class Episodes {
     find("more").hidden = !more.length;
     find("more").textContent = more.join(" ");
     const others = data.episodes.some((episode) => episode.disks.length > 2);
-    find("legend").replaceChildren(...topViewLegend(others, (name, on) => this.toggle(name, on)));
+    const named = data.episodes.some((episode) => episode.disks.some((disk) => disk.name));
+    find("legend").replaceChildren(...topViewLegend(others, named, (name, on) => this.toggle(name, on)));
     onWidth(find("distance"), () => this.drawCharts());
     onWidth(find("errors"), () => this.drawCharts());
     this.choose(Math.max(data.episodes.findIndex((episode) => episode.pushes.length), 0));
@@ -44,7 +45,8 @@ class Episodes {
     this.push = undefined;
     this.buttons.forEach((button, number) => button.setAttribute("aria-pressed", String(number === place)));
     const { episode } = this, refused = episode.counts.refused ? `, ${episode.counts.refused} refused` : "";
-    const goal = episode.goal ? `, goal ${episode.outcome} (tolerance ${millimetres(episode.tolerance)})` : ", without a goal";
+    const turn = episode.turn === null ? "" : `, ${degrees(episode.turn)} from the heading`;
+    const goal = episode.goal ? `, goal ${episode.outcome} (tolerance ${millimetres(episode.tolerance)}${turn})` : ", without a goal";
     find("episode-title").textContent = `${episode.title}: ${counted(episode.counts.executed, "push", "pushes")}${refused}${goal}`;
     find("shown").textContent = shownText(episode);
     find("verdict").textContent = verdictText(episode);
@@ -94,7 +96,7 @@ class Episodes {
     this.view.moveTo(index);
     this.moveCursor(index);
     const time = fixed(episode.frames.time[index], 2, "s");
-    const distance = episode.goal ? ` · target ${fineMillimetres(apart(episode.frames.poses[index][1], episode.goal) / 1000)} from the goal` : "";
+    const distance = episode.goal ? ` · ${episode.poses.length ? "bodies" : "target"} ${fineMillimetres(goalDistance(episode, episode.frames.poses[index]) / 1000)} from the goal` : "";
     find("moment").textContent = `${time}${distance}`;
     find("slider").setAttribute("aria-valuetext", `${time}${number < 0 ? "" : `, push ${number + 1} of ${episode.pushes.length}`}${distance}`);
     if (number !== this.push) this.showPush(number);

@@ -33,6 +33,12 @@ function apart(one, other) {
   return 1000 * Math.hypot(one[0] - other[0], one[1] - other[1]);
 }
 
+// The distance from the target to its goal, or the largest of bodies to their poses [mm].
+function goalDistance(episode, poses) {
+  const wanted = episode.poses.length ? episode.poses : [{ body: episode.aimed, x: episode.goal[0], y: episode.goal[1] }];
+  return Math.max(...wanted.map(({ body, x, y }) => (poses[body] ? apart(poses[body], [x, y]) : 0)));
+}
+
 function wayLength(poses, number) {
   let sum = 0;
   for (let index = 1; index < poses.length; index += 1) sum += apart(poses[index - 1][number], poses[index][number]);
@@ -45,4 +51,4 @@ function sector(inner, outer, bearing) {
     `L${inner * c} ${inner * s}A${inner} ${inner} 0 ${large} 0 ${inner * c} ${-inner * s}Z`;
 }
 
-export { apart, diskClass, outline, place, sector, size, turn, wayLength };
+export { apart, diskClass, goalDistance, outline, place, sector, size, turn, wayLength };

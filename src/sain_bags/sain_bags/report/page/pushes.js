@@ -25,11 +25,23 @@ function outcomeText(push) {
   return [push.outcome === "refused" ? `refused, ${push.reason}` : "", push.message].filter(Boolean).join(": ");
 }
 
+// What a body is called: by the paper's words, or by its place and shape.
+function bodyName(episode, number) {
+  const body = episode.disks[number];
+  return body?.name ? `${number} (${body.name})` : ["mid disk", "target"][number] ?? `disk ${number}`;
+}
+
+function named(episode) {
+  return episode.disks.some((disk) => disk.name);
+}
+
 function pushFacts(push, number, episode) {
+  const aimed = named(episode) ? bodyName(episode, episode.aimed) : "Target";
   const facts = [
+    ["Body", named(episode) ? bodyName(episode, push.body) : null],
     ["Tool at", degrees(push.location)], ["Direction", degrees(push.angle)], ["Travel", millimetres(push.length)],
-    ["Target moved", millimetres(push.moved)],
-    ["Target to goal", episode.goal ? `${millimetres(push.distance[0])} → ${millimetres(push.distance[1])}` : null],
+    [`${aimed} moved`, millimetres(push.moved)],
+    [`${aimed} to goal`, episode.goal ? `${millimetres(push.distance[0])} → ${millimetres(push.distance[1])}` : null],
     [`Error of ${push.physicsModel || "physics"}`, push.physicsError === null ? null : fineMillimetres(push.physicsError)],
     [`Error of ${push.model || "the planner"}`, push.expectedError === null ? null : fineMillimetres(push.expectedError)],
     ["Planning time", push.planning === null ? null : milliseconds(push.planning)],
@@ -54,13 +66,15 @@ const COLUMNS = [
 function pushRows(episode, jump) {
   if (!episode.pushes.length) return [];
   const remarks = episode.pushes.some((push) => outcomeText(push));
-  const heads = ["Push", ...COLUMNS.map(([name]) => name), ...(remarks ? ["Remark"] : [])];
+  const renamed = COLUMNS.map(([name, text]) => [name.replace("Target", bodyName(episode, episode.aimed)), text]);
+  const columns = named(episode) ? [["Body", (push) => bodyName(episode, push.body)], ...renamed] : COLUMNS;
+  const heads = ["Push", ...columns.map(([name]) => name), ...(remarks ? ["Remark"] : [])];
   const head = make("tr", {}, ...heads.map((name) => make("th", { scope: "col", class: name === "Remark" ? "left" : null }, name)));
   const rows = episode.pushes.map((push, number) => {
     const button = make("button", { type: "button", "aria-label": `Go to push ${number + 1}` }, String(number + 1));
     button.addEventListener("click", () => jump(number));
     const remark = remarks ? [make("td", { class: "wide left alarm" }, outcomeText(push))] : [];
-    const cells = COLUMNS.map(([name, text]) => make("td", { "data-head": name }, text(push)));
+    const cells = columns.map(([name, text]) => make("td", { "data-head": name }, text(push)));
     return make("tr", { class: push.outcome }, make("td", {}, button), ...cells, ...remark);
   });
   return [make("thead", {}, head), make("tbody", {}, ...rows)];

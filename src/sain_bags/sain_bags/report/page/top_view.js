@@ -64,11 +64,16 @@ class TopView {
 
   drawGoal() {
     if (!this.episode.goal) return;
-    const [x, y] = place(this.episode.goal), arm = this.px(7);
-    this.layers.goal.append(
-      draw("circle", { class: "ring", cx: x, cy: y, r: size(this.episode.tolerance) }),
-      draw("path", { class: "cross", d: `M${x - arm} ${y}h${2 * arm}M${x} ${y - arm}v${2 * arm}` }),
-    );
+    const [gx, gy] = this.episode.goal, { poses, tolerance } = this.episode;
+    for (const pose of poses.length ? poses : [{ x: gx, y: gy, heading: null, tolerance }]) {
+      const [x, y] = place([pose.x, pose.y]), arm = this.px(7), body = this.episode.disks[pose.body];
+      const shape = body && pose.heading !== null ? [outline(body, [pose.x, pose.y, pose.heading], { class: "wanted" })] : [];
+      this.layers.goal.append(
+        ...shape,
+        draw("circle", { class: "ring", cx: x, cy: y, r: size(pose.tolerance) }),
+        draw("path", { class: "cross", d: `M${x - arm} ${y}h${2 * arm}M${x} ${y - arm}v${2 * arm}` }),
+      );
+    }
   }
 
   drawDisks() {
@@ -76,8 +81,9 @@ class TopView {
     this.disks = this.episode.disks.map((disk, number) => {
       const name = diskClass(number), r = size(disk.radius);
       this.layers.starts.append(outline(disk, poses[0][number], { class: `start ${name}` }));
-      const group = draw("g", { class: `disk ${name}`, "data-disk": number },
-        outline(disk, [0, 0, 0]), draw("line", { x1: 0.62 * r, x2: 0.94 * r }));
+      const fixed = disk.role === "fixed" ? " fixed" : "";
+      const group = draw("g", { class: `disk ${name}${fixed}`, "data-disk": number },
+        outline(disk, [0, 0, 0]), ...(disk.name && disk.outline ? [] : [draw("line", { x1: 0.62 * r, x2: 0.94 * r })]));
       this.layers.disks.append(group);
       const paths = ["ahead", "behind"].map((part) => draw("polyline", { class: `path ${part} ${name}` }));
       const points = poses.map((pose) => place(pose[number]).map((value) => value.toFixed(1)).join(","));

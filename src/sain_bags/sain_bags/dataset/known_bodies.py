@@ -1,0 +1,102 @@
+"""Shapes, roles and goals of poses, which scenes do not show: a recording states them apart."""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import numpy as np
+from numpy import ndarray
+
+from sain_bags.transitions.message_fields import BODIES, GOAL, GOAL_ID, parent_of
+from sain_bags.transitions.sources import Source
+from sain_core.dataset import POSED, SHAPED, Column, Columns, describe_bodies
+from sain_core.errors import DatasetError, SainError
+from sain_core.shapes.bodies import MOST_BODIES, Bodies
+from sain_core.shapes.names import is_plain
+from sain_core.shapes.received import decode_bodies
+from sain_core.wire import decode_goal_poses
+
+POSE: Final = 3  # numbers: x, y, heading
+Key = tuple[str, int]  # a bag, and an id of an episode or of a goal in it
+
+
+class KnownBodies:
+    """The bodies of the episodes of recordings, and the poses that their goals ask for."""
+
+    def __init__(self, sources: Sequence[Source]) -> None:
+        """Read them.
+
+        Raises:
+            DatasetError: a recording is damaged; bodies that cannot be, or that change within an
+                episode; a goal that cannot be.
+        """
+        self._bodies: dict[Key, Bodies] = {}
+        self._poses: dict[Key, ndarray] = {}  # (MOST_BODIES, 5); NaN: not asked
+        for source in sources:
+            try:
+                self._read(source)
+            except SainError as error:
+                raise DatasetError(f"{source.bag.path}: {error}") from error
+        self._shaped = bool(self._poses) or not all(map(is_plain, self._bodies.values()))
+
+    def of_bag(self, sha256: str) -> Callable[[int], Bodies | None]:
+        """Return what tells the bodies of an episode of a recording; None: the paper's disks."""
+        return lambda episode: self._bodies.get((sha256, episode))
+
+    def added_to(self, columns: Columns) -> Columns:
+        """Return columns with those of bodies and poses; without, where no recording has any."""
+        goals = columns[GOAL_ID]
+        columns = {name: values for name, values in columns.items() if name != GOAL_ID}
+        if not self._shaped:
+            return {name: values for name, values in columns.items() if name not in SHAPED}
+        bags, episodes = columns[Column.BAG_SHA256].tolist(), columns[Column.BAG_EPISODE].tolist()
+        count = columns[Column.MASSES].shape[1]
+        disks = Bodies.disks(count)
+        known = [self._bodies.get(key, disks) for key in zip(bags, episodes, strict=True)]
+        about = [describe_bodies(bodies) for bodies in known]
+        columns = columns | {
+            str(name): np.array([row[name] for row in about]) for name in SHAPED[1:]
+        }
+        if not self._poses:
+            return columns
+        nothing = np.full((MOST_BODIES, POSE + 2), np.nan)
+        keys = zip(bags, goals.tolist(), strict=True)
+        values = np.stack([self._poses.get(key, nothing) for key in keys])[:, :count]
+        posed = np.isfinite(values).any(axis=(1, 2))
+        for name in (Column.GOAL, Column.TOLERANCE):  # these are of the target
+            columns[name] = columns[name].copy()
+            columns[name][posed] = np.nan
+        parts = values[..., :POSE], values[..., POSE:]
+        flat = (np.ascontiguousarray(part).reshape(len(part), -1) for part in parts)
+        return columns | dict(zip(map(str, POSED), flat, strict=True))
+
+    def _read(self, source: Source) -> None:
+        topics = {
+            topic.name
+            for topic in source.bag.topics
+            if topic.type in (BODIES, GOAL) and parent_of(topic.name) == source.namespace
+        }
+        for received in source.bag.messages(topics):
+            message, sha256 = received.message, source.sha256
+            if received.type == GOAL:
+                self._goal(sha256, message)
+                continue
+            bodies, key = decode_bodies(message), (sha256, int(message.episode_id))
+            if self._bodies.setdefault(key, bodies) != bodies:
+                raise DatasetError(
+                    f"the bodies of episode {message.episode_id} change within it: first"
+                    f" {_names(self._bodies[key])}, then {_names(bodies)}"
+                )
+
+    def _goal(self, sha256: str, message: object) -> None:
+        bodies, values = decode_goal_poses(message)
+        if not len(bodies):
+            return
+        if (bodies >= MOST_BODIES).any():
+            raise DatasetError(f"a goal is given for body {bodies.max()}; at most {MOST_BODIES}")
+        poses = np.full((MOST_BODIES, values.shape[1]), np.nan)
+        poses[bodies] = values
+        self._poses[sha256, int(getattr(message, GOAL_ID))] = poses
+
+
+def _names(bodies: Bodies) -> str:
+    return ", ".join(shape.name for shape in bodies.shapes)

@@ -1,0 +1,106 @@
+"""Pushes and plans as a recording has them."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from sain_core.errors import ErrorCode
+from sain_core.push import PUSH_NAMES
+from sain_core.push_record import PushRecord
+from sain_core.types import PushArray, Pushes, Scene, Scenes
+from sain_core.wire import decode_disks, decode_plan, decode_push, pushed_body, with_body
+
+
+@dataclass(frozen=True)
+class PlanRecord:
+    """One decision of the planner."""
+
+    plan_id: int
+    push_id: int  # of the push it sent, 0: none
+    status: int  # sain_interfaces/msg/Plan
+    error_code: int
+    error_message: str
+    dynamics: str
+    fallback: bool
+    pushes: Pushes  # (H, 3)
+    predicted: Scenes  # (H, N, 8), the scene after each
+    goal_distance: float  # [m]
+    planning_time: float  # [s]
+
+
+@dataclass(frozen=True)
+class RecordedPush:
+    """A push as a recording has it: executed, refused, or without a result."""
+
+    push_id: int
+    push: PushArray  # (3,) or (4,)
+    before: Scene | None  # (N, 8); None: it came before there was a scene
+    after: Scene | None  # (N, 8)
+    error_code: int
+    error_message: str
+    source: str
+    duration: float  # [s] simulated
+    wall_time: float  # [s]
+    plan: PlanRecord | None = None
+    physics: Scene | None = None  # (N, 8), f_p(s, a)
+    physics_model: str = ""
+
+    @property
+    def executed(self) -> bool:
+        """Whether it was carried out; a refused push moved nothing."""
+        return self.error_code == ErrorCode.OK
+
+    @property
+    def predicted(self) -> Scene | None:
+        """The scene (N, 8) that the planner expected after this push."""
+        if self.plan is None or not len(self.plan.predicted):
+            return None
+        return np.asarray(self.plan.predicted[0])
+
+    @property
+    def record(self) -> PushRecord | None:
+        """The record of a push that was executed; None: it was not, or a scene is missing."""
+        if not self.executed or self.before is None or self.after is None:
+            return None
+        time = self.plan.planning_time if self.plan else 0.0
+        return PushRecord(self.push, self.before, self.predicted, self.physics, self.after, time)
+
+
+def push_as_sent(message: Any) -> PushArray:
+    """Return a push (3,) or (4,), whatever it holds: one that was refused may hold NaN."""
+    numbers = np.array([getattr(message, name) for name in PUSH_NAMES], dtype=np.float64)
+    return with_body(numbers, pushed_body(message))
+
+
+def recorded_push(
+    result: Any, plans: dict[int, PlanRecord], physics: dict[int, Any]
+) -> RecordedPush:
+    """Return a push by its result, with its plan and what physics predicted."""
+    executed = result.error_code == ErrorCode.OK
+    predicted = physics.get(result.push_id)
+    if predicted is not None and predicted.error_code != ErrorCode.OK:
+        predicted = None
+    push = result.push
+    return RecordedPush(
+        push_id=result.push_id,
+        push=decode_push(push) if executed else push_as_sent(push),
+        before=decode_disks(result.before.disks) if result.before.disks else None,
+        after=decode_disks(result.after.disks) if result.after.disks else None,
+        error_code=result.error_code,
+        error_message=result.error_message,
+        source=push.source,
+        duration=result.duration,
+        wall_time=result.wall_time,
+        plan=plans.get(result.push_id),
+        physics=None if predicted is None else decode_disks(predicted.disks),
+        physics_model="" if predicted is None else predicted.model,
+    )
+
+
+def recorded_plan(message: Any) -> PlanRecord:
+    """Return a decision of the planner."""
+    pushes, predicted = decode_plan(message)
+    decoded: dict[str, Any] = {"pushes": pushes, "predicted": predicted}
+    names = [field.name for field in fields(PlanRecord) if field.name not in decoded]
+    return PlanRecord(**{name: getattr(message, name) for name in names}, **decoded)

@@ -1,0 +1,214 @@
+"""Recordings of bodies that are no disks, and recordings from before there were such."""
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.typesys import get_types_from_msg
+
+from sain_bags.dataset.conversion import ConversionConfig, convert
+from sain_bags.dataset.formats.stored_rows import goal_distance, reached
+from sain_bags.reading.reader import Bag
+from sain_bags.report.content import read_content
+from sain_bags.transitions.recorded_episodes import read_episodes
+from sain_core.dataset import Column, row_bodies
+from sain_core.errors import DatasetError
+from sain_core.scene import make_scene
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.registry import get_shape
+from sain_model.physics.planar import PlanarPrior
+from tests.sain_bags.conftest import Messages, resting_scene
+from tests.sain_bags.dataset.conftest import read_npz
+
+POSE = (0.52, 0.01, 0.3)
+KEPT = ConversionConfig(keep_unsettled=True)
+LATER = re.compile(
+    r"^(uint32 body |GoalPose|uint32\[\] (keep|push_bodies)|float64 (keep_tol|goal_turn)"
+    r"|string\[\] roles).*\n",
+    re.MULTILINE,
+)
+
+
+def scene(x: float, heading: float) -> np.ndarray:
+    """A T and a disk that nothing moves."""
+    places = np.array([(x, 0.0), (0.62, 0.25)])
+    return make_scene(places, np.full(2, 8.0), np.array([0.09, 0.05]), np.array([heading, 0.0]))
+
+
+def add_bodies(recording: Any, episode: int, names: tuple[str, ...] = ("t", "disk")) -> None:
+    make = recording.messages.make
+    bodies = []
+    for name, radius, role in zip(names, (0.09, 0.05), ("pushable", "fixed"), strict=True):
+        parts = []
+        for part in get_shape(name).parts(radius):
+            points = [make("geometry_msgs/msg/Point32", x=x, y=y, z=0.0) for x, y in part.tolist()]
+            polygon = make("geometry_msgs/msg/Polygon", points=points)
+            kind = {"type": 5, "dimensions": np.array([0.04]), "polygon": polygon}
+            if name == "disk":
+                kind = {"type": 3, "dimensions": np.array([0.04, radius])}
+            parts.append(make("shape_msgs/msg/SolidPrimitive", **kind))
+        about = {"name": name, "role": role, "radius": radius, "parts": parts}
+        bodies.append(make("sain_interfaces/msg/Body", **about))
+    recording.add("/sain/shapes", "Bodies", episode_id=episode, bodies=bodies)
+
+
+def add_pose_goal(recording: Any, goal_id: int, episode: int) -> None:
+    x, y, heading = POSE
+    pose = recording.messages.make(
+        "sain_interfaces/msg/GoalPose",
+        body=0, x=x, y=y, heading=heading, has_heading=True, tolerance=0.02, heading_tolerance=0.1,
+    )  # fmt: skip
+    recording.add(
+        "/sain/goal", "Goal", goal_id=goal_id, episode_id=episode, poses=[pose], tolerance=0.02
+    )
+
+
+STATES = (scene(0.45, 0.0), scene(0.48, 0.1), scene(0.515, 0.35))
+
+
+@pytest.fixture
+def shaped_bag(record: Callable[..., Any], tmp_path: Path) -> Path:
+    recording = record("shaped")
+    add_bodies(recording, 2)
+    recording.scene(2, 1, STATES[0])
+    add_pose_goal(recording, 77, 2)
+    for number in (1, 2):
+        recording.push(number, 2, STATES[number - 1], STATES[number])
+    recording.writer.close()
+    return tmp_path / "shaped"
+
+
+def test_rows_have_shapes_roles_body_and_poses(shaped_bag: Path, tmp_path: Path) -> None:
+    convert([shaped_bag], tmp_path / "npz", KEPT)
+    rows = read_npz(tmp_path / "npz")
+    assert row_bodies(rows) == [Bodies.named(["t", "disk"], ["pushable", "fixed"])] * 2
+    assert rows[Column.BODY].tolist() == [0, 0]
+    np.testing.assert_array_equal(rows[Column.GOAL_POSES][0], [*POSE, np.nan, np.nan, np.nan])
+    np.testing.assert_array_equal(rows[Column.GOAL_TOLERANCES][0], [0.02, 0.1, np.nan, np.nan])
+    assert np.isnan(rows[Column.GOAL]).all()
+    np.testing.assert_allclose(goal_distance(rows), np.hypot([0.04, 0.005], 0.01))
+    assert reached(rows).tolist() == [False, True]
+    card = json.loads((tmp_path / "npz" / "card.json").read_text())
+    assert card["shapes"] == {"t,disk": 2}
+    assert card["roles"] == {"pushable,fixed": 2}
+
+
+def test_a_push_without_a_prediction_is_predicted_with_its_shape(
+    record: Callable[..., Any], tmp_path: Path
+) -> None:
+    recording = record("bare")
+    add_bodies(recording, 2)
+    make, disks = recording.messages.make, recording.messages.disks
+    push = make("sain_interfaces/msg/Push", push_id=1, location=0.7, length=0.06, episode_id=2)
+    before, after = (make("sain_interfaces/msg/Scene", disks=disks(s)) for s in STATES[:2])
+    before.settled = after.settled = True
+    recording.add(
+        "/sain/push_result", "PushResult",
+        push_id=1, episode_id=2, error_code=1, push=push, before=before, after=after,
+    )  # fmt: skip
+    recording.writer.close()
+    convert([tmp_path / "bare"], tmp_path / "npz")
+    rows = read_npz(tmp_path / "npz")
+    prior = PlanarPrior().with_bodies(row_bodies(rows)[0])
+    expected = prior.step(STATES[0][None], np.array([[0.7, 0.0, 0.06]]))
+    np.testing.assert_array_equal(rows[Column.PHYSICS_NEXT], expected.reshape(1, -1))
+    assert np.abs(expected[0] - STATES[0]).max() > 0.01
+
+
+def test_every_format_takes_them(shaped_bag: Path, tmp_path: Path) -> None:
+    import pyarrow.parquet
+
+    for name in ("parquet", "minari", "lerobot"):
+        convert([shaped_bag], tmp_path / name, replace(KEPT, format=name))
+    table = pyarrow.parquet.read_table(next((tmp_path / "parquet").glob("*.parquet"))).to_pydict()
+    assert table["shapes"] == ["t,disk"] * 2
+    assert table["goal_poses"][0][:3] == list(POSE)
+
+
+def test_recordings_with_and_without_shapes_become_one_data_set(
+    shaped_bag: Path, episode_bag: Path, tmp_path: Path
+) -> None:
+    convert([shaped_bag, episode_bag], tmp_path / "both", KEPT)
+    rows = read_npz(tmp_path / "both")
+    assert set(rows[Column.SHAPES]) == {"t,disk", "disk,disk"}
+    posed = np.isfinite(rows[Column.GOAL_POSES]).any(axis=1)
+    assert posed.tolist() == [shapes == "t,disk" for shapes in rows[Column.SHAPES]]
+    assert np.isfinite(rows[Column.GOAL][~posed]).all()
+
+
+def test_shapes_that_change_within_an_episode_are_named(
+    record: Callable[..., Any], tmp_path: Path
+) -> None:
+    recording = record("torn")
+    add_bodies(recording, 2)
+    add_bodies(recording, 2, ("l", "disk"))
+    recording.push(1, 2, *STATES[:2])
+    recording.writer.close()
+    with pytest.raises(DatasetError, match=r"episode 2 change within it: first t, .*, then l"):
+        convert([tmp_path / "torn"], tmp_path / "npz")
+
+
+def test_episodes_and_the_page_have_bodies_and_poses(shaped_bag: Path) -> None:
+    (episode,) = read_episodes(Bag(shaped_bag))
+    assert episode.success
+    assert episode.final_distance == pytest.approx(np.hypot(0.005, 0.01))
+    assert episode.poses is not None
+    assert episode.poses.turns(episode.final) == pytest.approx([0.05])
+    content = read_content(Bag(shaped_bag)).data
+    (shown,) = content["episodes"]
+    assert [disk["name"] for disk in shown["disks"]] == ["t", "disk"]
+    assert shown["disks"][1]["role"] == "fixed"
+    np.testing.assert_allclose(
+        shown["disks"][0]["outline"], get_shape("t").outline(0.09), atol=1e-7
+    )
+    assert shown["poses"] == [
+        {"body": 0, "x": 0.52, "y": 0.01, "heading": 0.3, "tolerance": 0.02, "turn": 0.1}
+    ]
+    assert [push["body"] for push in shown["pushes"]] == [0, 0]
+    assert shown["pushes"][0]["moved"] == pytest.approx(0.03)
+
+
+class OldMessages(Messages):
+    """The graph's messages as they were before there were shapes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        text = self.definitions.text
+        self.definitions.text = lambda name: LATER.sub("", text(name))  # type: ignore[method-assign]
+        for name in ("Push", "Goal", "Plan", "PushResult", "WorldParameters"):
+            full = f"sain_interfaces/msg/{name}"
+            found = get_types_from_msg(self.definitions.text(full), full)
+            del self.store.fielddefs[full]
+            self.store.register(found)
+
+
+def test_older_recordings_mean_the_same(
+    record: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shards = {}
+    for age, messages in (("old", OldMessages()), ("new", Messages())):
+        recording = record(age)
+        recording.messages = messages
+        start, after = resting_scene(0.45), resting_scene(0.60)
+        recording.scene(2, 1, start)
+        goal = {"goal_id": 5, "episode_id": 2, "x": 0.8, "y": 0.0, "tolerance": 0.02}
+        recording.add("/sain/goal", "Goal", **goal)
+        recording.push(1, 2, start, after)
+        recording.writer.close()
+        bag = Bag(tmp_path / age)
+        definition = next(c.definition() for c in bag.channels if c.type.endswith("PushResult"))
+        assert ("uint32 body" in definition) == (age == "new")
+        convert([tmp_path / age], tmp_path / f"{age}-npz", KEPT)
+        shards[age] = read_npz(tmp_path / f"{age}-npz")
+        (episode,) = read_episodes(bag)
+        assert (episode.poses, episode.bodies, len(episode.executed)) == (None, None, 1)
+        assert read_content(bag).data["episodes"][0]["pushes"][0]["body"] == 0
+    assert list(shards["old"]) == list(shards["new"])
+    for name in set(shards["old"]) - {"bag_sha256", "log_time"}:
+        np.testing.assert_array_equal(shards["old"][name], shards["new"][name], name)
+    assert "body" not in shards["old"]

@@ -1,0 +1,192 @@
+"""Episodes towards poses with the real arm world, and what a person reads where one cannot be."""
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+
+from sain_core.drawing.figures import write_png
+from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.scene import POSITION, make_scene
+from sain_eval.loop.closed_loop import run_episode
+from sain_eval.loop.controllers import agent_maker
+from sain_eval.loop.results import scene_records
+from sain_eval.plots.pictures import draw_episode
+from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.shape_scenarios import StreakScenario
+from sain_eval.tolerance import Tolerance
+from sain_mppi.loop.agent import Agent, AgentConfig
+from sain_mppi.loop.decision import Decider, PushDecision
+from sain_mppi.search.poses import BodyPose, PoseGoal
+
+PUSH_T = SCENARIOS["push_t"].scene(9)
+ROW = np.stack([np.full(10, 0.45), np.linspace(-0.45, 0.45, 10)], axis=-1)
+
+
+def scene_of(shapes, places, poses, roles=(), size=0.045) -> ScenarioScene:
+    """Return a scene of bodies of one circumscribed radius [m], at headings of 0."""
+    count = len(shapes)
+    disks = make_scene(np.array(places), np.full(count, 8.0), np.full(count, size))
+    return ScenarioScene(
+        "test", 0, disks, 0.12, shapes, PoseGoal(poses), 2, roles=roles or ("pushable",) * count
+    )
+
+
+def play(case, name="planar", tolerance=Tolerance(0.02, 0.1)):
+    return run_episode(case, agent_maker(name)(case), tolerance)
+
+
+def test_planning_with_the_planar_prior_brings_a_t_to_its_pose():
+    outcome = play(PUSH_T)
+    record = outcome.record
+    assert outcome.failure == "" and not outcome.fallen and outcome.refusals == 0
+    assert record.final_distance <= 0.02 and record.final_turn <= 0.1
+    assert record.shapes == ("t",) and record.bodies.pushable == (0,)
+    (judged,) = scene_records(PUSH_T, "planar", outcome, (Tolerance(0.02, 0.1),))
+    assert judged.success and judged.heading_tolerance == 0.1 and judged.mid_errors == ()
+    assert len(judged.turn_errors) == len(judged.target_errors) == judged.pushes
+    assert max(judged.target_errors) < 0.03 and min(judged.plan_seconds) > 0.0
+
+
+def test_the_same_scene_is_played_the_same_way_twice():
+    first, second = (play(replace(PUSH_T, max_pushes=2)) for _ in range(2))
+    assert first.final.tobytes() == second.final.tobytes()
+
+
+def test_goals_in_a_row_follow_each_other_without_a_reset():
+    case = StreakScenario(goals=2).scene(0)
+    outcome = play(case, tolerance=Tolerance(0.05, 0.5))
+    first, second = outcome.records
+    assert outcome.failure == ""
+    np.testing.assert_array_equal(second.start, first.scenes[-1])
+    (judged,) = scene_records(case, "planar", outcome, (Tolerance(0.05, 0.5),))
+    assert judged.success and judged.goals == 2
+    assert judged.pushes == len(first.pushes) + len(second.pushes)
+
+
+def test_a_row_of_goals_ends_with_the_first_that_fails():
+    case = replace(StreakScenario(goals=3).scene(0), max_pushes=1)
+    outcome = play(case)
+    assert len(outcome.records) == 1
+    (judged,) = scene_records(case, "planar", outcome, (0.02,))
+    assert not judged.success and judged.goals == 0 and judged.pushes == 1
+
+
+def test_what_is_left_of_each_pose_is_in_the_reason():
+    outcome = play(replace(PUSH_T, max_pushes=1), tolerance=Tolerance(0.001, 0.001))
+    assert outcome.failure.startswith("1 pushes left body 0 ")
+    assert "mm and 0." in outcome.failure and outcome.failure.endswith("rad from its pose")
+
+
+def test_a_controller_for_targets_refuses_poses():
+    outcome = play(PUSH_T, "straight")
+    assert outcome.failure == (
+        "NoPushError: the controller straight brings a target to a place, and the goal is poses;"
+        " choose random, planar or another model"
+    )
+
+
+class Fixed(Decider):
+    """Makes the same push, whatever the scene."""
+
+    def decide(self, job, generator):
+        return PushDecision(job, np.array([0.0, 0.0, 0.128]))
+
+
+def test_a_body_that_was_pushed_off_the_table_is_the_reason():
+    disks = make_scene(np.array([[0.25, 0.0]]), np.full(1, 8.0), np.full(1, 0.09), np.full(1, pi))
+    case = ScenarioScene(
+        "test", 0, disks, 0.12, ("square",), PoseGoal((BodyPose(0, 0.5, 0.0, 0.0),)), 5
+    )
+    outcome = run_episode(case, Agent(Fixed(), AgentConfig()), 0.02)
+    assert (
+        outcome.failure.startswith("push 1 moved body 0 off the table, to (0.") and outcome.fallen
+    )
+
+
+def test_random_pushes_are_against_pushable_bodies_of_any_shape():
+    poses = (BodyPose(2, 0.5, -0.1, 0.0),)
+    places = ((0.4, -0.2), (0.4, 0.0), (0.4, 0.2))
+    case = scene_of(("t", "disk", "star"), places, poses, ("movable", "pushable", "pushable"))
+    pushes = play(case, "random").record.pushes
+    assert len(pushes) == 2 and all(push.push[3] in (1.0, 2.0) for push in pushes)
+
+
+@pytest.mark.parametrize("count", [1, 10])
+def test_one_body_or_ten_are_played_and_drawn(count, tmp_path):
+    shapes = ("t", "disk", "star", "l", "cube", "bar", "u", "plus", "hexagon", "arrow")[:count]
+    poses = tuple(
+        BodyPose(body, 0.56, ROW[body, 1], None if shape == "disk" else 0.3)
+        for body, shape in enumerate(shapes)
+    )
+    outcome = play(scene_of(shapes, ROW[:count], poses, size=0.04), "random")
+    assert len(outcome.record.pushes) == 2
+    path = write_png(draw_episode(outcome.record, f"{count} bodies"), tmp_path / "episode.png")
+    assert path.stat().st_size > 20_000
+
+
+@pytest.mark.parametrize(
+    ("shapes", "roles", "poses", "message"),
+    [
+        (("disk",), (), (BodyPose(0, 0.5, 0.1, 1.0),), "heading 1.000 rad; it is a disk and has"),
+        (
+            ("t", "l"),
+            ("pushable", "fixed"),
+            (BodyPose(0, 0.45, 0.22, 0.5),),
+            "the goal of body 0 overlaps fixed body 1 by",
+        ),
+        (
+            ("t", "l"),
+            (),
+            (BodyPose(0, 0.5, 0.0, 0.5), BodyPose(1, 0.51, 0.0, 0.5)),
+            "the goal of body 1 overlaps goal of body 0 by",
+        ),
+        (
+            ("t", "l"),
+            ("pushable", "fixed"),
+            (BodyPose(1, 0.5, 0.0, 0.5),),
+            "body 1 is fixed; it cannot be moved to a goal",
+        ),
+        (
+            ("t",),
+            (),
+            (BodyPose(1, 0.5, 0.0, 0.5),),
+            "given for body 1; the scene has bodies 0 to 0",
+        ),
+        (("t",), (), (BodyPose(0, 2.0, 0.0, 0.5),), "of body 0 is off the table; it covers"),
+        (("t",), (), (), "the goal has no poses; give one or more"),
+    ],
+)
+def test_a_goal_that_cannot_be_ends_the_episode_with_its_reason(shapes, roles, poses, message):
+    places = [(0.4, 0.0), (0.45, 0.2)][: len(shapes)]
+    outcome = play(scene_of(shapes, places, poses, roles))
+    assert message in outcome.failure and outcome.record.pushes == ()
+
+
+def test_a_scene_without_a_pushable_body_is_refused():
+    case = scene_of(("t",), [(0.4, 0.0)], (BodyPose(0, 0.5, 0.0, 0.5),), ("movable",))
+    with pytest.raises(ConfigError, match="no body is pushable: the roles are movable"):
+        play(case)
+
+
+def test_bodies_that_start_inside_each_other_are_refused():
+    places = [(0.4, 0.0), (0.42, 0.01)]
+    case = scene_of(("t", "l"), places, (BodyPose(0, 0.5, 0.2, 0.5),))
+    with pytest.raises(InvalidInputError, match=r"bodies 0 \(t\) and 1 \(l\) overlap by"):
+        play(case)
+
+
+def test_too_many_bodies_are_refused():
+    places = [*ROW, (0.3, 0.0)]
+    case = scene_of(("disk",) * 11, places, (BodyPose(0, 0.5, 0.2),), size=0.03)
+    with pytest.raises(ConfigError, match="a scene has 11 bodies; allowed: 1 to 10"):
+        play(case)
+
+
+def test_a_goal_that_is_reached_already_needs_no_push():
+    x, y = PUSH_T.disks[0, POSITION]
+    pose = BodyPose(0, float(x), float(y), float(PUSH_T.disks[0, 2]))
+    outcome = play(replace(PUSH_T, goal=PoseGoal((pose,))))
+    assert outcome.failure == "" and outcome.record.pushes == ()

@@ -1,0 +1,342 @@
+"""Laws of the planar prior for bodies of any shape: symmetries, mechanics, contacts."""
+
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+import pytest
+
+from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.history import PushHistory
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits
+from sain_core.scene import (
+    POSITION,
+    THETA,
+    VELOCITY,
+    X,
+    Y,
+    make_scene,
+    mirror_scenes,
+    rotate_scenes,
+    wrap_angle,
+)
+from sain_core.shapes.bodies import Bodies, Role, overlap
+from sain_core.shapes.polygon import Compound, Polygon
+from sain_core.shapes.registry import get_shape
+from sain_core.shapes.shape import Shape
+from sain_core.types import Points, Pushes, Scenes
+from sain_model.physics.corrections import CORRECTIONS
+from sain_model.physics.outlines import body_table, load_shares
+from sain_model.physics.planar import PlanarConfig, PlanarPrior
+from sain_model.physics.planar_axes import AXES
+
+BATCH = 60
+LIMITS = PushLimits()
+NAMES = {1: ("t",), 2: ("l", "disk"), 3: ("t", "u", "triangle")}
+BAR = (0.0, 3.0), (4.0, 3.0), (4.0, 4.0), (0.0, 4.0)
+STEM = (1.5, 0.0), (2.5, 0.0), (2.5, 3.0), (1.5, 3.0)
+
+
+def prior_of(*shapes: Shape | str, roles: tuple[Role, ...] = ()) -> PlanarPrior:
+    found = tuple(get_shape(shape) if isinstance(shape, str) else shape for shape in shapes)
+    return PlanarPrior().with_bodies(Bodies(found, roles))
+
+
+def draw(bodies: Bodies, seed: int = 0, batch: int = BATCH) -> tuple[Scenes, Pushes]:
+    """Draw scenes of bodies near each other, and pushes against any of them."""
+    random = np.random.default_rng(seed)
+    count, scenes = len(bodies), []
+    while len(scenes) < batch:
+        positions = np.array([0.45, 0.0]) + random.uniform(-0.12, 0.12, (count, 2))
+        headings = random.uniform(-3.0, 3.0, count)
+        scene = make_scene(
+            positions, random.uniform(1.0, 9.0, count), np.full(count, 0.07), headings
+        )
+        pairs = [(i, j) for j in range(count) for i in range(j)]
+        if all(overlap(scene, bodies, *pair) == 0.0 for pair in pairs):
+            scenes.append(scene)
+    pushes = np.column_stack([LIMITS.sample(random, batch), random.integers(0, count, batch)])
+    return np.stack(scenes), pushes
+
+
+def close(first: Scenes, second: Scenes, tolerance: float) -> None:
+    np.testing.assert_allclose(first[..., POSITION], second[..., POSITION], atol=tolerance)
+    turned = wrap_angle(first[..., THETA] - second[..., THETA])
+    np.testing.assert_allclose(turned, 0.0, atol=20 * tolerance)
+
+
+@dataclass(frozen=True)
+class Supported(Compound):
+    """A shape with given supports: those of the library depend on where its outline begins."""
+
+    places: tuple[tuple[float, float], ...] = ()
+
+    def supports(self, radius: float) -> Points:
+        return radius * np.array(self.places)
+
+
+def supported_by(shape: Shape, places: Points, mirror: float = 1.0) -> Supported:
+    """Return a shape with other supports, mirrored in its x axis if `mirror` is -1."""
+    assert isinstance(shape, Compound)
+    step = int(mirror)
+    polygons = (tuple((x, mirror * y) for x, y in part[::step]) for part in shape.polygons)
+    feet = tuple((x, mirror * y) for x, y in places.tolist())
+    return Supported(f"{shape.name} {mirror}", tuple(polygons), feet)
+
+
+@pytest.mark.parametrize("count", NAMES)
+def test_a_push_of_no_length_changes_not_a_bit(count: int) -> None:
+    prior = prior_of(*NAMES[count])
+    scenes, pushes = draw(prior.bodies)
+    scenes[..., VELOCITY] = 1e-4
+    pushes[:, LENGTH] = 0.0
+    assert prior.step(scenes, pushes).tobytes() == scenes.tobytes()
+
+
+@pytest.mark.parametrize("count", NAMES)
+def test_the_input_is_left_alone_and_what_comes_out_is_settled(count: int) -> None:
+    prior = prior_of(*NAMES[count])
+    scenes, pushes = draw(prior.bodies)
+    before = scenes.copy()
+    after = prior.step(scenes, pushes)
+    np.testing.assert_array_equal(scenes, before)
+    np.testing.assert_array_equal(after[..., VELOCITY], 0.0)
+    assert (np.abs(after[..., THETA]) <= np.pi).all()
+    assert np.abs(after - scenes).max() > 0.05
+
+
+@pytest.mark.parametrize("count", NAMES)
+def test_a_batch_is_a_loop_on_any_number_of_threads(count: int) -> None:
+    prior = prior_of(*NAMES[count])
+    scenes, pushes = draw(prior.bodies, batch=70)
+    threads = numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        alone = prior.step(scenes, pushes)
+    finally:
+        numba.set_num_threads(threads)
+    assert prior.step(scenes, pushes).tobytes() == alone.tobytes()
+    assert prior.step(scenes[::-1], pushes[::-1])[::-1].tobytes() == alone.tobytes()
+    for index in range(0, 70, 7):
+        one = slice(index, index + 1)
+        assert prior.step(scenes[one], pushes[one]).tobytes() == alone[one].tobytes()
+
+
+@pytest.mark.parametrize("count", NAMES)
+def test_turning_the_scene_turns_the_prediction(count: int) -> None:
+    prior = prior_of(*NAMES[count])
+    scenes, pushes = draw(prior.bodies)
+    turned = pushes.copy()
+    is_round = np.array([shape.is_round for shape in prior.bodies.shapes])
+    on_disks = is_round[pushes[:, BODY].astype(int)]  # whose contact point is named in the world
+    turned[on_disks, LOCATION] = wrap_angle(turned[on_disks, LOCATION] + 0.7)
+    close(
+        prior.step(rotate_scenes(scenes, 0.7), turned),
+        rotate_scenes(prior.step(scenes, pushes), 0.7),
+        1e-5,
+    )
+
+
+def test_a_mirror_mirrors_the_prediction() -> None:
+    shapes = tuple(get_shape(name) for name in ("t", "l", "u"))
+    prior = prior_of(*shapes)
+    other = prior_of(*(supported_by(shape, shape.supports(1.0), -1.0) for shape in shapes))
+    scenes, pushes = draw(prior.bodies)
+    flipped = pushes.copy()
+    flipped[:, [LOCATION, ANGLE]] *= -1.0
+    after = other.step(mirror_scenes(scenes), flipped)
+    close(after, mirror_scenes(prior.step(scenes, pushes)), 2e-4)
+
+
+def test_renumbering_the_bodies_renumbers_the_prediction_to_the_bit() -> None:
+    prior = prior_of(*NAMES[3])
+    scenes, pushes = draw(prior.bodies)
+    order = [2, 0, 1]  # of the old numbers
+    shapes = prior.bodies.shapes
+    other = prior_of(*(shapes[old] for old in order))
+    renumbered = pushes.copy()
+    renumbered[:, BODY] = np.argsort(order)[pushes[:, BODY].astype(int)]
+    np.testing.assert_array_equal(
+        other.step(scenes[:, order], renumbered), prior.step(scenes, pushes)[:, order]
+    )
+
+
+@dataclass(frozen=True)
+class Subdivided(Polygon):
+    """A polygon with a point in the middle of each side."""
+
+    def outline(self, radius: float) -> Points:
+        corners = super().outline(radius)
+        middles = (corners + np.roll(corners, -1, axis=0)) / 2
+        return np.stack([corners, middles], axis=1).reshape(-1, 2)
+
+
+def test_another_cut_of_the_same_outline_changes_nothing() -> None:
+    left, right = ((0.0, 3.0), (2, 3), (2, 4), (0, 4)), ((2.0, 3.0), (4, 3), (4, 4), (2, 4))
+    feet = get_shape("t").supports(1.0)
+    whole = prior_of(supported_by(Compound.of("t", BAR, STEM), feet))
+    parts = prior_of(supported_by(Compound.of("cut", left, STEM, right), feet))
+    scenes, pushes = draw(whole.bodies)
+    close(parts.step(scenes, pushes), whole.step(scenes, pushes), 1e-5)
+
+
+def test_another_first_corner_or_more_points_on_a_side_change_nothing() -> None:
+    corners = ((1.0, 0.6), (-1.0, 0.6), (-1.0, -0.6), (1.0, -0.6))
+    first = prior_of(Polygon("box", corners=corners))
+    scenes, pushes = draw(first.bodies)
+    expected = first.step(scenes, pushes)
+    rolled = prior_of(Polygon("rolled", corners=corners[1:] + corners[:1]))
+    close(rolled.step(scenes, pushes), expected, 1e-5)
+    more = prior_of(Subdivided("more", corners=corners))
+    # Of two sides that are farthest left, the lower one's middle has location 0.
+    pushes[:, LOCATION] = wrap_angle(pushes[:, LOCATION] - 2 * np.pi * 0.3 / 6.4)
+    close(more.step(scenes, pushes), expected, 1e-5)
+    assert len(body_table(more.bodies).corners) == 4
+
+
+@pytest.mark.parametrize("config", [PlanarConfig(), AXES])
+def test_a_disk_as_a_polygon_moves_like_the_disk(config: PlanarConfig) -> None:
+    """64 corners on a circle of a little more than the radius, so that the areas are equal.
+
+    Pushes are against the middles of sides, where polygon and disk have one normal.
+    """
+    bearings = np.arange(64) * 2 * np.pi / 64
+    away = np.sqrt(np.pi / (32 * np.sin(2 * np.pi / 64)))
+    corners = tuple((away * np.cos(b), away * np.sin(b)) for b in bearings.tolist())
+    polygon = Polygon("nearly round", corners=corners)
+    disks = PlanarPrior(config).with_bodies(Bodies.disks(1))
+    polygons = PlanarPrior(config).with_bodies(Bodies((polygon,)))
+    scenes, pushes = draw(disks.bodies, batch=100)
+    scenes[..., THETA] = 0.0
+    pushes[:, LOCATION] = (np.floor(pushes[:, LOCATION] * 32 / np.pi) + 0.5) * np.pi / 32
+    expected, found = disks.step(scenes, pushes), polygons.step(scenes, pushes)
+    moved = np.linalg.norm((expected - scenes)[..., POSITION], axis=-1)
+    apart = np.linalg.norm((expected - found)[..., POSITION], axis=-1)[moved > 1e-3]
+    assert np.median(apart) < 5e-4
+    assert np.quantile(apart, 0.95) < 3e-3
+
+
+def test_a_straight_push_ends_where_mechanics_says() -> None:
+    """The box leaves the braking tool at its speed v and slides on by v^2 / (2 mu g)."""
+    config = PlanarConfig(tool_restitution=0.0, friction_scale=1.0, yield_across=1.0)
+    prior = replace(prior_of("square"), config=config)
+    scene = make_scene(np.array([[0.45, 0.0]]), np.array([2.0]), np.array([0.07]))[None]
+    after = prior.step(scene, np.array([[0.0, 0.0, 0.1]]))
+    slowing = config.friction * config.gravity
+    slides = config.speed**2 / 2 * (1 / slowing - 1 / config.acceleration)
+    expected = 0.1 - config.clearance + slides
+    np.testing.assert_allclose((after - scene)[0, 0, [X, Y]], [expected, 0.0], atol=2e-4)
+    np.testing.assert_allclose(after[0, 0, THETA], 0.0, atol=1e-9)
+
+
+def test_the_tool_leads_a_t_by_its_inner_corner() -> None:
+    """Between stem and bar two contacts share the push, and the tool stays in the corner."""
+    prior = prior_of("t")
+    corners = 0.1 * body_table(prior.bodies).corners
+    inner = np.sort(corners[np.lexsort(np.abs(corners).T)][:, Y])  # rows of y
+    assert inner.size == 8
+    scene = make_scene(np.array([[0.45, 0.0]]), np.array([2.0]), np.array([0.1]))[None]
+    pushes = np.column_stack([np.linspace(-3.1, 3.1, 500), np.zeros(500), np.full(500, 0.1)])
+    after, touched = prior.step_with_contacts(np.repeat(scene, 500, axis=0), pushes)
+    assert touched.mean() > 0.99
+    assert np.isfinite(after).all()
+
+
+def test_boxes_face_to_face_move_as_one() -> None:
+    """A long row of equal boxes does not buckle: each face has two contacts."""
+    prior = replace(prior_of("square", "square", "square"), config=PlanarConfig(yield_across=1.0))
+    radius = 0.05 * np.sqrt(2.0)
+    positions = np.array([[0.3, 0.0], [0.4, 0.0], [0.5, 0.0]])
+    scene = make_scene(positions, np.full(3, 1.0), np.full(3, radius))[None]
+    after = prior.step(scene, np.array([[0.0, 0.0, 0.1]]))
+    moved = (after - scene)[0]
+    assert (moved[:, X] > 0.09).all()
+    np.testing.assert_allclose(moved[:, THETA], 0.0, atol=2e-4)
+    np.testing.assert_allclose(moved[:, Y], 0.0, atol=2e-4)
+
+
+def test_what_is_fixed_stays_and_stops_others() -> None:
+    fixed = prior_of("square", "bar", roles=(Role.PUSHABLE, Role.FIXED))
+    free = prior_of("square", "bar", roles=(Role.PUSHABLE, Role.MOVABLE))
+    scene = make_scene(
+        np.array([[0.3, 0.0], [0.37, 0.0]]),
+        np.array([1.0, 1.0]),
+        np.array([0.05, 0.1]),
+        np.array([0.0, np.pi / 2]),
+    )[None]
+    push = np.array([[0.0, 0.0, 0.02]])
+    stopped = fixed.step(scene, push)
+    np.testing.assert_array_equal(stopped[0, 1], scene[0, 1])
+    assert free.step(scene, push)[0, 1, X] > scene[0, 1, X] + 0.002
+    assert overlap(stopped[0], fixed.bodies, 0, 1) < 1e-3
+
+
+@pytest.mark.parametrize("names", [NAMES[3], ("star", "disk", "half_ring"), ("h", "plus", "bar")])
+def test_bodies_never_end_up_inside_each_other(names: tuple[str, ...]) -> None:
+    prior = prior_of(*names)
+    scenes, pushes = draw(prior.bodies, batch=200)
+    after, touched = prior.step_with_contacts(scenes, pushes)
+    alone = touched.sum(axis=1) <= 1  # the tool may squeeze what it should not touch
+    deepest = [
+        max(overlap(scene, prior.bodies, *pair) for pair in ((0, 1), (0, 2), (1, 2)))
+        for scene in after[alone]
+    ]
+    assert np.quantile(deepest, 0.98) < 1e-4
+    assert np.max(deepest) < 3e-3
+
+
+def test_overlaps_at_the_start_are_undone_without_giving_speed() -> None:
+    prior = prior_of("square", "square", "t")
+    side = 0.05 * np.sqrt(2.0)
+    scene = make_scene(
+        np.array([[0.3, 0.0], [0.3 + side - 0.001, 0.01], [0.6, 0.2]]),
+        np.full(3, 2.0),
+        np.full(3, 0.05),
+    )[None]
+    after = prior.step(scene, np.array([[0.0, 0.0, 0.08, 2.0]]))
+    moved = np.abs((after - scene)[0, :2, [X, Y]]).max()
+    assert 1e-4 < moved < 2e-3
+    assert overlap(after[0], prior.bodies, 0, 1) < 1e-4
+
+
+def test_the_tool_touches_what_is_in_its_way_and_says_so() -> None:
+    prior = prior_of("bar", "disk", "square")
+    scene = make_scene(
+        np.array([[0.45, 0.0], [0.47, 0.05], [0.7, 0.3]]),
+        np.full(3, 2.0),
+        np.array([0.1, 0.015, 0.05]),
+    )[None]
+    pushes = np.array([[-2.3, np.pi / 4, 0.15, 0.0], [2.3, 0.0, 0.05, 0.0]])
+    _, touched = prior.step_with_contacts(np.repeat(scene, 2, axis=0), pushes)
+    assert touched.tolist() == [[True, True, False], [True, False, False]] or touched[1, 0]
+
+
+def test_friction_is_inferred_from_pushes_of_any_body() -> None:
+    prior = prior_of("t")
+    scenes, pushes = draw(prior.bodies, batch=6)
+    truth = prior.at(0.17).step(scenes, pushes)
+    history = PushHistory(scenes, pushes, truth)
+    assert prior.filter().infer(history).mean == pytest.approx(0.17, rel=0.03)
+    assert prior.with_history(history).bodies == prior.bodies
+
+
+def test_loads_obey_statics() -> None:
+    shares = load_shares(get_shape("l").supports(1.0))
+    place = np.array([0.05, -0.03])
+    loads = shares[:, 2] + shares[:, 3:] @ place
+    assert loads.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(loads @ shares[:, :2], place, atol=1e-12)
+    square = load_shares(np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]))
+    np.testing.assert_allclose(square[:, 2], 0.25)
+
+
+def test_what_does_not_fit_the_bodies_is_refused_by_name() -> None:
+    prior = prior_of("t", "l")
+    scenes, pushes = draw(prior.bodies, batch=3)
+    with pytest.raises(InvalidInputError, match=r"shape \(B, N, 8\) with N = 2, not \(3, 1, 8\)"):
+        prior.step(scenes[:, :1], pushes)
+    pushes[1, BODY] = 2.0
+    with pytest.raises(InvalidInputError, match="push 1 is against body 2; the scenes have bod"):
+        prior.step(scenes, pushes)
+    with pytest.raises(ConfigError, match="only disks can be corrected"):
+        prior.step_conditioned(scenes, pushes[:, :3], np.zeros((3, 2, CORRECTIONS)))

@@ -1,0 +1,106 @@
+"""Collections of bodies of any shape: columns, pushes along outlines, and the same bytes again."""
+
+import numpy as np
+import pytest
+
+from sain_core.dataset import Column, row_bodies
+from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.push import PushLimits, strokes
+from sain_core.scene import RADIUS, make_scene
+from sain_core.shapes.bodies import Bodies, Role
+from sain_sim.collecting.collect import CollectConfig, collect
+from sain_sim.collecting.episode import EpisodeConfig
+from sain_sim.collecting.shards import load_by_count, load_shards
+from sain_sim.episodes.samplers import OutlineSampler
+
+MANY = EpisodeConfig(pushes=3, shapes="t, l,disk", bodies="1-3")
+
+
+@pytest.fixture(scope="module")
+def collected(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shapes")
+    collect(CollectConfig(folder, 8, 3, episode=MANY))
+    return folder
+
+
+def test_rows_state_shapes_roles_and_the_body_of_the_push(collected):
+    found = load_by_count(collected)
+    assert len(found) > 1
+    assert set(found) <= {1, 2, 3}
+    pushed = []
+    for count, data in found.items():
+        assert data[Column.ACTION].shape[1] == 3
+        assert (data[Column.BODY] < count).all()
+        pushed += data[Column.BODY].tolist()
+        for bodies in row_bodies(data):
+            assert len(bodies) == count
+            assert {shape.footprint for shape in bodies.shapes} <= {"t", "l", "disk"}
+            assert set(bodies.roles) == {Role.PUSHABLE}
+    assert len(set(pushed)) > 1
+
+
+def test_a_push_moves_the_body_that_it_names_and_physics_predicts_it(collected):
+    for count, data in load_by_count(collected).items():
+        rows = np.arange(len(data[Column.BODY]))
+        before, after, physics = (
+            data[name].reshape(-1, count, 8)
+            for name in (Column.STATE, Column.NEXT_STATE, Column.PHYSICS_NEXT)
+        )
+        body = data[Column.BODY]
+        moved = np.hypot(*(after - before)[rows, body, :2].T)
+        travel = data[Column.ACTION][:, 2]
+        assert (moved[travel > 0.08] > 0.001).all()
+        error = np.hypot(*(physics - after)[rows, body, :2].T)
+        assert np.median(error) < 0.5 * np.median(moved)
+
+
+def test_the_same_seed_gives_the_same_bytes_also_after_a_stop(collected, tmp_path):
+    whole = {path.name: path.read_bytes() for path in collected.glob("shard-*.npz")}
+    collect(CollectConfig(tmp_path, 4, 3, episode=MANY))
+    collect(CollectConfig(tmp_path, 8, 3, episode=MANY))
+    again = {path.name: path.read_bytes() for path in tmp_path.glob("shard-*.npz")}
+    assert again == whole
+
+
+def test_a_collection_of_disks_has_no_columns_of_shapes(tmp_path):
+    collect(CollectConfig(tmp_path, 1, 3, episode=EpisodeConfig(pushes=2)))
+    data = load_shards(tmp_path)
+    assert not {Column.BODY, Column.SHAPES, Column.ROLES} & data.keys()
+    assert row_bodies(data) == [Bodies.disks(2)] * len(data[Column.EPISODE])
+
+
+def test_older_marks_mean_the_same():
+    data = {Column.STATE: np.zeros((2, 24)), "cubes": np.array([[0, 1, 0], [0, 0, 1]], dtype=bool)}
+    assert row_bodies(data) == [
+        Bodies.named(["disk", "cube", "disk"]),
+        Bodies.named(["disk", "disk", "cube"]),
+    ]
+
+
+def test_pushes_are_even_along_the_outlines_of_all_pushable_bodies():
+    bodies = Bodies.named(["bar", "disk", "t"], ["pushable", "fixed", "pushable"])
+    scene = make_scene(np.zeros((3, 2)), np.ones(3), np.array([0.08, 0.06, 0.04]))
+    random, sampler = np.random.default_rng(0), OutlineSampler()
+    drawn = np.array([sampler.draw(random, scene, bodies) for _ in range(2000)])
+    assert set(drawn[:, 3]) == {0.0, 2.0}
+    assert abs(np.histogram(drawn[:, 0], 8, (-np.pi, np.pi))[0] / 250 - 1).max() < 0.25
+    start, _ = strokes(np.broadcast_to(scene, (2000, 3, 8)), drawn, PushLimits(), bodies)
+    away = np.hypot(*start.T)
+    assert (away < scene[drawn[:, 3].astype(int), RADIUS] + 0.018).all()
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        ({"shapes": "t,blob"}, "shape is 'blob'"),
+        ({"shapes": "t", "bodies": "0"}, "bodies is '0'; give a number from 1 to 10"),
+        ({"shapes": "t", "bodies": "3-1"}, "bodies is '3-1'"),
+        ({"shapes": "t", "bodies": "1-999999999999"}, "bodies is '1-999999999999'"),
+        ({"shapes": "t", "bodies": "many"}, "bodies is 'many'"),
+        ({"bodies": "2"}, "bodies is '2', and shapes is empty"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(settings, text):
+    with pytest.raises((ConfigError, InvalidInputError)) as raised:
+        EpisodeConfig(**settings)
+    assert text in str(raised.value)
