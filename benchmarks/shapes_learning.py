@@ -9,7 +9,7 @@ Friction is inferred from the episode's earlier pushes, for both. `--baseline` l
 import argparse
 import hashlib
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,10 @@ from sain_model.data.dataset import Dataset
 from sain_model.data.friction_noise import make_filter
 from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.data.shaped_physics import filter_for
+from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
+from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import LossConfig
+from sain_model.dynamics.settings import PLANAR, PLANAR_LAB, LossConfig
 from sain_model.evaluation.history_errors import earlier_friction, predict_with_history
 from sain_model.network.settings import ANY_SHAPE, PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.physics.friction import FrictionFilter
@@ -74,6 +76,17 @@ def main() -> None:
     sain = None
     if not arguments.baseline:
         sain = learn(arguments, split, prior, friction)
+        name = PLANAR_LAB if arguments.identify else PLANAR
+        card = ModelCard(
+            name,
+            prior_settings(prior),
+            {},
+            friction=asdict(friction.config),
+            intervals=asdict(sain.intervals) if sain.intervals else None,
+            kind=sain.kind,
+            command=f"benchmarks.shapes_learning {vars(arguments)}",
+        )
+        save_checkpoint(arguments.out / "sain.safetensors", sain.network, card)
     report = {}
     for name, test in tests.items():
         if arguments.identify:

@@ -30,6 +30,10 @@ class LabPrior(PlanarPrior):
 
     centre: tuple[float, float] = (0.0, 0.0)
 
+    @property
+    def _of_disks(self) -> bool:
+        return False  # also disks turn about a point off their middle
+
     def step_with_contacts(
         self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None
     ) -> tuple[Scenes, Touched]:
