@@ -28,7 +28,7 @@ from sain_core.types import PushArray, Scene
 from sain_sim.episodes.start import X_RANGE, Y_RANGE, wholly_on
 from sain_sim.episodes.truth import RANDOMISED, ROUGH, TruthConfig
 from sain_sim.world.parameters import FRICTION_RANGE, MASS_RANGE, WorldParameters
-from sain_sim.world.roughness import Roughness
+from sain_sim.world.roughness import Feet, Roughness
 from sain_sim.world.world import World, WorldConfig
 
 NAMES = tuple(shape.name for shape in library.SHAPES)
@@ -125,17 +125,18 @@ def roughen(parameters: WorldParameters) -> WorldParameters:
 
 
 def careless_make(
-    shape: Shape, lab: tuple[tuple[float, float], ...], offset: tuple[float, float]
-) -> tuple[tuple[tuple[float, float], ...], tuple[float, float]]:
+    shape: Shape, lab: Feet, offset: tuple[float, float]
+) -> tuple[Feet, tuple[float, float]]:
     """Return feet and centre of mass of a shape as a laboratory makes it."""
     regular = zip(lab, FOOT_BEARINGS, strict=True)
     off = [(away / 0.7, bearing - right) for (away, bearing), right in regular]
     own = sorted(shape.feet, key=lambda foot: foot[1])
     for share in (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0):
-        feet = tuple(
+        first, second, third = (
             (away * (1.0 + share * (more - 1.0)), bearing + share * turn)
             for (away, bearing), (more, turn) in zip(own, off, strict=True)
         )
+        feet = first, second, third
         moved = share * offset[0], share * offset[1]
         try:
             Roughness(mass_offsets=(moved,), feet=(feet,))
@@ -146,7 +147,7 @@ def careless_make(
     raise AssertionError
 
 
-def least_load(feet: tuple[tuple[float, float], ...], at: tuple[float, float]) -> float:
+def least_load(feet: Feet, at: tuple[float, float]) -> float:
     """Return the share of the weight on the foot of three that carries least."""
     places = np.array([away * unit(np.asarray(bearing)) for away, bearing in feet])
     return float(np.linalg.solve(np.column_stack([np.ones(3), places]).T, [1.0, *at]).min())
@@ -242,7 +243,9 @@ def padded(scene: Scene) -> Scene:
 
 def write(path: Path, rows: list[dict[str, Any]]) -> None:
     """Write a chunk, whole or not at all."""
-    columns = {name: np.stack([np.asarray(row[name]) for row in rows]) for name in rows[0]}
+    columns: dict[str, Any] = {
+        name: np.stack([np.asarray(row[name]) for row in rows]) for name in rows[0]
+    }
     part = path.with_suffix(".part.npz")
     np.savez_compressed(part, **columns)
     part.rename(path)

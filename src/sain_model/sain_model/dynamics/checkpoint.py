@@ -183,7 +183,7 @@ def _with_new_names(fields: dict[str, Any]) -> dict[str, Any]:
     return named
 
 
-def feature_facts(bodies: str = DISKS) -> dict[str, int]:
+def feature_facts(bodies: str = DISKS) -> dict[str, Any]:
     """Return what a card says about the features of a network for these bodies."""
     if bodies == ANY_SHAPE:
         facts = SHAPE_FEATURE_VERSION, SHAPE_BODY_FEATURES, SHAPE_RELATION_FEATURES
