@@ -1,6 +1,5 @@
 """What a network learns from: its inputs and what it should say, for pushes on a prior."""
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Self
@@ -78,10 +77,11 @@ class Examples:
             tensors[name][..., list(columns)] *= -1.0
         return type(self)(**tensors)
 
-    def and_then(self, others: Self) -> Self:
+    def and_then(self, *others: Self) -> Self:
         """Return these examples and others."""
         joined = {
-            name: torch.cat([tensor, getattr(others, name)]) for name, tensor in vars(self).items()
+            name: torch.cat([tensor, *(getattr(other, name) for other in others)])
+            for name, tensor in vars(self).items()
         }
         return type(self)(**joined)
 
@@ -129,14 +129,12 @@ def training_examples(
     """
     disks = max(part.disks for part in data.parts)
     inferred = [_inference(part, friction, random) for part in data.parts]
-    return functools.reduce(
-        Examples.and_then,
-        (
-            _images(part, prior, infer(), network, image).padded(disks)
-            for image in ((False, True) if mirror else (False,))
-            for part, infer in zip(data.parts, inferred, strict=True)
-        ),
-    )
+    examples = [
+        _images(part, prior, infer(), network, image).padded(disks)
+        for image in ((False, True) if mirror else (False,))
+        for part, infer in zip(data.parts, inferred, strict=True)
+    ]
+    return examples[0].and_then(*examples[1:])
 
 
 def _images(
