@@ -3,7 +3,8 @@
     nice ./env python -m benchmarks.shapes_collect data/shapes --episodes 5000
     nice ./env python -m benchmarks.shapes_learning data/shapes --world rough --out runs/shapes
 
-Friction is inferred from the episode's earlier pushes, for both. `--baseline` learns nothing.
+Friction is inferred from the episode's earlier pushes, for the baseline and, without
+`--no-history`, for SAIN. `--baseline` learns nothing.
 """
 
 import argparse
@@ -36,7 +37,7 @@ from sain_model.physics.planar import PlanarPrior
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.lab_fit import fit_lab
 from sain_model.training.push_training import Trainer
-from sain_model.training.settings import TrainingConfig
+from sain_model.training.settings import EPISODE, NOTHING, TrainingConfig
 
 IDENTIFIED_BY = 300  # combinations of shapes with an earlier episode than this fit the prior
 MOVED = 0.002  # [m]; bodies that moved less are left out
@@ -59,6 +60,7 @@ def main() -> None:
     parser.add_argument("--decay", type=float, default=0.01)
     parser.add_argument("--episodes", type=int, default=10**9, help="number of first episodes")
     parser.add_argument("--baseline", action="store_true")
+    parser.add_argument("--no-history", action="store_true", help="friction is not inferred")
     parser.add_argument("--identify", action="store_true", help="fit the prior to the laboratory")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -75,13 +77,13 @@ def main() -> None:
     tests = {"seen": split.test, "unseen": unseen}
     sain = None
     if not arguments.baseline:
-        sain = learn(arguments, split, prior, friction)
+        sain = learn(arguments, split, prior, None if arguments.no_history else friction)
         name = PLANAR_LAB if arguments.identify else PLANAR
         card = ModelCard(
             name,
             prior_settings(prior),
             {},
-            friction=asdict(friction.config),
+            friction=asdict(sain.friction) if sain.friction else None,
             intervals=asdict(sain.intervals) if sain.intervals else None,
             kind=sain.kind,
             command=f"benchmarks.shapes_learning {vars(arguments)}",
@@ -91,6 +93,9 @@ def main() -> None:
     for name, test in tests.items():
         if arguments.identify:
             print(f"\n## {name}, identified prior\n\n{table(measure(friction, None, test))}")
+        for physics in dict.fromkeys((usual, prior)):
+            rows = measure(physics, None, test)
+            print(f"\n## {name}, {type(physics).__name__} without history\n\n{table(rows)}")
         rows = measure(baseline, sain, test)
         report[name] = summary(rows)
         print(f"\n## {arguments.world}, {name} shapes\n\n{table(rows)}", flush=True)
@@ -136,7 +141,10 @@ def mixed(columns: Rows) -> MixedDataset:
 
 
 def learn(
-    arguments: argparse.Namespace, split: MixedSplit, prior: PlanarPrior, friction: FrictionFilter
+    arguments: argparse.Namespace,
+    split: MixedSplit,
+    prior: PlanarPrior,
+    friction: FrictionFilter | None,
 ) -> SainDynamics:
     """Return the trained network on its prior, with the regions of its predictions."""
     frame = arguments.frame or (WORLD_FRAME if arguments.world == "rough" else PUSH_FRAME)
@@ -157,6 +165,7 @@ def learn(
         network=network,
         loss=loss,
         weight_decay=arguments.decay,
+        history=EPISODE if friction else NOTHING,
     )
     trainer = Trainer(split, prior, config, arguments.out, friction)
     trainer.run(
@@ -164,19 +173,25 @@ def learn(
             f"epoch {epoch}: {history.train[-1]:.3f} {history.validation[-1]:.3f}", flush=True
         )
     )
-    sain = SainDynamics(trainer.network, prior, "planar", friction=friction.config)
+    infers = friction.config if friction else None
+    sain = SainDynamics(trainer.network, prior, "planar", friction=infers)
     return replace(sain, intervals=fit_intervals(sain, *split.validation.parts))
 
 
-def measure(friction: FrictionFilter, sain: SainDynamics | None, data: MixedDataset) -> Rows:
-    """Return one row for each body of each push."""
+def measure(
+    physics: FrictionFilter | PlanarPrior, sain: SainDynamics | None, data: MixedDataset
+) -> Rows:
+    """Return one row for each body of each push, of physics with a filter of friction or alone."""
     pieces: list[Rows] = []
     for part in data.parts:
         assert part.bodies is not None
         count = part.disks
-        told = filter_for(friction, part.bodies)
-        known = earlier_friction(told, part)
-        physics = told.physics.step(part.state, part.action, known.mean)
+        if isinstance(physics, PlanarPrior):
+            after = physics.with_bodies(part.bodies).step(part.state, part.action)
+        else:
+            told = filter_for(physics, part.bodies)
+            known = earlier_friction(told, part)
+            after = told.physics.step(part.state, part.action, known.mean)
         moved = np.linalg.norm((part.next_state - part.state)[..., POSITION], axis=-1)
         names = np.array([shape.name for shape in part.bodies.shapes])
         columns = {
@@ -184,7 +199,7 @@ def measure(friction: FrictionFilter, sain: SainDynamics | None, data: MixedData
             "pushed": pushed_bodies(part.action)[:, None] == np.arange(count),
             "alone": np.full((len(part), count), count == 1),
             "moved": moved,
-            **errors("prior", physics, part.next_state),
+            **errors("prior", after, part.next_state),
         }
         if sain is not None:
             said = predict_with_history(sain, part)

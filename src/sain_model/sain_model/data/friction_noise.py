@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_core.dataset import Column
 from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError
 from sain_model.data.dataset import Dataset
@@ -50,7 +51,7 @@ def fit_noise(
     """
     truth, episodes, steps = (
         np.concatenate([getattr(part, name) for part in parts])
-        for name in ("friction", "episode", "step")
+        for name in (Column.FRICTION, Column.EPISODE, Column.STEP)
     )
     if not np.isfinite(truth).all():
         raise DatasetError("the data has no true friction to fit the noise of the inference to")
