@@ -10,6 +10,7 @@ from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.history import PushHistory
 from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits
 from sain_core.scene import (
+    MASS,
     POSITION,
     THETA,
     VELOCITY,
@@ -318,6 +319,16 @@ def test_friction_is_inferred_from_pushes_of_any_body() -> None:
     history = PushHistory(scenes, pushes, truth)
     assert prior.filter().infer(history).mean == pytest.approx(0.17, rel=0.03)
     assert prior.with_history(history).bodies == prior.bodies
+
+
+def test_the_nominal_belief_is_about_masses_only() -> None:
+    prior = prior_of("t", "l")
+    scenes, pushes = draw(prior.bodies)
+    nominal = scenes.copy()
+    nominal[..., MASS] = 8.0
+    believed = prior.step_as_nominal(scenes, pushes)
+    np.testing.assert_array_equal(believed[..., MASS:], scenes[..., MASS:])
+    np.testing.assert_array_equal(believed[..., :MASS], prior.step(nominal, pushes)[..., :MASS])
 
 
 def test_loads_obey_statics() -> None:

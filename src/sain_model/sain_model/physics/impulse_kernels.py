@@ -69,7 +69,7 @@ def foresee(work, horizon):
     """
     bodies, contacts, features = work.bodies, work.contacts, work.features
     impact, approach, turning, leave = horizon, 0.0, 0.0, horizon
-    for index in range(work.count[0]):
+    for index in range(work.counts[0]):
         point, side = features[index, POINT_BODY], features[index, SIDE_BODY]
         nx, ny, gap = contacts[index, FACE_X], contacts[index, FACE_Y], contacts[index, GAP]
         rounding = bodies[point, ROUND]
@@ -110,7 +110,7 @@ def prepare_impulses(work, step, physics):
     counts where the contact is at its end: that makes the step second order.
     """
     bodies, contacts, features = work.bodies, work.contacts, work.features
-    for index in range(work.count[0]):
+    for index in range(work.counts[0]):
         point, side = features[index, POINT_BODY], features[index, SIDE_BODY]
         on_corner = features[index, KIND] == ON_CORNER
         nx, ny, a, b, c, d = _place(work, index, point, side, on_corner, 0.5 * step)
@@ -200,12 +200,12 @@ def solve_impulses(work, physics):
     Bodies with a `grip` are held back by the table meanwhile.
     """
     contacts = work.contacts
-    for index in range(work.count[0]):
+    for index in range(work.counts[0]):
         if contacts[index, ALONG] > 0.0:
             _apply_to_both(work, index, contacts[index, ALONG], contacts[index, ACROSS])
     for _ in range(SWEEPS):
         change = 0.0
-        for index in range(work.count[0]):
+        for index in range(work.counts[0]):
             change = max(change, _solve_contact(work, index, physics))
         for row in range(1, work.bodies.shape[0]):
             if work.grip[row] > 0.0:
@@ -221,7 +221,7 @@ def solve_impulses(work, physics):
 def _note_touched(work):
     """Note which bodies the tool presses on."""
     contacts, features = work.contacts, work.features
-    for index in range(work.count[0]):
+    for index in range(work.counts[0]):
         if contacts[index, ALONG] > 0.0 and features[index, POINT_BODY] == TOOL:
             work.touched[features[index, SIDE_BODY]] = True
 
@@ -265,11 +265,11 @@ def _apply_to_both(work, index, along, across):
 def part_overlaps(work):
     """Move overlapping bodies apart by a share of their overlap, without giving them speed."""
     bodies, contacts, features = work.bodies, work.contacts, work.features
-    for index in range(work.count[0]):
+    for index in range(work.counts[0]):
         if contacts[index, GAP] < -TOUCHING:
             point, side = features[index, POINT_BODY], features[index, SIDE_BODY]
             same = 0  # contacts of this pair: each undoes its part
-            for other in range(work.count[0]):
+            for other in range(work.counts[0]):
                 first, second = features[other, POINT_BODY], features[other, SIDE_BODY]
                 pair = (first == point and second == side) or (first == side and second == point)
                 same += pair and contacts[other, GAP] < -TOUCHING

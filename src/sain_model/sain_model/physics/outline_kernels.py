@@ -63,7 +63,7 @@ class OutlineWorkspace(NamedTuple):
     features: np.ndarray  # (C, 4) int64
     kept: np.ndarray  # (C, 2) impulses of the last step [N s]
     kept_keys: np.ndarray  # (C,) int64
-    count: np.ndarray  # (2,) int64, contacts of this step and of the last
+    counts: np.ndarray  # (2,) int64, contacts of this step and of the last
     touched: np.ndarray  # (N + 1,) bool
 
 
@@ -197,9 +197,9 @@ def forget_steps(work):
         work.stuck[body] = False
         work.tilt[body, 0] = work.tilt[body, 1] = 0.0
         work.change[body, 0] = work.change[body, 1] = work.change[body, 2] = 0.0
-    for contact in range(work.count[0]):
+    for contact in range(work.counts[0]):
         work.contacts[contact, ALONG] = work.contacts[contact, ACROSS] = 0.0
-    work.count[1] = 0
+    work.counts[1] = 0
 
 
 @compiled
@@ -227,7 +227,7 @@ def outer_speed(bodies, row):
 @compiled
 def keep_impulses(work):
     """Put the impulses of the step that is over aside."""
-    count = work.count
+    count = work.counts
     count[1] = 0
     for index in range(count[0]):
         if work.contacts[index, ALONG] > 0.0:
@@ -241,9 +241,9 @@ def keep_impulses(work):
 def recall_impulses(work):
     """Give the contacts that are still there the impulses that were put aside."""
     contacts = work.contacts
-    for index in range(work.count[0]):
+    for index in range(work.counts[0]):
         contacts[index, ALONG] = contacts[index, ACROSS] = 0.0
-        for kept in range(work.count[1]):
+        for kept in range(work.counts[1]):
             if work.kept_keys[kept] == work.features[index, KEY]:
                 contacts[index, ALONG] = work.kept[kept, 0]
                 contacts[index, ACROSS] = work.kept[kept, 1]

@@ -194,18 +194,21 @@ class PlanarPrior:
         return self._simulate(scenes, pushes, friction, start)
 
     def step_as_nominal(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Predict as `step`, believing that every disk has nominal mass and radius.
+        """Predict as `step`, believing that every body has nominal mass, every disk nominal radius.
 
         The tool moves as it does in truth: its way comes from the scene's own radii. Overlaps of
         disks that are believed too large are undone without giving them speed.
         """
-        check_batch(scenes, pushes)
-        start = self._tool_distance(scenes, pushes)
+        check_batch(scenes, pushes, None, self.bodies)
         believed = scenes.copy()
         believed[..., MASS] = NOMINAL_MASS
-        believed[..., RADIUS] = NOMINAL_RADIUS
-        believed[:, MID, RADIUS] = NOMINAL_MID_RADIUS
-        predicted, _ = self._simulate(believed, pushes, None, start)
+        if self._of_disks:
+            believed[..., RADIUS] = NOMINAL_RADIUS
+            believed[:, MID, RADIUS] = NOMINAL_MID_RADIUS
+            start = self._tool_distance(scenes, pushes)
+            predicted, _ = self._simulate(believed, pushes, None, start)
+        else:
+            predicted, _ = self._push_bodies(believed, pushes, None)
         predicted[..., MASS:] = scenes[..., MASS:]
         return predicted
 

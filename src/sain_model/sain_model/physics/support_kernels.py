@@ -190,7 +190,7 @@ def note_lean(work, physics, step):
     bodies, contacts, tilt = work.bodies, work.contacts, work.tilt
     for row in range(bodies.shape[0]):
         tilt[row, 0] = tilt[row, 1] = 0.0
-    for index in range(work.count[0]):
+    for index in range(work.counts[0]):
         point, side = work.features[index, POINT_BODY], work.features[index, SIDE_BODY]
         height = physics.tool_height if point == TOOL else physics.disk_height
         arm = (height - physics.middle_height) / (physics.gravity * step)

@@ -57,7 +57,7 @@ def find_touching(work, horizon):
         work: scratch memory; its list of contacts is made anew, without impulses.
         horizon: no longer step than this will follow [s].
     """
-    bodies, count = work.bodies, work.count
+    bodies, count = work.bodies, work.counts
     count[0] = 0
     for second in range(1, bodies.shape[0]):
         for first in range(second):
@@ -89,7 +89,7 @@ def _corners_against(work, point_body, side_body, near, meet, limit):
         meet: whether to look at corners against corners as well.
         limit: how many contacts there may be after it.
     """
-    bodies, corners, _count = work.bodies, work.corners, work.count
+    bodies, corners, _count = work.bodies, work.corners, work.counts
     cos_side, sin_side = bodies[side_body, COS], bodies[side_body, SIN]
     dx = bodies[point_body, X] - bodies[side_body, X]
     dy = bodies[point_body, Y] - bodies[side_body, Y]
@@ -143,7 +143,7 @@ def _nearest(work, side_body, x, y):
 @compiled
 def _list_in_front(work, point_body, side_body, point, x, y, cos, sin, near, meet, limit):
     """List the features of an outline that a point (x, y) outside of it is in front of."""
-    corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
+    corners, contacts, features, count = work.corners, work.contacts, work.features, work.counts
     first, last = work.first_corner[side_body], work.first_corner[side_body + 1]
     own_first, own_last = work.first_corner[point_body], work.first_corner[point_body + 1]
     along, _ = _seen_from(corners, last - 1, x, y)
@@ -185,7 +185,7 @@ def _list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin, l
     Separating axes of two wedges are the normals of their sides, but those into which the other
     wedge dips. When none of them parts the wedges, the one with the least overlap does.
     """
-    corners, features, contacts, count = work.corners, work.features, work.contacts, work.count
+    corners, features, contacts, count = work.corners, work.features, work.contacts, work.counts
     back = _side_before(work, side_body, corner)
     own_back = _side_before(work, point_body, point)
     dx, dy = x - corners[corner, CORNER_X], y - corners[corner, CORNER_Y]
@@ -266,7 +266,7 @@ def _seen_from(corners, side, x, y):
 @compiled
 def _list_inside(work, point_body, side_body, point, side, x, y, limit):
     """List a side that a point is behind; none where its number is negative."""
-    corners, contacts, features, count = work.corners, work.contacts, work.features, work.count
+    corners, contacts, features, count = work.corners, work.contacts, work.features, work.counts
     number = count[0]
     along, off = _seen_from(corners, max(side, 0), x, y)
     contacts[number, GAP] = off
@@ -282,7 +282,7 @@ def _place_features(work):
     """Place the listed features in the world: corner, what it is near, and the normal between."""
     bodies, corners, contacts, features = work.bodies, work.corners, work.contacts, work.features
     total = corners.shape[0]
-    for index in range(work.count[0]):
+    for index in range(work.counts[0]):
         point_body, side_body = features[index, POINT_BODY], features[index, SIDE_BODY]
         pair = features[index, KEY] // 2
         point, side = pair // total, pair % total
