@@ -31,6 +31,8 @@ ON_DATA = {
     "rollout_designs",
     "rough_figure",
     "rough_world",
+    "shapes_collect",
+    "shapes_learning",
     "without_history",
 }
 

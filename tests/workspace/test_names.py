@@ -20,7 +20,8 @@ ROOMS = (
 COMMON = {
     "body", "duration", "episode", "friction", "goal", "log_time", "masses", "moved", "outcome",
     "physics_next", "push_id", "radii", "roles", "seed", "shapes", "source", "state", "step",
-    "tolerance", "tool_friction",
+    "tolerance",
+    "tool_friction",
 }  # fmt: skip
 KEYS_OF_JSON = {"moved", "episode", "seed", "shapes"}  # of cards, journals and settings
 

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from sain_core.drawing.figures import style_axes
 from sain_core.drawing.palette import PALETTE
@@ -50,6 +50,7 @@ def _draw_lines(
     """Draw errors (pushes + 1, P) as a line for each pose, on a logarithmic scale."""
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())  # it labels ticks where a decade is not full
     axes.axhspan(1e-9, tolerance, color=PALETTE.goal, alpha=0.13, linewidth=0)
     axes.axhline(tolerance, color=PALETTE.goal, linewidth=1.2)
     shown = np.maximum(errors, least)

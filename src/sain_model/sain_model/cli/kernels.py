@@ -17,6 +17,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_model.compute.compiling import kernel_folder
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import ANY_SHAPE, NetworkConfig
 from sain_model.physics.corrections import CORRECTIONS
 from sain_model.physics.planar import PlanarPrior
 
@@ -37,8 +38,10 @@ def compile_kernels() -> None:
     prior.with_bodies(Bodies.named(["cube", "disk"])).step(scenes, pushes)
     with torch.random.fork_rng(devices=[]):  # the weights do not matter, nor may drawing them
         network = CompiledNetwork(InteractionNetwork())
+        shaped = CompiledNetwork(InteractionNetwork(NetworkConfig(bodies=ANY_SHAPE)))
     network.correct(scenes, pushes, predicted)
     network.rollout(prior, scenes[0], pushes[:, None])
+    shaped.correct(scenes, pushes, predicted)
 
 
 def main() -> int:

@@ -14,6 +14,7 @@ from sain_core.dataset import NEEDED, Column, Columns, Transitions, draw_parts
 from sain_core.errors import DatasetError
 from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scalars, Scenes
 from sain_model.data.shard import NO_STEP, read_shard
 from sain_model.physics.friction import EpisodeFriction, FrictionFilter
@@ -31,6 +32,7 @@ class Dataset(Transitions):
         floor_next: the same push repeated in a world set to the observed state; NaN likewise.
         sha256: of all columns that are needed.
         sources: SHA-256 of each folder that it was put together from; empty: it is one folder.
+        bodies: of all scenes; None: disks.
     """
 
     physics_next: Scenes
@@ -40,6 +42,7 @@ class Dataset(Transitions):
     floor_next: Scenes
     sha256: str
     sources: tuple[str, ...] = ()
+    bodies: Bodies | None = None
 
     @cached_property
     def inferred(self) -> dict[FrictionFilter, EpisodeFriction]:

@@ -1,9 +1,8 @@
 """What a network learns from: its inputs and what it should say, for pushes on a prior."""
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 import torch
@@ -16,11 +15,17 @@ from sain_core.scene import VELOCITY
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset
 from sain_model.data.mixed import MixedDataset
+from sain_model.data.shaped_physics import filter_for, prior_for
 from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE
-from sain_model.network.features import make_features, relation_ends, true_residual
-from sain_model.network.settings import ON_PHYSICS, NetworkConfig
+from sain_model.network.features import relation_ends, true_residual
+from sain_model.network.settings import ANY_SHAPE, DISKS, ON_PHYSICS, NetworkConfig
+from sain_model.network.shape_feature_kernels import MIRRORED_BODY
+from sain_model.network.shape_features import network_inputs, push_frames
+from sain_model.network.shape_relation_kernels import MIRRORED_RELATION
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import step_knowing
+
+MIRRORED_MOTION: Final = (1, 2)  # across the push, and the turn
 
 
 @dataclass(frozen=True)
@@ -37,15 +42,16 @@ class Examples:
         return len(self.disks)
 
     def padded(self, disks: int) -> Self:
-        """Return examples with so many disks, those that are missing far from all others.
+        """Return examples with so many bodies, those that are missing far from all others.
 
-        A disk that is far away tells others nothing, to the bit (`InteractionNetwork`): the
+        A body that is far away tells others nothing, to the bit (`InteractionNetwork`): the
         network says the same of the disks that exist. Of the others it should say zero.
         """
         count = self.disks.shape[1]
         if count == disks:
             return self
-        receiver, sender = relation_ends(disks)
+        with_tool = self.relations.shape[1] == count * count
+        receiver, sender = relation_ends(disks, with_tool)
         exist = torch.from_numpy((receiver < count) & (sender < count))
         relations = self.relations.new_zeros(len(self), len(exist), self.relations.shape[2])
         relations[..., [GAP_BEFORE, GAP_AFTER]] = 1.0
@@ -58,10 +64,24 @@ class Examples:
             functional.pad(self.velocity, missing),
         )
 
-    def and_then(self, others: Self) -> Self:
+    def mirrored(self) -> Self:
+        """Return the mirror images of examples for bodies of any shape: signs change."""
+        flipped = {
+            "disks": MIRRORED_BODY,
+            "relations": MIRRORED_RELATION,
+            "residual": MIRRORED_MOTION,
+            "velocity": MIRRORED_MOTION,
+        }
+        tensors = {name: tensor.clone() for name, tensor in vars(self).items()}
+        for name, columns in flipped.items():
+            tensors[name][..., list(columns)] *= -1.0
+        return type(self)(**tensors)
+
+    def and_then(self, *others: Self) -> Self:
         """Return these examples and others."""
         joined = {
-            name: torch.cat([tensor, getattr(others, name)]) for name, tensor in vars(self).items()
+            name: torch.cat([tensor, *(getattr(other, name) for other in others)])
+            for name, tensor in vars(self).items()
         }
         return type(self)(**joined)
 
@@ -77,11 +97,13 @@ def make_examples(
     `friction` (M,) is what the planar prior uses; None: the nominal one. `network` says which
     features there are, and what its residual is added to.
     """
-    physics_next = step_knowing(prior, data.state, data.action, friction)
-    features = make_features(data.state, data.action, physics_next, network.features)
+    prior_here = prior_for(prior, data.bodies)
+    physics_next = step_knowing(prior_here, data.state, data.action, friction)
+    frames = push_frames(network, data.state, data.action, data.bodies)
+    features = network_inputs(network, data.state, frames, physics_next, data.bodies)
     base = physics_next if network.residual == ON_PHYSICS else data.state
     velocity = data.next_state[..., VELOCITY] - physics_next[..., VELOCITY]
-    targets = (true_residual(data.next_state, data.action, base), velocity)
+    targets = (true_residual(data.next_state, frames, base), velocity)
     told = (torch.from_numpy(array.astype(np.float32)) for array in targets)
     return Examples(*features.tensors(), *told)
 
@@ -107,14 +129,26 @@ def training_examples(
     """
     disks = max(part.disks for part in data.parts)
     inferred = [_inference(part, friction, random) for part in data.parts]
-    return functools.reduce(
-        Examples.and_then,
-        (
-            make_examples(part.mirrored() if image else part, prior, infer(), network).padded(disks)
-            for image in ((False, True) if mirror else (False,))
-            for part, infer in zip(data.parts, inferred, strict=True)
-        ),
-    )
+    examples = [
+        _images(part, prior, infer(), network, image).padded(disks)
+        for image in ((False, True) if mirror else (False,))
+        for part, infer in zip(data.parts, inferred, strict=True)
+    ]
+    return examples[0].and_then(*examples[1:])
+
+
+def _images(
+    data: Dataset,
+    prior: Dynamics,
+    friction: Scalars | None,
+    network: NetworkConfig,
+    image: bool,
+) -> Examples:
+    """Return the examples of pushes, or of their mirror images."""
+    if image and network.bodies == DISKS:
+        data = data.mirrored()
+    examples = make_examples(data, prior, friction, network)
+    return examples.mirrored() if image and network.bodies == ANY_SHAPE else examples
 
 
 def _inference(
@@ -123,6 +157,7 @@ def _inference(
     """Return a function that infers the friction (M,) anew each time; None: the nominal one."""
     if friction is None:
         return lambda: None
+    friction = filter_for(friction, data.bodies)
     likelihood = friction.log_likelihood(data.state, data.action, data.next_state)
 
     def infer() -> Scalars:

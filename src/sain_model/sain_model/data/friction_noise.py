@@ -1,5 +1,6 @@
 """The noise of a prior for the inference of friction, fitted to training data."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Final
@@ -8,10 +9,12 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_core.dataset import Column
 from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError
 from sain_model.data.dataset import Dataset
 from sain_model.data.mixed import MixedDataset
+from sain_model.data.shaped_physics import filter_for
 from sain_model.physics.friction import EpisodeFriction, FrictionConfig, FrictionFilter, ways
 from sain_model.physics.planar import PlanarPrior
 
@@ -26,14 +29,16 @@ def make_filter(prior: Dynamics, train: Dataset | MixedDataset) -> FrictionFilte
     """
     if not isinstance(prior, PlanarPrior):
         return None
-    data = max(train.parts, key=len)
-    known = np.isfinite(data.friction).all()
-    config = fit_noise(prior, data) if known else FrictionConfig()
+    parts = train.parts
+    if all(part.bodies is None for part in parts):
+        parts = (max(parts, key=len),)
+    known = all(np.isfinite(part.friction).all() for part in parts)
+    config = fit_noise(prior, *parts) if known else FrictionConfig()
     return prior.filter(config)
 
 
 def fit_noise(
-    prior: PlanarPrior, data: Dataset, config: FrictionConfig = FrictionConfig()
+    prior: PlanarPrior, *parts: Dataset, config: FrictionConfig = FrictionConfig()
 ) -> FrictionConfig:
     """Return the settings under which an episode's earlier pushes best tell its friction.
 
@@ -44,21 +49,43 @@ def fit_noise(
     Raises:
         DatasetError: the true friction is not known, or no episode has two pushes.
     """
-    if not np.isfinite(data.friction).all():
+    truth, episodes, steps = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in (Column.FRICTION, Column.EPISODE, Column.STEP)
+    )
+    if not np.isfinite(truth).all():
         raise DatasetError("the data has no true friction to fit the noise of the inference to")
-    if len(np.unique(data.episode)) == len(data):
-        raise DatasetError(f"none of {len(data)} episodes has two pushes: nothing to infer from")
-    errors = prior.filter(config).errors(data.state, data.action, data.next_state)
-    moved = ways(data.state, data.next_state)
+    if len(np.unique(episodes)) == len(episodes):
+        raise DatasetError(
+            f"none of {len(episodes)} episodes has two pushes: nothing to infer from"
+        )
+    errors, moved = _errors(prior.filter(config), parts)
     best, highest = config, -np.inf
     for noise, share in product(NOISES, SHARES):
         candidate = replace(config, noise=noise, noise_share=share)
         friction = prior.filter(candidate)
-        known = friction.earlier(friction.weigh(errors, moved), data.episode, data.step)
-        score = _score(known, data.friction)
+        known = friction.earlier(friction.weigh(errors, moved), episodes, steps)
+        score = _score(known, truth)
         if score > highest:
             best, highest = candidate, score
     return best
+
+
+def _errors(
+    friction: FrictionFilter, parts: Sequence[Dataset]
+) -> tuple[Float[ndarray, "M F W"], Float[ndarray, "M W"]]:
+    """Return errors and ways of all parts; a body that a part lacks has no error."""
+    errors, moved = [], []
+    for part in parts:
+        told = filter_for(friction, part.bodies)
+        errors.append(told.errors(part.state, part.action, part.next_state))
+        moved.append(ways(part.state, part.next_state))
+    most = max(way.shape[1] for way in moved)
+    errors, moved = (
+        [np.pad(a, [(0, 0)] * (a.ndim - 1) + [(0, most - a.shape[-1])]) for a in arrays]
+        for arrays in (errors, moved)
+    )
+    return np.concatenate(errors), np.concatenate(moved)
 
 
 def _score(known: EpisodeFriction, truth: Float[ndarray, "M"]) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from jaxtyping import Int
@@ -120,10 +120,12 @@ def _by_count(path: Path) -> list[Dataset]:
 
 
 def _joined(parts: list[Dataset], sha256: str, sources: tuple[str, ...]) -> Dataset:
-    """Return parts with one number of disks and labels of their own as one."""
+    """Return parts of the same bodies and with labels of their own as one."""
     columns = [part.arrays for part in parts]
-    arrays = {name: np.concatenate([column[name] for column in columns]) for name in columns[0]}
-    return Dataset(**arrays, sha256=sha256, sources=sources)
+    arrays: dict[str, Any] = {
+        name: np.concatenate([column[name] for column in columns]) for name in columns[0]
+    }
+    return Dataset(**arrays, sha256=sha256, sources=sources, bodies=parts[0].bodies)
 
 
 def _check_apart(sources: list[tuple[Path, Dataset]]) -> None:

@@ -21,6 +21,9 @@ from sain_core.storage import write_json, write_whole
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.network.feature_kernels import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import ANY_SHAPE, DISKS
+from sain_model.network.shape_feature_kernels import SHAPE_BODY_FEATURES, SHAPE_FEATURE_VERSION
+from sain_model.network.shape_relation_kernels import SHAPE_RELATION_FEATURES
 
 OLD_ARCHITECTURES: Final = {"network-inside-physics": "parameter-correction"}
 OLD_ROLLOUT_SETTINGS: Final = {
@@ -109,9 +112,11 @@ def save_checkpoint(
         raise CheckpointError(f"a checkpoint's name ends in {SUFFIX}; {path} does not")
     tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
     weights = safetensors.torch.save(tensors)
+    config = dataclasses.asdict(network.config)
     card = dataclasses.replace(
         card,
-        network=dataclasses.asdict(network.config),
+        **feature_facts(config.get("bodies", DISKS)),
+        network=config,
         weights_sha256=hashlib.sha256(weights).hexdigest(),
     )
     write_whole(path, weights)
@@ -178,13 +183,20 @@ def _with_new_names(fields: dict[str, Any]) -> dict[str, Any]:
     return named
 
 
+def feature_facts(bodies: str = DISKS) -> dict[str, Any]:
+    """Return what a card says about the features of a network for these bodies."""
+    if bodies == ANY_SHAPE:
+        facts = SHAPE_FEATURE_VERSION, SHAPE_BODY_FEATURES, SHAPE_RELATION_FEATURES
+    else:
+        facts = FEATURE_VERSION, DISK_FEATURES, RELATION_FEATURES
+    return dict(zip(("feature_version", "disk_features", "relation_features"), facts, strict=True))
+
+
 def _check_card(path: Path, card: ModelCard, architecture: str) -> None:
     expected = {
         "format_version": FORMAT_VERSION,
         "architecture": architecture,
-        "feature_version": FEATURE_VERSION,
-        "disk_features": DISK_FEATURES,
-        "relation_features": RELATION_FEATURES,
+        **feature_facts(card.network.get("bodies", DISKS)),
     }
     for name, right in expected.items():
         value = getattr(card, name)

@@ -20,7 +20,7 @@ from numpy import ndarray
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.scene import MID, POSITION
-from sain_core.types import Scalars, Scenes
+from sain_core.types import Indices, Scalars, Scenes
 
 LEVEL: Final = 0.9  # share of the pushes whose region holds the disk
 
@@ -67,14 +67,20 @@ class Intervals(Config):
     mid: IntervalConfig = IntervalConfig()
     target: IntervalConfig = IntervalConfig()
 
-    def radii(self, opened: "Prediction", scenes: Scenes) -> Float[ndarray, "B N"]:
-        """Return the radius of every disk's region for a prediction from these scenes."""
+    def radii(
+        self, opened: "Prediction", scenes: Scenes, pushed: Indices | None = None
+    ) -> Float[ndarray, "B N"]:
+        """Return the radius of every body's region for a prediction from these scenes.
+
+        `pushed` (B,) says which body each push is against; None: body 0.
+        """
         way = np.linalg.norm((opened.mean - scenes)[..., POSITION], axis=-1)
         radii = np.empty_like(way)
         for disk in range(way.shape[1]):
-            config = self.mid if disk == MID else self.target
             parts = (opened.members[:, disk], opened.friction[:, disk], way[:, disk])
-            radii[:, disk] = config.radius(config.score(*parts))
+            mid, target = (each.radius(each.score(*parts)) for each in (self.mid, self.target))
+            first = np.full(len(way), MID) if pushed is None else pushed
+            radii[:, disk] = np.where(first == disk, mid, target)
         return radii
 
 

@@ -9,9 +9,11 @@ from sain_core.config import Config
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import CheckpointError
 from sain_core.plugins import load_dynamics
+from sain_model.dynamics.lab_prior import LabPrior
 from sain_model.dynamics.settings import (
     IDENTITY,
     PLANAR,
+    PLANAR_LAB,
     PLANAR_PRIORS,
 )
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
@@ -36,6 +38,8 @@ def load_prior(name: str, settings: Settings | None = None) -> Dynamics:
         return IdentityPrior()
     if name in PLANAR_PRIORS:
         return load_planar(name, settings)
+    if name == PLANAR_LAB:
+        return _load_lab(dict(settings or {}))
     if settings:
         raise CheckpointError(f"the prior {name!r} has no settings; given: {', '.join(settings)}")
     return load_dynamics(name)
@@ -57,8 +61,16 @@ def load_planar(name: str, settings: Settings | None = None) -> PlanarPrior:
         return PlanarPrior(replace(usual, **typed(PlanarConfig, settings or {})))
 
 
+def _load_lab(settings: Settings) -> LabPrior:
+    with naming("settings of the laboratory's prior"):
+        x, y = (float(value) for value in settings.pop("centre"))
+        return LabPrior(PlanarConfig(**typed(PlanarConfig, settings)), centre=(x, y))
+
+
 def prior_settings(prior: Dynamics) -> Settings:
     """Return the settings that make a prior again: the second argument of `load_prior`."""
+    if isinstance(prior, LabPrior):
+        return asdict(prior.config) | {"centre": list(prior.centre)}
     return asdict(prior.config) if isinstance(prior, PlanarPrior) else {}
 
 

@@ -10,20 +10,22 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.dynamics import Dynamics, Radii, StepwiseRollout, scenes_before
-from sain_core.errors import InvalidInputError
+from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.history import PushHistory
-from sain_core.push import LENGTH
+from sain_core.push import LENGTH, pushed_bodies
 from sain_core.scene import POSITION, THETA, wrap_angle
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
 from sain_model.compute.batch_checks import check_batch, check_physics_next
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
+from sain_model.data.shaped_physics import prior_for
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.dynamics.settings import IDENTITY
 from sain_model.network.compiled_network import CompiledNetwork
-from sain_model.network.features import make_features
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import ON_STATE
+from sain_model.network.settings import ANY_SHAPE, ON_STATE
+from sain_model.network.shape_features import network_inputs, push_frames
 from sain_model.network.torch_network import TorchNetwork
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
 from sain_model.physics.planar import PlanarPrior, step_knowing
@@ -49,6 +51,7 @@ class SainDynamics:
             conditioned on; None: it is not conditioned.
         recurrent: whether it was trained on rollouts of its own predictions.
         device: what the network runs on, ``cpu`` or ``cuda``. The prior stays on the CPU.
+        bodies: that are pushed; None: disks.
     """
 
     network: InteractionNetwork
@@ -61,6 +64,7 @@ class SainDynamics:
     conditioned_log_std: float | None = None
     recurrent: bool = False
     device: str = CPU
+    bodies: Bodies | None = None
 
     def __post_init__(self) -> None:
         """Stop whatever a network does in training alone."""
@@ -118,13 +122,30 @@ class SainDynamics:
         """
         if not isinstance(self.prior, PlanarPrior):
             raise InvalidInputError(f"the prior {self.prior_name!r} knows no friction")
-        conditioned = replace(
-            self, prior=self.prior.at(friction), conditioned_log_std=friction_log_std
+        return self._with_same_weights(
+            replace(self, prior=self.prior.at(friction), conditioned_log_std=friction_log_std)
         )
-        vars(conditioned)["_forward"] = (
-            self._forward
-        )  # its weights are the same: not to be packed again
-        return conditioned
+
+    def with_bodies(self, bodies: Bodies) -> Self:
+        """Return this model for scenes of these bodies.
+
+        Raises:
+            ConfigError: its network was made for disks, and these are others.
+        """
+        if self.network.config.bodies != ANY_SHAPE and bodies != Bodies.disks(len(bodies)):
+            pairs = zip(bodies.shapes, bodies.roles, strict=True)
+            names = ", ".join(f"{shape.name} ({role})" for shape, role in pairs)
+            raise ConfigError(
+                "this checkpoint was trained on disks of which only the first is pushable; the"
+                f" bodies are {names}: use a checkpoint for any shape, or the model 'planar'"
+            )
+        prior = prior_for(self.prior, bodies)
+        return self._with_same_weights(replace(self, prior=prior, bodies=bodies))
+
+    def _with_same_weights(self, other: Self) -> Self:
+        """Return another model with the network of this one, which is not packed again."""
+        vars(other)["_forward"] = self._forward
+        return other
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
@@ -163,7 +184,8 @@ class SainDynamics:
         )
         if self.intervals is None:
             return prediction
-        return replace(prediction, radius=self.intervals.radii(prediction, scenes))
+        pushed = pushed_bodies(pushes)
+        return replace(prediction, radius=self.intervals.radii(prediction, scenes, pushed))
 
     def correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
         """Return the prediction `physics_next` (B, N, 8) of a prior, corrected.
@@ -175,7 +197,7 @@ class SainDynamics:
             InvalidInputError: arrays that do not fit together.
         """
         check_physics_next(scenes, physics_next)
-        corrected = self._forward.correct(scenes, pushes, physics_next)
+        corrected = self._forward.correct(scenes, pushes, physics_next, self.bodies)
         if self.network.config.residual == ON_STATE:
             return _carried_over(corrected, physics_next, scenes)
         return corrected
@@ -193,6 +215,7 @@ class SainDynamics:
             not isinstance(self.prior, PlanarPrior)
             or not isinstance(forward, CompiledNetwork)
             or self.network.config.residual == ON_STATE
+            or self.network.config.bodies == ANY_SHAPE
         ):
             return StepwiseRollout(self).rollout(scene, pushes)
         flat = pushes.reshape(-1, pushes.shape[-1])
@@ -220,7 +243,9 @@ class SainDynamics:
         if self.network.config.members == 1:
             return np.zeros(scenes.shape[:2])
         settle_threads()
-        features = make_features(scenes, pushes, physics_next, self.network.config.features)
+        config = self.network.config
+        frames = push_frames(config, scenes, pushes, self.bodies)
+        features = network_inputs(config, scenes, frames, physics_next, self.bodies)
         with torch.inference_mode():
             each = self.network.to(self.device).each(*features.tensors(self.device))[..., :2]
         variance = each.double().var(dim=0).sum(dim=-1)  # (B, N), in any frame

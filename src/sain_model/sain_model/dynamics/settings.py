@@ -9,6 +9,7 @@ from sain_model.network.settings import PerceptronConfig
 PLANAR: Final = "planar"
 PLANAR_AXES: Final = "planar_axes"
 PLANAR_PRIORS: Final = (PLANAR, PLANAR_AXES)
+PLANAR_LAB: Final = "planar_lab"  # only on cards: what it is was fitted
 SHIPPED: Final = "sain"
 IDENTITY: Final = "identity"
 CORRECTED: Final = "corrected"  # s-bar_{t+1} = f_p(s-hat_t, a_t)

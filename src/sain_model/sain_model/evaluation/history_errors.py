@@ -32,6 +32,8 @@ def earlier_friction(friction: FrictionFilter, data: Dataset) -> EpisodeFriction
 
 def predict_with_history(sain: SainDynamics, data: Dataset) -> Prediction:
     """Return predictions as in deployment: with what the episode's earlier pushes tell."""
+    if data.bodies is not None:
+        sain = sain.with_bodies(data.bodies)
     if sain.filter is None:
         return sain.predict(data.state, data.action)
     known = earlier_friction(sain.filter, data)

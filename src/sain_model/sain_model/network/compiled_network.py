@@ -6,14 +6,20 @@ import numpy as np
 from torch import Tensor, nn
 
 from sain_core.scene import MID, RADIUS
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.network.feature_kernels import LANES
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.network_kernels import TILE, Weights
-from sain_model.network.sain_kernels import correct_block, roll_out_block
-from sain_model.network.settings import WORLD_FRAME
+from sain_model.network.sain_kernels import (
+    correct_block,
+    correct_shapes_block,
+    roll_out_block,
+)
+from sain_model.network.settings import ANY_SHAPE, WORLD_FRAME
+from sain_model.network.shape_features import outline_table, push_frames
 from sain_model.physics.planar import PlanarPrior
 
 
@@ -26,7 +32,7 @@ class CompiledNetwork:
 
     def __init__(self, network: InteractionNetwork) -> None:
         """Take the weights as they are now."""
-        config = network.config
+        config = self._config = network.config
         relation, relation_widths = pack(network.relation)
         dynamics, dynamics_widths = pack(network.dynamics)
         unit = network.unit
@@ -43,13 +49,26 @@ class CompiledNetwork:
             unit.detach().cpu().numpy().astype(np.float64),
         )
 
-    def correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
-        """Return predictions (B, N, 8) of a prior for pushes (B, 3) from scenes, corrected."""
+    def correct(
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        physics_next: Scenes,
+        bodies: Bodies | None = None,
+    ) -> Scenes:
+        """Return predictions (B, N, 8) of a prior for pushes (B, 3 or 4) from scenes, corrected."""
         corrected = np.array(physics_next, dtype=np.float64, order="C")
-        rows = plain(scenes), plain(pushes)
+        rows = plain(scenes), plain(push_frames(self._config, scenes, pushes, bodies))
+        told = self._places, self.weights
+        table = None
+        if self._config.bodies == ANY_SHAPE:
+            table = outline_table(bodies or Bodies.disks(scenes.shape[1]))
 
         def work(first: int) -> None:
-            correct_block(first, *rows, corrected, self._places, self.weights)
+            if table is None:
+                correct_block(first, *rows, corrected, *told)
+            else:
+                correct_shapes_block(first, *rows, corrected, table, *told)
 
         run_blocks(work, len(scenes), LANES)
         return corrected

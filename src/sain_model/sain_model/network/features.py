@@ -69,9 +69,15 @@ def make_features(
     return Features(*rows)
 
 
-def relation_ends(disks: int) -> tuple[ndarray, ndarray]:
-    """Return receiver and sender (E,) of every ordered pair, sorted by receiver."""
-    receiver, sender = np.nonzero(~np.eye(disks, dtype=bool))
+def relation_ends(disks: int, with_tool: bool = False) -> tuple[ndarray, ndarray]:
+    """Return receiver and sender (E,) of every ordered pair, sorted by receiver.
+
+    With the tool, a pair of a body and itself stands for it and the tool.
+    """
+    pairs = np.ones((disks, disks), dtype=bool)
+    if not with_tool:
+        np.fill_diagonal(pairs, False)
+    receiver, sender = np.nonzero(pairs)
     return receiver, sender
 
 

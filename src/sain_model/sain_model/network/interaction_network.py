@@ -11,7 +11,6 @@ from sain_core.seeding import generator
 from sain_model.network.feature_kernels import (
     GAP_AFTER,
     GAP_BEFORE,
-    RELATION_FEATURES,
     TURN_SCALE,
 )
 from sain_model.network.members import make_perceptron, zero_last_layer
@@ -33,7 +32,7 @@ class InteractionNetwork(nn.Module):
         super().__init__()
         self.config = config
         size = config.hidden, config.layers, config.members
-        self.relation = make_perceptron(RELATION_FEATURES, config.message, *size)
+        self.relation = make_perceptron(config.relation_features, config.message, *size)
         self.dynamics = make_perceptron(config.disk_features + config.message, OUTPUTS, *size)
         zero_last_layer(self.dynamics)
         self.register_buffer(
@@ -64,13 +63,13 @@ class InteractionNetwork(nn.Module):
 def sum_messages(
     perceptron: nn.Module, relations: Float[Tensor, "*B E R"], disks: int
 ) -> Float[Tensor, "*B N F"]:
-    """Return what each disk is told by the others.
+    """Return what each body is told by the others, and by the tool where relations have it.
 
-    Disks far apart send no messages, so that more of them change nothing either.
+    Bodies far apart send no messages, so that more of them change nothing either.
     """
     gaps = torch.minimum(relations[..., GAP_BEFORE], relations[..., GAP_AFTER])
     messages: Tensor = perceptron(relations) * (1.0 - gaps).unsqueeze(-1)
-    return messages.unflatten(-2, (disks, disks - 1)).sum(dim=-2)
+    return messages.unflatten(-2, (disks, -1)).sum(dim=-2)
 
 
 def new_network(config: NetworkConfig, seed: int) -> InteractionNetwork:

@@ -117,9 +117,9 @@ def perceptron(weights, widths, x, hidden):
 
 @compiled
 def sum_messages(weights, member, disk, work):
-    """Add up the messages of the other disks to a disk, into its inputs of f_dyn."""
+    """Add up the messages of the others to a body, into its inputs of f_dyn."""
     disks, relations = work.disks, work.relations
-    others, first = disks.shape[0] - 1, weights.disk_features
+    others, first = relations.shape[0] // disks.shape[0], weights.disk_features
     for row in range(first, first + weights.message):
         for lane in range(LANES):
             disks[disk, row, lane] = 0.0

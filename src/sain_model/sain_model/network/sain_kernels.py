@@ -12,6 +12,7 @@ from sain_core.scene import STATE_SIZE, TARGET, THETA, X, Y
 from sain_model.compute.compiling import compiled
 from sain_model.network.feature_kernels import LANES, make_network_work, wrap, write_lane
 from sain_model.network.network_kernels import forward
+from sain_model.network.shape_feature_kernels import make_shape_work, write_shape_lane
 from sain_model.physics.body_kernels import make_workspace
 from sain_model.physics.planar_kernels import push_scene
 
@@ -54,6 +55,32 @@ def correct_block(first, scenes, pushes, physics_next, places, weights):
     for index in range(first, last):
         if pushes[index, LENGTH] != 0.0:
             apply(pushes[index], work.residual, index - first, physics_next[index])
+
+
+@compiled
+def correct_shapes_block(first, scenes, strokes, physics_next, table, places, weights):
+    """Correct up to `LANES` predictions of bodies of any shape, as `correct_block`.
+
+    Args:
+        first: number of the first one.
+        scenes: (B, N, 8), before the pushes.
+        strokes: (B, 6), see `network.shape_feature_kernels`.
+        physics_next: (B, N, 8), what a prior predicts; becomes the prediction.
+        table: of the outlines.
+        places: whether the network sees places and headings.
+        weights: of the network.
+    """
+    relation_inputs, body_inputs = weights.relation_widths[0], weights.dynamics_widths[0]
+    work = make_shape_work(scenes.shape[1], relation_inputs, body_inputs, weights.widest)
+    last = min(first + LANES, scenes.shape[0])
+    for index in range(first, last):
+        lane = index - first
+        after = physics_next[index]
+        write_shape_lane(scenes[index], strokes[index], after, table, lane, places, work)
+    forward(weights, work)
+    for index in range(first, last):
+        if strokes[index, LENGTH] != 0.0:
+            apply(strokes[index], work.residual, index - first, physics_next[index])
 
 
 @compiled

@@ -11,6 +11,8 @@ FRAMES: Final = (PUSH_FRAME, WORLD_FRAME)
 ON_PHYSICS: Final = "physics"
 ON_STATE: Final = "state"
 RESIDUALS: Final = (ON_PHYSICS, ON_STATE)  # the two readings of the paper's "residual"
+DISKS: Final = "disks"
+ANY_SHAPE: Final = "any"
 ORDER: Final = "order"  # every member sees all of the data, in an order of its own
 BOOTSTRAP: Final = "bootstrap"  # every member sees episodes drawn with replacement
 
@@ -41,10 +43,27 @@ class NetworkConfig(PerceptronConfig):
         choices=RESIDUALS,
     )
     members: int = option(1, "number of networks in the ensemble", minimum=1, maximum=64)
+    bodies: str = option(
+        DISKS,
+        "what is seen of bodies: disks by their centres, or any shape by its contacts",
+        choices=(DISKS, ANY_SHAPE),
+    )
 
     @property
     def disk_features(self) -> int:
-        """The number of features of each disk."""
-        from sain_model.network.features import count_disk_features  # loads Numba
+        """The number of features of each body."""
+        from sain_model.network.feature_kernels import PLACE_FEATURES  # loads Numba
+        from sain_model.network.features import count_disk_features
+        from sain_model.network.shape_feature_kernels import SHAPE_BODY_FEATURES
 
-        return count_disk_features(self.features)
+        if self.bodies == DISKS:
+            return count_disk_features(self.features)
+        return SHAPE_BODY_FEATURES + (PLACE_FEATURES if self.features == WORLD_FRAME else 0)
+
+    @property
+    def relation_features(self) -> int:
+        """The number of features of each relation."""
+        from sain_model.network.feature_kernels import RELATION_FEATURES
+        from sain_model.network.shape_relation_kernels import SHAPE_RELATION_FEATURES
+
+        return RELATION_FEATURES if self.bodies == DISKS else SHAPE_RELATION_FEATURES

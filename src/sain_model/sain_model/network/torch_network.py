@@ -4,10 +4,12 @@ import numpy as np
 import torch
 
 from sain_core.push import LENGTH
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.threads import settle_threads
-from sain_model.network.features import apply_residual, make_features
+from sain_model.network.features import apply_residual
 from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.shape_features import network_inputs, push_frames
 
 
 class TorchNetwork:
@@ -18,14 +20,22 @@ class TorchNetwork:
         self._device = device
         self._network = network.to(device).eval()
 
-    def correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
-        """Return predictions (B, N, 8) of a prior for pushes (B, 3) from scenes, corrected."""
-        features = make_features(scenes, pushes, physics_next, self._network.config.features)
+    def correct(
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        physics_next: Scenes,
+        bodies: Bodies | None = None,
+    ) -> Scenes:
+        """Return predictions (B, N, 8) of a prior for pushes (B, 3 or 4) from scenes, corrected."""
+        config = self._network.config
+        frames = push_frames(config, scenes, pushes, bodies)
+        features = network_inputs(config, scenes, frames, physics_next, bodies)
         settle_threads()
         with torch.inference_mode():
             output = self._network(*features.tensors(self._device))
         residual = output.cpu().numpy().astype(np.float64)
-        corrected = apply_residual(physics_next, pushes, residual)
+        corrected = apply_residual(physics_next, frames, residual)
         idle = pushes[:, LENGTH] == 0.0
         corrected[idle] = physics_next[idle]
         return corrected

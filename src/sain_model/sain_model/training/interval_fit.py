@@ -8,6 +8,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.optimize import minimize
 
+from sain_core.push import pushed_bodies
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset
@@ -22,20 +23,35 @@ FEW: Final = 60  # pushes below which there is one window
 STARTS: Final = (0.0, -2.0, -4.0)  # of the search, logarithms of the weights
 
 
-def fit_intervals(sain: SainDynamics, data: Dataset, level: float = LEVEL) -> Intervals:
+def fit_intervals(sain: SainDynamics, *data: Dataset, level: float = LEVEL) -> Intervals:
     """Return regions that hold mid disk and target in a share `level` of the pushes.
 
-    The model's weights were not fitted to this data. Friction is told as in deployment, by the
-    episode's earlier pushes.
+    With bodies of any shape, these are the pushed body and all others. The model's weights were
+    not fitted to this data. Friction is told as in deployment, by the episode's earlier pushes.
     """
+    pieces = [_scored(sain, part) for part in data]
+    configs = []
+    for rows in range(2):  # mid disk, target
+        parts, off = (
+            np.concatenate([piece[rows][column] for piece in pieces], axis=-1)
+            for column in range(2)
+        )
+        configs.append(fit_disk(parts, off, level))
+    return Intervals(level, *configs)
+
+
+def _scored(
+    sain: SainDynamics, data: Dataset
+) -> list[tuple[Float[ndarray, "3 R"], Float[ndarray, "R"]]]:
+    """Return parts of the score and distances, of pushed bodies and of the others to look at."""
     prediction = predict_with_history(sain, data)
     way = np.linalg.norm((prediction.mean - data.state)[..., POSITION], axis=-1)
     off = np.linalg.norm((prediction.mean - data.next_state)[..., POSITION], axis=-1)
-    configs = []
-    for disk in (MID, TARGET):
-        parts = (prediction.members[:, disk], prediction.friction[:, disk], way[:, disk])
-        configs.append(fit_disk(np.stack(parts), off[:, disk], level))
-    return Intervals(level, *configs)
+    parts = np.stack([prediction.members, prediction.friction, way])  # (3, M, N)
+    if data.bodies is None:
+        return [(parts[..., disk], off[:, disk]) for disk in (MID, TARGET)]
+    pushed = pushed_bodies(data.action)[:, None] == np.arange(data.disks)
+    return [(parts[:, rows], off[rows]) for rows in (pushed, ~pushed)]
 
 
 def fit_disk(parts: Float[ndarray, "3 M"], off: Scalars, level: float) -> IntervalConfig:

@@ -1,0 +1,255 @@
+"""Pushes of the whole library of shapes, in the randomised and a rough world, to learn from.
+
+    nice ./env python -m benchmarks.shapes_collect data/shapes --episodes 900
+
+Every fourth shape is unseen: it is in no episode that is learned from. Episodes are written in
+chunks; a second call goes on behind the last chunk.
+"""
+
+import argparse
+import time
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from shapely import Polygon
+
+from sain_core.errors import ConfigError, SainError
+from sain_core.push import PushLimits, strokes
+from sain_core.scene import POSITION, unit
+from sain_core.seeding import generator
+from sain_core.shapes import library
+from sain_core.shapes.disk import THREE_FEET
+from sain_core.shapes.registry import get_shape
+from sain_core.shapes.shape import FOOT_BEARINGS, Shape
+from sain_core.types import PushArray, Scene
+from sain_sim.episodes.start import X_RANGE, Y_RANGE, wholly_on
+from sain_sim.episodes.truth import RANDOMISED, ROUGH, TruthConfig
+from sain_sim.world.parameters import FRICTION_RANGE, MASS_RANGE, WorldParameters
+from sain_sim.world.roughness import Feet, Roughness
+from sain_sim.world.world import World, WorldConfig
+
+NAMES = tuple(shape.name for shape in library.SHAPES)
+UNSEEN = NAMES[3::4]
+SEEN = (*(name for name in NAMES if name not in UNSEEN), THREE_FEET)
+RADII_ALONE, RADII_TWO = (0.09, 0.11), (0.06, 0.08)  # [m], circumscribed
+DISK_SHARE = 0.75  # of those: a disk is wider than anything else of its radius
+PUSHES = 8  # of an episode
+TRIES = 60  # draws for each
+SHORTEST = 0.02  # [m]
+TOUCHING, GAP = 0.5, 0.04  # share of the second bodies that touch; largest gap of the others [m]
+AIMED, AIM = 0.6, 0.6  # share of pushes aimed at the other body, within this angle [rad]
+LEAST_LOAD = 0.12  # share of the weight on the foot that carries least
+EDGE_LAB = 0
+CHUNK = 20  # episodes in a file
+RANDOMISED_UNTIL = 1500  # one in three episodes below this is in the randomised world
+
+
+def main() -> None:
+    """Collect; see the module."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--episodes", type=int, default=900)
+    parser.add_argument("--seed", type=int, default=5)
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    world: World | None = None
+    start, total = time.monotonic(), 0
+    for first in range(0, arguments.episodes, CHUNK):
+        path = arguments.out / f"chunk-{first:05d}.npz"
+        if path.exists():
+            continue
+        rows: list[dict[str, Any]] = []
+        for number in range(first, first + CHUNK):
+            random = generator(arguments.seed, "episode", number)
+            kind, parameters, scene = draw_episode(random, number)
+            if world is None:
+                world = World(parameters)
+            world.reset(scene, parameters)
+            rows += run_episode(random, world, number, kind)
+        total += len(rows)
+        write(path, rows)
+        rate = total / (time.monotonic() - start)
+        print(f"{first + CHUNK} episodes, {total} pushes, {rate:.2f} pushes/s", flush=True)
+
+
+def draw_episode(
+    random: np.random.Generator, number: int
+) -> tuple[tuple[str, bool], WorldParameters, Scene]:
+    """Draw world, bodies and start: one in six is of shapes that nobody learns from."""
+    truth = RANDOMISED if number % 3 == 0 and number < RANDOMISED_UNTIL else ROUGH
+    unseen = number // 3 % 6 == 5
+    names = tuple(random.choice(UNSEEN if unseen else SEEN, size=1 + int(random.uniform() < 0.5)))
+    names = tuple(str(name) for name in names)
+    while True:
+        low, high = RADII_ALONE if len(names) == 1 else RADII_TWO
+        radii = tuple(
+            float(random.uniform(low, high)) * (DISK_SHARE if get_shape(name).is_round else 1.0)
+            for name in names
+        )
+        parameters = WorldParameters(
+            masses=tuple(random.uniform(*MASS_RANGE, len(names)).tolist()),
+            radii=radii,
+            shapes=names,
+            friction=float(random.uniform(*FRICTION_RANGE)),
+            roles=("pushable",) * len(names),
+        )
+        if truth == ROUGH:
+            parameters = roughen(parameters)
+        scene = draw_start(random, parameters)
+        if scene is not None:
+            return (truth, unseen), parameters, scene
+
+
+def roughen(parameters: WorldParameters) -> WorldParameters:
+    """Return these bodies in the rough world: all are made by the same careless hand.
+
+    Feet stand off from where they should, and the centre of mass off from the middle, by what the
+    laboratory has for its first disk; a body that would tip over gets a smaller offset.
+    """
+    feetless = tuple(n for n in TruthConfig(ROUGH, lab=EDGE_LAB).effect_names if n != "feet")
+    lab = TruthConfig(ROUGH, lab=EDGE_LAB).roughen(WorldParameters())
+    told = TruthConfig(ROUGH, ",".join(feetless), EDGE_LAB).roughen(parameters)
+    made = [
+        careless_make(get_shape(name), lab.roughness.feet[0], lab.roughness.mass_offsets[0])
+        for name in parameters.shapes
+    ]
+    rough = replace(
+        told.roughness,
+        feet=tuple(feet for feet, _ in made),
+        mass_offsets=tuple(offset for _, offset in made),
+    )
+    return replace(told, roughness=rough)
+
+
+def careless_make(
+    shape: Shape, lab: Feet, offset: tuple[float, float]
+) -> tuple[Feet, tuple[float, float]]:
+    """Return feet and centre of mass of a shape as a laboratory makes it."""
+    regular = zip(lab, FOOT_BEARINGS, strict=True)
+    off = [(away / 0.7, bearing - right) for (away, bearing), right in regular]
+    own = sorted(shape.feet, key=lambda foot: foot[1])
+    for share in (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0):
+        first, second, third = (
+            (away * (1.0 + share * (more - 1.0)), bearing + share * turn)
+            for (away, bearing), (more, turn) in zip(own, off, strict=True)
+        )
+        feet = first, second, third
+        moved = share * offset[0], share * offset[1]
+        try:
+            Roughness(mass_offsets=(moved,), feet=(feet,))
+        except ConfigError:
+            continue
+        if least_load(feet, moved) >= LEAST_LOAD or share == 0.0:
+            return feet, moved
+    raise AssertionError
+
+
+def least_load(feet: Feet, at: tuple[float, float]) -> float:
+    """Return the share of the weight on the foot of three that carries least."""
+    places = np.array([away * unit(np.asarray(bearing)) for away, bearing in feet])
+    return float(np.linalg.solve(np.column_stack([np.ones(3), places]).T, [1.0, *at]).min())
+
+
+def draw_start(random: np.random.Generator, parameters: WorldParameters) -> Scene | None:
+    """Draw where the bodies stand; the second one slides along a bearing up to a gap."""
+    count = parameters.count
+    headings = random.uniform(-pi, pi, count)
+    first = np.array([random.uniform(*X_RANGE), random.uniform(*Y_RANGE)])
+    places = [first]
+    if count == 2:
+        gap = 1e-4 if random.uniform() < TOUCHING else random.uniform(0.0, GAP)
+        way = unit(np.asarray(random.uniform(-pi, pi)))
+        low, high = 0.0, sum(parameters.radii) + GAP
+        for _ in range(30):
+            middle = (low + high) / 2
+            scene = parameters.scene(np.stack([first, first + middle * way]), headings)
+            rings = [
+                Polygon(shape.placed(state))
+                for shape, state in zip(parameters.body_shapes, scene, strict=True)
+            ]
+            low, high = (low, middle) if rings[0].distance(rings[1]) >= gap else (middle, high)
+        places.append(first + high * way)
+    scene = parameters.scene(np.stack(places), headings)
+    if not wholly_on(scene, WorldConfig().feasibility.table):
+        return None
+    return scene
+
+
+def run_episode(
+    random: np.random.Generator, world: World, number: int, kind: tuple[str, bool]
+) -> list[dict[str, Any]]:
+    """Push until there are enough, none is possible, or a body leaves the table."""
+    rows: list[dict[str, Any]] = []
+    parameters = world.parameters
+    for step in range(PUSHES):
+        outcome = None
+        for _ in range(TRIES):
+            push = draw_push(random, world.observe(), parameters)
+            try:
+                outcome = world.push(push)
+                break
+            except SainError:
+                continue
+        if outcome is None or not outcome.settled:
+            break
+        if not wholly_on(outcome.after, world.config.feasibility.table):
+            break
+        rows.append(
+            {
+                "state": padded(outcome.before),
+                "action": push,
+                "next_state": padded(outcome.after),
+                "episode": number,
+                "step": step,
+                "friction": parameters.friction,
+                "rough": kind[0] == ROUGH,
+                "unseen": kind[1],
+                "shapes": np.array([*parameters.shapes, ""][:2]),
+            }
+        )
+    return rows
+
+
+def draw_push(random: np.random.Generator, scene: Scene, parameters: WorldParameters) -> PushArray:
+    """Draw a push (4,) uniform along an outline; many of them roughly towards the other body."""
+    limits = PushLimits()
+    body = int(random.integers(len(scene)))
+    aimed = len(scene) == 2 and random.uniform() < AIMED
+    while True:
+        push = np.array(
+            [
+                -random.uniform(-pi, pi),
+                random.uniform(-limits.max_angle, limits.max_angle),
+                random.uniform(SHORTEST, limits.max_length),
+                float(body),
+            ]
+        )
+        if not aimed:
+            return push
+        heading = float(strokes(scene, push, limits, parameters.bodies)[1])
+        way = scene[1 - body, POSITION] - scene[body, POSITION]
+        off = heading - np.arctan2(way[1], way[0])
+        if np.cos(off) > np.cos(AIM):
+            return push
+
+
+def padded(scene: Scene) -> Scene:
+    """Return a scene with two rows; one that is missing is NaN."""
+    return np.concatenate([scene, np.full((2 - len(scene), scene.shape[1]), np.nan)])
+
+
+def write(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Write a chunk, whole or not at all."""
+    columns: dict[str, Any] = {
+        name: np.stack([np.asarray(row[name]) for row in rows]) for name in rows[0]
+    }
+    part = path.with_suffix(".part.npz")
+    np.savez_compressed(part, **columns)
+    part.rename(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,227 @@
+"""What the network sees of bodies of any shape, compiled; training runs the same kernel.
+
+The scene is seen in the frame of the push: the origin is the pushed body's centre before the push,
+the x axis points along the inward normal where the tool begins. A disk's `location` is that normal.
+
+Of a shape the network sees what acts: where bodies are near each other before the push and after it
+as the prior predicts it (`patch_kernels`), with normal, levers, extent and curvature, and how the
+load is spread over the supports. It sees no outline, so it can be asked about other shapes.
+
+The tool is one more sender: row i of the relations to body i, where a body would meet itself.
+"""
+
+import numpy as np
+
+from sain_core.push import ANGLE, LENGTH
+from sain_core.scene import MASS, RADIUS, THETA, X, Y
+from sain_model.compute.compiling import compiled, compiled_apart
+from sain_model.network.feature_kernels import (
+    LANES,
+    MASS_MIDDLE,
+    MASS_SCALE,
+    MOVE_SCALE,
+    PLACE_FEATURES,
+    PLACE_SCALE,
+    TABLE_SCALE,
+    TABLE_X,
+    TABLE_Y,
+    TURN_SCALE,
+    NetworkWork,
+    wrap,
+)
+from sain_model.network.patch_kernels import (
+    PATCH_SIZE,
+    POSE_COS,
+    POSE_RADIUS,
+    POSE_SIN,
+    POSE_SIZE,
+    POSE_X,
+    POSE_Y,
+    find_patch,
+    place_corners,
+)
+from sain_model.network.shape_relation_kernels import (
+    write_contact,
+    write_context,
+    write_headings,
+    write_who,
+)
+
+SHAPE_FEATURE_VERSION = 1  # raise it with every change of meaning, order or scale below
+SHAPE_BODY_FEATURES = 20  # and the `PLACE_FEATURES` of a network that sees the world
+
+REACH_MIDDLE = 0.08  # [m]
+REACH_SCALE = 0.02  # [m]
+INERTIA_MIDDLE = 0.3
+INERTIA_SCALE = 0.2
+ORDER_3_SCALE = 3.0
+
+# Columns of a push as the kernels take it, after `LOCATION`, which is here the normal's heading in
+# the world, `ANGLE` and `LENGTH`: where the tool's axis begins [m], and the pushed body.
+START_X, START_Y, PUSHED = 3, 4, 5
+STROKE_SIZE = 6
+
+MIRRORED_BODY = (4, 6, 8, 10, 13, 14, 18)  # columns that change their sign in a mirror
+
+
+@compiled
+def make_shape_work(bodies, relation_inputs, body_inputs, widest):
+    """Return scratch memory for this many bodies; inputs that pad a layer stay zero."""
+    return NetworkWork(
+        np.zeros((2, bodies + 1, POSE_SIZE)),
+        np.zeros((bodies, 1)),
+        np.zeros((bodies, body_inputs, LANES), np.float32),
+        np.zeros((bodies * bodies, relation_inputs, LANES), np.float32),
+        np.empty((2, widest, LANES), np.float32),
+        np.zeros((bodies, 3, LANES)),
+    )
+
+
+@compiled_apart
+def write_shape_lane(before, stroke, after, table, lane, places, work):
+    """Write the features of one push into its lane.
+
+    Args:
+        before: scene (N, 8) before the push.
+        stroke: (6,), see `START_X`.
+        after: scene (N, 8) that the prior predicts.
+        table: of the outlines.
+        lane: which.
+        places: whether the network sees places and headings.
+        work: memory to fill; its `places` are the poses before and after, (2, N + 1, 5).
+    """
+    count, pushed = before.shape[0], int(stroke[PUSHED])
+    origin_x, origin_y = before[pushed, X], before[pushed, Y]
+    poses, placed = work.places, np.empty((2, table.corners.shape[0], 2))
+    for when in range(2):
+        scene = after if when == 1 else before
+        for body in range(count):
+            _write_pose(scene[body], origin_x, origin_y, stroke[0], poses[when, body])
+        _write_tool(stroke, origin_x, origin_y, when * stroke[LENGTH], table, poses[when, count])
+        place_corners(table, poses[when], placed[when])
+    for body in range(count):
+        _write_body(before[body], stroke, after[body], table, body, poses, lane, work.disks[body])
+        if places:
+            _write_world(before[body], stroke, after[body], lane, work.disks[body])
+    sums, patch = np.empty(9), np.empty(PATCH_SIZE)
+    for body in range(count):
+        for other in range(body + 1, count + 1):
+            _write_relation(body, other, stroke, table, lane, work)
+            for when in range(2):
+                find_patch(table, placed[when], poses[when], body, other, sums, patch)
+                _write_meeting(patch, body, other, when, lane, places, work)
+    write_context(work, pushed, SHAPE_BODY_FEATURES + PLACE_FEATURES * places, lane)
+
+
+@compiled
+def _write_relation(body, other, stroke, table, lane, work):
+    """Write who a body and another one, or the tool, are; both ways round."""
+    count = work.disks.shape[0]
+    slot = body if other == count else other
+    there = work.relations[body * count + slot]
+    write_who(body, other, stroke, table, work.disks, work.places, lane, there)
+    if other < count:
+        back = work.relations[other * count + body]
+        write_who(other, body, stroke, table, work.disks, work.places, lane, back)
+
+
+@compiled
+def _write_meeting(patch, body, other, when, lane, places, work):
+    """Write how they meet; both ways round."""
+    count, poses = work.disks.shape[0], work.places[when]
+    slot = body if other == count else other
+    there = work.relations[body * count + slot]
+    write_contact(patch, poses, body, other, 1.0, when, lane, there)
+    if places:
+        write_headings(patch, poses, body, other, 1.0, when, lane, there)
+    if other < count:
+        back = work.relations[other * count + body]
+        write_contact(patch, poses, other, body, -1.0, when, lane, back)
+        if places:
+            write_headings(patch, poses, other, body, -1.0, when, lane, back)
+
+
+@compiled
+def _write_pose(state, origin_x, origin_y, normal, pose):
+    cos, sin = np.cos(normal), np.sin(normal)
+    x, y = state[X] - origin_x, state[Y] - origin_y
+    pose[POSE_X], pose[POSE_Y] = cos * x + sin * y, cos * y - sin * x
+    pose[POSE_COS], pose[POSE_SIN] = np.cos(state[THETA] - normal), np.sin(state[THETA] - normal)
+    pose[POSE_RADIUS] = state[RADIUS]
+
+
+@compiled
+def _write_tool(stroke, origin_x, origin_y, way, table, pose):
+    cos, sin = np.cos(stroke[0]), np.sin(stroke[0])
+    x, y = stroke[START_X] - origin_x, stroke[START_Y] - origin_y
+    pose[POSE_X] = cos * x + sin * y + way * np.cos(stroke[ANGLE])
+    pose[POSE_Y] = cos * y - sin * x + way * np.sin(stroke[ANGLE])
+    pose[POSE_COS], pose[POSE_SIN], pose[POSE_RADIUS] = 1.0, 0.0, table.tool_radius
+
+
+@compiled
+def _write_body(before, stroke, after, table, body, poses, lane, features):
+    here, there = poses[0, body], poses[1, body]
+    features[0, lane] = 1.0 if body == int(stroke[PUSHED]) else 0.0
+    features[1, lane] = (before[MASS] - MASS_MIDDLE) / MASS_SCALE
+    reach = table.reach[body] * before[RADIUS]
+    features[2, lane] = (reach - REACH_MIDDLE) / REACH_SCALE
+    features[3, lane], features[4, lane] = here[POSE_X] / PLACE_SCALE, here[POSE_Y] / PLACE_SCALE
+    cos, sin = here[POSE_COS], here[POSE_SIN]
+    twice_cos, twice_sin = cos * cos - sin * sin, 2.0 * cos * sin
+    thrice_cos, thrice_sin = twice_cos * cos - twice_sin * sin, twice_cos * sin + twice_sin * cos
+    load = table.supports[body]
+    features[5, lane] = ORDER_3_SCALE * (thrice_cos * load[3] - thrice_sin * load[4])
+    features[6, lane] = ORDER_3_SCALE * (thrice_sin * load[3] + thrice_cos * load[4])
+    moved_x, moved_y = there[POSE_X] - here[POSE_X], there[POSE_Y] - here[POSE_Y]
+    features[7, lane], features[8, lane] = moved_x / MOVE_SCALE, moved_y / MOVE_SCALE
+    features[9, lane] = np.sqrt(moved_x * moved_x + moved_y * moved_y) / MOVE_SCALE
+    features[10, lane] = wrap(after[THETA] - before[THETA]) / TURN_SCALE
+    way, across = stroke[LENGTH] / PLACE_SCALE, np.sin(stroke[ANGLE])
+    features[11, lane], features[12, lane] = way, np.cos(stroke[ANGLE])
+    features[13, lane], features[14, lane] = across, way * across
+    features[15, lane] = (table.inertia[body] - INERTIA_MIDDLE) / INERTIA_SCALE
+    features[16, lane] = load[0]
+    features[17, lane] = twice_cos * load[1] - twice_sin * load[2]
+    features[18, lane] = twice_sin * load[1] + twice_cos * load[2]
+    features[19, lane] = table.rounding[body]
+
+
+@compiled
+def _write_world(before, stroke, after, lane, features):
+    """Write what tells places and headings apart: what is learned with it holds for one table."""
+    first, normal = SHAPE_BODY_FEATURES, stroke[0]
+    features[first, lane] = (before[X] - TABLE_X) / TABLE_SCALE
+    features[first + 1, lane] = (before[Y] - TABLE_Y) / TABLE_SCALE
+    features[first + 2, lane] = (after[X] - TABLE_X) / TABLE_SCALE
+    features[first + 3, lane] = (after[Y] - TABLE_Y) / TABLE_SCALE
+    features[first + 4, lane], features[first + 5, lane] = np.cos(normal), np.sin(normal)
+    features[first + 6, lane] = np.cos(2.0 * normal)
+    features[first + 7, lane] = np.sin(2.0 * normal)
+    features[first + 8, lane] = np.cos(before[THETA] - normal)
+    features[first + 9, lane] = np.sin(before[THETA] - normal)
+
+
+@compiled
+def write_shape_block(first, scenes, strokes, physics_next, table, places, bodies, relations):
+    """Write the features of up to `LANES` pushes, from the one numbered `first` on.
+
+    Args:
+        first: number of the first one.
+        scenes: (B, N, 8), before the pushes.
+        strokes: (B, 6).
+        physics_next: (B, N, 8), what a prior predicts.
+        table: of the outlines.
+        places: whether the network sees places and headings.
+        bodies: (B, N, D) float32, receives features of bodies.
+        relations: (B, N N, R) float32, receives features of relations.
+    """
+    work = make_shape_work(scenes.shape[1], relations.shape[2], bodies.shape[2], 1)
+    for index in range(first, min(first + LANES, scenes.shape[0])):
+        write_shape_lane(scenes[index], strokes[index], physics_next[index], table, 0, places, work)
+        for body in range(bodies.shape[1]):
+            for column in range(bodies.shape[2]):
+                bodies[index, body, column] = work.disks[body, column, 0]
+        for pair in range(relations.shape[1]):
+            for column in range(relations.shape[2]):
+                relations[index, pair, column] = work.relations[pair, column, 0]

@@ -1,0 +1,146 @@
+"""SAIN for bodies of any shape: a network that was made for it, on a prior told the bodies."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from sain_core.dynamics import StepwiseRollout
+from sain_core.errors import CheckpointError, ConfigError
+from sain_core.history import PushHistory
+from sain_core.push import LENGTH
+from sain_core.scene import make_scene
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Pushes, Scenes
+from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
+from sain_model.dynamics.intervals import IntervalConfig, Intervals
+from sain_model.dynamics.load import load_sain
+from sain_model.dynamics.priors import prior_settings
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import ANY_SHAPE, NetworkConfig
+from sain_model.physics.friction import FrictionConfig
+from sain_model.physics.planar import PlanarPrior
+
+T_AND_STAR = Bodies.named(["t", "star"], ["pushable", "pushable"])
+
+
+def network(bodies: str = ANY_SHAPE) -> InteractionNetwork:
+    torch.manual_seed(0)
+    made = InteractionNetwork(NetworkConfig(hidden=8, message=4, members=2, bodies=bodies))
+    with torch.no_grad():
+        for parameter in made.parameters():
+            parameter.add_(0.05 * torch.randn_like(parameter))
+    return made
+
+
+@pytest.fixture
+def sain() -> SainDynamics:
+    regions = Intervals(mid=IntervalConfig(scores=(1e-4,), factors=(2.0,)))
+    prior = PlanarPrior()
+    return SainDynamics(
+        network(), prior, "planar", friction=FrictionConfig(), intervals=regions
+    ).with_bodies(T_AND_STAR)
+
+
+def pushes_of(count: int) -> tuple[Scenes, Pushes]:
+    places = np.array([(0.45, 0.0), (0.58, 0.02)])
+    scene = make_scene(places, np.array([8.0, 7.5]), np.array([0.07, 0.06]), np.array([0.3, 1.0]))
+    random = np.random.default_rng(1)
+    pushes = np.column_stack(
+        [
+            random.uniform(-3, 3, count),
+            random.uniform(-0.7, 0.7, count),
+            random.uniform(0.02, 0.15, count),
+            random.integers(2, size=count),
+        ]
+    )
+    return np.repeat(scene[None], count, axis=0), pushes
+
+
+def test_it_predicts_what_its_prior_predicts_and_the_residual(sain: SainDynamics) -> None:
+    scenes, pushes = pushes_of(20)
+    physics = PlanarPrior().with_bodies(T_AND_STAR).step(scenes, pushes)
+    told = sain.step(scenes, pushes)
+    np.testing.assert_array_equal(told, sain.correct(scenes, pushes, physics))
+    assert 1e-5 < np.abs(told - physics)[..., :2].max() < 0.05
+
+
+def test_a_push_of_no_length_moves_nothing(sain: SainDynamics) -> None:
+    scenes, pushes = pushes_of(4)
+    pushes[:, LENGTH] = 0.0
+    np.testing.assert_array_equal(sain.step(scenes, pushes), scenes)
+
+
+def test_a_rollout_is_its_steps(sain: SainDynamics) -> None:
+    scenes, pushes = pushes_of(12)
+    sequences = pushes.reshape(4, 3, 4)
+    told = sain.rollout(scenes[0], sequences)
+    np.testing.assert_array_equal(told, StepwiseRollout(sain).rollout(scenes[0], sequences))
+    regions = sain.regions(scenes[0], sequences, told)
+    assert regions is not None
+    assert regions.shape == (4, 3, 2)
+    assert (regions > 0.0).all()
+
+
+def test_friction_is_inferred_with_the_bodies(sain: SainDynamics) -> None:
+    scenes, pushes = pushes_of(6)
+    truth = PlanarPrior().at(0.19).with_bodies(T_AND_STAR).step(scenes, pushes)
+    told = sain.with_history(PushHistory(scenes, pushes, truth))
+    assert isinstance(told.prior, PlanarPrior)
+    assert told.prior.config.friction == pytest.approx(0.19, rel=0.05)
+    assert told.bodies == T_AND_STAR
+
+
+def test_the_pushed_body_has_the_region_of_a_mid_disk() -> None:
+    intervals = Intervals(
+        mid=IntervalConfig(scores=(1e-4,), factors=(1.0,)),
+        target=IntervalConfig(scores=(1e-4,), factors=(3.0,)),
+    )
+    sain = SainDynamics(network(), PlanarPrior(), "planar", intervals=intervals)
+    scenes, pushes = pushes_of(10)
+    told = sain.with_bodies(T_AND_STAR).predict(scenes, pushes)
+    assert told.radius is not None
+    score = 1e-4 + told.members
+    pushed = pushes[:, 3][:, None] == [0, 1]
+    np.testing.assert_allclose(told.radius, np.where(pushed, 1.0, 3.0) * score)
+
+
+def test_a_checkpoint_for_any_shape_is_what_was_saved(tmp_path: Path, sain: SainDynamics) -> None:
+    path = tmp_path / "shapes.safetensors"
+    save_checkpoint(path, sain.network, ModelCard("planar", prior_settings(PlanarPrior()), {}))
+    scenes, pushes = pushes_of(10)
+    loaded = load_sain(path).with_bodies(T_AND_STAR)
+    np.testing.assert_array_equal(loaded.step(scenes, pushes), sain.step(scenes, pushes))
+
+
+def test_a_card_with_features_of_disks_is_refused(tmp_path: Path, sain: SainDynamics) -> None:
+    path = tmp_path / "shapes.safetensors"
+    save_checkpoint(path, sain.network, ModelCard("planar", prior_settings(PlanarPrior()), {}))
+    text = card_path(path).read_text()
+    card_path(path).write_text(text.replace('"disk_features": 20', '"disk_features": 15'))
+    with pytest.raises(CheckpointError, match="disk_features is 15; this version reads 20"):
+        load_sain(path)
+
+
+def test_a_network_for_disks_predicts_disks_alone() -> None:
+    disks = SainDynamics(network("disks"), PlanarPrior(), "planar")
+    scenes, pushes = pushes_of(5)
+    same = disks.with_bodies(Bodies.disks(2))
+    np.testing.assert_array_equal(
+        same.step(scenes, pushes[:, :3]), disks.step(scenes, pushes[:, :3])
+    )
+    with pytest.raises(ConfigError, match=r"trained on disks.*t \(pushable\), star \(pushable\)"):
+        disks.with_bodies(T_AND_STAR)
+
+
+def test_disks_are_bodies_too(sain: SainDynamics) -> None:
+    """A network for any shape needs no bodies where all are the paper's disks."""
+    plain = replace(sain, prior=PlanarPrior(), bodies=None)
+    scenes, pushes = pushes_of(8)
+    told = plain.step(scenes, pushes[:, :3])
+    np.testing.assert_array_equal(
+        told, plain.with_bodies(Bodies.disks(2)).step(scenes, pushes[:, :3])
+    )

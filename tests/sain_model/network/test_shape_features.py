@@ -1,0 +1,213 @@
+"""Features of bodies of any shape: what acts between them, however the shapes are written."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits
+from sain_core.scene import make_scene, mirror_scenes, rotate_scenes, wrap_angle
+from sain_core.shapes.bodies import Bodies, Role
+from sain_core.shapes.polygon import Compound
+from sain_core.shapes.registry import get_shape
+from sain_core.types import Pushes, Scenes
+from sain_model.network.compiled_network import CompiledNetwork
+from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE, GAP_SCALE, PLACE_SCALE
+from sain_model.network.features import Features
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import ANY_SHAPE, FRAMES, NetworkConfig
+from sain_model.network.shape_feature_kernels import MIRRORED_BODY, SHAPE_BODY_FEATURES
+from sain_model.network.shape_features import network_inputs, push_frames
+from sain_model.network.shape_relation_kernels import (
+    CONTACT_BEFORE,
+    EXTENT_BEFORE,
+    EXTENT_SCALE,
+    HEADINGS,
+    IS_TOOL,
+    MIRRORED_RELATION,
+    SENDER,
+)
+from sain_model.network.torch_network import TorchNetwork
+
+CONFIG = NetworkConfig(bodies=ANY_SHAPE)
+NAMES = ("t", "right_triangle", "three_feet", "ellipse", "l")
+FEET = [5, 6, 16, 17, 18]  # features of where the supports are
+PLACES = np.array([(0.45, 0.0), (0.57, 0.03), (0.5, 0.14), (0.44, -0.13), (0.72, 0.1)])
+
+
+def bodies_of(*names: str) -> Bodies:
+    return Bodies(tuple(map(get_shape, names)), (Role.PUSHABLE,) * len(names))
+
+
+def draw(count: int, batch: int, seed: int = 0) -> tuple[Scenes, Pushes, Scenes]:
+    """Return scenes, pushes (B, 4) of any body, and something that a prior could predict."""
+    random = np.random.default_rng(seed)
+    scenes = np.stack(
+        [
+            make_scene(
+                PLACES[:count],
+                random.uniform(7, 9, count),
+                random.uniform(0.06, 0.07, count),
+                random.uniform(-3, 3, count),
+            )
+            for _ in range(batch)
+        ]
+    )
+    body = random.integers(count, size=(batch, 1))
+    pushes = np.concatenate([PushLimits().sample(random, batch), body], axis=1)
+    after = scenes.copy()
+    after[..., :3] += random.uniform(-0.02, 0.02, (batch, count, 3))
+    return scenes, pushes, after
+
+
+def features_of(
+    scenes: Scenes,
+    pushes: Pushes,
+    after: Scenes,
+    bodies: Bodies,
+    config: NetworkConfig = CONFIG,
+) -> Features:
+    frames = push_frames(config, scenes, pushes, bodies)
+    return network_inputs(config, scenes, frames, after, bodies)
+
+
+def assert_same(first: Features, second: Features) -> None:
+    np.testing.assert_allclose(first.disks, second.disks, atol=2e-5)
+    np.testing.assert_allclose(first.relations, second.relations, atol=2e-4)
+
+
+def test_two_ways_to_write_an_outline_look_the_same() -> None:
+    halves = Compound.of(
+        "t of halves",
+        ((2.0, 3.0), (4.0, 3.0), (4.0, 4.0), (2.0, 4.0)),
+        ((1.5, 0.0), (2.5, 0.0), (2.5, 3.0), (1.5, 3.0)),
+        ((0.0, 3.0), (2.0, 3.0), (2.0, 4.0), (0.0, 4.0)),
+    )
+    spun = Compound.of(
+        "t from another corner",
+        ((2.5, 0.0), (2.5, 3.0), (1.5, 3.0), (1.5, 0.0)),
+        ((4.0, 4.0), (0.0, 4.0), (0.0, 3.0), (4.0, 3.0)),
+    )
+    scenes, pushes, after = draw(2, 60)
+    usual = features_of(scenes, pushes, after, bodies_of("t", "l"))
+    for other in (halves, spun):
+        same = Bodies((other, get_shape("l")), (Role.PUSHABLE,) * 2)
+        told = features_of(scenes, pushes, after, same)
+        np.testing.assert_allclose(told.relations[..., :3], usual.relations[..., :3])
+        geometry = slice(CONTACT_BEFORE, HEADINGS)
+        np.testing.assert_allclose(
+            told.relations[..., geometry], usual.relations[..., geometry], atol=2e-4
+        )
+
+
+def test_a_turned_scene_looks_the_same() -> None:
+    bodies = bodies_of(*NAMES)
+    scenes, pushes, after = draw(5, 80)
+    turned = pushes.copy()
+    rounded = np.array([shape.is_round for shape in bodies.shapes])[pushes[:, BODY].astype(int)]
+    turned[:, LOCATION] = np.where(
+        rounded, wrap_angle(pushes[:, LOCATION] + 0.7), pushes[:, LOCATION]
+    )
+    other = (rotate_scenes(some, 0.7) for some in (scenes, after))
+    before, physics = other
+    assert_same(
+        features_of(scenes, pushes, after, bodies), features_of(before, turned, physics, bodies)
+    )
+
+
+def test_renumbering_bodies_renumbers_rows() -> None:
+    order = [2, 0, 4, 1, 3]
+    scenes, pushes, after = draw(5, 40)
+    renumbered = pushes.copy()
+    renumbered[:, BODY] = np.argsort(order)[pushes[:, BODY].astype(int)]
+    usual = features_of(scenes, pushes, after, bodies_of(*NAMES))
+    told = features_of(
+        scenes[:, order], renumbered, after[:, order], bodies_of(*(NAMES[i] for i in order))
+    )
+    pairs = np.arange(25).reshape(5, 5)
+    slots = pairs[np.ix_(order, order)].ravel()
+    assert_same(told, Features(usual.disks[:, order], usual.relations[:, slots]))
+
+
+def test_a_mirror_changes_signs_alone() -> None:
+    mirrored = tuple(
+        Compound.of(
+            f"{name} in a mirror",
+            *(tuple((x, -y) for x, y in reversed(part)) for part in get_shape(name).polygons),
+        )
+        for name in ("right_triangle", "random_0")
+    )
+    bodies = bodies_of("right_triangle", "random_0")
+    scenes, pushes, after = draw(2, 60)
+    image = pushes.copy()
+    image[:, LOCATION], image[:, ANGLE] = wrap_angle(-pushes[:, LOCATION]), -pushes[:, ANGLE]
+    usual = features_of(scenes, pushes, after, bodies)
+    told = features_of(
+        mirror_scenes(scenes), image, mirror_scenes(after), Bodies(mirrored, (Role.PUSHABLE,) * 2)
+    )
+    usual.disks[..., list(MIRRORED_BODY)] *= -1
+    usual.relations[..., list(MIRRORED_RELATION)] *= -1
+    for some in (told, usual):  # a mirrored outline gets other feet, which are left out
+        some.disks[..., FEET] = 0.0
+        some.relations[..., [SENDER + column for column in FEET]] = 0.0
+    assert_same(told, usual)
+
+
+def test_a_contact_is_where_two_sides_meet() -> None:
+    """Two cubes of 0.1 m side by side, 4 mm apart, one of them 2 cm to the left."""
+    places = np.array([(0.4, 0.0), (0.504, 0.02)])
+    scenes = make_scene(places, np.full(2, 8.0), np.full(2, 0.05), np.zeros(2))[None]
+    push = np.array([[0.0, 0.0, 0.1, 0.0]])  # against the middle of the side towards -x
+    told = features_of(scenes, push, scenes, bodies_of("cube", "cube")).relations[0]
+    there, tool = told[1], told[0]
+    point, off, normal = (there[CONTACT_BEFORE + i : CONTACT_BEFORE + i + 2] for i in (0, 2, 4))
+    np.testing.assert_allclose(point * PLACE_SCALE, [0.052, 0.01], atol=1e-6)
+    np.testing.assert_allclose(off * PLACE_SCALE, [-0.052, -0.01], atol=1e-6)
+    np.testing.assert_allclose(normal, [1.0, 0.0], atol=1e-6)
+    assert there[EXTENT_BEFORE] * EXTENT_SCALE == pytest.approx(0.04, abs=1e-4)
+    assert there[GAP_BEFORE] == pytest.approx(np.tanh(0.004 / GAP_SCALE), abs=1e-5)
+    assert there[GAP_BEFORE] == there[GAP_AFTER]
+    assert (there[IS_TOOL], tool[IS_TOOL]) == (0.0, 1.0)
+    assert tool[GAP_BEFORE] == pytest.approx(np.tanh(0.005 / GAP_SCALE), abs=1e-5)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_kernels_say_what_pytorch_says(frame: str) -> None:
+    torch.manual_seed(0)
+    network = InteractionNetwork(replace(CONFIG, members=2, features=frame)).eval()
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.add_(0.1 * torch.randn_like(parameter))
+    bodies = bodies_of("t", "three_feet", "star")
+    scenes, pushes, after = draw(3, 150)
+    pushes[::7, LENGTH] = 0.0
+    compiled = CompiledNetwork(network).correct(scenes, pushes, after, bodies)
+    told = TorchNetwork(network, "cpu").correct(scenes, pushes, after, bodies)
+    np.testing.assert_allclose(compiled, told, atol=2e-6)
+    np.testing.assert_array_equal(compiled[::7], after[::7])
+    assert np.abs(compiled - after)[..., :2].max() > 1e-3
+
+
+def test_bodies_out_of_reach_change_nothing() -> None:
+    torch.manual_seed(1)
+    network = InteractionNetwork(CONFIG).eval()
+    torch.nn.init.normal_(network.dynamics[-1].weight)
+    scenes, pushes, after = draw(3, 30)
+    pushes[:, BODY] %= 2
+    for some in (scenes, after):
+        some[:, 2, 0] += 0.6
+    alone = CompiledNetwork(network).correct(
+        scenes[:, :2], pushes, after[:, :2], bodies_of("t", "l")
+    )
+    among = CompiledNetwork(network).correct(scenes, pushes, after, bodies_of("t", "l", "plus"))
+    np.testing.assert_array_equal(among[:, :2], alone)
+
+
+def test_a_body_alone_has_the_tool() -> None:
+    scenes, pushes, after = draw(1, 10)
+    told = features_of(scenes, pushes, after, bodies_of("bar"))
+    assert told.disks.shape == (10, 1, SHAPE_BODY_FEATURES)
+    assert told.relations.shape[1] == 1
+    assert (told.relations[:, 0, IS_TOOL] == 1.0).all()
+    assert (told.relations[:, 0, GAP_BEFORE] < 0.3).all()
