@@ -6,7 +6,9 @@ import pytest
 from sain_core.dataset import (
     COLLECTED,
     NEEDED,
+    POSED,
     RECORDED,
+    SHAPED,
     Column,
     Transitions,
     as_scenes,
@@ -31,7 +33,7 @@ def test_shapes_follow_the_number_of_disks() -> None:
 
 
 def test_every_column_is_explained_and_written_by_someone() -> None:
-    assert set(COLLECTED) | set(RECORDED) == set(Column)
+    assert set(COLLECTED) | set(RECORDED) | set(SHAPED) | set(POSED) == set(Column)
     assert set(NEEDED) <= set(COLLECTED) & set(RECORDED)
     for column in Column:
         np.dtype(column.dtype)

@@ -17,7 +17,12 @@ from sain_mppi.ros.mppi_node import MppiNode
 from sain_mppi.search.poses import BodyPose, PoseGoal
 from sain_sim.ros.sim_node import SimNode
 
-SMALL = {"planner__samples": 256, "planner__rounds": 3, "planner__horizon": 3}
+SMALL = {
+    "planner__samples": 256,
+    "planner__rounds": 3,
+    "planner__horizon": 3,
+    "model_timeout": 60.0,  # kernels may have to be compiled
+}
 NAMES, ROLES = ["t", "disk", "l"], ["pushable", "fixed", "pushable"]
 START = make_scene(
     np.array([(0.46, 0.0), (0.62, 0.24), (0.40, -0.26)]),

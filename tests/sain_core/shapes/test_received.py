@@ -49,7 +49,9 @@ def test_a_cube_is_a_box():
 
 
 def test_a_shape_that_is_not_installed_is_made_of_its_parts():
-    shape = Compound.of("tee_of_others", *(map(tuple, p.tolist()) for p in get_shape("t").parts(1)))
+    shape = Compound.of(
+        "tee_of_others", *(tuple(map(tuple, p.tolist())) for p in get_shape("t").parts(1))
+    )
     sent = body("tee_of_others", parts=[prism(part) for part in shape.parts(0.09)])
     (made,) = decode_bodies(bodies(sent)).shapes
     assert made.name == "tee_of_others"
