@@ -14,7 +14,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "numpy", "pybullet", "rich"],
+    install_requires=["jaxtyping", "numpy", "pybullet", "rich", "shapely"],
     extras_require={"ray": ["ray"]},
     zip_safe=False,
     entry_points={

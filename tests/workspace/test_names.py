@@ -18,11 +18,12 @@ ROOMS = (
 )
 # Words that other things have, too: messages, cards, parameters of the world.
 COMMON = {
-    "duration", "episode", "friction", "goal", "log_time", "masses", "moved", "outcome",
-    "physics_next", "push_id", "radii", "seed", "source", "state", "step", "tolerance",
+    "body", "duration", "episode", "friction", "goal", "log_time", "masses", "moved", "outcome",
+    "physics_next", "push_id", "radii", "roles", "seed", "shapes", "source", "state", "step",
+    "tolerance",
     "tool_friction",
 }  # fmt: skip
-KEYS_OF_JSON = {"moved", "episode", "seed"}  # of cards and journals
+KEYS_OF_JSON = {"moved", "episode", "seed", "shapes"}  # of cards, journals and settings
 
 
 def modules() -> Iterator[tuple[Path, ast.Module]]:

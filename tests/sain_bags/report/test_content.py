@@ -38,7 +38,7 @@ def test_frames_are_the_recorded_scenes(bag):
 
 def test_the_page_gets_the_outline_of_every_shape_that_is_not_round(record, tmp_path, hexagon):
     recording = record()
-    shapes = ["flat", "hexagon", "a shape of another machine"]
+    shapes = ["flat", "six_sided", "a shape of another machine"]
     recording.add("/sain/world_parameters", "WorldParameters", episode_id=1, shapes=shapes)
     Show(recording).episode(1, 3, [0.05])
     recording.writer.close()

@@ -258,7 +258,7 @@ def test_two_definitions_under_one_name_are_each_followed(bag: Path, tmp_path: P
         assert found.schema is not None
         if found.type.endswith("/Goal"):
             found.schema.data = found.schema.data.replace(
-                b"uint32 max_pushes", b"uint64 max_pushes"
+                b"float64 keep_tolerance", b"float64 keep_tolerance\nuint32 newer #"
             )
     later = [
         raw._replace(data=raw.data + bytes(4)) if raw.type.endswith("/Goal") else raw

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.scene import POSITION, THETA
@@ -14,20 +13,17 @@ from sain_core.wire import decode_goal_poses
 
 HEADING, TOLERANCE, TURN = 2, 3, 4  # of the values
 
-PoseNumbers = Float[ndarray, "P 5"]
-PerPose = Float[ndarray, "P"]
-
 
 @dataclass(frozen=True, eq=False)
 class AskedPoses:
     """P poses, each of one body."""
 
     bodies: tuple[int, ...]
-    values: PoseNumbers  # as `sain_core.wire.GOAL_POSE_FIELDS` names them; NaN: any heading
+    values: ndarray  # (P, 5), as `sain_core.wire.GOAL_POSE_FIELDS` names them; NaN: any heading
     shapes: Bodies | None  # None: not recorded, so disks
 
-    def distances(self, scene: Scene) -> PerPose:
-        """Return how far each body is from its place [m]; NaN: the scene has no such body."""
+    def distances(self, scene: Scene) -> ndarray:
+        """Return how far each body is from its place (P,) [m]; NaN: the scene has no such body."""
         return np.array(
             [
                 np.hypot(*(scene[body, POSITION] - pose[:2])) if body < len(scene) else np.nan
@@ -35,8 +31,8 @@ class AskedPoses:
             ]
         )
 
-    def turns(self, scene: Scene) -> PerPose:
-        """Return how far each body is turned from its heading [rad]; 0 where any will do."""
+    def turns(self, scene: Scene) -> ndarray:
+        """Return how far each body is turned from its heading (P,) [rad]; 0 where any will do."""
         return np.array(
             [
                 self._turn(scene, body, float(pose[HEADING]))
