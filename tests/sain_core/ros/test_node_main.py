@@ -18,7 +18,7 @@ from {package}.commands import {name}
 
 for arguments in {wrong!r}:
     sys.argv = ["{name}", "--ros-args", *arguments]
-    print(run_node(load({name}.node), "{name}"))
+    print(run_node(load({name}.name, {name}.node), "{name}"))
 """  # in one process: each would import PyTorch or Numba for itself
 
 
