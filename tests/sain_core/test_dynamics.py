@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from sain_core.dynamics import (
     Dynamics,
@@ -6,7 +7,10 @@ from sain_core.dynamics import (
     RolloutModel,
     StepwiseRollout,
     as_rollout,
+    shaped,
 )
+from sain_core.errors import ConfigError
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 
 
@@ -67,3 +71,10 @@ def test_a_dynamics_own_rollout_is_preferred() -> None:
     assert isinstance(stepwise, RolloutModel)
     assert not isinstance(Shift(), RolloutModel)
     assert isinstance(Shift(), Dynamics)
+
+
+def test_what_knows_only_disks_predicts_cubes_as_before_and_no_other_shape():
+    model = Shift()
+    assert shaped(model, Bodies.named(("disk", "cube"))) is model
+    with pytest.raises(ConfigError, match="Shift can only predict disks; the bodies are disk, t:"):
+        shaped(model, Bodies.named(("disk", "t")))

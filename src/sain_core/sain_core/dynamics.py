@@ -94,6 +94,8 @@ def shaped(dynamics: Dynamics, bodies: Bodies | None) -> Dynamics:
         return dynamics
     if isinstance(dynamics, ShapedDynamics):
         return dynamics.with_bodies(bodies)
+    if bodies.stand_in_for_disks:
+        return dynamics
     names = ", ".join(shape.name for shape in bodies.shapes)
     raise ConfigError(
         f"{type(dynamics).__name__} can only predict disks; the bodies are {names}:"
@@ -140,6 +142,8 @@ def shaped_rollout(model: RolloutModel, bodies: Bodies) -> RolloutModel:
     """Return a rollout model for these bodies, as `shaped`."""
     if isinstance(model, ShapedRollout):
         return model.with_bodies(bodies)
+    if bodies.stand_in_for_disks:
+        return model
     raise ConfigError(f"{type(model).__name__} can only predict disks with the paper's roles")
 
 

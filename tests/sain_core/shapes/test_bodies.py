@@ -61,3 +61,9 @@ def test_another_number_of_bodies_and_a_body_off_the_table_are_refused():
         check_bodies(scene((0.5, 0.0)), bodies)
     with pytest.raises(OffTableError, match="disk 1 at "):
         check_bodies(scene((0.5, 0.0), (1.5, 0.0)), bodies, Table())
+
+
+def test_a_cube_stands_in_for_a_disk_as_long_as_the_roles_are_the_paper_s():
+    assert Bodies.named(("disk", "cube", "flat")).stand_in_for_disks
+    assert not Bodies.named(("disk", "square")).stand_in_for_disks
+    assert not Bodies.named(("disk", "cube"), ("pushable", "pushable")).stand_in_for_disks

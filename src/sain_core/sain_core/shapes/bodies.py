@@ -24,6 +24,7 @@ from sain_core.shapes.shape import Shape
 from sain_core.types import Scene
 
 MOST_BODIES: Final = 10
+CUBE: Final = "cube"
 
 
 class Role(StrEnum):
@@ -91,6 +92,16 @@ class Bodies:
     def all_round(self) -> bool:
         """Whether all bodies are disks."""
         return all(shape.is_round for shape in self.shapes)
+
+    @cached_property
+    def stand_in_for_disks(self) -> bool:
+        """Whether these are disks and cubes with the paper's roles.
+
+        A cube stands in for the disk of its radius, as in the paper. What knows only disks predicts
+        such scenes as it always did.
+        """
+        known = all(shape.is_round or shape.name == CUBE for shape in self.shapes)
+        return known and self.roles == Bodies.disks(len(self)).roles
 
     @cached_property
     def pushable(self) -> tuple[int, ...]:

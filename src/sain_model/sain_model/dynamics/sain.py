@@ -127,12 +127,14 @@ class SainDynamics:
         )
 
     def with_bodies(self, bodies: Bodies) -> Self:
-        """Return this model for scenes of these bodies.
+        """Return this model for scenes of these bodies; a network for disks takes cubes for disks.
 
         Raises:
             ConfigError: its network was made for disks, and these are others.
         """
-        if self.network.config.bodies != ANY_SHAPE and bodies != Bodies.disks(len(bodies)):
+        if self.network.config.bodies != ANY_SHAPE:
+            if bodies.stand_in_for_disks:
+                return self
             pairs = zip(bodies.shapes, bodies.roles, strict=True)
             names = ", ".join(f"{shape.name} ({role})" for shape, role in pairs)
             raise ConfigError(
