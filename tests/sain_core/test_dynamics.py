@@ -76,5 +76,7 @@ def test_a_dynamics_own_rollout_is_preferred() -> None:
 def test_what_knows_only_disks_predicts_cubes_as_before_and_no_other_shape():
     model = Shift()
     assert shaped(model, Bodies.named(("disk", "cube"))) is model
-    with pytest.raises(ConfigError, match="Shift can only predict disks; the bodies are three_feet, t:"):
+    with pytest.raises(
+        ConfigError, match="Shift can only predict disks; the bodies are three_feet, t:"
+    ):
         shaped(model, Bodies.named(("disk", "t")))

@@ -22,10 +22,10 @@ def test_disks_become_rows() -> None:
     np.testing.assert_array_equal(scene, expected)
 
 
-@pytest.mark.parametrize("count", [0, 1])
-def test_a_scene_needs_two_disks(count: int) -> None:
-    with pytest.raises(InvalidInputError, match=f"scene has {count} disks; it needs at least 2"):
-        wire.decode_disks([disk()] * count)
+def test_a_scene_needs_a_body() -> None:
+    with pytest.raises(InvalidInputError, match="scene has 0 disks; it needs at least 1"):
+        wire.decode_disks([])
+    assert wire.decode_disks([disk()]).shape == (1, 8)
 
 
 def test_what_is_not_finite_is_named() -> None:
@@ -55,12 +55,14 @@ def test_nan_in_an_array_says_where() -> None:
 
 def rollout(**values: object) -> Message:
     ok = {"samples": 2, "horizon": 1, "disks": 2, "scene": [0.0] * 16, "pushes": [0.0] * 6}
-    return Message(**(ok | values))
+    return Message(**(ok | {"push_bodies": []} | values))
 
 
 def test_a_rollout_request_is_decoded() -> None:
     scene, pushes = wire.decode_rollout_request(rollout())
     assert (scene.shape, pushes.shape) == ((2, 8), (2, 1, 3))
+    _, named = wire.decode_rollout_request(rollout(push_bodies=[0, 1]))
+    assert named[..., 3].tolist() == [[0.0], [1.0]]
 
 
 @pytest.mark.parametrize(
@@ -68,7 +70,7 @@ def test_a_rollout_request_is_decoded() -> None:
     [
         ({"samples": 0}, "samples is 0; it must be at least 1"),
         ({"horizon": 0}, "horizon is 0; it must be at least 1"),
-        ({"disks": 1}, "disks is 1; it must be at least 2"),
+        ({"disks": 0}, "disks is 0; it must be at least 1"),
         ({"samples": 3}, r"pushes has 6 numbers; 9 were expected, for shape \(3, 1, 3\)"),
         ({"disks": 3}, r"scene has 16 numbers; 24 were expected, for shape \(3, 8\)"),
     ],
@@ -79,7 +81,9 @@ def test_a_wrong_rollout_request_is_refused(values: dict[str, object], message: 
 
 
 def test_physics_may_be_left_out_of_a_prediction_request() -> None:
-    request = Message(batch=1, disks=2, scenes=[0.0] * 16, pushes=[0.0] * 3, physics_next=[])
+    request = Message(
+        batch=1, disks=2, scenes=[0.0] * 16, pushes=[0.0] * 3, physics_next=[], push_bodies=[]
+    )
     assert wire.decode_predict_request(request)[2] is None
     request.physics_next = [1.0] * 16
     assert wire.decode_predict_request(request)[2].shape == (1, 2, 8)
@@ -101,6 +105,7 @@ def past(**values: object) -> Message:
         "past_scenes": numbers,
         "past_pushes": [0.1] * 6,
         "past_next": numbers,
+        "past_bodies": [],
     }
     return Message(**(fields | values))
 
@@ -118,7 +123,7 @@ def test_the_past_is_decoded_and_may_be_empty() -> None:
         ({"past": 3}, "past_scenes has 32 numbers; 48 were expected"),
         ({"past": 0}, "past_scenes has 32 numbers; 0 were expected"),
         ({"disks": 3}, "past_scenes has 32 numbers; 48 were expected"),
-        ({"disks": 1}, "disks is 1; it must be at least 2"),
+        ({"disks": 0}, "disks is 0; it must be at least 1"),
         ({"past_pushes": [0.1] * 5}, "past_pushes has 5 numbers; 6 were expected"),
         ({"past_pushes": [float("nan")] * 6}, r"past_pushes at \(0, 0\) is nan"),
         ({"past_next": [0.5] * 32}, "a past push changed a mass or radius"),

@@ -86,7 +86,7 @@ def test_pushes_that_bring_nothing_make_plans_wider_and_at_last_none(scene):
     settings = ProgressConfig(stalled_after=2, give_up_after=4)
     decider = decider_over(IdentityPrior(), replace(CONFIG, progress=settings))
     concerns = []
-    with pytest.raises(NoProgressError, match="4 pushes in a row brought nothing, the target is"):
+    with pytest.raises(NoProgressError, match="4 pushes in a row brought nothing, the distance is"):
         for number in range(9):
             jolted = moved(scene, MID, [1e-4 * (number % 2), 0.0])
             concerns.append(decide(decider, jolted, number).concern)
