@@ -105,7 +105,7 @@ class CostWeights(Config):
         minimum=0.0,
     )
     around: float = option(
-        20.0,
+        100.0,
         "pose goals: weight of a body where the tool cannot get behind it",
         unit="1/m",
         minimum=0.0,
@@ -258,12 +258,12 @@ def edge_nearness(
     """
     table = feasibility.table
     margin = np.full(rollout.after.shape[2], weights.edge_margin)
-    margin[TARGET] = np.clip(_edge_room(rollout.goal, table), 1e-3, weights.edge_margin)
-    lacking = _shortfall(_edge_room(rollout.after[..., POSITION], table), margin)  # (K, H, N)
+    margin[TARGET] = np.clip(table_room(rollout.goal, table), 1e-3, weights.edge_margin)
+    lacking = _shortfall(table_room(rollout.after[..., POSITION], table), margin)  # (K, H, N)
     return np.asarray(np.square(lacking).max(axis=(1, 2)))
 
 
-def _edge_room(points: Points, table: Table) -> Scalars:
+def table_room(points: Points, table: Table) -> Scalars:
     """Return the distance [m] of points (..., 2) to the nearest edge; negative off the table."""
     x, y = points[..., 0], points[..., 1]
     across = np.minimum(x - table.x_min, table.x_max - x)

@@ -13,7 +13,7 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSITION, RADIUS, THETA, Table, is_settled
 from sain_core.shapes.bodies import Bodies, overlap
 from sain_core.types import Angles, Scalars, Scene, Scenes
-from sain_mppi.search.cost import CostWeights, Rollout, blocked_pushes
+from sain_mppi.search.cost import CostWeights, Rollout, blocked_pushes, table_room
 
 Errors = Float[ndarray, "*B P"]  # of P poses
 
@@ -196,21 +196,22 @@ def pose_distance(goal: PoseGoal, scenes: Scenes, bodies: Bodies, lever: float) 
 def reach_around(
     goal: PoseGoal, rollout: Rollout, feasibility: Feasibility, bodies: Bodies
 ) -> Scalars:
-    """Return how far [m] bodies end where the tool cannot get behind them, summed (K,).
+    """Return how far [m] bodies get where the tool cannot get behind them, at most, summed (K,).
 
     A body whose far side the tool does not reach can be pushed away and not back.
     """
     reach, limits = feasibility.reach, feasibility.limits
     total = np.zeros(len(rollout.after))
     for pose in goal.poses:
-        state = rollout.after[:, -1, pose.body]
-        radius = np.linalg.norm(state[:, POSITION], axis=-1)
-        need = bodies.shapes[pose.body].circumradius * state[:, RADIUS] + limits.tool_radius
+        state = rollout.after[:, :, pose.body]
+        radius = np.linalg.norm(state[..., POSITION], axis=-1)  # (K, H)
+        size = bodies.shapes[pose.body].circumradius * float(state[0, 0, RADIUS])
+        need = size + limits.tool_radius + limits.clearance
         # What the goal itself asks for is no fault.
         there = float(np.hypot(pose.x, pose.y))
         far = np.maximum(reach.outer - need, there)
         near = np.minimum(reach.inner + need, there)
-        total += np.maximum(radius - far, 0.0) + np.maximum(near - radius, 0.0)
+        total += np.maximum(np.maximum(radius - far, near - radius), 0.0).max(axis=1)
     return total
 
 
@@ -228,11 +229,25 @@ def pose_terms(
         "distance": weights.distance * distance[:, -1],
         "running": weights.running_pose * distance[:, :-1].sum(axis=1),
         "around": weights.around * reach_around(goal, rollout, feasibility, bodies),
+        "edge": weights.edge * table_edge(goal, rollout, weights, feasibility.table),
         "keep": weights.keep * kept_moved(goal, rollout, start),
         "blocked": weights.blocked * blocked_pushes(rollout, feasibility, bodies),
         "effort": weights.effort * rollout.pushes[..., LENGTH].sum(axis=1),
         "pushes": weights.pushes * rollout.moving.sum(axis=1),
     }
+
+
+def table_edge(goal: PoseGoal, rollout: Rollout, weights: CostWeights, table: Table) -> Scalars:
+    """Return how deep any body's middle enters the margin along the table's edge, worst, squared.
+
+    A body may go as near to the edge as its goal is.
+    """
+    margin = np.full(rollout.after.shape[2], weights.edge_margin)
+    for pose in goal.poses:
+        room = float(table_room(np.array([pose.x, pose.y]), table))
+        margin[pose.body] = np.clip(room, 1e-3, weights.edge_margin)
+    lacking = np.maximum(1.0 - table_room(rollout.after[..., POSITION], table) / margin, 0.0)
+    return np.asarray(np.square(lacking).max(axis=(1, 2)))
 
 
 def kept_moved(goal: PoseGoal, rollout: Rollout, start: Scene) -> Scalars:
