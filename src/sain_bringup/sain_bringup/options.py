@@ -20,7 +20,7 @@ from sain_eval.scenes.scenarios import SCENARIOS
 RECORDINGS: Final = Path("bags")
 NAMESPACE_KEY: Final = "namespace"  # of a bag's custom data: of the graph that made it
 EPISODES_KEY: Final = "episodes"  # of a bag's custom data: "scenario:seed scenario:seed ..."
-DEMO: Final = (("anywhere", 3), ("paper", 1))
+DEMO: Final = (("anywhere", 3), ("paper", 1), ("push_t", 1))
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class ClosedLoopOptions(Config):
 
     Starts the four as separate processes, plays episodes, and writes a recording, a top view
     of each episode, a moving picture and a summary. Without options it plays the demo: three
-    `anywhere` episodes and one `paper` episode, each to 2 cm.
+    `anywhere` episodes, one `paper` and one `push_t` episode, each to 2 cm.
     """
 
     episodes: Annotated[int | None, tyro.conf.arg(metavar="N")] = option(
