@@ -138,8 +138,10 @@ class StepwiseRollout:
         return predicted
 
 
-def shaped_rollout(model: RolloutModel, bodies: Bodies) -> RolloutModel:
+def shaped_rollout(model: RolloutModel, bodies: Bodies | None) -> RolloutModel:
     """Return a rollout model for these bodies, as `shaped`."""
+    if bodies is None or bodies == Bodies.disks(len(bodies)):
+        return model
     if isinstance(model, ShapedRollout):
         return model.with_bodies(bodies)
     if bodies.stand_in_for_disks:

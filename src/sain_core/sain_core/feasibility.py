@@ -100,14 +100,13 @@ def start_gap(
     gap = np.full(np.broadcast_shapes(scenes.shape[:-2], pushed.shape), limits.clearance)
     for body, shape in enumerate(bodies.shapes):
         mine = np.broadcast_to(pushed == body, gap.shape)
-        if not shape.is_convex and mine.any():
-            radius = np.broadcast_to(scenes[..., body, RADIUS], gap.shape)[mine]
-            location = np.broadcast_to(pushes[..., LOCATION], gap.shape)[mine]
-            for one in np.unique(radius).tolist():
-                known, gaps = _start_gaps(shape, one, limits)
-                gap[mine & (np.broadcast_to(scenes[..., body, RADIUS], gap.shape) == one)] = (
-                    np.interp(location[radius == one], known, gaps)
-                )
+        if shape.is_convex or not mine.any():
+            continue
+        radii = np.broadcast_to(scenes[..., body, RADIUS], gap.shape)
+        for radius in np.unique(radii[mine]).tolist():
+            these = mine & (radii == radius)
+            location = np.broadcast_to(pushes[..., LOCATION], gap.shape)[these]
+            gap[these] = np.interp(location, *_start_gaps(shape, radius, limits))
     return gap
 
 

@@ -126,6 +126,5 @@ def informed_rollout(
     """
     if isinstance(model, StepwiseRollout):
         return StepwiseRollout(informed(shaped(model.dynamics, bodies), history))
-    if bodies is not None and bodies != Bodies.disks(len(bodies)):
-        model = shaped_rollout(model, bodies)
+    model = shaped_rollout(model, bodies)
     return model.with_history(history) if isinstance(model, LearningRollout) else model

@@ -11,7 +11,6 @@ from sain_bags.transitions.sources import Source
 from sain_core.dataset import POSED, SHAPED, Column, Columns, describe_bodies
 from sain_core.errors import DatasetError, SainError
 from sain_core.shapes.bodies import MOST_BODIES, Bodies
-from sain_core.shapes.names import is_plain
 from sain_core.shapes.received import decode_bodies
 from sain_core.wire import decode_goal_poses
 
@@ -36,7 +35,8 @@ class KnownBodies:
                 self._read(source)
             except SainError as error:
                 raise DatasetError(f"{source.bag.path}: {error}") from error
-        self._shaped = bool(self._poses) or not all(map(is_plain, self._bodies.values()))
+        plain = all(bodies.are_paper_disks for bodies in self._bodies.values())
+        self._shaped = bool(self._poses) or not plain
 
     def of_bag(self, sha256: str) -> Callable[[int], Bodies | None]:
         """Return what tells the bodies of an episode of a recording; None: the paper's disks."""

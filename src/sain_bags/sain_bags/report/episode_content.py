@@ -12,7 +12,6 @@ from sain_bags.transitions.recorded_episodes import Episode
 from sain_core.errors import ConfigError
 from sain_core.scene import MASS, POSE, RADIUS
 from sain_core.shapes.disk import DISK
-from sain_core.shapes.names import is_plain
 from sain_core.shapes.registry import get_shape
 from sain_core.shapes.shape import Shape
 from sain_core.types import Scene
@@ -83,7 +82,7 @@ def _disks(scene: Scene, gathered: Gathered) -> list[dict[str, Any]]:
                 "radius": rounded(state[RADIUS]),
                 "mass": rounded(state[MASS], 3),
                 "outline": _corners(shape, float(state[RADIUS])),
-                **({} if is_plain(bodies) else {"name": shape.footprint, "role": str(role)}),
+                **({} if bodies.are_paper_disks else {"name": shape.footprint, "role": str(role)}),
             }
             for state, shape, role in zip(scene, bodies.shapes, bodies.roles, strict=True)
         ]

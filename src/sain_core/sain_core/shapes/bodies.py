@@ -56,8 +56,7 @@ class Bodies:
         if not 1 <= count <= MOST_BODIES:
             raise ConfigError(f"a scene has {count} bodies; allowed: 1 to {MOST_BODIES}")
         if not self.roles:
-            paper = (Role.PUSHABLE, *(Role.MOVABLE,) * (count - 1))
-            object.__setattr__(self, "roles", paper)
+            object.__setattr__(self, "roles", _paper_roles(count))
         if len(self.roles) != count:
             raise ConfigError(f"{count} bodies have {len(self.roles)} roles; give one for each")
         if Role.PUSHABLE not in self.roles:
@@ -94,6 +93,16 @@ class Bodies:
         return all(shape.is_round for shape in self.shapes)
 
     @cached_property
+    def has_paper_roles(self) -> bool:
+        """Whether only body 0 is pushable and all others are movable."""
+        return self.roles == _paper_roles(len(self))
+
+    @cached_property
+    def are_paper_disks(self) -> bool:
+        """Whether these are disks with the paper's roles, which nobody needs to state."""
+        return self.all_round and self.has_paper_roles
+
+    @cached_property
     def stand_in_for_disks(self) -> bool:
         """Whether these are disks and cubes with the paper's roles.
 
@@ -101,7 +110,7 @@ class Bodies:
         such scenes as it always did.
         """
         known = all(shape.is_round or shape.name == CUBE for shape in self.shapes)
-        return known and self.roles == Bodies.disks(len(self)).roles
+        return known and self.has_paper_roles
 
     @cached_property
     def pushable(self) -> tuple[int, ...]:
@@ -112,6 +121,10 @@ class Bodies:
     def fixed(self) -> tuple[int, ...]:
         """The bodies that nothing moves."""
         return tuple(body for body, role in enumerate(self.roles) if role == Role.FIXED)
+
+
+def _paper_roles(count: int) -> tuple[Role, ...]:
+    return (Role.PUSHABLE, *(Role.MOVABLE,) * (count - 1))
 
 
 def check_bodies(

@@ -16,11 +16,6 @@ BETWEEN: Final = ","
 MARKS: Final = "s"  # ends a column (N,) of older data sets that states which bodies are ``cubes``
 
 
-def is_plain(bodies: Bodies) -> bool:
-    """Tell whether bodies are disks with the paper's roles, which rows need not state."""
-    return bodies.all_round and bodies.roles == Bodies.disks(len(bodies)).roles
-
-
 def as_names(bodies: Bodies) -> tuple[str, str]:
     """Return the shapes and the roles of bodies."""
     return BETWEEN.join(shape.footprint for shape in bodies.shapes), BETWEEN.join(bodies.roles)

@@ -70,11 +70,6 @@ class Outline:
         points, normals = self.at(locations)
         return locations, np.arctan2(points[..., 1], points[..., 0]), normals
 
-    def location(self, side: int, part: float) -> float:
-        """Return the location of a point on a side: 0 <= part <= 1 from its start to its end."""
-        share = (1.0 - part) * self.shares[side] + part * self.shares[side + 1]
-        return float(wrap_angle(np.asarray(2 * pi * share)))
-
 
 @cache
 def outline_of(shape: Shape) -> Outline:

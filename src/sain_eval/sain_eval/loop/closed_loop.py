@@ -7,7 +7,6 @@ import numpy as np
 from sain_core.errors import ErrorCode, SainError
 from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, is_settled
-from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenario_scene import ScenarioScene
@@ -53,7 +52,7 @@ def run_episode(
     config, parameters = world_config or WorldConfig(), case.parameters()
     with World(parameters, config) as world:
         play = _Play(agent, world, world.reset(case.disks))
-        if not _is_papers(parameters.bodies):
+        if not parameters.bodies.are_paper_disks:  # an agent takes bodies to be these
             agent.meet(EPISODE, parameters.bodies)
         records: list[EpisodeRecord] = []
         for number, given in enumerate(case.goals, start=1):
@@ -132,11 +131,6 @@ class _Play:
         self.pushes.append(_record(decision, before, after))
         self.fallbacks += decision.failure is not None
         self.scene = after
-
-
-def _is_papers(bodies: Bodies) -> bool:
-    """Tell whether bodies are disks with the paper's roles, as an agent takes them to be."""
-    return bodies.all_round and bodies.roles == Bodies.disks(len(bodies)).roles
 
 
 def _failure(stop: Stop) -> str:

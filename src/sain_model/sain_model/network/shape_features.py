@@ -1,6 +1,6 @@
 """Inputs of networks for bodies of any shape, and of networks for disks by the same call."""
 
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -30,7 +30,7 @@ Strokes = Float[ndarray, "B C"]
 LIMITS = PushLimits()
 
 
-@cache
+@lru_cache(maxsize=256)
 def outline_table(bodies: Bodies) -> OutlineTable:
     """Return what the kernels need of bodies and of the tool."""
     table = body_table(bodies)

@@ -5,6 +5,7 @@ scenes. A disk is an outline of one corner, rounded by its radius; the tool like
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -90,8 +91,9 @@ def _canonical_order(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
     return np.argsort(apart, axis=1, kind="stable")
 
 
+@lru_cache(maxsize=256)
 def body_table(bodies: Bodies) -> BodyTable:
-    """Return the table of some bodies."""
+    """Return the table of some bodies; made once, since a plan asks for it a dozen times."""
     corners = [_corners(shape) for shape in bodies.shapes]
     supports = [load_shares(_supports(shape)) for shape in bodies.shapes]
     return BodyTable(

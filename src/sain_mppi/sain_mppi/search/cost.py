@@ -4,6 +4,7 @@ Every term takes a `Rollout` and returns (K,). ``remaining`` fades the terms tha
 while there is something left to do: close to the goal it does not matter where the mid disk is.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -166,7 +167,7 @@ def cost_terms(
         "caution": weights.caution * overshoot_risk(rollout, weights, feasibility),
         "clearance": weights.clearance * tool_nearness(rollout, weights, feasibility, bodies),
         "reach": weights.reach * remaining * reach_excess(rollout, weights, feasibility),
-        "edge": weights.edge * edge_nearness(rollout, weights, feasibility),
+        "edge": weights.edge * edge_nearness(rollout, {TARGET: rollout.goal}, weights, feasibility),
         "blocked": weights.blocked * blocked_pushes(rollout, feasibility, bodies),
         "risk": weights.risk * target_regions(rollout),
         "effort": weights.effort * rollout.pushes[..., LENGTH].sum(axis=1),
@@ -250,20 +251,21 @@ def reach_excess(rollout: TargetRollout, weights: CostWeights, feasibility: Feas
 
 
 def edge_nearness(
-    rollout: TargetRollout, weights: CostWeights, feasibility: Feasibility
+    rollout: Rollout, goals: Mapping[int, Goal], weights: CostWeights, feasibility: Feasibility
 ) -> Scalars:
-    """Return how deep any disk's centre enters the margin along the table's edge, worst, squared.
+    """Return how deep any body's middle enters the margin along the table's edge, worst, squared.
 
-    The target may go as near to the edge as its goal is.
+    A body may go as near to the edge as its goal is; `goals` has the places (2,) of bodies.
     """
     table = feasibility.table
     margin = np.full(rollout.after.shape[2], weights.edge_margin)
-    margin[TARGET] = np.clip(table_room(rollout.goal, table), 1e-3, weights.edge_margin)
-    lacking = _shortfall(table_room(rollout.after[..., POSITION], table), margin)  # (K, H, N)
+    for body, goal in goals.items():
+        margin[body] = np.clip(_table_room(goal, table), 1e-3, weights.edge_margin)
+    lacking = _shortfall(_table_room(rollout.after[..., POSITION], table), margin)  # (K, H, N)
     return np.asarray(np.square(lacking).max(axis=(1, 2)))
 
 
-def table_room(points: Points, table: Table) -> Scalars:
+def _table_room(points: Points, table: Table) -> Scalars:
     """Return the distance [m] of points (..., 2) to the nearest edge; negative off the table."""
     x, y = points[..., 0], points[..., 1]
     across = np.minimum(x - table.x_min, table.x_max - x)

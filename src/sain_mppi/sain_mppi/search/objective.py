@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from sain_core.dynamics import Radii, scenes_before
 from sain_core.feasibility import Feasibility
@@ -19,7 +17,7 @@ from sain_mppi.search.candidates import go_around_sequences, straight_sequences
 from sain_mppi.search.cost import CostWeights, Rollout, cost_terms, make_rollout, total_cost
 from sain_mppi.search.goal import Goal
 from sain_mppi.search.poses import PoseGoal, pose_distance, pose_terms
-from sain_mppi.search.sampling import inside_limits
+from sain_mppi.search.sampling import inside_limits, uniform_sequences
 
 STRAIGHT_SHARE: Final = 0.25  # of the candidates; the others go around
 SLIDE_SCATTER: Final = 0.3  # of the length of a push towards a pose, as a share of the way there
@@ -60,23 +58,17 @@ class Objective(ABC):
 
     def uniform(self, generator: np.random.Generator, count: int, horizon: int) -> PushSequences:
         """Draw sequences (count, H, A) of any allowed pushes, evenly along all outlines."""
-        pushes = self.feasibility.limits.sample(generator, count * horizon)
-        return self.with_body(pushes, generator).reshape(count, horizon, self.push_size)
-
-    def with_body(
-        self, pushes: Float[ndarray, "B 3"], generator: np.random.Generator
-    ) -> Float[ndarray, "B A"]:
-        """Return pushes (B, 3) as this objective's, (B, A), on pushable bodies at random."""
+        drawn = uniform_sequences(self.feasibility.limits, generator, count, horizon)
         if self.push_size == PUSH_SIZE:
-            return pushes
+            return drawn
         assert self.bodies is not None
         perimeters = [
             2 * np.pi if shape.is_round else outline_of(shape).perimeter
             for shape in (self.bodies.shapes[body] for body in self.pushable)
         ]
         shares = np.array(perimeters) / sum(perimeters)
-        body = generator.choice(self.pushable, len(pushes), p=shares)
-        return np.concatenate([pushes, body[:, None].astype(np.float64)], axis=1)
+        body = generator.choice(self.pushable, (count, horizon, 1), p=shares)
+        return np.concatenate([drawn, body.astype(np.float64)], axis=-1)
 
 
 class TargetObjective(Objective):
@@ -136,6 +128,8 @@ class _Aim:
 class PoseObjective(Objective):
     """Bodies to poses; the tool touches the bodies that are pushable."""
 
+    bodies: Bodies
+
     def __init__(
         self,
         goal: PoseGoal,
@@ -146,7 +140,7 @@ class PoseObjective(Objective):
     ) -> None:
         """Bring bodies to poses, for a goal that was given in a scene `start` (N, 8)."""
         super().__init__(weights, feasibility, bodies)
-        self.goal, self.start, self._bodies = goal, start, bodies
+        self.goal, self.start = goal, start
 
     def terms(
         self,
@@ -159,7 +153,7 @@ class PoseObjective(Objective):
         before = scenes_before(scene, predicted)
         rollout = Rollout(before, predicted, sequences, sequences[..., LENGTH] > 0.0)
         return pose_terms(
-            self.goal, rollout, self.weights, self.feasibility, self._bodies, self.start
+            self.goal, rollout, self.weights, self.feasibility, self.bodies, self.start
         )
 
     def candidates(
@@ -190,7 +184,7 @@ class PoseObjective(Objective):
         return inside_limits(pushes.reshape(count, horizon, self.push_size), limits)
 
     def _aim(self, scene: Scene, generator: np.random.Generator, count: int) -> _Aim:
-        far = pose_distance(self.goal, scene, self._bodies, self.weights.lever) + 1e-3
+        far = pose_distance(self.goal, scene, self.bodies, self.weights.lever) + 1e-3
         wanted = [pose for pose in self.goal.poses if pose.body in self.pushable]
         if not wanted:
             body = generator.choice(self.pushable, count)
@@ -207,7 +201,7 @@ class PoseObjective(Objective):
         """Return the headings (B,) [rad] of inward normals at locations (B,) on bodies (B,)."""
         normals = locations.copy()
         for body in np.unique(bodies).tolist():
-            shape, mine = self._bodies.shapes[body], bodies == body
+            shape, mine = self.bodies.shapes[body], bodies == body
             if not shape.is_round:
                 normals[mine] = outline_of(shape).at(locations[mine])[1] + scene[body, THETA]
         return normals

@@ -13,7 +13,7 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSITION, RADIUS, THETA, Table, is_settled
 from sain_core.shapes.bodies import Bodies, overlap
 from sain_core.types import Angles, Scalars, Scene, Scenes
-from sain_mppi.search.cost import CostWeights, Rollout, blocked_pushes, table_room
+from sain_mppi.search.cost import CostWeights, Rollout, blocked_pushes, edge_nearness
 
 Errors = Float[ndarray, "*B P"]  # of P poses
 
@@ -225,29 +225,17 @@ def pose_terms(
 ) -> dict[str, Scalars]:
     """Return every cost term (K,), already weighted. Not finite where the prediction is not."""
     distance = pose_distance(goal, rollout.after, bodies, weights.lever).sum(axis=-1)  # (K, H)
+    places = {pose.body: np.array([pose.x, pose.y]) for pose in goal.poses}
     return {
         "distance": weights.distance * distance[:, -1],
         "running": weights.running_pose * distance[:, :-1].sum(axis=1),
         "around": weights.around * reach_around(goal, rollout, feasibility, bodies),
-        "edge": weights.edge * table_edge(goal, rollout, weights, feasibility.table),
+        "edge": weights.edge * edge_nearness(rollout, places, weights, feasibility),
         "keep": weights.keep * kept_moved(goal, rollout, start),
         "blocked": weights.blocked * blocked_pushes(rollout, feasibility, bodies),
         "effort": weights.effort * rollout.pushes[..., LENGTH].sum(axis=1),
         "pushes": weights.pushes * rollout.moving.sum(axis=1),
     }
-
-
-def table_edge(goal: PoseGoal, rollout: Rollout, weights: CostWeights, table: Table) -> Scalars:
-    """Return how deep any body's middle enters the margin along the table's edge, worst, squared.
-
-    A body may go as near to the edge as its goal is.
-    """
-    margin = np.full(rollout.after.shape[2], weights.edge_margin)
-    for pose in goal.poses:
-        room = float(table_room(np.array([pose.x, pose.y]), table))
-        margin[pose.body] = np.clip(room, 1e-3, weights.edge_margin)
-    lacking = np.maximum(1.0 - table_room(rollout.after[..., POSITION], table) / margin, 0.0)
-    return np.asarray(np.square(lacking).max(axis=(1, 2)))
 
 
 def kept_moved(goal: PoseGoal, rollout: Rollout, start: Scene) -> Scalars:

@@ -18,7 +18,6 @@ from sain_core.scene import MID, POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
 from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
-from sain_core.shapes.names import is_plain
 from sain_core.shapes.registry import built_shapes, footprint_names
 from sain_core.types import PushArray
 from sain_sim.collecting.push_counts import PushCounts
@@ -211,7 +210,7 @@ class EpisodeRunner:
 
 def about_bodies(bodies: Bodies, push: PushArray) -> dict[str, Any]:
     """Return the columns of a push against bodies that are not all disks as in the paper."""
-    if is_plain(bodies):
+    if bodies.are_paper_disks:
         return {}
     return {Column.BODY: int(pushed_bodies(push)), **describe_bodies(bodies)}
 

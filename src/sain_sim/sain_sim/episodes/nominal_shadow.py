@@ -3,8 +3,7 @@
 from dataclasses import replace
 
 from sain_core.push import PUSH_SIZE
-from sain_core.scene import POSE, POSITION, THETA, VELOCITY, wrap_angle
-from sain_core.shapes.bodies import Bodies
+from sain_core.scene import POSITION, THETA
 from sain_core.types import PushArray, Scene
 from sain_sim.world.outcome import Stroke, is_idle
 from sain_sim.world.parameters import NOMINAL_MASS, WorldParameters
@@ -27,13 +26,7 @@ class NominalShadow(BulletPrior):
         start = parameters.scene(scene[:, POSITION], scene[:, THETA])
         limits = self._world.config.feasibility.limits
         stroke = Stroke.of_push(scene, push, limits, truth.bodies)
-        self._world.load(start, parameters)
-        after = self._world.carry_out(stroke, pushed=None).after
-        predicted = scene.copy()
-        predicted[:, POSE] += after[:, POSE] - start[:, POSE]
-        predicted[:, THETA] = wrap_angle(predicted[:, THETA])
-        predicted[:, VELOCITY] = after[:, VELOCITY]
-        return predicted
+        return self._moved(scene, start, parameters, stroke)
 
     def _with_shapes(self, scene: Scene, truth: WorldParameters) -> WorldParameters:
         if self.kind == TRUE:
@@ -47,6 +40,5 @@ class NominalShadow(BulletPrior):
 def is_plain(parameters: WorldParameters) -> bool:
     """Tell whether bodies are disks and cubes with the paper's roles, the first a disk."""
     bodies = parameters.bodies
-    paper = bodies.roles == Bodies.disks(len(bodies)).roles
     stands_in = all(shape.is_round or shape.circumradius > 1.0 for shape in bodies.shapes)
-    return paper and stands_in and bodies.shapes[0].is_round
+    return bodies.has_paper_roles and stands_in and bodies.shapes[0].is_round

@@ -37,7 +37,7 @@ def scene_markers(sample: Sample, bodies: Bodies, table: Table, stamp: Time) -> 
 def body_labels(bodies: Bodies) -> list[str]:
     """Return the text over each body: the paper's words for its roles, else shape and role."""
     count = len(bodies)
-    if bodies.shapes[0].is_round and bodies.roles == Bodies.disks(count).roles:
+    if bodies.shapes[0].is_round and bodies.has_paper_roles:
         return [*LABELS, *(f"disk {disk}" for disk in range(len(LABELS), count))][:count]
     return [
         f"{body} {shape.footprint}" + (f" ({role})" if role is not Role.PUSHABLE else "")

@@ -86,6 +86,12 @@ class BulletPrior(Closeable):
             start = move_apart(start)
         limits = self._world.config.feasibility.limits
         stroke = stand_back(Stroke.of_push(scene, push, limits), start, limits)
+        return self._moved(scene, start, parameters, stroke)
+
+    def _moved(
+        self, scene: Scene, start: Scene, parameters: WorldParameters, stroke: Stroke
+    ) -> Scene:
+        """Return a scene (N, 8) moved as a stroke moves its shadow `start` (N, 8)."""
         self._world.load(start, parameters)
         after = self._world.carry_out(stroke, pushed=None).after
         predicted = scene.copy()
