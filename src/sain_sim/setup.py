@@ -15,7 +15,7 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=["jaxtyping", "numpy", "pybullet", "rich", "shapely"],
-    extras_require={"ray": ["ray"]},
+    extras_require={"mujoco": ["mujoco"], "ray": ["ray"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [

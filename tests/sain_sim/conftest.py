@@ -1,3 +1,5 @@
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from sain_core.seeding import generator
 from sain_core.types import PushArray, Scene
 from sain_sim.episodes.samplers import CircleSampler
 from sain_sim.episodes.start import draw_start
+from sain_sim.world.engines import BULLET, MUJOCO
 from sain_sim.world.parameters import WorldParameters, nominal_parameters, sample_parameters
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
@@ -41,6 +44,15 @@ class Bench:
         return [CircleSampler().draw(random, scene) for _ in range(count)]
 
     @staticmethod
+    def kick(world: World, body: int, velocity: tuple[float, float]) -> None:
+        """Set the velocity [m/s] of a body."""
+        cell = world._cell
+        if world.engine == MUJOCO:
+            cell._speeds[body, :2] = velocity
+        else:
+            world._simulation.client.resetBaseVelocity(cell.stage.disks[body].id, [*velocity, 0.0])
+
+    @staticmethod
     def towards(heading: float, length: float = 0.1) -> PushArray:
         """A push through the mid disk's centre."""
         return PushLimits().check(np.array([float(wrap_angle(np.asarray(heading))), 0.0, length]))
@@ -51,7 +63,16 @@ def bench() -> Bench:
     return Bench()
 
 
+NEEDS_MUJOCO = pytest.mark.skipif(find_spec("mujoco") is None, reason="MuJoCo is not installed")
+
+
+@pytest.fixture(params=[BULLET, pytest.param(MUJOCO, marks=NEEDS_MUJOCO)])
+def engine(request) -> str:
+    """Each engine in turn, for what is true of any world."""
+    return request.param
+
+
 @pytest.fixture
-def world():
-    with World(nominal_parameters()) as world:
+def world(engine):
+    with World(nominal_parameters(), engine=engine) as world:
         yield world

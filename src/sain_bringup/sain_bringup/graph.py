@@ -25,7 +25,7 @@ def graph_commands(
         ConfigError: a package of the graph is not installed.
     """
     # The recording is watched later, so the arm moves all the way and is not set down.
-    simulator = {"bullet.full_motion": "true"}
+    simulator = {"bullet.full_motion": "true", "engine": options.engine}
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
     about = [f"{key}={value}" for key, value in custom_data.items()]

@@ -16,6 +16,7 @@ from sain_core.errors import ConfigError, OutputError
 from sain_core.plugins import check_model_name
 from sain_core.storage import make_folder
 from sain_eval.scenes.scenarios import SCENARIOS
+from sain_sim.world.engines import BULLET, ENGINES, check_engine
 
 RECORDINGS: Final = Path("bags")
 NAMESPACE_KEY: Final = "namespace"  # of a bag's custom data: of the graph that made it
@@ -46,6 +47,9 @@ class ClosedLoopOptions(Config):
         minimum=1e-4,
         maximum=0.2,
     )
+    engine: str = option(
+        BULLET, "physics engine; mujoco needs an extra package", choices=tuple(ENGINES)
+    )
     model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
     out: Path | None = option(
         None, "folder to make for the results; by default bags/closed_loop-<date>-<time>"
@@ -66,6 +70,7 @@ class ClosedLoopOptions(Config):
         """Check the fields, the model's name, the scenario and the file of parameters."""
         super().__post_init__()
         check_model_name(self.model)
+        check_engine(self.engine)
         if self.scenario is not None and self.scenario not in SCENARIOS:
             near = difflib.get_close_matches(self.scenario, SCENARIOS, n=1)
             hint = f" (did you mean {near[0]!r}?)" if near else ""
@@ -128,7 +133,8 @@ def describe(plans: Sequence[EpisodePlan], options: ClosedLoopOptions) -> str:
     """Return in a few words what is going to be played."""
     counts = Counter(plan.scenario for plan in plans)
     what = ", ".join(f"{count} × {name}" for name, count in counts.items())
-    return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}"
+    engine = "" if options.engine == BULLET else f" in {options.engine}"
+    return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}{engine}"
 
 
 def make_output_folder(options: ClosedLoopOptions) -> Path:

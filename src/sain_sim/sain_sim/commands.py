@@ -7,8 +7,8 @@ from sain_core.cli.node_command import NodeCommand
 
 sim_node: Final = NodeCommand(
     "sain_sim sim_node",
-    about="Simulates the table, the disks and the arm with PyBullet. Carries out one push at a time"
-    " and publishes its result.",
+    about="Simulates the table, the disks and the arm with PyBullet or MuJoCo. Carries out one push"
+    " at a time and publishes its result.",
     node="ros.sim_node:SimNode",
     settings="node.simulator:SimulatorConfig",
     publishes=(

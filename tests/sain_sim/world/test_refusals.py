@@ -30,8 +30,8 @@ REFUSED = [
 
 @pytest.mark.parametrize("config", [WorldConfig(), WorldConfig(full_motion=True)])
 @pytest.mark.parametrize(("push", "code", "message"), REFUSED)
-def test_a_refused_push_moves_nothing(push, code, message, config, bench):
-    with World(nominal_parameters(), config) as world:
+def test_a_refused_push_moves_nothing(push, code, message, config, bench, engine):
+    with World(nominal_parameters(), config, engine=engine) as world:
         world.reset(bench.touching())
         before, joints, time = world.observe(), world.sample().joint_positions, world.time
         with pytest.raises(SainError) as caught:
@@ -55,11 +55,12 @@ def test_out_of_reach_is_refused_as_unreachable(world):
 
 
 @pytest.mark.parametrize("config", [WorldConfig(), WorldConfig(full_motion=True)])
-def test_a_tool_that_meets_another_disk_goes_back_and_leaves_no_trace(config, bench):
+def test_a_tool_that_meets_another_disk_goes_back_and_leaves_no_trace(config, bench, engine):
     """The look ahead that no static check can replace: here the stroke runs into the target."""
     start = bench.touching(bearing=pi / 2)
     into_target = Stroke(np.array([0.30, 0.14]), np.array([0.44, 0.14]), 0.0)
-    with World(nominal_parameters(), config) as world, World(nominal_parameters(), config) as calm:
+    worlds = (World(nominal_parameters(), config, engine=engine) for _ in range(2))
+    with next(worlds) as world, next(worlds) as calm:
         for each in (world, calm):
             each.reset(start)
             each.push(bench.straight)
@@ -85,7 +86,7 @@ def test_a_tool_that_meets_another_disk_goes_back_and_leaves_no_trace(config, be
 
 def test_a_scene_in_motion_takes_no_push(world, bench):
     world.reset(bench.touching())
-    world._client.resetBaseVelocity(world._cell.stage.disks[MID].id, [0.1, 0.0, 0.0])
+    bench.kick(world, MID, (0.1, 0.0))
     with pytest.raises(StaleSceneError, match="the disks still move"):
         world.push(bench.straight)
 

@@ -11,7 +11,7 @@ from sain_core.scene import MID, POSITION, TARGET, THETA, is_settled, unit
 from sain_core.shapes.disk import FLAT
 from sain_core.shapes.shape import REGULAR_FEET
 from sain_sim.arm.kinematics import LOWER_LIMITS, UPPER_LIMITS
-from sain_sim.arm.tool_spring import SLIDES
+from sain_sim.bullet.tool_spring import SLIDES
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.roughness import (
     EFFECTS,
@@ -54,7 +54,7 @@ def slide(parameters, heading):
     with World(parameters) as world:
         world.reset(scene)
         body = world._cell.stage.disks[TARGET].id
-        world._client.resetBaseVelocity(body, [*(0.3 * unit(np.asarray(heading))), 0.0])
+        world._simulation.client.resetBaseVelocity(body, [*(0.3 * unit(np.asarray(heading))), 0.0])
         assert world.settle()
         return (world.observe() - scene)[TARGET, POSITION]
 
@@ -87,9 +87,9 @@ def test_a_scene_is_about_the_middles_of_the_disks():
     with World(parameters) as world:
         assert np.allclose(world.reset(scene), scene, atol=1e-12)
         body = world._cell.stage.disks[MID].id
-        com = np.array(world._client.getBasePositionAndOrientation(body)[0][:2])
+        com = np.array(world._simulation.client.getBasePositionAndOrientation(body)[0][:2])
         assert np.allclose(com - MIDDLE, 0.15 * 0.08 * unit(np.asarray(0.4)))
-        world._client.resetBaseVelocity(body, [0.0, 0.0, 0.0], [0.0, 0.0, 2.0])
+        world._simulation.client.resetBaseVelocity(body, [0.0, 0.0, 0.0], [0.0, 0.0, 2.0])
         world._cell.steps += 1  # something happened: look at the bodies
         spin = 2.0 * 0.15 * 0.08 * unit(np.asarray(0.4 - pi / 2))
         assert np.allclose(world.observe()[MID, 3:5], spin)
@@ -105,7 +105,7 @@ def test_a_disk_that_leans_on_a_near_foot_turns_less():
         with World(parameters) as world:
             world.reset(scene)
             body = world._cell.stage.disks[MID].id
-            world._client.resetBaseVelocity(body, [0.0] * 3, [0.0, 0.0, 3.0])
+            world._simulation.client.resetBaseVelocity(body, [0.0] * 3, [0.0, 0.0, 3.0])
             world.settle()
             turned.append(world.observe()[MID, THETA])
     assert turned[0] > 1.15 * turned[1] > 0.1
@@ -136,7 +136,7 @@ def test_each_disk_has_the_friction_of_its_own_place():
         with World(parameters) as world:
             world.reset(parameters.scene(places))
             for disk in world._cell.stage.disks:
-                world._client.resetBaseVelocity(disk.id, [0.0, 0.2, 0.0])
+                world._simulation.client.resetBaseVelocity(disk.id, [0.0, 0.2, 0.0])
             assert world.settle()
             ways = world.observe()[:, 1]
         crest, trough = ways if phase == 0.0 else ways[::-1]
@@ -229,7 +229,7 @@ def test_a_light_pull_is_borne_whole_in_any_pose():
             arm.place(random.uniform(LOWER_LIMITS, UPPER_LIMITS))
             slides = random.uniform(-0.03, 0.03, 2)
             for slide, shift in zip(SLIDES, slides, strict=True):
-                world._client.resetJointState(arm.body, slide, shift)
+                world._simulation.client.resetJointState(arm.body, slide, shift)
             shift = float(np.abs(slides).sum())
             most = spring._weakest / (spring._hang + shift)  # [N]
             pull = unit(np.asarray(random.uniform(-pi, pi)))

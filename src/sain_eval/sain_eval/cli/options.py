@@ -116,7 +116,7 @@ class EvaluateOptions(Config):
             "history": self.history,
         }
         if self.truth != RANDOMISED_TRUTH:
-            settings["truth"] = dataclasses.asdict(self.truth)
+            settings["truth"] = self.truth.settings()
         return settings
 
 

@@ -15,6 +15,7 @@ from sain_mppi.loop.agent import Agent
 from sain_mppi.loop.decision import PushDecision, Stop, StopReason, Task
 from sain_mppi.loop.goal_tracker import LOOK_AGAIN
 from sain_mppi.search.poses import PoseGoal
+from sain_sim.world.outcome import DivergedError
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 
@@ -50,7 +51,7 @@ def run_episode(
     Each is to be reached within tolerance; a number is a distance [m].
     """
     config, parameters = world_config or WorldConfig(), case.parameters()
-    with World(parameters, config) as world:
+    with World(parameters, config, engine=case.truth.engine) as world:
         play = _Play(agent, world, world.reset(case.disks))
         if not parameters.bodies.are_paper_disks:  # an agent takes bodies to be these
             agent.meet(EPISODE, parameters.bodies)
@@ -123,7 +124,8 @@ class _Play:
         except SainError as error:
             self.refusals += 1
             agent.answered(decision.push_id, error.code)
-            if error.code in LOOK_AGAIN:  # there is no other scene to come
+            diverged = isinstance(error, DivergedError)
+            if diverged or error.code in LOOK_AGAIN:  # there is no other scene to come
                 self.failure = f"{type(error).__name__}: {error}"
             return
         agent.learn(EPISODE, before, decision.push, after)

@@ -117,7 +117,7 @@ def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, No
 
 def _identity(config: CollectConfig) -> dict[str, Any]:
     """Return what makes two collections the same one; the number of episodes may grow."""
-    settings = asdict(config.episode)
+    settings = {**asdict(config.episode), "truth": config.episode.truth.settings()}
     for name in LATER:  # so that collections from before there was a choice go on
         if getattr(config.episode, name) == getattr(EpisodeConfig(), name):
             del settings[name]

@@ -3,6 +3,7 @@
 Paper, section III-B. An episode depends on the collection's seed and its own number alone.
 """
 
+import logging
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -25,12 +26,14 @@ from sain_sim.episodes.nominal_shadow import NominalShadow
 from sain_sim.episodes.samplers import CircleSampler, GridSampler, OutlineSampler
 from sain_sim.episodes.start import draw_bodies_start, draw_start, wholly_on
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
-from sain_sim.world.outcome import StrokeOutcome
+from sain_sim.world.outcome import DivergedError, StrokeOutcome
 from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
 from sain_sim.world.world import World, WorldConfig
 
 MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
+log = logging.getLogger(__name__)
+
 CIRCLE: Final = "circle"
 GRID: Final = "grid"
 
@@ -120,7 +123,8 @@ class EpisodeRunner:
         self._world_config = WorldConfig()
         circle = OutlineSampler() if config.shapes else CircleSampler()
         self._sampler = GridSampler(PaperGrid()) if config.sampler == GRID else circle
-        self._world = World(draw_parameters(generator(seed, "build"), config), self._world_config)
+        built = draw_parameters(generator(seed, "build"), config)
+        self._world = World(built, self._world_config, engine=config.truth.engine)
         self._shadow = NominalShadow(NOMINAL, self._world_config, self._world.parameters)
 
     def run(self, episode: int) -> EpisodeResult:
@@ -135,7 +139,8 @@ class EpisodeRunner:
         with ExitStack() as stack:
             floor = None
             if episode < self._config.floor_episodes:
-                floor = stack.enter_context(NominalShadow(TRUE, self._world_config, parameters))
+                true = NominalShadow(TRUE, self._world_config, parameters, self._world.engine)
+                floor = stack.enter_context(true)
             for step, (push, outcome) in enumerate(self._pushes(random, counts)):
                 moved = _count(outcome, counts, any_body=bool(self._config.shapes))
                 if moved or not self._config.moved_only:
@@ -160,12 +165,16 @@ class EpisodeRunner:
     def _push(
         self, random: np.random.Generator, counts: PushCounts
     ) -> tuple[PushArray, StrokeOutcome] | None:
-        """Draw pushes until one can be carried out; None when none could."""
+        """Draw pushes until one can be carried out; None when none could, or the engine failed."""
         scene = self._world.observe()
         for _ in range(self._config.tries):
             push = self._sampler.draw(random, scene, self._world.parameters.bodies)
             try:
                 return push, self._world.push(push)
+            except DivergedError as error:
+                log.warning("an episode ends after %d pushes: %s", counts.valid, error)
+                counts.refuse(error)
+                return None
             except SainError as error:  # unreachable or blocked: draw another
                 counts.refuse(error)
         return None

@@ -126,7 +126,7 @@ def software() -> dict[str, str]:
         assert package.__file__ is not None
         for path in sorted(Path(package.__file__).parent.rglob("*.py")):
             sources.update(path.read_bytes())
-    return {**versions("numpy", "pybullet"), "sain": sources.hexdigest()[:12]}
+    return {**versions("numpy", "pybullet", "mujoco"), "sain": sources.hexdigest()[:12]}
 
 
 class RayRunner(EpisodeRunner):

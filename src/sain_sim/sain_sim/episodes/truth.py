@@ -1,7 +1,7 @@
 """The world that stands for reality: the paper's randomised one, or a rough one."""
 
-from dataclasses import dataclass, replace
-from typing import Final
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
 from sain_core.shapes.disk import THREE_FEET
+from sain_sim.world.engines import BULLET, ENGINES, check_engine
 from sain_sim.world.parameters import (
     FRICTION_RANGE,
     PAPER,
@@ -41,14 +42,28 @@ class TruthConfig(Config):
         ALL, f"effects of a rough world: all, none, or a list of {', '.join(KNOWN_EFFECTS)}"
     )
     lab: int = option(0, "number of the rough world", minimum=0)
+    engine: str = option(
+        BULLET, "physics engine; mujoco needs an extra package", choices=tuple(ENGINES)
+    )
 
     def __post_init__(self) -> None:
-        """Check the fields, and that every effect is one."""
+        """Check the fields, that every effect is one, and that the engine has them."""
         super().__post_init__()
         for effect in self.effect_names:
             if effect not in KNOWN_EFFECTS:
                 known = ", ".join((ALL, NONE, *KNOWN_EFFECTS))
                 raise ConfigError(f"effect is {effect!r}; allowed: {known}")
+        check_engine(self.engine, self.effect_names if self.world == ROUGH else ())
+
+    def settings(self) -> dict[str, Any]:
+        """Return the fields; the engine only where it is not the default.
+
+        Collections and evaluations from before there was a choice go on.
+        """
+        settings = asdict(self)
+        if self.engine == BULLET:
+            del settings["engine"]
+        return settings
 
     @property
     def effect_names(self) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from sain_sim.episodes.start import WORLDS, draw_episode
 from sain_sim.episodes.truth import TruthConfig
 from sain_sim.node.pacing import Pacer
 from sain_sim.rendering.window import Window
+from sain_sim.world.engines import BULLET
 from sain_sim.world.outcome import Sample, StrokeOutcome
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.workcell import WorldConfig
@@ -72,7 +73,7 @@ class Simulator:
         self.config = config
         self.pacer = pacer
         viewer = Window() if config.gui else None
-        self.world = World(nominal_parameters(), config.bullet, viewer)
+        self.world = World(nominal_parameters(), config.bullet, viewer, config.engine)
         self.shadow = NominalShadow("nominal", config.bullet) if config.shadow else None
         self._every = max(1, round(1 / (config.bullet.motion.time_step * config.state_rate)))
 
@@ -80,6 +81,11 @@ class Simulator:
     def parameters(self) -> WorldParameters:
         """The truth world's parameters."""
         return self.world.parameters
+
+    def describe(self, world: str = "") -> str:
+        """Return in words a world, or that of the configuration, and its engine unless Bullet."""
+        name, engine = world or self.config.world, self.config.engine
+        return name if engine == BULLET else f"{name} in {engine}"
 
     def reset(
         self,

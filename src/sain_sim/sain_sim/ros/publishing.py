@@ -85,7 +85,7 @@ class Publishing:
                 header=self._header(),
                 episode_id=self._session.episode_id,
                 seed=seed,
-                world=world or self._simulator.config.world,
+                world=self._simulator.describe(world),
                 shapes=list(parameters.shapes),
                 roles=list(parameters.roles),
                 friction=parameters.friction,

@@ -48,7 +48,7 @@ class SimNode(Node):
         resetting = self.create_service(ResetScene, "reset_scene", self._on_reset)
         introspect(self, resetting, config.service_introspection)
         self.create_timer(1 / config.idle_rate, self._on_idle)
-        self.ready = f"a {config.world} world with {len(self.settled.disks)} disks"
+        self.ready = f"a {self.simulator.describe()} world with {len(self.settled.disks)} disks"
 
     def _on_reset(
         self, request: ResetScene.Request, response: ResetScene.Response
@@ -140,7 +140,8 @@ class SimNode(Node):
             self.publishing.state(self.sample, self.settled)
 
     def _report(self) -> None:
-        figures = {"episode": self.session.episode_id, "scene": self.session.scene_id}
+        ids = {"episode": self.session.episode_id, "scene": self.session.scene_id}
+        figures = {"engine": self.simulator.config.engine, **ids}
         if (simulators := publisher_count(self, "scene")) > 1:
             message = f"{simulators} simulators publish the same scene; stop all but one"
             self.diagnostics.set(ERROR, message, **figures, **self.counts)

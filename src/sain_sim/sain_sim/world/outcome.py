@@ -7,10 +7,15 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_core.errors import SainError
 from sain_core.push import LENGTH, PushLimits, strokes
 from sain_core.scene import unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Mask, PushArray, Scene
+
+
+class DivergedError(SainError):
+    """A push in which the engine found no finite solution: there is no outcome."""
 
 
 @dataclass(frozen=True)

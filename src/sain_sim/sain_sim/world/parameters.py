@@ -26,6 +26,7 @@ NOMINAL_FRICTION: Final = 0.12
 MASS_RANGE: Final = (7.0, 9.0)  # [kg]
 RADIUS_RANGES: Final = ((0.075, 0.085), (0.055, 0.065))  # [m]
 FRICTION_RANGE: Final = (0.08, 0.20)
+FOOT_RADIUS: Final = 0.004  # [m]
 
 
 class Ranges(NamedTuple):
@@ -105,6 +106,11 @@ class WorldParameters(Config):
     def body_shapes(self) -> tuple[Shape, ...]:
         """What each disk is like."""
         return self.bodies.shapes
+
+    @property
+    def feet(self) -> tuple[tuple[Pair, ...], ...]:
+        """Distance [radii] and bearing [rad] of each foot of each body."""
+        return self.roughness.feet or tuple(shape.feet for shape in self.body_shapes)
 
     @property
     def mass_offsets(self) -> tuple[Pair, ...]:

@@ -98,6 +98,12 @@ class Roughness(Config):
         x, y = sin(self.tilt[0]), sin(self.tilt[1])
         return strength * x, strength * y, -strength * sqrt(1.0 - x * x - y * y)
 
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The effects that are on; friction of rims is not part of this."""
+        on = self.arrays()
+        return tuple(effect for effect, (field, _) in _DRAW.items() if field in on)
+
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the effects that are on, as arrays for a data set."""
         return {

@@ -28,6 +28,7 @@ from sain_core.scene import (
 )
 from sain_core.types import PushArray, Pushes, Scene, Scenes
 from sain_sim.arm.client import Closeable
+from sain_sim.world.engines import BULLET
 from sain_sim.world.outcome import Stroke, is_idle
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.world import World, WorldConfig
@@ -46,6 +47,7 @@ class BulletPrior(Closeable):
         kind: str = NOMINAL,
         config: WorldConfig = WorldConfig(),
         parameters: WorldParameters | None = None,
+        engine: str = BULLET,
     ) -> None:
         """Build the shadow world.
 
@@ -53,6 +55,7 @@ class BulletPrior(Closeable):
             kind: one of `KINDS`.
             config: how the shadow world is run.
             parameters: the truth's; needed by "true", and its shapes are used by all kinds.
+            engine: Bullet, or for a repeatability floor that of the truth.
 
         Raises:
             ConfigError: a kind that does not exist, or "true" without parameters.
@@ -63,7 +66,7 @@ class BulletPrior(Closeable):
             raise ConfigError('a shadow of kind "true" needs the parameters of the truth')
         self.kind = kind
         self.truth = parameters
-        self._world = World(nominal_parameters(), config)
+        self._world = World(nominal_parameters(), config, engine=engine)
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).

@@ -1,26 +1,30 @@
-"""One push: table, disks and arm, newly built, and their control steps."""
+"""What a world asks of its engine: to build a scene, and to make control steps in it.
 
+An engine is a `Simulation`; `sain_sim.world.engines` finds it by name. It builds a `Workcell` for
+each push. How a push goes, who watches it and when it is refused is here, once for all engines.
+"""
+
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError
 from sain_core.feasibility import Feasibility
-from sain_core.scene import Table
-from sain_core.types import Scene
-from sain_sim.arm.client import Client
+from sain_core.types import Mask, Scene
+from sain_sim.arm.client import Closeable
+from sain_sim.arm.controlled import ControlledArm
 from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.motion import MotionConfig
-from sain_sim.arm.panda import Arm, ArmConfig, PandaModel
-from sain_sim.world.bodies import BodyState
+from sain_sim.arm.panda import ArmConfig
 from sain_sim.world.outcome import Observer, Sample
 from sain_sim.world.parameters import WorldParameters
-from sain_sim.world.stage import Stage
 
 GRAVITY: Final = 9.81  # [m/s^2]
-CONTACT_BREAKING: Final = 0.001  # [m]; Bullet's 0.02 keeps contacts of rims that slid apart
+FALLEN_HEIGHT: Final = -0.01  # [m], a body whose middle is lower has left the table
+HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
 STEPS_PER_LOOK: Final = 6  # between two tests whether the disks are settled
 
 
@@ -64,69 +68,71 @@ Watches = tuple[Watch, ...]
 
 
 class Origin(NamedTuple):
-    """The state that a workcell is built from: of the disks, and the arm's joints (7,)."""
+    """The state that a workcell is built from.
 
-    states: list[BodyState]
+    Attributes:
+        states: of the bodies, as the engine has them.
+        joints: of the arm, (7,) [rad].
+    """
+
+    states: Any
     joints: Joints
 
 
-class Workcell:
-    """Built for one push; building takes about 2 ms.
+class Workcell(ABC):
+    """Table, bodies and arm, newly built for one push, and their control steps.
 
-    Bullet's contact solver and broad phase keep data from earlier steps. These can be neither read
-    nor saved (`saveState` loses them, and last bits), so equal worlds would give different
-    results. A new workcell has none.
+    Attributes:
+        origin: the state that it was built from.
+        steps: control steps so far, earlier workcells of the world included.
+        arm: the arm in it.
     """
 
-    def __init__(
-        self,
-        client: Client,
-        model: PandaModel,
-        config: WorldConfig,
-        parameters: WorldParameters,
-        origin: Origin,
-        steps: int,
-    ) -> None:
-        """Empty the client and build everything in it.
+    arm: ControlledArm
 
-        Args:
-            client: the world's client, which is emptied.
-            model: the arm's description.
-            config: how the world is simulated.
-            parameters: of the disks.
-            origin: the state to start from.
-            steps: earlier control steps, from which time is counted.
-        """
+    def __init__(self, config: WorldConfig, origin: Origin, steps: int) -> None:
+        """Begin at an origin after so many control steps."""
         self.origin = origin
         self.steps = self._first_step = steps
-        self._client = client
         self._config = config
-        table: Table = config.feasibility.table
-        client.resetSimulation()
-        client.setGravity(*parameters.roughness.gravity(GRAVITY))
-        client.setTimeStep(config.motion.time_step)
-        client.setPhysicsEngineParameter(
-            deterministicOverlappingPairs=1, contactBreakingThreshold=CONTACT_BREAKING
-        )
-        body = model.load(client, -table.height)
-        self.arm = Arm(client, body, config.kinematics, model, config.motion.time_step)
-        self.arm.place(origin.joints)
-        self.stage = Stage(client, parameters, table, origin.states)
-        self.arm.set_friction(self.stage.tool_friction)
+
+    @abstractmethod
+    def states(self) -> Any:
+        """Return the bodies' states, as an origin has them."""
+
+    @abstractmethod
+    def scene(self, states: Any) -> Scene:
+        """Return the scene (N, 8) of bodies in these states."""
+
+    @abstractmethod
+    def fallen(self) -> Mask:
+        """Tell which bodies (N,) have left the table."""
+
+    @abstractmethod
+    def still(self) -> bool:
+        """Tell whether every body on the table is settled; fallen bodies do not count."""
+
+    @abstractmethod
+    def advance(self) -> None:
+        """Simulate one control step.
+
+        Raises:
+            DivergedError: the engine found no finite solution.
+        """
+
+    @abstractmethod
+    def touched(self, pushed: int) -> int | None:
+        """Return the first body but the pushed one that the tool touches, if any."""
+
+    @property
+    def unmoved(self) -> bool:
+        """Whether no control step was made."""
+        return self.steps == self._first_step
 
     @property
     def now(self) -> Origin:
         """The present state, to build another workcell from."""
-        if self.steps == self._first_step:
-            return self.origin
-        return Origin(self.stage.states(), self.arm.joint_states()[0])
-
-    def _states(self) -> list[BodyState]:
-        """Return the disks' states; before the first step, exactly those of the origin.
-
-        Bullet normalises orientations again when it is given them, which changes last bits.
-        """
-        return self.origin.states if self.steps == self._first_step else self.stage.states()
+        return self.origin if self.unmoved else Origin(self.states(), self.arm.joint_states()[0])
 
     @property
     def time(self) -> float:
@@ -134,8 +140,11 @@ class Workcell:
         return self.steps * self._config.motion.time_step
 
     def observe(self) -> Scene:
-        """Return the disks' states (N, 8)."""
-        return self.stage.scene(self._states())
+        """Return the bodies' states (N, 8); before the first step, exactly those of the origin.
+
+        An engine may normalise orientations that it is given, which changes last bits.
+        """
+        return self.scene(self.origin.states if self.unmoved else self.states())
 
     def sample(self, phase: str) -> Sample:
         """Return the arm and the disks as they are."""
@@ -159,6 +168,7 @@ class Workcell:
         Raises:
             BlockedError: at the step in which the tool touches another body than the pushed one;
                 never without one.
+            DivergedError: as `advance`.
         """
         if self._config.full_motion:
             self._show(np.concatenate([route.approach, route.lower]), "approach", watches)
@@ -176,7 +186,7 @@ class Workcell:
         for step in range(1, longest + 1):
             self._step(phase, watches, pushed)
             if step % STEPS_PER_LOOK == 0:
-                looks = looks + 1 if self.stage.still() else 0
+                looks = looks + 1 if self.still() else 0
                 if looks == 2:
                     return
 
@@ -200,19 +210,35 @@ class Workcell:
         return [watch for watch in watches if self.steps % watch.every == 0]
 
     def _step(self, phase: str, watches: Watches, pushed: int | None) -> None:
-        self.stage.before_step()
-        if self.arm.spring is not None:
-            self.arm.spring.pull()
-        self._client.stepSimulation()
+        self.advance()
         self.steps += 1
-        if pushed is not None:
-            touched = self.stage.touched_by(self.arm.body, self.arm.stick, pushed)
-            if touched is not None:
-                raise BlockedError(
-                    f"the tool would come to touch body {touched}; this push may touch only"
-                    f" body {pushed}"
-                )
+        if pushed is not None and (touched := self.touched(pushed)) is not None:
+            raise BlockedError(
+                f"the tool would come to touch body {touched}; this push may touch only"
+                f" body {pushed}"
+            )
         if watches and (due := self._due(watches)):
             sample = self.sample(phase)
             for watch in due:
                 watch.observer(sample)
+
+
+class Simulation(Closeable):
+    """An engine at work for one world: it holds what is built once and not for each push."""
+
+    def __init__(self, config: WorldConfig) -> None:
+        """Start an engine for worlds of this configuration."""
+        self.config = config
+        self.home = config.kinematics.joints(np.array([*HOME, config.motion.raised]))
+
+    @abstractmethod
+    def resting(self, scene: Scene, parameters: WorldParameters) -> Any:
+        """Return the states of bodies that stand at rest where a scene (N, 8) has them.
+
+        Raises:
+            ConfigError: parameters that the engine cannot simulate.
+        """
+
+    @abstractmethod
+    def build(self, parameters: WorldParameters, origin: Origin, steps: int) -> Workcell:
+        """Build a workcell with these bodies, after so many earlier control steps."""

@@ -10,19 +10,17 @@ from sain_core.push import check_pushed, pushed_bodies
 from sain_core.scene import MID, Table, check_on_table
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
-from sain_sim.arm.client import Client, Closeable
+from sain_sim.arm.client import Closeable
 from sain_sim.arm.kinematics import Joints
-from sain_sim.arm.panda import ArmConfig, PandaModel
-from sain_sim.world.bodies import resting
-from sain_sim.world.outcome import Observer, Sample, Stroke, StrokeOutcome, is_idle
+from sain_sim.world.engines import BULLET, check_engine, simulation_class
+from sain_sim.world.outcome import DivergedError, Observer, Sample, Stroke, StrokeOutcome, is_idle
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.refusals import check_gap, check_reach, check_same_bodies
-from sain_sim.world.workcell import Origin, Route, Watch, Watches, Workcell, WorldConfig
+from sain_sim.world.workcell import Origin, Route, Simulation, Watch, Watches, WorldConfig
 
 __all__ = ["Viewer", "World", "WorldConfig"]
 
 ROW_ROOM: Final = 2**0.5  # [widths], from one disk to the next in the first scene
-HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
 
 
 @runtime_checkable
@@ -43,7 +41,7 @@ class Viewer(Protocol):
 
 
 class World(Closeable):
-    """One PyBullet world, independent of all others.
+    """One world in one engine, independent of all others.
 
     Its state is the poses and velocities of its bodies and nothing else. The same state and push
     give the same bytes in any world of any process.
@@ -54,14 +52,14 @@ class World(Closeable):
         parameters: WorldParameters,
         config: WorldConfig = WorldConfig(),
         viewer: Viewer | None = None,
+        engine: str = BULLET,
     ) -> None:
-        """Start with the disks in a row; `reset` places them."""
+        """Start with the disks in a row; `reset` places them. The engine is loaded here."""
         self.config = config
+        self.engine = engine
         self.parameters = parameters
         table = config.feasibility.table
-        self._models: dict[ArmConfig, PandaModel] = {}
-        self._home = config.kinematics.joints(np.array([*HOME, config.motion.raised]))
-        self._client = Client()
+        self._simulation: Simulation = simulation_class(engine)(config)
         self._steps = 0
         self._viewer = viewer
         self.load(check_bodies(_in_a_row(parameters, table), parameters.bodies, table))
@@ -87,28 +85,17 @@ class World(Closeable):
         return self.observe()
 
     def load(self, scene: Scene, parameters: WorldParameters | None = None) -> None:
-        """Put the disks in a scene (N, 8) without checks; Bullet pushes overlapping disks apart."""
-        self.parameters = parameters or self.parameters
-        self._model = self._described()
-        offsets = self.parameters.mass_offsets
-        disks = zip(scene, offsets, strict=True)
-        states = [resting(self._client, state, offset) for state, offset in disks]
-        self._build(Origin(states, self._home))
+        """Put the disks in a scene (N, 8) without checks; engines push overlapping disks apart."""
+        wanted = parameters or self.parameters
+        check_engine(self.engine, wanted.roughness.effects)
+        origin = Origin(self._simulation.resting(scene, wanted), self._simulation.home)
+        self.parameters = wanted
+        self._build(origin)
         if self._viewer is not None:
             self._viewer.open(self)
 
     def _build(self, origin: Origin) -> None:
-        self._cell = Workcell(
-            self._client, self._model, self.config, self.parameters, origin, self._steps
-        )
-
-    def _described(self) -> PandaModel:
-        """Return the description of this world's arm; each is written once."""
-        arm = self.parameters.roughness.arm(self.config.arm)
-        if arm not in self._models:
-            radius = self.config.feasibility.limits.tool_radius
-            self._models[arm] = PandaModel(radius, arm)
-        return self._models[arm]
+        self._cell = self._simulation.build(self.parameters, origin, self._steps)
 
     @property
     def time(self) -> float:
@@ -144,7 +131,7 @@ class World(Closeable):
         check_pushed(feasibility.limits.check(push), bodies)
         scene = self.observe()
         check_on_table(scene, feasibility.table)
-        if not self._cell.stage.still():
+        if not self._cell.still():
             raise StaleSceneError("the disks still move; a push needs a settled scene")
         if not is_idle(push):
             check_reach(scene, push, feasibility, bodies)
@@ -171,7 +158,7 @@ class World(Closeable):
         _, route = self._plan(push)
         if route is None:
             scene = self.observe()
-            return StrokeOutcome(scene, scene.copy(), 0.0, True, self._cell.stage.fallen())
+            return StrokeOutcome(scene, scene.copy(), 0.0, True, self._cell.fallen())
         pushed = int(pushed_bodies(push))
         return self._perform(route, self._watches(on_step, every), pushed)
 
@@ -204,16 +191,16 @@ class World(Closeable):
         self._attempt(origin, route, watches, pushed)
         duration = (self._cell.steps - self._steps) * self.config.motion.time_step
         self._steps = self._cell.steps
-        stage = self._cell.stage
-        return StrokeOutcome(before, self.observe(), duration, stage.still(), stage.fallen())
+        cell = self._cell
+        return StrokeOutcome(before, self.observe(), duration, cell.still(), cell.fallen())
 
     def _attempt(self, origin: Origin, route: Route, watches: Watches, pushed: int | None) -> None:
-        """Execute a route in a new workcell; when it is blocked, restore the origin."""
+        """Execute a route in a new workcell; when that fails, restore the origin."""
         if self._cell.origin is not origin:
             self._build(origin)
         try:
             self._cell.perform(route, watches, pushed)
-        except BlockedError:
+        except (BlockedError, DivergedError):
             self._build(origin)
             raise
 
@@ -221,7 +208,7 @@ class World(Closeable):
         """Wait for the disks to settle, at most the longest wait; tell whether they are settled."""
         self._cell.settle("rest", self._watches(on_step, every), pushed=None)
         self._steps = self._cell.steps
-        return self._cell.stage.still()
+        return self._cell.still()
 
     def _route(self, stroke: Stroke) -> Route:
         """Return the joints along a push, or raise `UnreachableError`."""
@@ -248,7 +235,7 @@ class World(Closeable):
 
     def close(self) -> None:
         """Close the world; a second call does nothing."""
-        self._client.close()
+        self._simulation.close()
         if self._viewer is not None:
             self._viewer.close()
 

@@ -18,8 +18,8 @@ from sain_core.scene import DISK_HEIGHT
 from sain_core.shapes.shape import Pair, Shape, Solid, prism_surface
 from sain_core.types import Points
 from sain_sim.arm.client import Client
+from sain_sim.world.parameters import FOOT_RADIUS
 
-FOOT_RADIUS: Final = 0.004  # [m]
 RIM_HEIGHT: Final = 0.002  # [m], of the part that touches tool and other disks
 CORE_SHARE: Final = 0.9  # of the radius: of the full-height part within the rim
 UNSEEN: Final = [0.001, 0.001, 0.001]  # [m], half the sides of a shape that is never drawn

@@ -1,7 +1,7 @@
 """The bodies of a world: what they are made of, and how they move."""
 
 from math import cos, hypot, sin
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from jaxtyping import Float
 from numpy import ndarray
@@ -9,9 +9,9 @@ from numpy import ndarray
 from sain_core.scene import DISK_HEIGHT, SETTLED_SPEED, SETTLED_SPIN, THETA, X, Y
 from sain_core.shapes.shape import Pair, Vector
 from sain_sim.arm.client import Client
-from sain_sim.world.collision import CENTRED, Build, collision_shape, unseen_shape
+from sain_sim.bullet.collision import CENTRED, Build, collision_shape, unseen_shape
+from sain_sim.world.workcell import FALLEN_HEIGHT
 
-FALLEN_HEIGHT: Final = -0.01  # [m], a body whose middle is lower has left the table
 Planar = tuple[float, float, float, float, float, float]  # x y theta vx vy omega
 
 

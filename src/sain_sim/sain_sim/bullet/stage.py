@@ -8,8 +8,8 @@ import numpy as np
 from sain_core.scene import Table
 from sain_core.types import Mask, Scene
 from sain_sim.arm.client import Client
-from sain_sim.world.bodies import Body, BodyState
-from sain_sim.world.collision import Build, unseen_shape
+from sain_sim.bullet.bodies import Body, BodyState
+from sain_sim.bullet.collision import Build, unseen_shape
 from sain_sim.world.parameters import WorldParameters
 
 FLOOR_SIZE: Final = 3.0  # [m], half its side
@@ -126,10 +126,9 @@ class Stage:
 def _builds(parameters: WorldParameters) -> list[Build]:
     """Return how each disk is made."""
     shapes = parameters.body_shapes
-    feet = parameters.roughness.feet or [shape.feet for shape in shapes]
     fixed = parameters.bodies.fixed
     masses = [0.0 if body in fixed else mass for body, mass in enumerate(parameters.masses)]
-    columns = (masses, parameters.radii, feet, parameters.mass_offsets)
+    columns = (masses, parameters.radii, parameters.feet, parameters.mass_offsets)
     return [Build(*row) for row in zip(shapes, *columns, strict=True)]
 
 

@@ -1,0 +1,1 @@
+"""A world in PyBullet, the default engine. May import `world` and `arm`."""

@@ -1,0 +1,1 @@
+"""A world in MuJoCo, an optional extra. May import `world` and `arm`."""

@@ -1,0 +1,64 @@
+"""The physics engines of a world, by name. The module of one is loaded when a world is made."""
+
+from collections.abc import Iterable
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, Final, NamedTuple
+
+from sain_core.errors import ConfigError
+
+
+class EngineEntry(NamedTuple):
+    """Where an engine is, and what it needs.
+
+    Attributes:
+        simulation: module and name of its `Simulation`.
+        module: what has to be installed; "": a dependency of this package.
+        install: how to get that.
+        lacks: effects of a rough world that it cannot simulate.
+    """
+
+    simulation: str
+    module: str = ""
+    install: str = ""
+    lacks: tuple[str, ...] = ()
+
+
+BULLET: Final = "bullet"
+MUJOCO: Final = "mujoco"
+ENGINES: Final = {
+    BULLET: EngineEntry("sain_sim.bullet.cell:BulletSimulation"),
+    MUJOCO: EngineEntry(
+        "sain_sim.mujoco.cell:MujocoSimulation",
+        "mujoco",
+        'pip install "sain_sim[mujoco]", or pip install mujoco',
+        ("direction", "tool", "torque"),
+    ),
+}
+
+
+def check_engine(engine: str, effects: Iterable[str] = ()) -> None:
+    """Raise `ConfigError` when an engine is unknown or not installed, or lacks one of the effects.
+
+    The engine itself is not loaded.
+    """
+    if engine not in ENGINES:
+        raise ConfigError(f"engine is {engine!r}; allowed: {', '.join(ENGINES)}")
+    entry = ENGINES[engine]
+    if entry.module and find_spec(entry.module) is None:
+        raise ConfigError(
+            f"engine {engine} needs the package {entry.module}, which is not installed:"
+            f" {entry.install}"
+        )
+    if lacking := [effect for effect in effects if effect in entry.lacks]:
+        raise ConfigError(
+            f"engine {engine} cannot simulate {', '.join(lacking)}; use engine {BULLET}, or effects"
+            f" without {', '.join(entry.lacks)}"
+        )
+
+
+def simulation_class(engine: str) -> Any:
+    """Load and return an engine's `Simulation`; see `check_engine` for errors."""
+    check_engine(engine)
+    module, _, name = ENGINES[engine].simulation.partition(":")
+    return getattr(import_module(module), name)
