@@ -7,6 +7,7 @@ from typing import Final
 
 from sain_bringup.options import ClosedLoopOptions
 from sain_core.errors import ConfigError
+from sain_sim.world.engines import BULLET
 
 SIMULATOR: Final = "simulator"
 MODEL: Final = "model"
@@ -25,7 +26,9 @@ def graph_commands(
         ConfigError: a package of the graph is not installed.
     """
     # The recording is watched later, so the arm moves all the way and is not set down.
-    simulator = {"bullet.full_motion": "true", "engine": options.engine}
+    simulator = {"bullet.full_motion": "true"}
+    if options.engine != BULLET:
+        simulator |= {"engine": options.engine}
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
     about = [f"{key}={value}" for key, value in custom_data.items()]

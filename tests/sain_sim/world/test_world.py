@@ -209,6 +209,18 @@ def test_disks_keep_apart(world, bench):
     assert min(gaps) > -1.5e-3
 
 
+def test_mirrored_pushes_have_mirrored_outcomes(world, bench):
+    """Up to MuJoCo's arm, which yields a little and whose masses are not mirrored."""
+    for bearing, location, angle in [(0.3, 0.0, 0.2), (0.1, 0.2, -0.3)]:
+        ends = []
+        for side in (1.0, -1.0):
+            world.reset(bench.touching(bearing=side * bearing))
+            after = world.push(np.array([side * location, side * angle, 0.1])).after
+            ends.append(after[:, :3] * [1.0, side, side])
+        assert np.abs(ends[0] - ends[1])[:, :2].max() < 1.5e-3
+        assert np.abs(ends[0] - ends[1])[:, 2].max() < 0.03
+
+
 def test_turning_scene_and_push_turns_the_outcome(engine):
     """Up to Bullet's friction, which knows the world's axes, and to MuJoCo's yielding arm."""
     off = []

@@ -1,8 +1,8 @@
 """What MuJoCo simulates: an arm, a table and bodies. Every number has its source beside it.
 
-Sources: [MuJoCo] its documentation, chapters Computation and XML reference; [Menagerie] the Panda of
-github.com/google-deepmind/mujoco_menagerie (``panda_nohand.xml``); [URDF] `sain_sim.arm.urdf`, made
-from ``pybullet_data``; [Franka] its data sheet. Masses, sizes and friction are what is drawn.
+Sources: [MuJoCo] its documentation, chapters Computation and XML reference; [Menagerie] the Panda
+of github.com/google-deepmind/mujoco_menagerie (``panda_nohand.xml``); [URDF] `sain_sim.arm.urdf`,
+made from ``pybullet_data``; [Franka] its data sheet. Masses, sizes and friction are drawn.
 
 Contacts are between forms whose normals are exact, at heights that rounding does not change:
 

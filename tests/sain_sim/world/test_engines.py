@@ -1,0 +1,62 @@
+import importlib.util
+import sys
+
+import pytest
+
+from sain_core.errors import ConfigError
+from sain_sim.commands import collect as main
+from sain_sim.episodes.truth import TruthConfig
+from sain_sim.world import engines
+from sain_sim.world.engines import BULLET, ENGINES, MUJOCO, check_engine, simulation_class
+from sain_sim.world.workcell import Simulation
+
+MISSING = (
+    "engine mujoco needs the package mujoco, which is not installed:"
+    ' pip install "sain_sim[mujoco]", or pip install mujoco'
+)
+
+
+@pytest.fixture
+def without_mujoco(monkeypatch):
+    def find(name):
+        return None if name == "mujoco" else importlib.util.find_spec(name)
+
+    monkeypatch.setattr(engines, "find_spec", find)
+
+
+def test_an_engine_is_found_by_name(engine):
+    assert issubclass(simulation_class(engine), Simulation)
+
+
+def test_bullet_is_the_default_and_has_all_effects():
+    assert TruthConfig().engine == BULLET == next(iter(ENGINES))
+    assert not ENGINES[BULLET].lacks
+
+
+def test_an_engine_that_is_not_installed_is_an_error_that_names_the_extra(without_mujoco):
+    with pytest.raises(ConfigError) as caught:
+        check_engine(MUJOCO)
+    assert str(caught.value) == MISSING
+    check_engine(BULLET)
+
+
+def test_a_command_says_so_before_anything_is_made(without_mujoco, tmp_path, capsys):
+    out = tmp_path / "data"
+    assert main(["--out", str(out), "--engine", "mujoco"]) == 2
+    assert capsys.readouterr().err.strip().replace("\n", " ") == f"collect: {MISSING}"
+    assert not out.exists()
+
+
+def test_an_engine_that_does_not_exist_is_refused():
+    with pytest.raises(ConfigError, match="engine is 'ode'; allowed: bullet, mujoco"):
+        check_engine("ode")
+    with pytest.raises(ConfigError, match="engine is 'ode'; allowed: 'bullet', 'mujoco'"):
+        TruthConfig(engine="ode")
+
+
+def test_a_world_in_bullet_does_not_load_mujoco(tmp_path):
+    import subprocess
+
+    program = "import sys; from sain_sim.world.world import World; from sain_sim.world.parameters"
+    program += " import nominal_parameters as n; World(n()); assert 'mujoco' not in sys.modules"
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
