@@ -131,7 +131,9 @@ class SainDynamics:
         )
 
     def with_bodies(self, bodies: Bodies) -> "SainDynamics":
-        """Return the model of scenes of these bodies; a network for disks takes cubes for disks.
+        """Return the model of scenes of these bodies.
+
+        With no model of any shape, a network for disks takes cubes for disks.
 
         Raises:
             ConfigError: its network was made for disks, these are others, and it has no model of
@@ -140,10 +142,12 @@ class SainDynamics:
         if self.network.config.bodies == ANY_SHAPE:
             prior = prior_for(self.prior, bodies)
             return self._with_same_weights(replace(self, prior=prior, bodies=bodies))
-        if bodies.stand_in_for_disks:
+        if bodies.are_paper_disks:
             return self
         if self.any_shape is not None:
             return self.any_shape.with_bodies(bodies)
+        if bodies.stand_in_for_disks:
+            return self
         pairs = zip(bodies.shapes, bodies.roles, strict=True)
         names = ", ".join(f"{shape.name} ({role})" for shape, role in pairs)
         raise ConfigError(
