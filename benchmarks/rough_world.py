@@ -47,7 +47,7 @@ from sain_model.evaluation.metrics import (
 )
 from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
-from sain_model.physics.planar_axes import AXES
+from sain_model.physics.planar_config import AXES
 from sain_model.training.correction_training import make_trainers, train_members
 from sain_model.training.push_training import Trainer
 from sain_model.training.settings import CorrectionTrainingConfig, TrainingConfig

@@ -19,7 +19,7 @@ from sain_core.seeding import generator
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene, Scenes
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
-from sain_model.physics.planar_axes import AXES
+from sain_model.physics.planar_config import AXES
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World

@@ -3,16 +3,20 @@
 A check costs about 30 us a call and 5 ms to make. So it is made when a function is first called.
 In each test the first calls of every function are checked, and then one of many. A function counts
 its own calls: to look them up by its code would cost more than the call.
+
+A function inside another is made anew at each call of that, and its check with it, for 5 ms. So
+in each test the first that are made are checked, and then one of many.
 """
 
 import dataclasses
 import functools
 import inspect
 import sys
+from collections import Counter
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any, Final, Self
 
 import jaxtyping
@@ -24,18 +28,21 @@ PACKAGES: Final = (
 )  # fmt: skip
 COMPILED: Final = "_kernels"  # modules that Numba compiles: it does not take decorated functions
 ALWAYS, SELDOM = 20, 50  # calls of a function in a test: all checked, and then one of these
+INSIDE = 3  # of the functions of one code that are made in a test inside others: all checked
 # An int will do for a float. Methods are decorated one by one, so that beartype cannot know what
 # their `Self` is; and numpy gives a scalar where an array would have no dimensions.
 ACCEPTED: Final = FrozenDict({Self: object, np.ndarray: np.ndarray | np.generic})
 CONFIG: Final = BeartypeConf(is_pep484_tower=True, hint_overrides=ACCEPTED)
 
 test = 0  # the number of the test that runs
+made: Counter[CodeType] = Counter()  # functions inside others, in this test
 make_check = jaxtyping.jaxtyped
 
 
 def pytest_runtest_setup() -> None:
     global test
     test += 1
+    made.clear()
 
 
 def switch_on() -> None:
@@ -54,6 +61,10 @@ def decorate(*, typechecker: Any) -> Callable[[Any], Any]:
     def decorator(item: Any) -> Any:
         if dataclasses.is_dataclass(item):
             item.__init__ = _checked_often_enough(item.__init__, typechecker)
+        if inspect.isfunction(item) and "<locals>" in item.__qualname__:
+            made[item.__code__] += 1
+            if made[item.__code__] > INSIDE and made[item.__code__] % SELDOM:
+                return item
         return _checked_often_enough(item, typechecker) if inspect.isfunction(item) else item
 
     return decorator

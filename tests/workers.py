@@ -1,7 +1,8 @@
 """How the tests are divided among processes: a file is a unit, some files are one unit together.
 
-A whole run takes a worker for every core, up to four. What is named on the command line runs in one
-process, where a worker's start would cost more than it saves; ``-n 2`` says otherwise.
+A whole run takes a worker for every core and one more, up to four: tests of graphs, of the browser
+and of killed processes wait a good part of their time. What is named on the command line runs in
+one process, where a worker's start would cost more than it saves; ``-n 2`` says otherwise.
 """
 
 import os
@@ -52,7 +53,7 @@ def pytest_xdist_auto_num_workers(config: Config) -> int:
     narrowed = any(config.getoption(name, None) for name in ("keyword", "markexpr", "lf"))
     if narrowed or config.args_source is not Config.ArgsSource.TESTPATHS:
         return 0
-    return min(len(os.sched_getaffinity(0)), MOST)
+    return min(len(os.sched_getaffinity(0)) + 1, MOST)
 
 
 def pytest_xdist_make_scheduler(config: Config, log: Any) -> ByFile:

@@ -13,9 +13,10 @@ from sain_core.types import PushSequences
 from sain_model.cli.kernels import compile_kernels
 from sain_model.compute.compiling import CONSTANTS, CORE_CONSTANTS, sources_hash
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.network import sain_kernels
+from sain_model.network import sain_kernels, shape_feature_kernels
 from sain_model.network.interaction_network import new_network
-from sain_model.network.settings import NetworkConfig
+from sain_model.network.settings import ANY_SHAPE, NetworkConfig
+from sain_model.network.shape_features import network_inputs, push_frames
 from sain_model.physics import planar_kernels
 from sain_model.physics.planar import PlanarPrior
 
@@ -26,6 +27,7 @@ ENTRIES = (
     planar_kernels.push_conditioned_block,
     sain_kernels.correct_block,
     sain_kernels.roll_out_block,
+    shape_feature_kernels.write_shape_block,
 )
 
 
@@ -84,6 +86,8 @@ def test_one_call_compiles_all_that_predictions_run() -> None:
         sain = SainDynamics(network, PlanarPrior(), "planar")
         sain.step(scenes, pushes, np.broadcast_to(0.12, 2))
         sain.rollout(scenes[0], sequences(pushes))
+    shaped = NetworkConfig(bodies=ANY_SHAPE)
+    network_inputs(shaped, scenes, push_frames(shaped, scenes, pushes, None), scenes, None)
     assert [len(kernel.signatures) for kernel in ENTRIES] == before
 
 

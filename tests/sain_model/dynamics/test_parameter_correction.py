@@ -27,7 +27,7 @@ from sain_model.dynamics.priors import load_planar
 from sain_model.dynamics.settings import PLANAR_AXES, CorrectionNetworkConfig
 from sain_model.physics import corrections as told
 from sain_model.physics.planar import PlanarPrior
-from sain_model.physics.planar_axes import AXES
+from sain_model.physics.planar_config import AXES
 from sain_model.serving.server import ModelServer
 from sain_model.serving.settings import ServingConfig
 from sain_model.training.correction_training import CorrectionTrainer, make_trainers, train_members

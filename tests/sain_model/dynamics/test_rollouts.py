@@ -224,7 +224,7 @@ def test_training_on_rollouts_lowers_the_error_of_rollouts(
 ) -> None:
     config = RolloutConfig(
         steps_ahead=3,
-        rollout_epochs=8,
+        rollout_epochs=4,
         rollout_batch=8,
         rollout_learning_rate=5e-3,
         gradient=gradient,

@@ -54,7 +54,7 @@ def test_what_pulls_along_the_world_is_learned_in_its_frame_alone(dataset, tmp_p
     for frame in (PUSH_FRAME, WORLD_FRAME):
         network = NetworkConfig(hidden=32, message=8, features=frame)
         config = TrainingConfig(
-            epochs=150, batch=16, network=network, loss=LossConfig(position_scale=0.005)
+            epochs=60, batch=16, network=network, loss=LossConfig(position_scale=0.005)
         )
         trainer = Trainer(split, prior, config, tmp_path / frame)
         trainer.run()

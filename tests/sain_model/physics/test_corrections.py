@@ -30,7 +30,7 @@ from sain_model.physics.body_kernels import (
     apply_impulse,
 )
 from sain_model.physics.planar import PlanarPrior
-from sain_model.physics.planar_axes import AXES
+from sain_model.physics.planar_config import AXES
 
 
 def draw_corrections(scenes: np.ndarray, seed: int = 0) -> np.ndarray:

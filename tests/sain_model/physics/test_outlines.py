@@ -29,7 +29,7 @@ from sain_core.types import Points, Pushes, Scenes
 from sain_model.physics.corrections import CORRECTIONS
 from sain_model.physics.outlines import body_table, load_shares
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
-from sain_model.physics.planar_axes import AXES
+from sain_model.physics.planar_config import AXES
 
 BATCH = 60
 LIMITS = PushLimits()

@@ -27,7 +27,7 @@ from sain_core.scene import (
 )
 from sain_core.types import Pushes, Scenes
 from sain_model.physics.planar import PlanarConfig, PlanarPrior, check_batch
-from sain_model.physics.planar_axes import AXES
+from sain_model.physics.planar_config import AXES
 
 BATCH = 200
 LIMITS = PushLimits()

@@ -18,6 +18,7 @@ from sain_model.compute.compiling import kernel_folder
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import ANY_SHAPE, NetworkConfig
+from sain_model.network.shape_features import network_inputs, push_frames
 from sain_model.physics.corrections import CORRECTIONS
 from sain_model.physics.planar import PlanarPrior
 
@@ -36,12 +37,15 @@ def compile_kernels() -> None:
     predicted = prior.step(scenes, pushes)
     prior.step_conditioned(scenes, pushes, np.zeros((1, 2, CORRECTIONS)))
     prior.with_bodies(Bodies.named(["cube", "disk"])).step(scenes, pushes)
+    any_shape = NetworkConfig(bodies=ANY_SHAPE)
     with torch.random.fork_rng(devices=[]):  # the weights do not matter, nor may drawing them
         network = CompiledNetwork(InteractionNetwork())
-        shaped = CompiledNetwork(InteractionNetwork(NetworkConfig(bodies=ANY_SHAPE)))
+        shaped = CompiledNetwork(InteractionNetwork(any_shape))
     network.correct(scenes, pushes, predicted)
     network.rollout(prior, scenes[0], pushes[:, None])
     shaped.correct(scenes, pushes, predicted)
+    frames = push_frames(any_shape, scenes, pushes, None)
+    network_inputs(any_shape, scenes, frames, predicted, None)  # of regions and of training
 
 
 def main() -> int:

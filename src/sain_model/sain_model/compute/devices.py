@@ -18,9 +18,11 @@ def choose_device(wanted: str) -> str:
     """
     if wanted not in DEVICES:
         raise ConfigError(f"device is {wanted!r}; allowed: {', '.join(DEVICES)}")
+    if wanted == CPU:
+        return CPU
     import torch  # takes a second, which nothing that only names devices should wait
 
     found = torch.cuda.is_available()
     if wanted == CUDA and not found:
         raise ConfigError("device is 'cuda', but PyTorch finds no GPU; 'auto' would take the CPU")
-    return CPU if wanted == CPU or not found else CUDA
+    return CUDA if found else CPU

@@ -17,7 +17,7 @@ from sain_model.dynamics.settings import (
     PLANAR_PRIORS,
 )
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
-from sain_model.physics.planar_axes import AXES
+from sain_model.physics.planar_config import AXES
 
 C = TypeVar("C", bound=Config)
 Settings = dict[str, Any]

@@ -5,7 +5,6 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from scipy.stats import spearmanr
 
 from sain_core.scene import MID, TARGET
 from sain_core.types import Mask, Scalars
@@ -94,4 +93,10 @@ def _rank(values: Float[ndarray, "M"], off: Scalars) -> float | None:
     """Return Spearman's rank correlation; None where the values do not differ."""
     if len(values) < 3 or np.ptp(values) == 0.0 or np.ptp(off) == 0.0:
         return None
-    return float(spearmanr(values, off).statistic)
+    return float(np.corrcoef(_ranks(values), _ranks(off))[0, 1])
+
+
+def _ranks(values: Float[ndarray, "M"]) -> Float[ndarray, "M"]:
+    """Return the ranks of values, from 1; equal ones share the mean of theirs."""
+    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
+    return (np.cumsum(count) - 0.5 * (count - 1))[place]

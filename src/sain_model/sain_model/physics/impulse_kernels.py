@@ -47,8 +47,8 @@ from sain_model.physics.outline_kernels import (
     X,
     Y,
 )
+from sain_model.physics.overlap_kernels import ON_CORNER, ON_SIDE
 from sain_model.physics.support_kernels import hold_back, hold_supports
-from sain_model.physics.touching_kernels import ON_CORNER, ON_SIDE
 
 SWEEPS = 30  # most sweeps over the contacts in one step
 CONVERGED = 1e-4  # [m/s], change of relative velocities in the last sweep

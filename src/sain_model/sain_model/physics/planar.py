@@ -12,12 +12,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.config import Config, option
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
 from sain_core.model_checks.response_check import answering, check_step
-from sain_core.push import TOOL_RADIUS, PushLimits, pushed_bodies
+from sain_core.push import PushLimits, pushed_bodies
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Indices, Pushes, Scalars, Scenes
@@ -33,93 +32,12 @@ from sain_model.physics.corrections import (
 )
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
 from sain_model.physics.outlines import Touched, push_bodies
+from sain_model.physics.planar_config import PlanarConfig
 from sain_model.physics.planar_kernels import CHUNK, push_block, push_conditioned_block
 
 NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
 NOMINAL_MID_RADIUS: Final = 0.08  # [m]
 NOMINAL_RADIUS: Final = 0.06  # [m], of every other disk
-
-
-@dataclass(frozen=True)
-class PlanarConfig(Config):
-    """The planar world's physics.
-
-    From `foot_radius` to `disk_height` the values are fitted to Bullet with the arm on 1,871
-    pushes of three-footed disks by ``ros2 run sain_eval calibrate`` (docs/planar.md): they make
-    up for each other, and none should be read as a measurement.
-    """
-
-    friction: float = option(
-        0.12, "between disks and table, where none is given", minimum=0.001, maximum=2.0
-    )
-    gravity: float = option(9.81, "acceleration", unit="m/s^2", minimum=0.1, maximum=30.0)
-    foot_radius: float = option(
-        0.7345, "where a disk's three feet stand, share of its radius", minimum=0.01, maximum=1.0
-    )
-    inertia: float = option(
-        0.4257, "moment of inertia, share of mass x radius^2", minimum=0.05, maximum=2.0
-    )
-    friction_scale: float = option(
-        1.01, "table friction at work, share of the coefficient", minimum=0.5, maximum=2.0
-    )
-    yield_across: float = option(
-        0.7779,
-        "weight of a foot's motion across its arm in the direction of its friction: a solver"
-        " gives way to where a foot is lighter to move",
-        minimum=0.1,
-        maximum=1.0,
-    )
-    axes_yield: float = option(
-        0.0,
-        "above 0, in place of `yield_across`: a solver weighs a foot's friction along the world's x"
-        " and y by how hard the foot is to move that way, 1 / (1 + this x its share across)",
-        minimum=0.0,
-        maximum=5.0,
-    )
-    tool_friction: float = option(0.1211, "between tool and disk", minimum=0.0, maximum=2.0)
-    disk_friction: float = option(0.1254, "between two disks", minimum=0.0, maximum=2.0)
-    tool_restitution: float = option(
-        0.0036, "share of the speed left when the tool hits a disk", minimum=0.0, maximum=0.9
-    )
-    disk_restitution: float = option(
-        0.003, "share of the speed left when disks collide", minimum=0.0, maximum=0.9
-    )
-    middle_height: float = option(
-        0.0181, "of a disk's centre of mass", unit="m", minimum=0.0, maximum=0.05
-    )
-    tool_height: float = option(
-        0.0283, "where the tool presses on a disk", unit="m", minimum=0.0, maximum=0.06
-    )
-    disk_height: float = option(
-        0.0264, "where one disk presses on another", unit="m", minimum=0.0, maximum=0.06
-    )
-    tool_radius: float = option(TOOL_RADIUS, "radius of the stick", unit="m", minimum=0.001)
-    clearance: float = option(
-        0.005, "gap between tool and rim at the start", unit="m", minimum=0.0, maximum=0.05
-    )
-    speed: float = option(0.2, "of the tool", unit="m/s", minimum=0.01, maximum=2.0)
-    acceleration: float = option(4.0, "of the tool", unit="m/s^2", minimum=0.1, maximum=50.0)
-    longest_step: float = option(0.02, "longest time step", unit="s", minimum=1e-4, maximum=0.1)
-    stop_share: float = option(
-        0.35,
-        "longest step of a spinning disk, share of the time it takes to stop",
-        minimum=0.001,
-        maximum=0.5,
-    )
-    stop_step: float = option(
-        1 / 120, "a disk about to stop needs no shorter steps", unit="s", minimum=1e-4, maximum=0.05
-    )
-    bend: float = option(
-        0.05,
-        "most that the normal of a pressing contact turns in a step",
-        unit="rad",
-        minimum=1e-3,
-        maximum=0.3,
-    )
-
-    def physics(self) -> Physics:
-        """Return the numbers that the compiled kernels take."""
-        return Physics(*(float(getattr(self, name)) for name in Physics._fields))
 
 
 @dataclass(frozen=True)

@@ -221,16 +221,7 @@ def push_block(first, scenes, pushes, friction, start, physics, touched):
     """
     work = make_workspace(scenes.shape[1])
     for index in range(first, min(first + CHUNK, scenes.shape[0])):
-        if pushes[index, LENGTH] > 0.0:
-            push_scene(
-                scenes[index],
-                pushes[index],
-                friction[index],
-                start[index],
-                physics,
-                work,
-                touched[index],
-            )
+        _push_row(index, scenes, pushes, friction, start, physics, touched, work)
 
 
 @compiled
@@ -245,13 +236,11 @@ def push_conditioned_block(first, scenes, pushes, friction, start, physics, touc
         for disk in range(corrections.shape[1]):
             for column in range(corrections.shape[2]):  # a slice takes seconds to compile
                 work.corrections[disk, column] = corrections[index, disk, column]
-        if pushes[index, LENGTH] > 0.0:
-            push_scene(
-                scenes[index],
-                pushes[index],
-                friction[index],
-                start[index],
-                physics,
-                work,
-                touched[index],
-            )
+        _push_row(index, scenes, pushes, friction, start, physics, touched, work)
+
+
+@compiled
+def _push_row(row, scenes, pushes, friction, start, physics, touched, work):
+    """Carry out the push of one row of a batch in place, unless its length is 0."""
+    if pushes[row, LENGTH] > 0.0:
+        push_scene(scenes[row], pushes[row], friction[row], start[row], physics, work, touched[row])

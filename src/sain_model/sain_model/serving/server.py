@@ -18,10 +18,9 @@ from sain_core.plugins import load_dynamics
 from sain_core.scene import THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
-from sain_model.compute.devices import CPU, choose_device
-from sain_model.dynamics.parameter_correction import ParameterCorrection
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.compute.devices import AUTO, CPU, choose_device
 from sain_model.physics.planar import PlanarPrior
+from sain_model.serving.model_kinds import is_learned, is_residual
 from sain_model.serving.request_checks import check_asked_pushes, check_asked_scenes
 from sain_model.serving.settings import ServingConfig
 
@@ -30,7 +29,6 @@ WARM_UP_SCENE: Final = make_scene(
 )
 WARM_UP_PUSHES: Final = np.array([[[0.0, 0.0, 0.1]], [[0.5, 0.1, 0.05]]])  # (2, 1, 3)
 PHYSICS: Final = "physics"
-LEARNED: Final = (SainDynamics, ParameterCorrection)
 
 
 @dataclass(frozen=True)
@@ -58,9 +56,10 @@ class ModelServer:
         Raises:
             ConfigError: a GPU is wanted and there is none.
         """
-        device = choose_device(config.device)
-        if isinstance(dynamics, SainDynamics):
-            dynamics = dynamics.on(device)
+        if is_residual(dynamics):
+            dynamics = dynamics.on(choose_device(config.device))
+        elif config.device != AUTO:  # physics runs on the CPU, but what is asked for must be there
+            choose_device(config.device)
         self.config = config
         self._name = f"model {config.model!r}"
         self.description = describe_model(config.model, dynamics)
@@ -102,7 +101,7 @@ class ModelServer:
     def friction(self, history: PushHistory | None, bodies: Bodies | None = None) -> float:
         """Return the friction of a prediction; 0: the model has none."""
         dynamics = self.knowing(history, bodies)
-        prior = dynamics.prior if isinstance(dynamics, LEARNED) else dynamics
+        prior = dynamics.prior if is_learned(dynamics) else dynamics
         return prior.config.friction if isinstance(prior, PlanarPrior) else 0.0
 
     def rollout(
@@ -177,11 +176,11 @@ class ModelServer:
         check_asked_pushes(pushes, bodies)
         dynamics = self.knowing(history, bodies)
         if physics_next is None:
-            prior = dynamics.prior if isinstance(dynamics, LEARNED) else dynamics
+            prior = dynamics.prior if is_learned(dynamics) else dynamics
             physics_next = check_step(prior.step(scenes, pushes), scenes, self._name)
-        if isinstance(dynamics, SainDynamics):
+        if is_residual(dynamics):
             next_state = dynamics.correct(scenes, pushes, physics_next)
-        elif isinstance(dynamics, ParameterCorrection):  # on its own prior, whatever was given
+        elif is_learned(dynamics):  # on its own prior, whatever was given
             next_state = dynamics.step(scenes, pushes)
         else:
             next_state = physics_next  # physics alone corrects nothing
@@ -192,7 +191,7 @@ class ModelServer:
         """Return how many predictions a past push costs: one at each friction looked at."""
         if isinstance(self._usual, PlanarPrior):
             return len(self._usual.filter().grid)
-        friction = self._usual.filter if isinstance(self._usual, SainDynamics) else None
+        friction = self._usual.filter if is_residual(self._usual) else None
         return 1 if friction is None else len(friction.grid)
 
     def _check_work(self, predictions: int, disks: int) -> None:
@@ -229,7 +228,7 @@ def _residual(next_state: Scenes, physics_next: Scenes) -> Scenes:
 
 def describe_model(name: str, dynamics: Dynamics) -> Description:
     """Return what a dynamics of this name is."""
-    if isinstance(dynamics, LEARNED):
+    if is_learned(dynamics):
         return Description(
             name,
             dynamics.kind,
