@@ -42,6 +42,7 @@ def test_seeds_count_up() -> None:
         ({"tolerance": 0.0}, "tolerance is 0.0 m; it must be at least 0.0001 m"),
         ({"tolerance": float("nan")}, "tolerance is nan; it must be finite"),
         ({"model": "plannar"}, r"model 'plannar' is unknown \(did you mean 'planar'\?\)"),
+        ({"engine": "ode"}, "engine is 'ode'; allowed: 'bullet', 'mujoco'"),
         ({"seed": -1}, "seed is -1; it must be at least 0"),
         ({"timeout": 0.0}, "timeout is 0.0 s; it must be at least 0.1 s"),
         ({"params_file": Path("missing.yaml")}, r"--params-file missing.yaml: No such file"),
@@ -122,6 +123,11 @@ def test_commands_say_it_all(prefix: Path, tmp_path: Path) -> None:
     assert "seed:=7" in commands["planner"]
     assert "gui:=true" not in commands["simulator"]
     assert "gui:=true" in graph_commands(replace(options, gui=True), *about)["simulator"]
+    assert not any("engine" in word for word in commands["simulator"])
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed")
+    assert (
+        "engine:=mujoco" in graph_commands(replace(options, engine="mujoco"), *about)["simulator"]
+    )
 
 
 def test_what_is_not_installed_is_named(prefix: Path) -> None:

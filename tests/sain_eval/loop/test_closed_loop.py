@@ -13,6 +13,9 @@ from sain_eval.loop.controllers import agent_maker
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.loop.agent import Agent, AgentConfig
 from sain_mppi.loop.decision import Decider, PushDecision
+from sain_sim.episodes.truth import TruthConfig
+from sain_sim.world.outcome import DivergedError
+from sain_sim.world.world import World
 
 PAPER = SCENARIOS["paper"].scene(0)
 ANYWHERE = SCENARIOS["anywhere"].scene(1)
@@ -126,3 +129,19 @@ def test_a_model_that_fails_leaves_physics_to_plan_and_is_counted(monkeypatch):
     outcome = play(PAPER, "identity", 0.05)
     assert outcome.failure == ""
     assert outcome.fallbacks == len(outcome.record.pushes) >= 1
+
+
+def test_an_episode_in_mujoco_reaches_its_goal():
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed")
+    outcome = play(ANYWHERE.within(TruthConfig(engine="mujoco")), "planar")
+    assert outcome.failure == "" and outcome.record.final_distance <= 0.02
+
+
+def test_a_push_that_diverges_ends_the_episode_and_is_not_recorded(monkeypatch):
+    def diverge(*_):
+        raise DivergedError("no finite solution")
+
+    monkeypatch.setattr(World, "push", diverge)
+    outcome = play_stubborn((0.0, 0.0, 0.1))
+    assert outcome.failure == "DivergedError: no finite solution"
+    assert not outcome.record.pushes

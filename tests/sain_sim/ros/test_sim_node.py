@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
@@ -245,3 +246,18 @@ def test_two_simulators_repeat_each_other_to_the_last_bit(graph):
         return wire.decode_disks(result.after.disks)
 
     np.testing.assert_array_equal(play(51), play(52))
+
+
+def test_a_node_in_mujoco_says_so_and_pushes(graph):
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed")
+    node = graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, engine="mujoco", shadow=False)
+    graph.listen("/diagnostics", DiagnosticArray)
+    graph.wait(lambda: graph.find("world_parameters"), "the world's parameters")
+    assert graph.find("world_parameters")[-1].world == "randomised in mujoco"
+    assert node.ready == "a randomised world in mujoco with 2 disks"
+    graph.wait(lambda: graph.heard["/diagnostics"], "diagnostics")
+    figures = {v.key: v.value for v in graph.heard["/diagnostics"][-1].status[0].values}
+    assert figures["engine"] == "mujoco"
+    graph.push(graph.reset(seed=9), 7, AHEAD)
+    after = wire.decode_disks(graph.result(7).after.disks)
+    assert after[0, 0] > 0.4

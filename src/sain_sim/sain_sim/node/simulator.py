@@ -82,10 +82,10 @@ class Simulator:
         """The truth world's parameters."""
         return self.world.parameters
 
-    def describe(self, world: str = "") -> str:
-        """Return in words a world, or that of the configuration, and its engine unless Bullet."""
-        name, engine = world or self.config.world, self.config.engine
-        return name if engine == BULLET else f"{name} in {engine}"
+    @property
+    def within(self) -> str:
+        """What to add to the name of a world for its engine; nothing for Bullet."""
+        return "" if self.config.engine == BULLET else f" in {self.config.engine}"
 
     def reset(
         self,

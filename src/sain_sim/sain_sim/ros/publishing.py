@@ -85,7 +85,7 @@ class Publishing:
                 header=self._header(),
                 episode_id=self._session.episode_id,
                 seed=seed,
-                world=self._simulator.describe(world),
+                world=(world or self._simulator.config.world) + self._simulator.within,
                 shapes=list(parameters.shapes),
                 roles=list(parameters.roles),
                 friction=parameters.friction,

@@ -48,7 +48,9 @@ class SimNode(Node):
         resetting = self.create_service(ResetScene, "reset_scene", self._on_reset)
         introspect(self, resetting, config.service_introspection)
         self.create_timer(1 / config.idle_rate, self._on_idle)
-        self.ready = f"a {self.simulator.describe()} world with {len(self.settled.disks)} disks"
+        self.ready = (
+            f"a {config.world} world{self.simulator.within} with {len(self.settled.disks)} disks"
+        )
 
     def _on_reset(
         self, request: ResetScene.Request, response: ResetScene.Response
