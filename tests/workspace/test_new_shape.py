@@ -46,7 +46,7 @@ def test_its_sides_and_corners_touch_where_they_are(bearing, reach):
     way = np.array([*unit(np.asarray(0.2 + radians(bearing))), 0.0])
     with World(parameters) as world:
         world.reset(scene)
-        client, body = world._client, world._cell.stage.disks[TARGET].id
+        client, body = world._simulation.client, world._cell.stage.disks[TARGET].id
         ball = client.createCollisionShape(client.GEOM_SPHERE, radius=0.01)
         place = np.array([*scene[TARGET, POSITION], 0.02]) + (reach + 0.02) * way
         probe = client.createMultiBody(1.0, ball, -1, place.tolist())

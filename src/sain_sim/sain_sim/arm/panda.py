@@ -15,7 +15,11 @@ JOINT_NAMES: Final = tuple(f"panda_joint{index}" for index in range(1, JOINT_COU
 
 @dataclass(frozen=True)
 class ArmConfig(Config):
-    """How the arm is built and controlled."""
+    """How the arm is built and controlled.
+
+    `gain` and `inertia_scale` are for Bullet alone. In MuJoCo, `torque_scale` is also the stiffness
+    of the servos, as a multiple of that in MuJoCo Menagerie.
+    """
 
     tool_length: float = option(
         0.22, "distance from the flange to the tip", unit="m", minimum=0.15, maximum=0.4

@@ -18,6 +18,7 @@ from sain_core.errors import ConfigError, SainError
 from sain_core.provenance import versions
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.workers import WorkerPool, environment
+from sain_sim.world.engines import ENGINES
 
 LOCAL: Final = "local"
 AUTO: Final = "auto"
@@ -119,14 +120,15 @@ def _settings(address: str, workers: int, folder: str) -> dict[str, Any]:
     }
 
 
-def software() -> dict[str, str]:
-    """Return what decides about the bytes of an episode."""
+def software(engine: str) -> dict[str, str]:
+    """Return what decides about the bytes of an episode in an engine."""
     sources = hashlib.sha256()
+    used = [name for name in (ENGINES[engine].module,) if name]
     for package in (sain_core, sain_sim):
         assert package.__file__ is not None
         for path in sorted(Path(package.__file__).parent.rglob("*.py")):
             sources.update(path.read_bytes())
-    return {**versions("numpy", "pybullet", "mujoco"), "sain": sources.hexdigest()[:12]}
+    return {**versions("numpy", "pybullet", *used), "sain": sources.hexdigest()[:12]}
 
 
 class RayRunner(EpisodeRunner):
@@ -134,7 +136,7 @@ class RayRunner(EpisodeRunner):
 
     def software(self) -> dict[str, str]:
         """Return what decides about the bytes of an episode."""
-        return software()
+        return software(self._config.truth.engine)
 
 
 class RayPool(WorkerPool):
@@ -150,7 +152,7 @@ class RayPool(WorkerPool):
         self._ray = ray
         remote = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=RETRIES)(RayRunner)
         self._idle += [remote.remote(seed, config) for _ in range(size)]
-        own = software()
+        own = software(config.truth.engine)
         for found in self._get([actor.software.remote() for actor in self._idle]):
             if found != own:
                 raise ConfigError(
