@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shapely import Point, Polygon
 
 from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT, MID, TARGET, X
@@ -113,6 +114,24 @@ def test_bodies_that_press_on_each_other_stay_upright(shapes):
     assert np.abs(np.array(heights) - DISK_HEIGHT / 2).max() < 0.5 * LIMIT
     assert np.abs(np.array(tilts)).max() < 0.005
     assert (after - start)[TARGET, X] > 0.005
+
+
+@pytest.mark.parametrize("shape", ["three_feet", "cube", "hexagon", "t", "star"])
+def test_the_tool_touches_a_body_where_its_outline_is(shape):
+    parameters, away = nominal_parameters(1, shapes=(shape,)), []
+    turned = np.array([0.4])
+    with World(parameters, engine=MUJOCO) as world:
+        world.reset(parameters.scene(np.array([[0.45, 0.0]]), turned))
+
+        def look(sample):
+            ring = Polygon(parameters.body_shapes[0].placed(sample.scene[0])).exterior
+            contact = world._cell._data.contact
+            tool = world._cell._is_tool[contact.geom].any(axis=1)
+            away.extend(ring.distance(Point(place[:2])) for place in contact.pos[tool])
+
+        world.carry_out(Stroke(np.array([0.31, 0.01]), np.array([0.48, 0.01]), 0.0), look)
+    assert len(away) > 20
+    assert max(away) < 0.5 * LIMIT  # contacts are of the step before: 0.3 mm at 0.2 m/s
 
 
 def test_a_fixed_body_stays_and_stops_others(bench):
