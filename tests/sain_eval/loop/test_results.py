@@ -171,7 +171,7 @@ def test_a_person_finds_all_of_the_table_in_its_pages(records, tmp_path):
     jobs = jobs_of(options, set())
     journal = Journal(tmp_path, options.settings())
     for job in jobs:
-        lost = job.scenario == "rearrange_4" and job.seed == 1 or job.controller == "straight"
+        lost = (job.scenario == "rearrange_4" and job.seed == 1) or job.controller == "straight"
         why = "80 pushes left body 2 9.0 mm and 0.200 rad from its pose" if lost else ""
         streak = {"most_goals": 100, "goals": 30 + job.seed} if job.scenario == "streak" else {}
         made = [
