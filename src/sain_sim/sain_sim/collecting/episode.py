@@ -14,7 +14,7 @@ from sain_core.config import Config, option
 from sain_core.dataset import MOVED, ROUGH, Column, Row, describe_bodies
 from sain_core.errors import ConfigError, SainError
 from sain_core.push import PUSH_SIZE, PaperGrid, pushed_bodies
-from sain_core.scene import MID, POSITION, TARGET
+from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
 from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
@@ -232,8 +232,8 @@ def draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> World
     if config.shapes:
         count = int(random.choice(config.counts))
         names = built_shapes(random.choice(config.shape_names, count).tolist(), config.shape)
-        drawn = config.truth.draw(random, count, config.shape, ranges)
-        return replace(drawn, shapes=names, roles=(Role.PUSHABLE,) * count)
-    drawn = config.truth.draw(random, config.disks, config.shape, ranges)
-    (target,) = built_shapes([config.target], config.shape)
-    return replace(drawn, shapes=(drawn.shapes[MID], target, *drawn.shapes[TARGET + 1 :]))
+        drawn = config.truth.draw(random, count, config.shape, ranges, names)
+        return replace(drawn, roles=(Role.PUSHABLE,) * count)
+    names = [config.shape] * config.disks
+    (names[TARGET],) = built_shapes([config.target], config.shape)
+    return config.truth.draw(random, config.disks, config.shape, ranges, tuple(names))
