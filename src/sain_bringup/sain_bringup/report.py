@@ -92,7 +92,9 @@ def pose_goal(poses: AskedPoses) -> PoseGoal:
             if np.isnan(heading)
             else BodyPose(body, x, y, heading, tolerance, turn)
             for body, (x, y, heading, tolerance, turn) in rows
-        )
+        ),
+        poses.keep,
+        poses.keep_tolerance,
     )
 
 

@@ -96,7 +96,7 @@ class Episode:
         """Whether the target came to rest within the tolerance with every disk on the table."""
         on_table = bool(Table().contains(self.final[:, POSITION]).all())
         if self.poses is not None:
-            return on_table and self.poses.reached(self.final)
+            return on_table and self.poses.reached(self.final, self.start)
         return on_table and self.final_distance <= self.tolerance
 
 
