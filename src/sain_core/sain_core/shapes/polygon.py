@@ -16,6 +16,8 @@ from sain_core.types import Points
 
 TOLERANCE: Final = 1e-6  # [radii], within which corners and centroids are equal
 GRID: Final = 1e-9  # [radii], to which corners of a union are rounded
+REACH: Final = (0.5, 20.0)  # [radii], of the farthest corner; the disk of radius 1 is near it
+SCALES: Final = (1e-3, 1e6)  # the same in any unit: a union is rounded to `GRID`
 MOST_PARTS: Final = 12
 MOST_CORNERS: Final = 64  # of one part
 
@@ -64,6 +66,7 @@ class Polygon(Prism):
 
     def __post_init__(self) -> None:
         """Check the corners."""
+        _check_size(self.corners, REACH, f"shape {self.name!r}")
         check_convex(self.corners, f"shape {self.name!r}")
         _check_centre(np.array(self.corners), self.name)
 
@@ -148,11 +151,22 @@ def check_convex(corners: tuple[Pair, ...], what: str) -> None:
         )
 
 
+def _check_size(corners: tuple[Pair, ...], allowed: Pair, what: str) -> None:
+    """Raise `ConfigError` where the farthest corner is at no distance that can be meant."""
+    farthest = max((float(np.hypot(x, y)) for x, y in corners), default=allowed[0])
+    if np.isfinite(farthest) and not allowed[0] <= farthest <= allowed[1]:
+        raise ConfigError(
+            f"{what} has its farthest corner at {farthest:.3g}; allowed: {allowed[0]:g} to"
+            f" {allowed[1]:g}"
+        )
+
+
 def check_parts(polygons: tuple[tuple[Pair, ...], ...], name: str) -> None:
     """Raise `ConfigError` unless each part of a shape is a convex polygon."""
     if not 1 <= len(polygons) <= MOST_PARTS:
         raise ConfigError(f"shape {name!r} has {len(polygons)} parts; allowed: 1 to {MOST_PARTS}")
     for number, corners in enumerate(polygons):
+        _check_size(corners, SCALES, f"part {number} of shape {name!r}")
         check_convex(corners, f"part {number} of shape {name!r}")
 
 

@@ -18,7 +18,7 @@ from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
 from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
-from sain_core.shapes.registry import built_shapes, footprint_names
+from sain_core.shapes.registry import built_shapes, check_footprint, footprint_names
 from sain_core.types import PushArray
 from sain_sim.collecting.push_counts import PushCounts
 from sain_sim.episodes.nominal_shadow import NominalShadow
@@ -74,8 +74,8 @@ class EpisodeConfig(Config):
     def __post_init__(self) -> None:
         """Check the fields, and that the target's shape exists."""
         super().__post_init__()
-        built_shapes([self.target], self.shape)
-        built_shapes(self.shape_names, self.shape)
+        for name in (self.target, *self.shape_names):
+            check_footprint(name)
         if self.bodies and not self.shapes:
             raise ConfigError(f"bodies is {self.bodies!r}, and shapes is empty; give both")
         _ = self.counts  # checks them
@@ -234,6 +234,6 @@ def draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> World
         names = built_shapes(random.choice(config.shape_names, count).tolist(), config.shape)
         drawn = config.truth.draw(random, count, config.shape, ranges, names)
         return replace(drawn, roles=(Role.PUSHABLE,) * count)
-    names = [config.shape] * config.disks
-    (names[TARGET],) = built_shapes([config.target], config.shape)
-    return config.truth.draw(random, config.disks, config.shape, ranges, tuple(names))
+    others = (DISK,) * (config.disks - 2)
+    names = built_shapes((DISK, config.target, *others), config.shape)
+    return config.truth.draw(random, config.disks, config.shape, ranges, names)
