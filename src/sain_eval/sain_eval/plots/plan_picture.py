@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -130,7 +130,12 @@ def _draw_way(axes: Axes, planned: _Planned, plan: PlanResult, body: int) -> Non
 
 def _draw_goal(axes: Axes, planned: _Planned) -> None:
     if not isinstance(planned.goal, PoseGoal):
-        style = {"color": PALETTE.goal, "markersize": 13, "markeredgewidth": 2.4, "zorder": 9}
+        style: dict[str, Any] = {
+            "color": PALETTE.goal,
+            "markersize": 13,
+            "markeredgewidth": 2.4,
+            "zorder": 9,
+        }
         axes.plot(*planned.goal, "+", **style)
         return
     for pose in planned.goal.poses:
