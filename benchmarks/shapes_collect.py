@@ -1,6 +1,7 @@
 """Pushes of the whole library of shapes, in the randomised and a rough world, to learn from.
 
     nice ./env python -m benchmarks.shapes_collect data/shapes --episodes 900
+    nice ./env python -m benchmarks.shapes_collect data/any_shape --world randomised --episodes 3000
 
 Every fourth shape is unseen: it is in no episode that is learned from. Episodes are written in
 chunks; a second call goes on behind the last chunk.
@@ -44,7 +45,8 @@ AIMED, AIM = 0.6, 0.6  # share of pushes aimed at the other body, within this an
 LEAST_LOAD = 0.12  # share of the weight on the foot that carries least
 EDGE_LAB = 0
 CHUNK = 20  # episodes in a file
-RANDOMISED_UNTIL = 1500  # one in three episodes below this is in the randomised world
+BOTH = "both"  # worlds; one in three first episodes is in the randomised one
+RANDOMISED_UNTIL = 1500
 
 
 def main() -> None:
@@ -53,6 +55,7 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--episodes", type=int, default=900)
     parser.add_argument("--seed", type=int, default=5)
+    parser.add_argument("--world", choices=(BOTH, RANDOMISED), default=BOTH)
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     world: World | None = None
@@ -64,7 +67,7 @@ def main() -> None:
         rows: list[dict[str, Any]] = []
         for number in range(first, first + CHUNK):
             random = generator(arguments.seed, "episode", number)
-            kind, parameters, scene = draw_episode(random, number)
+            kind, parameters, scene = draw_episode(random, number, arguments.world)
             if world is None:
                 world = World(parameters)
             world.reset(scene, parameters)
@@ -76,10 +79,11 @@ def main() -> None:
 
 
 def draw_episode(
-    random: np.random.Generator, number: int
+    random: np.random.Generator, number: int, world: str
 ) -> tuple[tuple[str, bool], WorldParameters, Scene]:
     """Draw world, bodies and start: one in six is of shapes that nobody learns from."""
-    truth = RANDOMISED if number % 3 == 0 and number < RANDOMISED_UNTIL else ROUGH
+    randomised = world == RANDOMISED or (number % 3 == 0 and number < RANDOMISED_UNTIL)
+    truth = RANDOMISED if randomised else ROUGH
     unseen = number // 3 % 6 == 5
     names = tuple(random.choice(UNSEEN if unseen else SEEN, size=1 + int(random.uniform() < 0.5)))
     names = tuple(str(name) for name in names)

@@ -105,3 +105,16 @@ def test_coverage_is_counted(dataset: Path, tmp_path: Path) -> None:
     exact = np.all(sain.step(data.state, data.action)[:, 1, :2] == data.next_state[:, 1, :2], -1)
     assert found["target"]["parts"]["all"]["coverage"] == pytest.approx(exact.mean(), abs=0.05)
     assert found["target"]["rank_correlation"]["members"] is None  # a lone network agrees
+
+
+def test_regions_grow_with_the_elongation_of_the_supports() -> None:
+    random = np.random.default_rng(5)
+    parts = np.abs(random.normal(0.0, 1e-3, (3, 2000))) + 1e-4
+    long = random.choice([0.0, 0.4, 0.9], 2000)
+    off = np.abs(random.normal(0.0, 1.0, 2000)) * parts[0] * np.exp(1.5 * long)
+    config = fit_disk(parts, off, 0.9, long)
+    assert config.elongation == pytest.approx(1.5, abs=0.4)
+    inside = off <= config.radius(config.score(*parts, long))
+    for kind in (0.0, 0.4, 0.9):
+        assert inside[long == kind].mean() == pytest.approx(0.9, abs=0.04)
+    assert fit_disk(parts, off, 0.9).elongation == 0.0

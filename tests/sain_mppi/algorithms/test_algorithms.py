@@ -15,7 +15,7 @@ from sain_core.seeding import generator
 from sain_mppi.algorithms import ALGORITHMS
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import EXHAUSTIVE, MPPI, MPPI_ROUNDS, PlannerConfig
-from sain_mppi.search.cost import CostWeights
+from sain_mppi.search.cost_weights import CostWeights
 
 GOAL = np.array([0.68, 0.05])
 CONFIG = PlannerConfig(samples=192)

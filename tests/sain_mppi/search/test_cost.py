@@ -12,7 +12,8 @@ from sain_core.scene import MID, POSITION, TARGET, Table, rotate_scenes
 from sain_core.seeding import generator
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.cost import CostWeights, cost_terms, make_rollout, total_cost
+from sain_mppi.search.cost import cost_terms, make_rollout, total_cost
+from sain_mppi.search.cost_weights import CostWeights
 from sain_mppi.search.sampling import uniform_sequences
 
 FEASIBILITY = Feasibility()

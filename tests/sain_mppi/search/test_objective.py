@@ -5,7 +5,7 @@ from sain_core.feasibility import Feasibility
 from sain_core.push import ANGLE, BODY, LENGTH, strokes
 from sain_core.scene import POSITION, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
-from sain_mppi.search.cost import CostWeights
+from sain_mppi.search.cost_weights import CostWeights
 from sain_mppi.search.objective import PoseObjective, TargetObjective, make_objective
 from sain_mppi.search.poses import BodyPose, PoseGoal
 from sain_mppi.search.sampling import inside_limits, weighted_mean
@@ -64,6 +64,28 @@ def test_moving_a_body_that_is_to_be_kept_costs():
         SCENE, np.zeros((1, 1, 4)), after[None, None]
     )
     assert terms["keep"][0] == pytest.approx(CostWeights().keep * 0.02)
+
+
+@pytest.mark.parametrize(("x", "out"), [(0.4, 0.0), (0.2, 0.02), (0.18, 0.04)])
+def test_a_shape_that_gets_over_the_edge_of_the_table_costs(x: float, out: float):
+    after = SCENE.copy()
+    after[0, POSITION] = x, 0.0  # the bar's circle has a radius of 6 cm, the edge is at 16 cm
+    after[1, POSITION] = x, 0.3  # a disk does not count here
+    for goal in (GOAL, np.array([0.4, 0.0])):
+        terms = make_objective(goal, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
+            SCENE, np.zeros((1, 1, 4)), after[None, None]
+        )
+        assert terms["overhang"][0] == pytest.approx(CostWeights().overhang * out)
+
+
+def test_where_a_shape_begins_or_should_go_is_not_too_near_the_edge():
+    near = PoseGoal((BodyPose(0, 0.19, 0.0),))
+    after = near.placed(SCENE)
+    for goal, start in ((near, SCENE), (GOAL, after)):
+        terms = make_objective(goal, start, CostWeights(), FEASIBILITY, PAIR).terms(
+            start, np.zeros((1, 1, 4)), after[None, None]
+        )
+        assert terms["overhang"][0] == 0.0
 
 
 def test_the_mean_of_pushes_is_one_against_the_body_with_most_weight():

@@ -2,11 +2,12 @@
 
 A disk's region is a circle about its predicted place. Its radius is
 
-    r = factor(score) * score,   score = noise + a members + b friction + c way
+    r = factor(score) * score,   score = (noise + a members + b friction + c way) exp(d elongation)
 
 with ``members`` how far the ensemble's members disagree, ``friction`` how far the prediction
 moves with what is not known of the friction, and ``way`` how far the disk is predicted to move,
-all in metres. What a, b, c and the factors are was fitted to validation episodes
+all in metres, and ``elongation`` how near a body's supports are to one line, from 0 to 1. For disks
+it is not looked at. What a, b, c, d and the factors are was fitted to validation episodes
 (`sain_model.training.interval_fit`) and stands on the checkpoint's card.
 """
 
@@ -33,6 +34,7 @@ class IntervalConfig(Config):
     members: float = option(1.0, "of the members' spread", minimum=0.0)
     friction: float = option(1.0, "of the friction's spread", minimum=0.0)
     way: float = option(0.0, "of the predicted way", minimum=0.0)
+    elongation: float = option(0.0, "of the elongation of a body's supports, in the exponent")
     scores: tuple[float, ...] = option((1e-4,), "at these scores, rising", unit="m", minimum=0.0)
     factors: tuple[float, ...] = option((2.0,), "the radius is so many scores", minimum=0.0)
 
@@ -48,10 +50,17 @@ class IntervalConfig(Config):
         if min(self.scores) <= 0.0 or self.noise <= 0.0:
             raise ConfigError("IntervalConfig.scores and .noise must be greater than 0 m")
 
-    def score(self, members: Scalars, friction: Scalars, way: Scalars) -> Scalars:
-        """Return the score (B,) [m]."""
+    def score(
+        self,
+        members: Scalars,
+        friction: Scalars,
+        way: Scalars,
+        elongation: Scalars | float | None = None,
+    ) -> Scalars:
+        """Return the score (B,) [m]; elongation None: of disks."""
         told = self.members * members + self.friction * friction + self.way * way
-        return np.asarray(self.noise + told)
+        score = np.asarray(self.noise + told)
+        return score if elongation is None else score * np.exp(self.elongation * elongation)
 
     def radius(self, score: Scalars) -> Scalars:
         """Return the radius (B,) [m] at scores (B,) [m]: factors between scores by their log."""
@@ -68,17 +77,28 @@ class Intervals(Config):
     target: IntervalConfig = IntervalConfig()
 
     def radii(
-        self, opened: "Prediction", scenes: Scenes, pushed: Indices | None = None
+        self,
+        opened: "Prediction",
+        scenes: Scenes,
+        pushed: Indices | None = None,
+        elongation: Float[ndarray, "N"] | None = None,
     ) -> Float[ndarray, "B N"]:
         """Return the radius of every body's region for a prediction from these scenes.
 
-        `pushed` (B,) says which body each push is against; None: body 0.
+        Args:
+            opened: the prediction.
+            scenes: (B, N, 8), before the pushes.
+            pushed: which body each push is against (B,); None: body 0.
+            elongation: of each body's supports (N,); None: they are disks.
         """
         way = np.linalg.norm((opened.mean - scenes)[..., POSITION], axis=-1)
         radii = np.empty_like(way)
         for disk in range(way.shape[1]):
             parts = (opened.members[:, disk], opened.friction[:, disk], way[:, disk])
-            mid, target = (each.radius(each.score(*parts)) for each in (self.mid, self.target))
+            long = None if elongation is None else float(elongation[disk])
+            mid, target = (
+                each.radius(each.score(*parts, long)) for each in (self.mid, self.target)
+            )
             first = np.full(len(way), MID) if pushed is None else pushed
             radii[:, disk] = np.where(first == disk, mid, target)
         return radii

@@ -1,5 +1,6 @@
 """The checkpoints that this package offers to the registry of models; for priors see `priors`."""
 
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -7,6 +8,7 @@ from sain_core.dynamics import Dynamics
 from sain_model.dynamics.checkpoint import (
     ARCHITECTURE,
     CORRECTION_ARCHITECTURE,
+    SUFFIX,
     card_path,
     fill,
     read_card,
@@ -21,6 +23,7 @@ from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import (
     PHYSICS,
     SHIPPED,
+    SHIPPED_ANY_SHAPE,
     CorrectionNetworkConfig,
     RolloutConfig,
 )
@@ -30,15 +33,23 @@ from sain_model.physics.friction import FrictionConfig
 
 
 def load_builtin(name: str) -> Dynamics:
-    """Return the checkpoint ``sain``, which comes with this package, or the one at a path.
+    """Return the model ``sain``, which comes with this package, or the checkpoint at a path.
 
     Raises:
         CheckpointError: no sound checkpoint at that path.
     """
-    path = shipped_checkpoint() if name == SHIPPED else Path(name).expanduser()
+    if name == SHIPPED:
+        return load_shipped()
+    path = Path(name).expanduser()
     if path.exists() and read_card(path).architecture == CORRECTION_ARCHITECTURE:
         return load_parameter_correction(path)
     return load_sain(path)
+
+
+def load_shipped() -> SainDynamics:
+    """Return the model that comes with this package: one network for disks, one for any shape."""
+    any_shape = load_sain(shipped_checkpoint(SHIPPED_ANY_SHAPE))
+    return replace(load_sain(shipped_checkpoint()), any_shape=any_shape)
 
 
 def load_sain(path: Path) -> SainDynamics:
@@ -100,6 +111,6 @@ def card_part(name: str, kind: type[C], settings: Settings) -> C:
         return kind(**typed(kind, settings))
 
 
-def shipped_checkpoint() -> Path:
-    """Return the path of the checkpoint that comes with this package."""
-    return Path(str(resources.files("sain_model") / "checkpoints" / "sain.safetensors"))
+def shipped_checkpoint(name: str = SHIPPED) -> Path:
+    """Return the path of a checkpoint that comes with this package."""
+    return Path(str(resources.files("sain_model") / "checkpoints" / f"{name}{SUFFIX}"))

@@ -25,7 +25,7 @@ from sain_model.dynamics.settings import IDENTITY
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import ANY_SHAPE, ON_STATE
-from sain_model.network.shape_features import network_inputs, push_frames
+from sain_model.network.shape_features import elongations, network_inputs, push_frames
 from sain_model.network.torch_network import TorchNetwork
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
 from sain_model.physics.planar import PlanarPrior, step_knowing
@@ -52,6 +52,8 @@ class SainDynamics:
         recurrent: whether it was trained on rollouts of its own predictions.
         device: what the network runs on, ``cpu`` or ``cuda``. The prior stays on the CPU.
         bodies: that are pushed; None: disks.
+        any_shape: the model of all bodies that a network for disks cannot predict; None: it
+            refuses them.
     """
 
     network: InteractionNetwork
@@ -65,6 +67,7 @@ class SainDynamics:
     recurrent: bool = False
     device: str = CPU
     bodies: Bodies | None = None
+    any_shape: "SainDynamics | None" = None
 
     def __post_init__(self) -> None:
         """Stop whatever a network does in training alone."""
@@ -78,8 +81,9 @@ class SainDynamics:
         return TorchNetwork(self.network, self.device)
 
     def on(self, device: str) -> Self:
-        """Return this model with its network on a device, ``cpu`` or ``cuda``."""
-        return replace(self, device=device)
+        """Return this model with its networks on a device, ``cpu`` or ``cuda``."""
+        others = self.any_shape.on(device) if self.any_shape else None
+        return replace(self, device=device, any_shape=others)
 
     @property
     def kind(self) -> str:
@@ -126,23 +130,26 @@ class SainDynamics:
             replace(self, prior=self.prior.at(friction), conditioned_log_std=friction_log_std)
         )
 
-    def with_bodies(self, bodies: Bodies) -> Self:
-        """Return this model for scenes of these bodies; a network for disks takes cubes for disks.
+    def with_bodies(self, bodies: Bodies) -> "SainDynamics":
+        """Return the model of scenes of these bodies; a network for disks takes cubes for disks.
 
         Raises:
-            ConfigError: its network was made for disks, and these are others.
+            ConfigError: its network was made for disks, these are others, and it has no model of
+                any shape.
         """
-        if self.network.config.bodies != ANY_SHAPE:
-            if bodies.stand_in_for_disks:
-                return self
-            pairs = zip(bodies.shapes, bodies.roles, strict=True)
-            names = ", ".join(f"{shape.name} ({role})" for shape, role in pairs)
-            raise ConfigError(
-                "this checkpoint was trained on disks of which only the first is pushable; the"
-                f" bodies are {names}: use a checkpoint for any shape, or the model 'planar'"
-            )
-        prior = prior_for(self.prior, bodies)
-        return self._with_same_weights(replace(self, prior=prior, bodies=bodies))
+        if self.network.config.bodies == ANY_SHAPE:
+            prior = prior_for(self.prior, bodies)
+            return self._with_same_weights(replace(self, prior=prior, bodies=bodies))
+        if bodies.stand_in_for_disks:
+            return self
+        if self.any_shape is not None:
+            return self.any_shape.with_bodies(bodies)
+        pairs = zip(bodies.shapes, bodies.roles, strict=True)
+        names = ", ".join(f"{shape.name} ({role})" for shape, role in pairs)
+        raise ConfigError(
+            "this checkpoint was trained on disks of which only the first is pushable; the"
+            f" bodies are {names}: use a checkpoint for any shape, or the model 'sain'"
+        )
 
     def _with_same_weights(self, other: Self) -> Self:
         """Return another model with the network of this one, which is not packed again."""
@@ -186,20 +193,26 @@ class SainDynamics:
         )
         if self.intervals is None:
             return prediction
-        pushed = pushed_bodies(pushes)
-        return replace(prediction, radius=self.intervals.radii(prediction, scenes, pushed))
+        long = None
+        if self.network.config.bodies == ANY_SHAPE:
+            long = elongations(self.bodies or Bodies.disks(scenes.shape[1]))
+        radii = self.intervals.radii(prediction, scenes, pushed_bodies(pushes), long)
+        return replace(prediction, radius=radii)
 
     def correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
         """Return the prediction `physics_next` (B, N, 8) of a prior, corrected.
 
-        A push of zero length stays what the prior makes of it: nothing. Velocities, masses and
-        radii are passed on as the prior left them.
+        A push of zero length stays what the prior makes of it: nothing. So do bodies with the role
+        "fixed". Velocities, masses and radii are passed on as the prior left them.
 
         Raises:
             InvalidInputError: arrays that do not fit together.
         """
         check_physics_next(scenes, physics_next)
         corrected = self._forward.correct(scenes, pushes, physics_next, self.bodies)
+        if self.bodies is not None and self.bodies.fixed:
+            fixed = list(self.bodies.fixed)
+            corrected[:, fixed] = physics_next[:, fixed]
         if self.network.config.residual == ON_STATE:
             return _carried_over(corrected, physics_next, scenes)
         return corrected

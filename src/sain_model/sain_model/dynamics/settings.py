@@ -11,6 +11,7 @@ PLANAR_AXES: Final = "planar_axes"
 PLANAR_PRIORS: Final = (PLANAR, PLANAR_AXES)
 PLANAR_LAB: Final = "planar_lab"  # only on cards: what it is was fitted
 SHIPPED: Final = "sain"
+SHIPPED_ANY_SHAPE: Final = "sain_any_shape"
 IDENTITY: Final = "identity"
 CORRECTED: Final = "corrected"  # s-bar_{t+1} = f_p(s-hat_t, a_t)
 PHYSICS: Final = "physics"  # s-bar_{t+1} = f_p(s-bar_t, a_t): equation 3 to the letter

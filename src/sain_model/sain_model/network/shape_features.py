@@ -64,6 +64,12 @@ def _load_moments(supports: Float[ndarray, "F C"], reach: float) -> Float[ndarra
     return np.array([spread, second.real, second.imag, third.real, third.imag, len(share)])
 
 
+def elongations(bodies: Bodies) -> Float[ndarray, "N"]:
+    """Return how near the supports of each body are to one line: 0 for a disk's feet, at most 1."""
+    spread, second_x, second_y = outline_table(bodies).supports.T[:3]
+    return np.asarray(np.hypot(second_x, second_y) / spread)
+
+
 def push_frames(
     config: NetworkConfig, scenes: Scenes, pushes: Pushes, bodies: Bodies | None
 ) -> Strokes:

@@ -15,6 +15,8 @@ from sain_model.data.dataset import Dataset
 from sain_model.dynamics.intervals import LEVEL, IntervalConfig, Intervals
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.history_errors import predict_with_history
+from sain_model.network.settings import ANY_SHAPE
+from sain_model.network.shape_features import elongations
 
 RESOLUTION: Final = 1e-6  # [m], differences below this do not count
 WINDOWS: Final = 7  # that the validation pushes are looked at in, in the order of their scores
@@ -32,61 +34,76 @@ def fit_intervals(sain: SainDynamics, *data: Dataset, level: float = LEVEL) -> I
     pieces = [_scored(sain, part) for part in data]
     configs = []
     for rows in range(2):  # mid disk, target
-        parts, off = (
+        parts, off, long = (
             np.concatenate([piece[rows][column] for piece in pieces], axis=-1)
-            for column in range(2)
+            for column in range(3)
         )
-        configs.append(fit_disk(parts, off, level))
+        shaped = sain.network.config.bodies == ANY_SHAPE
+        configs.append(fit_disk(parts, off, level, long if shaped else None))
     return Intervals(level, *configs)
 
 
 def _scored(
     sain: SainDynamics, data: Dataset
-) -> list[tuple[Float[ndarray, "3 R"], Float[ndarray, "R"]]]:
-    """Return parts of the score and distances, of pushed bodies and of the others to look at."""
+) -> list[tuple[Float[ndarray, "3 R"], Float[ndarray, "R"], Float[ndarray, "R"]]]:
+    """Return parts of the score, distances and elongations.
+
+    First those of the pushed bodies, then those of the others to look at.
+    """
     prediction = predict_with_history(sain, data)
     way = np.linalg.norm((prediction.mean - data.state)[..., POSITION], axis=-1)
     off = np.linalg.norm((prediction.mean - data.next_state)[..., POSITION], axis=-1)
     parts = np.stack([prediction.members, prediction.friction, way])  # (3, M, N)
     if data.bodies is None:
-        return [(parts[..., disk], off[:, disk]) for disk in (MID, TARGET)]
+        return [(parts[..., disk], off[:, disk], np.zeros(len(off))) for disk in (MID, TARGET)]
+    long = np.broadcast_to(elongations(data.bodies), off.shape)
     pushed = pushed_bodies(data.action)[:, None] == np.arange(data.disks)
-    return [(parts[:, rows], off[rows]) for rows in (pushed, ~pushed)]
+    return [(parts[:, rows], off[rows], long[rows]) for rows in (pushed, ~pushed)]
 
 
-def fit_disk(parts: Float[ndarray, "3 M"], off: Scalars, level: float) -> IntervalConfig:
-    """Fit one disk's radius to distances (M,) [m]: first the score, then its factors."""
+def fit_disk(
+    parts: Float[ndarray, "3 M"], off: Scalars, level: float, long: Scalars | None = None
+) -> IntervalConfig:
+    """Fit one disk's radius to distances (M,) [m]: first the score, then its factors.
+
+    `long` are elongations (M,) of bodies of any shape.
+    """
     varies = parts.max(axis=1) > RESOLUTION
     weights = np.zeros(3)
-    noise, weights[varies] = _fit_score(parts[varies], off, level)
+    noise, weights[varies], elongation = _fit_score(parts[varies], off, level, long)
     members, friction, moved = (float(weight) for weight in weights)
-    config = IntervalConfig(noise, members, friction, moved)
-    scores, factors = _factors(config.score(*parts), off, level)
+    config = IntervalConfig(noise, members, friction, moved, elongation)
+    scores, factors = _factors(config.score(parts[0], parts[1], parts[2], long), off, level)
     return replace(config, scores=scores, factors=factors)
 
 
 def _fit_score(
-    parts: Float[ndarray, "P M"], off: Scalars, level: float
-) -> tuple[float, Float[ndarray, "P"]]:
+    parts: Float[ndarray, "P M"], off: Scalars, level: float, long: Scalars | None
+) -> tuple[float, Float[ndarray, "P"], float]:
     """Return noise and weights so that the score is, as near as can be, the level's quantile.
+
+    The last one is the weight of the elongation; 0 for disks.
 
     That is quantile regression of the logarithm of the distance.
     """
     logs = np.log(off + RESOLUTION)
 
-    def loss(parameters: Float[ndarray, "P1"]) -> float:
-        values = np.exp(np.clip(parameters, -20.0, 10.0))
+    def loss(parameters: Float[ndarray, "Q"]) -> float:
+        values = np.exp(np.clip(parameters[: len(parts) + 1], -20.0, 10.0))
         missing = logs - np.log(RESOLUTION + values[0] + values[1:] @ parts)
+        if long is not None:
+            missing -= parameters[-1] * long
         pinball = np.maximum(level * missing, (level - 1.0) * missing).mean()
         return float(pinball + 1e-6 * np.square(parameters).sum())
 
     found = []
     for start in STARTS:
-        first = np.array([np.log(1e-4), *[start] * len(parts)])
+        first = np.array([np.log(1e-4), *[start] * len(parts), *[0.0] * (long is not None)])
         rough = minimize(loss, first, method="Powell")
         found.append(minimize(loss, rough.x, method="Nelder-Mead"))
-    best = np.exp(np.clip(min(found, key=lambda result: result.fun).x, -20.0, 10.0))
-    return float(best[0] + RESOLUTION), best[1:]
+    lowest = min(found, key=lambda result: result.fun).x
+    best = np.exp(np.clip(lowest[: len(parts) + 1], -20.0, 10.0))
+    return float(best[0] + RESOLUTION), best[1:], 0.0 if long is None else float(lowest[-1])
 
 
 def _factors(

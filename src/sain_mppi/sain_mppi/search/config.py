@@ -8,7 +8,7 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.push import PaperGrid
 from sain_core.types import Scalars
-from sain_mppi.search.cost import CostWeights
+from sain_mppi.search.cost_weights import CostWeights
 from sain_mppi.search.sampling import NoiseConfig
 
 MPPI_ROUNDS: Final = "mppi_rounds"

@@ -11,109 +11,14 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.config import Config, option
 from sain_core.dynamics import Radii, scenes_before
 from sain_core.feasibility import Feasibility, tool_gap
 from sain_core.push import LENGTH
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Mask, Points, PredictedScenes, PushSequences, Scalars, Scene
+from sain_mppi.search.cost_weights import CostWeights
 from sain_mppi.search.goal import Goal
-
-
-@dataclass(frozen=True)
-class CostWeights(Config):
-    """The weights of the cost terms and the distances at which they set in."""
-
-    position: tuple[float, float] = option(
-        (100.0, 100.0), "Q for x and y of the target, paper eq. 6", unit="1/m^2", minimum=0.0
-    )
-    orientation: float = option(0.0, "Q for the target's heading, towards 0", minimum=0.0)
-    running: float = option(0.5, "share of Q after every push but the last", minimum=0.0)
-    terminal: float = option(1.0, "share of Q after the last push", minimum=0.0)
-    distance: float = option(
-        50.0,
-        "weight of the distance from target to goal after the last push, not squared",
-        unit="1/m",
-        minimum=0.0,
-    )
-    alignment: float = option(
-        1.0,
-        "weight of the angle between the lines mid disk to target and target to goal",
-        minimum=0.0,
-    )
-    approach: float = option(
-        2.0,
-        "weight of the mid disk's distance from the point behind the target",
-        unit="1/m",
-        minimum=0.0,
-    )
-    done_within: float = option(
-        0.01,
-        "distance to the goal below which alignment, approach and reach fade out",
-        unit="m",
-        minimum=0.001,
-    )
-    caution: float = option(
-        10.0,
-        "weight of predicted overshoot to where the arm cannot push back",
-        unit="1/m",
-        minimum=0.0,
-    )
-    uncertainty: float = option(
-        0.1, "assumed overshoot, as a share of the target's path", minimum=0.0, maximum=1.0
-    )
-    clearance: float = option(
-        2.0, "weight of a gap below `tool_gap` between tool and another disk", minimum=0.0
-    )
-    tool_gap: float = option(
-        0.01, "gap below which the clearance cost begins", unit="m", minimum=0.001
-    )
-    reach: float = option(
-        3.0, "weight of mid disk or target near the limits of the reach", minimum=0.0
-    )
-    reach_margin: float = option(
-        0.10, "distance to the limits below which the reach cost begins", unit="m", minimum=0.001
-    )
-    edge: float = option(
-        5.0, "weight of a disk within `edge_margin` of the table's edge", minimum=0.0
-    )
-    edge_margin: float = option(
-        0.06,
-        "distance between a disk's centre and the edge at which that cost begins",
-        unit="m",
-        minimum=0.001,
-    )
-    blocked: float = option(3.0, "cost of each later push that is not feasible", minimum=0.0)
-    risk: float = option(
-        0.0,
-        "weight of the summed radii of the target's prediction regions; slower",
-        unit="1/m",
-        minimum=0.0,
-    )
-    effort: float = option(0.05, "weight of the tool's travel", unit="1/m", minimum=0.0)
-    pushes: float = option(0.01, "cost of each push of non-zero length", minimum=0.0)
-    lever: float = option(
-        1.0,
-        "pose goals: weight of a heading, as the distance of points from a body's middle, in"
-        " circumscribed radii",
-        minimum=0.0,
-    )
-    running_pose: float = option(
-        5.0,
-        "pose goals: weight of the distances after all pushes but the last",
-        unit="1/m",
-        minimum=0.0,
-    )
-    around: float = option(
-        100.0,
-        "pose goals: weight of a body where the tool cannot get behind it",
-        unit="1/m",
-        minimum=0.0,
-    )
-    keep: float = option(
-        200.0, "pose goals: weight of moving a body that is to be kept", unit="1/m", minimum=0.0
-    )
 
 
 @dataclass(frozen=True)
@@ -168,6 +73,8 @@ def cost_terms(
         "clearance": weights.clearance * tool_nearness(rollout, weights, feasibility, bodies),
         "reach": weights.reach * remaining * reach_excess(rollout, weights, feasibility),
         "edge": weights.edge * edge_nearness(rollout, {TARGET: rollout.goal}, weights, feasibility),
+        "overhang": weights.overhang
+        * overhang(rollout, {TARGET: rollout.goal}, feasibility, bodies),
         "blocked": weights.blocked * blocked_pushes(rollout, feasibility, bodies),
         "risk": weights.risk * target_regions(rollout),
         "effort": weights.effort * rollout.pushes[..., LENGTH].sum(axis=1),
@@ -263,6 +170,27 @@ def edge_nearness(
         margin[body] = np.clip(_table_room(goal, table), 1e-3, weights.edge_margin)
     lacking = _shortfall(_table_room(rollout.after[..., POSITION], table), margin)  # (K, H, N)
     return np.asarray(np.square(lacking).max(axis=(1, 2)))
+
+
+def overhang(
+    rollout: Rollout, goals: Mapping[int, Goal], feasibility: Feasibility, bodies: Bodies | None
+) -> Scalars:
+    """Return how far [m] circumscribed circles of shapes get over the table's edge, summed (K,).
+
+    A support that leaves the table tilts its body, and no prior predicts that. The start and a
+    goal may ask for it: `goals` has the places (2,) of bodies. Disks count by `edge_nearness`.
+    """
+    total = np.zeros(len(rollout.after))
+    for body, shape in enumerate(() if bodies is None else bodies.shapes):
+        if shape.is_round:
+            continue
+        first = rollout.before[0, 0, body]
+        asked = np.stack([first[POSITION], goals.get(body, first[POSITION])])
+        size = shape.circumradius * float(first[RADIUS])
+        wanted = min(size, _table_room(asked, feasibility.table).min())
+        room = _table_room(rollout.after[:, :, body, POSITION], feasibility.table)  # (K, H)
+        total += np.maximum(wanted - room, 0.0).max(axis=1)
+    return total
 
 
 def _table_room(points: Points, table: Table) -> Scalars:

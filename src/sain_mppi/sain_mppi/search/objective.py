@@ -14,7 +14,8 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.outline import outline_of
 from sain_core.types import PredictedScenes, PushSequences, Scalars, Scene
 from sain_mppi.search.candidates import go_around_sequences, straight_sequences
-from sain_mppi.search.cost import CostWeights, Rollout, cost_terms, make_rollout, total_cost
+from sain_mppi.search.cost import Rollout, cost_terms, make_rollout, total_cost
+from sain_mppi.search.cost_weights import CostWeights
 from sain_mppi.search.goal import Goal
 from sain_mppi.search.poses import PoseGoal, pose_distance, pose_terms
 from sain_mppi.search.sampling import inside_limits, uniform_sequences

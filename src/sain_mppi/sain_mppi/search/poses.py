@@ -13,7 +13,8 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSITION, RADIUS, THETA, Table, is_settled
 from sain_core.shapes.bodies import Bodies, overlap
 from sain_core.types import Angles, Scalars, Scene, Scenes
-from sain_mppi.search.cost import CostWeights, Rollout, blocked_pushes, edge_nearness
+from sain_mppi.search.cost import Rollout, blocked_pushes, edge_nearness, overhang
+from sain_mppi.search.cost_weights import CostWeights
 
 Errors = Float[ndarray, "*B P"]  # of P poses
 
@@ -231,6 +232,7 @@ def pose_terms(
         "running": weights.running_pose * distance[:, :-1].sum(axis=1),
         "around": weights.around * reach_around(goal, rollout, feasibility, bodies),
         "edge": weights.edge * edge_nearness(rollout, places, weights, feasibility),
+        "overhang": weights.overhang * overhang(rollout, places, feasibility, bodies),
         "keep": weights.keep * kept_moved(goal, rollout, start),
         "blocked": weights.blocked * blocked_pushes(rollout, feasibility, bodies),
         "effort": weights.effort * rollout.pushes[..., LENGTH].sum(axis=1),

@@ -1,0 +1,106 @@
+"""The settings of the cost terms in `sain_mppi.search.cost` and `sain_mppi.search.poses`."""
+
+from dataclasses import dataclass
+
+from sain_core.config import Config, option
+
+
+@dataclass(frozen=True)
+class CostWeights(Config):
+    """The weights of the cost terms and the distances at which they set in."""
+
+    position: tuple[float, float] = option(
+        (100.0, 100.0), "Q for x and y of the target, paper eq. 6", unit="1/m^2", minimum=0.0
+    )
+    orientation: float = option(0.0, "Q for the target's heading, towards 0", minimum=0.0)
+    running: float = option(0.5, "share of Q after every push but the last", minimum=0.0)
+    terminal: float = option(1.0, "share of Q after the last push", minimum=0.0)
+    distance: float = option(
+        50.0,
+        "weight of the distance from target to goal after the last push, not squared",
+        unit="1/m",
+        minimum=0.0,
+    )
+    alignment: float = option(
+        1.0,
+        "weight of the angle between the lines mid disk to target and target to goal",
+        minimum=0.0,
+    )
+    approach: float = option(
+        2.0,
+        "weight of the mid disk's distance from the point behind the target",
+        unit="1/m",
+        minimum=0.0,
+    )
+    done_within: float = option(
+        0.01,
+        "distance to the goal below which alignment, approach and reach fade out",
+        unit="m",
+        minimum=0.001,
+    )
+    caution: float = option(
+        10.0,
+        "weight of predicted overshoot to where the arm cannot push back",
+        unit="1/m",
+        minimum=0.0,
+    )
+    uncertainty: float = option(
+        0.1, "assumed overshoot, as a share of the target's path", minimum=0.0, maximum=1.0
+    )
+    clearance: float = option(
+        2.0, "weight of a gap below `tool_gap` between tool and another disk", minimum=0.0
+    )
+    tool_gap: float = option(
+        0.01, "gap below which the clearance cost begins", unit="m", minimum=0.001
+    )
+    reach: float = option(
+        3.0, "weight of mid disk or target near the limits of the reach", minimum=0.0
+    )
+    reach_margin: float = option(
+        0.10, "distance to the limits below which the reach cost begins", unit="m", minimum=0.001
+    )
+    edge: float = option(
+        5.0, "weight of a disk within `edge_margin` of the table's edge", minimum=0.0
+    )
+    edge_margin: float = option(
+        0.06,
+        "distance between a disk's centre and the edge at which that cost begins",
+        unit="m",
+        minimum=0.001,
+    )
+    blocked: float = option(3.0, "cost of each later push that is not feasible", minimum=0.0)
+    risk: float = option(
+        0.0,
+        "weight of the summed radii of the target's prediction regions; slower",
+        unit="1/m",
+        minimum=0.0,
+    )
+    effort: float = option(0.05, "weight of the tool's travel", unit="1/m", minimum=0.0)
+    pushes: float = option(0.01, "cost of each push of non-zero length", minimum=0.0)
+    lever: float = option(
+        1.0,
+        "pose goals: weight of a heading, as the distance of points from a body's middle, in"
+        " circumscribed radii",
+        minimum=0.0,
+    )
+    running_pose: float = option(
+        5.0,
+        "pose goals: weight of the distances after all pushes but the last",
+        unit="1/m",
+        minimum=0.0,
+    )
+    around: float = option(
+        100.0,
+        "pose goals: weight of a body where the tool cannot get behind it",
+        unit="1/m",
+        minimum=0.0,
+    )
+    overhang: float = option(
+        100.0,
+        "shapes: weight of what sticks out over the table's edge",
+        unit="1/m",
+        minimum=0.0,
+    )
+    keep: float = option(
+        200.0, "pose goals: weight of moving a body that is to be kept", unit="1/m", minimum=0.0
+    )

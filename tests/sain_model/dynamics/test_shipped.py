@@ -1,0 +1,122 @@
+"""The model `sain`: a network for the paper's disks, and one for all other bodies."""
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from sain_core.dynamics import shaped
+from sain_core.history import PushHistory
+from sain_core.plugins import load_dynamics
+from sain_core.push import PushLimits
+from sain_core.scene import make_scene
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Pushes, Scene
+from sain_model.dynamics.checkpoint import read_card
+from sain_model.dynamics.load import load_sain, shipped_checkpoint
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import SHIPPED_ANY_SHAPE
+from sain_model.network.settings import ANY_SHAPE
+from sain_model.physics.planar import PlanarPrior
+from sain_model.serving.server import load_server
+from sain_model.serving.settings import ServingConfig
+
+DISKS_SHA256 = "86a2e01a373591401e480c02b3aea84ed522955686b9430cff7452a838ca0ebd"
+PAIR = ("pushable", "pushable")
+OTHERS = {
+    "a T alone": Bodies.named(["t"]),
+    "two shapes": Bodies.named(["star", "l"], PAIR),
+    "two disks that the tool may touch": Bodies.named(["disk", "disk"], PAIR),
+    "three": Bodies.named(["disk", "u", "box_2x1"]),
+    "a wall": Bodies.named(["t", "bar"], ["pushable", "fixed"]),
+}
+
+
+@pytest.fixture(scope="module")
+def sain() -> SainDynamics:
+    model = load_dynamics("sain")
+    assert isinstance(model, SainDynamics)
+    return model
+
+
+def scene_of(count: int) -> Scene:
+    places = np.array([(0.45, 0.0), (0.58, 0.02), (0.5, -0.2)])[:count]
+    return make_scene(places, np.linspace(8.0, 7.0, count), np.full(count, 0.06))
+
+
+def pushes(count: int) -> Pushes:
+    return PushLimits().sample(np.random.default_rng(3), count)
+
+
+@pytest.mark.parametrize(
+    "bodies", [None, Bodies.disks(2), Bodies.named(["disk", "cube"]), Bodies.disks(3)]
+)
+def test_disks_have_the_network_for_disks_to_the_bit(
+    sain: SainDynamics, bodies: Bodies | None
+) -> None:
+    alone = load_sain(shipped_checkpoint())
+    assert alone.model_hash == sain.model_hash == DISKS_SHA256
+    scene, pushed = scene_of(3 if bodies and len(bodies) == 3 else 2), pushes(40)
+    scenes = np.repeat(scene[None], len(pushed), axis=0)
+    told, expected = shaped(sain, bodies), alone.step(scenes, pushed)
+    np.testing.assert_array_equal(told.step(scenes, pushed), expected)
+    assert isinstance(told, SainDynamics)
+    rollout = told.rollout(scene, pushed.reshape(10, 4, 3))
+    np.testing.assert_array_equal(rollout, alone.rollout(scene, pushed.reshape(10, 4, 3)))
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_bodies_have_the_network_for_any_shape(sain: SainDynamics, name: str) -> None:
+    bodies = OTHERS[name]
+    told = sain.with_bodies(bodies)
+    assert (told.network.config.bodies, told.bodies) == (ANY_SHAPE, bodies)
+    scene, pushed = scene_of(len(bodies)), pushes(40)
+    scenes = np.repeat(scene[None], len(pushed), axis=0)
+    physics = told.prior.step(scenes, pushed)
+    residual = np.linalg.norm((told.step(scenes, pushed) - physics)[..., :2], axis=-1)
+    assert 1e-6 < residual.max() < 0.02
+    assert not residual[:, list(bodies.fixed)].any()
+    radius = told.predict(scenes, pushed).radius
+    assert radius is not None
+    assert ((radius > 0.0) & (radius < 0.2)).all()
+
+
+def test_a_disk_alone_can_be_predicted(sain: SainDynamics) -> None:
+    told, scene, pushed = shaped(sain, Bodies.disks(1)), scene_of(1), pushes(40)
+    scenes = np.repeat(scene[None], len(pushed), axis=0)
+    assert isinstance(told, SainDynamics)
+    physics = PlanarPrior().step(scenes, pushed)
+    np.testing.assert_allclose(told.step(scenes, pushed)[..., :2], physics[..., :2], atol=0.02)
+    assert told.predict(scenes, pushed).radius is not None
+    assert told.rollout(scene, pushed.reshape(10, 4, 3)).shape == (10, 4, 1, 8)
+
+
+def test_friction_is_inferred_for_a_shape(sain: SainDynamics) -> None:
+    told = sain.with_bodies(OTHERS["a T alone"])
+    assert isinstance(told.prior, PlanarPrior)
+    pushed = pushes(6)
+    scenes = np.repeat(scene_of(1)[None], len(pushed), axis=0)
+    after = told.prior.at(0.18).step(scenes, pushed)
+    informed = told.with_history(PushHistory(scenes, pushed, after))
+    assert isinstance(informed.prior, PlanarPrior)
+    assert informed.prior.config.friction == pytest.approx(0.18, rel=0.1)
+    assert informed.friction_log_std < told.friction_log_std
+
+
+def test_the_card_belongs_to_the_weights() -> None:
+    path = shipped_checkpoint(SHIPPED_ANY_SHAPE)
+    card = read_card(path)
+    assert card.weights_sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert card.prior == "planar_axes"
+    assert card.data["transitions"]["train"] > 10_000
+    assert len(card.data["sha256"]) == 64
+    assert "benchmarks.shapes_learning" in card.command
+
+
+def test_a_server_answers_for_any_bodies() -> None:
+    server, bodies = load_server(ServingConfig(model="sain")), OTHERS["two shapes"]
+    sequences = np.concatenate([pushes(8), np.ones((8, 1))], axis=1).reshape(4, 2, 4)
+    told = server.rollout(scene_of(2), sequences, bodies=bodies)
+    regions = server.regions(scene_of(2), sequences, told, bodies=bodies)
+    assert regions is not None
+    assert regions.shape == (4, 2, 2)
