@@ -165,8 +165,8 @@ def test_the_whole_table_is_the_papers_and_that_of_shapes(tmp_path):
     assert "table" in options.settings() and "table" not in Evaluate(out=tmp_path).settings()
 
 
-def test_a_person_finds_all_of_the_table_in_its_pages(records, tmp_path):
-    """Each scenario with its rates, who is left out, and why a planner failed."""
+def keep_a_table(records, tmp_path):
+    """Keep a journal of the whole table with 3 scenes; a planner failed in one of them."""
     options = Evaluate(out=tmp_path, table=True, scenes=3)
     jobs = jobs_of(options, set())
     journal = Journal(tmp_path, options.settings())
@@ -183,6 +183,12 @@ def test_a_person_finds_all_of_the_table_in_its_pages(records, tmp_path):
             for one in job.tolerances
         ]  # fmt: skip
         journal.add(made)
+    return options
+
+
+def test_a_person_finds_all_of_the_table_in_its_pages(records, tmp_path):
+    """Each scenario with its rates, who is left out, and why a planner failed."""
+    options = keep_a_table(records, tmp_path)
     printed = StringIO()
     run_command(options, Console(width=250, file=printed))
     page = (tmp_path / "table.md").read_text()

@@ -94,8 +94,7 @@ def _judge(
             break
         goals += 1
     success = goals == len(case.goals)
-    times = [push.planning_time for push in made]
-    poses = isinstance(case.goal, PoseGoal)
+    times, poses = [push.planning_time for push in made], isinstance(case.goal, PoseGoal)
     errors = [_prediction_error(push, outcome.record) for push in made]
     known = [error for error in errors if error is not None]
     mid = [] if poses else [e for push in made if (e := push.mid_error) is not None]
