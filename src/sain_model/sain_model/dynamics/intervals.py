@@ -30,8 +30,10 @@ from sain_core.types import Indices, Scalars, Scenes
 
 LEVEL: Final = 0.9  # share of the pushes whose region holds the disk
 LEAST_LOG: Final = -3.0  # smaller logarithms of error over radius count as this
-UNLIKE_ODDS: Final = 0.1  # that a world is unlike that of the validation episodes, beforehand
+UNLIKE_ODDS: Final = 0.3  # that a world is unlike that of the validation episodes, beforehand
 UNLIKE_STD: Final = 2.0  # of the logarithm by which errors are larger there
+UNLIKE_SCATTER: Final = 1.0  # standard deviation of that logarithm over the pushes of an episode
+QUANTILE: Final = 1.28  # of a standard normal, at `LEVEL`
 
 
 @dataclass(frozen=True)
@@ -101,16 +103,20 @@ class Intervals(Config):
     def widening(self, total: Scalars, pushes: Int[ndarray, "B"]) -> Scalars:
         """Return factors (B,) of the radii after so many pushes with this total excess.
 
-        The posterior mean of the logarithm, between two hypotheses: errors are as usual, or larger
-        by a logarithm that is normal with `UNLIKE_STD`. Regions never become smaller.
+        There are two hypotheses: errors are as usual, or larger by a logarithm that is normal with
+        `UNLIKE_STD`. Its posterior mean, and what is open about it, count by the posterior
+        probability of the second one. Regions never become smaller.
         """
         count = np.maximum(pushes, 1)
-        mean, noise = total / count, self.usual_log_std**2 / count
+        mean = total / count
+        usual, noise = self.usual_log_std**2 / count, UNLIKE_SCATTER**2 / count
         wide = noise + UNLIKE_STD**2
-        evidence = 0.5 * (mean**2 * (1.0 / noise - 1.0 / wide) - np.log(wide / noise))
+        evidence = 0.5 * (mean**2 * (1.0 / usual - 1.0 / wide) - np.log(wide / usual))
         unlike = 1.0 / (1.0 + np.exp(-np.clip(evidence, -50.0, 50.0)) / UNLIKE_ODDS)
-        log = unlike * np.maximum(mean, 0.0) * UNLIKE_STD**2 / wide
-        return np.asarray(np.where(pushes > 0, np.exp(log), 1.0))
+        larger = mean * UNLIKE_STD**2 / wide
+        scatter = np.sqrt(UNLIKE_SCATTER**2 + noise * UNLIKE_STD**2 / wide)
+        log = unlike * (larger + QUANTILE * np.maximum(scatter - self.usual_log_std, 0.0))
+        return np.asarray(np.where((pushes > 0) & (mean > 0.0), np.exp(log), 1.0))
 
     def radii(
         self,
