@@ -37,7 +37,7 @@ format: ## rewrites the Python code in the project's format
 bench: ## timings beside those of peers
 	@./env python -m benchmarks $(ARGS)
 
-table: ## the paper's table, in results/table; other settings with ARGS="--scenes 5"
+table: ## the table of the paper and of shapes, in results/table; other settings with ARGS="--scenes 5"
 	@./env ros2 run sain_eval evaluate --table --out results/table $(ARGS)
 
 clean: ## removes the environment and all that was built; bags stay

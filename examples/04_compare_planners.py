@@ -34,7 +34,7 @@ for place, (axes, name) in enumerate(zip(places, ALGORITHMS, strict=False)):
     planner.plan(scene, goal, generator(7, name))  # the first plan loads and compiles
     planner.reset()
     plan = planner.complete(scene, planner.plan(scene, goal, generator(7, name)))
-    draw_plan(axes, scene, goal, plan)
+    names = draw_plan(axes, scene, goal, plan)
     axes.set(xlim=(0.28, 0.83), ylim=(-0.22, 0.33))  # the same view for every algorithm
     title = f"{name}\ncost {plan.cost:.2f}, {plan.samples} sequences"
     axes.set_title(title, loc="left", fontsize=TEXT - 1)
@@ -47,5 +47,5 @@ for place, (axes, name) in enumerate(zip(places, ALGORITHMS, strict=False)):
     )
 for axes in places[len(ALGORITHMS) :]:
     axes.remove()
-draw_plan_legend(figure)
+draw_plan_legend(figure, names)
 print(f"drawn into {write_png(figure, Path('planners.png'))}")

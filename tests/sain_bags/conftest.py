@@ -102,8 +102,8 @@ class Recording:
         predicted = np.stack([after + 0.001, after + 0.002])
         self.add(
             "/sain/plan", "Plan",
-            plan_id=number, push_id=number, episode_id=episode, goal_id=episode, status=1,
-            error_code=1, dynamics="planar", horizon=2, disks=len(before),
+            plan_id=number, push_id=number, episode_id=episode, status=1, error_code=1,
+            goal_id=more.get("goal_id", episode), dynamics="planar", horizon=2, disks=len(before),
             pushes=np.full(6, 0.1), predicted=predicted.ravel(), planning_time=0.25,
         )  # fmt: skip
         push = make(

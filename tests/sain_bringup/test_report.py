@@ -1,5 +1,6 @@
 """Figures, moments and pictures of a run, made from episodes as a bag gives them."""
 
+from dataclasses import replace
 from io import BytesIO, StringIO
 from itertools import pairwise
 from pathlib import Path
@@ -71,6 +72,22 @@ def test_an_episode_without_pushes_has_no_means() -> None:
     out = StringIO()
     Console(file=out, width=100).print(summary_table((summary,)))
     assert "not reached" in out.getvalue()
+
+
+def test_goals_in_a_row_are_counted_and_the_last_is_drawn(tmp_path: Path) -> None:
+    first, second = played(0.45, 0.59).episode, played(0.59, 0.5, 0.4).episode
+    whole = replace(second, start=first.start, pushes=first.pushes + second.pushes)
+    streak = PlayedEpisode("paper", 4, replace(whole, parts=(first, second)))
+    summary = streak.summary()
+    assert (summary["goals"], summary["goals_in_a_row"], summary["pushes"]) == (2, 1, 3)
+    assert not summary["success"]
+    out = StringIO()
+    Console(file=out, width=120).print(summary_table((summary, played(0.45).summary())))
+    assert "1 of 2 reached in a row" in out.getvalue()
+    last = streak.last_part()
+    assert last.title == "paper 4, goal 2" and len(last.record().pushes) == 2
+    assert played(0.45).last_part().title == "paper 4"
+    assert len(draw_pictures(tmp_path, (streak,))) == 2
 
 
 def test_the_record_for_drawing_has_the_executed_pushes() -> None:

@@ -24,7 +24,7 @@ def test_defaults_stand_in_one_place() -> None:
         ({"radius": 0.0}, r"Tool.radius is 0.0 m; it must be at least 0.001 m"),
         ({"radius": float("nan")}, "Tool.radius is nan; it must be finite"),
         ({"shape": "cone"}, "Tool.shape is 'cone'; allowed: 'stick', 'ball'"),
-        ({"lengths": (0.1, -0.2)}, "Tool.lengths is -0.2 m; it must be at least 0.0 m"),
+        ({"lengths": (0.1, -0.2)}, r"Tool.lengths\[1\] is -0.2 m; it must be at least 0.0 m"),
     ],
 )
 def test_a_value_that_is_not_allowed_is_named(values: dict[str, object], message: str) -> None:

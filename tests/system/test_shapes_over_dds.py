@@ -142,7 +142,7 @@ def test_a_push_against_a_fixed_or_missing_body_is_refused(graph, body, text):
         ({"roles": ["fixed"]}, ErrorCode.INVALID, "1 roles are given for 3 disks"),
         ({"roles": ["fixed"] * 3}, ErrorCode.CONFIG, "no body is pushable"),
         ({"roles": ["pushable", "idle", "fixed"]}, ErrorCode.CONFIG, "role of body 1 is 'idle'"),
-        ({"shapes": ["t", "disk", "blob"]}, ErrorCode.INVALID, "shape is 'blob'"),
+        ({"shapes": ["t", "disk", "blob"]}, ErrorCode.INVALID, "shape of body 2 is 'blob'"),
     ],
 )
 def test_a_reset_with_bodies_that_cannot_be_says_why(graph, request_fields, code, text):

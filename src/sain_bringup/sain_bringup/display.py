@@ -86,6 +86,11 @@ class EpisodeView:
         self.reached = False
         self.ending = ""
         self.why = ""
+        self.goals = self.most_goals = 0  # reached in a row, of so many
+
+    def begin(self, most_goals: int) -> None:
+        """Say that the next of so many goals in a row was given."""
+        self.most_goals, self.ending, self.reached = most_goals, "", False
 
     @property
     def pushes(self) -> int:
@@ -111,18 +116,22 @@ class EpisodeView:
     def end(self, reached: bool, why: str = "") -> None:
         """Say that the episode is over."""
         self.reached = reached
+        self.goals += reached
         self.ending = "reached" if reached else "not reached"
         self.why = why
 
     def show(self, doing: str = "planning") -> None:
         """Bring the moving line up to date."""
         way = self._way() or "resetting"
-        self._display.status(f"{self.name}  {way}  push {self.pushes + 1}: {doing}")
+        goal = f"goal {self.goals + 1} of {self.most_goals}  " if self.most_goals > 1 else ""
+        self._display.status(f"{self.name}  {goal}{way}  push {self.pushes + 1}: {doing}")
 
     def summary(self) -> str:
         """Return the line that stays."""
         noun = "push  " if self.pushes == 1 else "pushes"
-        why = f"  {self.why}" if self.why else ""
+        several = self.most_goals > 1
+        why = f"  {self.goals} of {self.most_goals} goals in a row" if several else ""
+        why += f"  {self.why}" if self.why else ""
         why += f"  ({self.fallbacks} without the model)" if self.fallbacks else ""
         return f"{self.pushes:2d} {noun}  {self._way()}{why}"
 

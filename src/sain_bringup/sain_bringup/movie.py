@@ -7,7 +7,7 @@ is what happened.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import BytesIO
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -62,7 +62,10 @@ class Moment:
 
 
 def episode_moments(bag: Bag, episode: Episode) -> list[Moment]:
-    """Return everything that was seen of an episode, joints and disks of the same instant."""
+    """Return everything that was seen of an episode, joints and disks of the same instant.
+
+    Of a part towards one goal: what was seen until the next.
+    """
     joints: dict[int, Float[ndarray, "7"]] = {}  # by time stamp [ns]
     scenes: dict[int, Scene] = {}
     namespace = bag.custom_data.get(NAMESPACE_KEY, "")
@@ -73,13 +76,18 @@ def episode_moments(bag: Bag, episode: Episode) -> list[Moment]:
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         if received.type == JOINTS:
             joints[stamp] = np.array(message.position, dtype=np.float64)
-        elif message.episode_id == episode.episode_id:
+        elif _is_of(message, received.log_time, episode):
             scenes[stamp] = decode_disks(message.disks)
     return [
         Moment(1e-9 * stamp, joints[stamp], scene, episode.distance(scene))
         for stamp, scene in sorted(scenes.items())
         if stamp in joints
     ]
+
+
+def _is_of(scene: Any, log_time: int, episode: Episode) -> bool:
+    first, last = episode.interval
+    return bool(scene.episode_id == episode.episode_id and first <= log_time <= last)
 
 
 def choose_moments(moments: Sequence[Moment], config: MovieConfig) -> list[Moment]:

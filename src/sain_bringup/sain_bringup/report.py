@@ -1,6 +1,6 @@
 """The summary of a recording: everything in it is read back from the bag."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ class PlayedEpisode:
     scenario: str
     seed: int
     episode: Episode
+    goal: int = 0  # number of the goal that this part of an episode is towards; 0: the whole
 
     def summary(self) -> EpisodeSummary:
         """Return the episode in figures [m, s]; None where there is nothing to take a mean of."""
@@ -37,6 +38,8 @@ class PlayedEpisode:
             "scenario": self.scenario,
             "seed": self.seed,
             "success": self.episode.success,
+            "goals": len(self.episode.by_goal),
+            "goals_in_a_row": self.episode.in_a_row,
             "pushes": len(executed),
             "refused": len(self.episode.pushes) - len(executed),
             "fallbacks": sum(push.plan is not None and push.plan.fallback for push in executed),
@@ -48,6 +51,17 @@ class PlayedEpisode:
             "model_error": _mean([push.error(aimed) for push in self.episode.records]),
             "physics_error": _mean([push.physics_error_of(aimed) for push in self.episode.records]),
         }
+
+    def last_part(self) -> "PlayedEpisode":
+        """Return the episode towards its last goal, which is itself where it has one only."""
+        parts = self.episode.by_goal
+        return self if len(parts) == 1 else replace(self, episode=parts[-1], goal=len(parts))
+
+    @property
+    def title(self) -> str:
+        """What it is called in pictures."""
+        goal = f", goal {self.goal}" if self.goal else ""
+        return f"{self.scenario} {self.seed}".strip() + goal
 
     def record(self) -> EpisodeRecord:
         """Return the episode as `sain_eval` draws it."""
@@ -65,7 +79,7 @@ class PlayedEpisode:
             start=episode.start,
             shapes=shapes,
             roles=roles,
-            title=f"{self.scenario} {self.seed}".strip(),
+            title=self.title,
         )
 
 
@@ -78,7 +92,9 @@ def pose_goal(poses: AskedPoses) -> PoseGoal:
             if np.isnan(heading)
             else BodyPose(body, x, y, heading, tolerance, turn)
             for body, (x, y, heading, tolerance, turn) in rows
-        )
+        ),
+        poses.keep,
+        poses.keep_tolerance,
     )
 
 
@@ -121,9 +137,16 @@ def summary_table(summaries: tuple[EpisodeSummary, ...]) -> FittingTable:
             _scaled(summary["planning_time"], "ms", 0),
             _scaled(summary["model_error"], "mm", 1),
             _scaled(summary["physics_error"], "mm", 1),
-            Text("reached", "green") if summary["success"] else Text("not reached", "red"),
+            _goal_text(summary),
         )
     return table
+
+
+def _goal_text(summary: EpisodeSummary) -> Text:
+    text = "reached" if summary["success"] else "not reached"
+    if summary["goals"] > 1:
+        text = f"{summary['goals_in_a_row']} of {summary['goals']} reached in a row"
+    return Text(text, "green" if summary["success"] else "red")
 
 
 def _mean(values: list[float] | list[float | None]) -> float | None:

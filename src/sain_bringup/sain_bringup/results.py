@@ -58,11 +58,11 @@ def written_files(folder: Path) -> list[Path]:
 
 
 def draw_pictures(folder: Path, played: tuple[PlayedEpisode, ...]) -> list[Path]:
-    """Draw a top view of each episode, and one picture of all."""
+    """Draw a top view of each episode towards its last goal, and one picture of all."""
     from sain_core.drawing.figures import write_png  # matplotlib takes a while to load
     from sain_eval.plots.pictures import draw_episode, draw_overview
 
-    records = [episode.record() for episode in played]
+    records = [episode.last_part().record() for episode in played]
     paths = [
         write_png(draw_episode(record), folder / f"episode_{number}.png")
         for number, record in enumerate(records, start=1)
@@ -89,13 +89,13 @@ def render_movie(
     from sain_sim.rendering.render import CameraConfig, Renderer  # takes a second to load
 
     config = config or MovieConfig()
+    one = one.last_part()
     moments = choose_moments(episode_moments(bag, one.episode), config)
     camera = CameraConfig(width=config.width, height=config.height)
     goal, tolerance = one.episode.goal, one.episode.tolerance
     assert goal is not None
     # The target has reached the goal when it lies wholly inside the ring.
     ring = float(one.episode.start[one.episode.aimed, RADIUS]) + tolerance
-    title = f"{one.scenario} {one.seed}".strip()
     with Renderer(one.episode.start, one.record().shapes or None, camera) as renderer:
-        frames = film(renderer, moments, goal, ring, tolerance, title, display.status)
+        frames = film(renderer, moments, goal, ring, tolerance, one.title, display.status)
     return write_whole(path, encode_gif(frames, config))

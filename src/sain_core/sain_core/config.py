@@ -94,21 +94,24 @@ class Config:
             check_field(f"{type(self).__name__}.{item.name}", item, getattr(self, item.name))
 
 
-def check_field(name: str, item: "dataclasses.Field[Any]", value: Any) -> None:
+def check_field(field_name: str, item: "dataclasses.Field[Any]", value: Any) -> None:
     """Check the value of one field against its declaration.
 
     Raises:
-        ConfigError: giving the field this name, the value and what is allowed.
+        ConfigError: giving the field this name, with the place in a tuple, the value and what is
+            allowed.
     """
     unit = f" {item.metadata['unit']}" if item.metadata.get("unit") else ""
     choices = item.metadata.get("choices")
     if choices is not None and value not in choices:
         allowed = ", ".join(repr(choice) for choice in choices)
-        raise ConfigError(f"{name} is {value!r}; allowed: {allowed}")
-    values = value if isinstance(value, tuple) else (value,)
-    numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
+        raise ConfigError(f"{field_name} is {value!r}; allowed: {allowed}")
+    several = isinstance(value, tuple)
     low, high = item.metadata.get("minimum"), item.metadata.get("maximum")
-    for number in numbers:
+    for place, number in enumerate(value if several else (value,)):
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            continue
+        name = f"{field_name}[{place}]" if several else field_name
         if not isfinite(number):
             raise ConfigError(f"{name} is {number}; it must be finite")
         if low is not None and number < low:

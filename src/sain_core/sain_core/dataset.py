@@ -122,6 +122,7 @@ class Column(StrEnum):
                   "x, y and heading asked of each body; NaN: not asked", NEVER, SOMETIMES)
     GOAL_TOLERANCES = ("goal_tolerances", ("2 N",), "float64", "m, rad",
                        "of place and heading of each body; NaN: not asked", NEVER, SOMETIMES)
+    GOAL_KEEP = "goal_keep", (DISKS,), "float64", "m", "largest move; NaN: any", NEVER, SOMETIMES
     PUSH_ID = "push_id", (), "uint64", "", "id of the push in the recording", NEVER, ALWAYS
     BAG_EPISODE = "bag_episode", (), "uint64", "", "its episode's id there", NEVER, ALWAYS
     BAG_SCENE = "bag_scene", (), "uint64", "", "id there of the scene before it", NEVER, ALWAYS
@@ -151,7 +152,7 @@ NEEDED: Final = (  # for training; the order is that of a data set's SHA-256
     Column.STATE, Column.PHYSICS_NEXT, Column.NEXT_STATE, Column.ACTION, Column.EPISODE,
 )  # fmt: skip
 SHAPED: Final = (Column.BODY, Column.SHAPES, Column.ROLES)  # where not all bodies are disks
-POSED: Final = (Column.GOAL_POSES, Column.GOAL_TOLERANCES)  # where goals are poses
+POSED: Final = (Column.GOAL_POSES, Column.GOAL_TOLERANCES, Column.GOAL_KEEP)  # of poses
 FRICTIONS: Final = (Column.FRICTION, Column.RIM_FRICTION, Column.TOOL_FRICTION)
 
 

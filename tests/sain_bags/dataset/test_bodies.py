@@ -15,13 +15,16 @@ from sain_bags.dataset.conversion import ConversionConfig, convert
 from sain_bags.dataset.formats.stored_rows import goal_distance, reached
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
+from sain_bags.transitions.asked_poses import KEEP_TOLERANCE
 from sain_bags.transitions.recorded_episodes import read_episodes
+from sain_bringup.report import PlayedEpisode
 from sain_core.dataset import Column, row_bodies
 from sain_core.errors import DatasetError
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.registry import get_shape
 from sain_model.physics.planar import PlanarPrior
+from sain_mppi.search.poses import PoseGoal
 from tests.sain_bags.conftest import Messages, resting_scene
 from tests.sain_bags.dataset.conftest import read_npz
 
@@ -57,14 +60,20 @@ def add_bodies(recording: Any, episode: int, names: tuple[str, ...] = ("t", "dis
     recording.add("/sain/shapes", "Bodies", episode_id=episode, bodies=bodies)
 
 
-def add_pose_goal(recording: Any, goal_id: int, episode: int) -> None:
+def add_pose_goal(recording: Any, goal_id: int, episode: int, **keep: Any) -> None:
     x, y, heading = POSE
     pose = recording.messages.make(
         "sain_interfaces/msg/GoalPose",
         body=0, x=x, y=y, heading=heading, has_heading=True, tolerance=0.02, heading_tolerance=0.1,
     )  # fmt: skip
     recording.add(
-        "/sain/goal", "Goal", goal_id=goal_id, episode_id=episode, poses=[pose], tolerance=0.02
+        "/sain/goal",
+        "Goal",
+        goal_id=goal_id,
+        episode_id=episode,
+        poses=[pose],
+        tolerance=0.02,
+        **keep,
     )
 
 
@@ -96,6 +105,53 @@ def test_rows_have_shapes_roles_body_and_poses(shaped_bag: Path, tmp_path: Path)
     card = json.loads((tmp_path / "npz" / "card.json").read_text())
     assert card["shapes"] == {"t,disk": 2}
     assert card["roles"] == {"pushable,fixed": 2}
+
+
+def keeping_bag(record: Callable[..., Any], moved: float, **keep: Any) -> Bag:
+    """A push brings the T to its pose and moves the disk beside it, which is to be kept."""
+    recording = record(f"keeping{moved}{len(keep)}")
+    add_bodies(recording, 2)
+    recording.scene(2, 1, STATES[1])
+    add_pose_goal(recording, 77, 2, **keep)
+    after = STATES[2].copy()
+    after[1, 0] += moved
+    recording.push(1, 2, STATES[1], after)
+    recording.writer.close()
+    return Bag(recording.writer.folder)
+
+
+def test_bodies_to_be_kept_are_in_rows_page_and_result(
+    record: Callable[..., Any], tmp_path: Path
+) -> None:
+    keep = {"keep": np.array([1], np.uint32), "keep_tolerance": 0.01}
+    for moved, success in ((0.009, True), (0.011, False)):
+        bag = keeping_bag(record, moved, **keep)
+        (episode,) = read_episodes(bag)
+        assert episode.poses is not None and episode.success is success
+        assert (episode.poses.keep, episode.poses.keep_tolerance) == ((1,), 0.01)
+        (shown,) = read_content(bag).data["episodes"]
+        assert shown["keep"] == [{"body": 1, "tolerance": 0.01, "moved": pytest.approx(moved)}]
+        assert shown["outcome"] == ("reached" if success else "not reached")
+        goal = PlayedEpisode("", 0, episode).record().goal
+        assert isinstance(goal, PoseGoal) and (goal.keep, goal.keep_tolerance) == ((1,), 0.01)
+    convert([bag.path], tmp_path / "npz", KEPT)
+    rows = read_npz(tmp_path / "npz")
+    np.testing.assert_array_equal(rows[Column.GOAL_KEEP][0], [np.nan, 0.01])
+    import pyarrow.parquet
+
+    convert([bag.path], tmp_path / "parquet", replace(KEPT, format="parquet"))
+    table = pyarrow.parquet.read_table(next((tmp_path / "parquet").glob("*.parquet"))).to_pydict()
+    assert table["goal_keep"][0][1] == 0.01
+
+
+def test_a_goal_that_keeps_without_a_tolerance_has_the_planners(
+    record: Callable[..., Any], tmp_path: Path
+) -> None:
+    (episode,) = read_episodes(keeping_bag(record, 0.004, keep=np.array([1], np.uint32)))
+    assert episode.poses is not None and episode.success
+    assert episode.poses.keep_tolerance == PoseGoal(()).keep_tolerance == KEEP_TOLERANCE
+    (shown,) = read_content(keeping_bag(record, 0.004)).data["episodes"]
+    assert shown["keep"] == []
 
 
 def test_a_push_without_a_prediction_is_predicted_with_its_shape(

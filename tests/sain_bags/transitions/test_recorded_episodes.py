@@ -1,6 +1,7 @@
 """Episodes are put together by ids, in whatever order their messages came."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -8,10 +9,12 @@ import numpy as np
 import pytest
 
 from sain_bags.reading.reader import Bag
+from sain_bags.report.content import read_content
 from sain_bags.transitions.message_fields import namespaces
 from sain_bags.transitions.recorded_episodes import read_episodes
 from sain_core.errors import DatasetError
 from sain_core.scene import make_scene
+from tests.sain_bags.conftest import resting_scene
 
 
 def test_pushes_carry_plan_outcome_and_prediction(episode_bag: Path) -> None:
@@ -52,6 +55,58 @@ def test_goal_start_end_and_success(episode_bag: Path) -> None:
     assert not second.success
     assert not second.pushes
     assert first.interval[1] < second.interval[0]
+
+
+def give_goal(recording: Any, goal_id: int, x: float) -> None:
+    recording.add("/sain/goal", "Goal", goal_id=goal_id, episode_id=2, x=x, y=0.0, tolerance=0.02)
+
+
+@pytest.fixture
+def goals_in_a_row(record: Callable[..., Any]) -> Bag:
+    """One episode with three goals: two are reached, the second of them given twice."""
+    recording, places = record(), (0.45, 0.60, 0.79, 0.70)
+    scenes = [resting_scene(x) for x in places]
+    recording.scene(2, 1, scenes[0])
+    for number, (goal_id, x) in enumerate(((7, 0.60), (8, 0.80), (9, 0.40)), start=1):
+        give_goal(recording, goal_id, x)
+        if goal_id == 8:
+            give_goal(recording, goal_id, x)
+        before, after = scenes[number - 1 : number + 1]
+        recording.push(number, 2, before, after, goal_id=goal_id)
+        recording.scene(2, number + 1, after)
+    recording.writer.close()
+    return Bag(recording.writer.folder)
+
+
+def test_each_goal_of_a_row_has_its_own_part(goals_in_a_row: Bag) -> None:
+    (episode,) = read_episodes(goals_in_a_row)
+    assert len(episode.pushes) == 3 and not episode.success
+    assert [part.goal[0] for part in episode.by_goal] == [0.60, 0.80, 0.40]
+    assert [[push.push_id for push in part.pushes] for part in episode.by_goal] == [[1], [2], [3]]
+    assert [part.success for part in episode.by_goal] == [True, True, False]
+    assert episode.in_a_row == 2
+    for before, after in pairwise(episode.by_goal):
+        np.testing.assert_array_equal(before.final, after.start)
+        assert before.interval[1] < after.interval[0]
+    np.testing.assert_array_equal(episode.by_goal[0].start, episode.start)
+
+
+def test_an_episode_of_one_goal_is_its_own_part(episode_bag: Path) -> None:
+    first, second = read_episodes(Bag(episode_bag))
+    assert first.by_goal == (first,) and (first.in_a_row, second.in_a_row) == (1, 0)
+
+
+def test_the_page_has_each_goal_of_a_row(goals_in_a_row: Bag) -> None:
+    data = read_content(goals_in_a_row).data
+    assert [one["title"] for one in data["episodes"]] == [
+        "Episode 2 · goal 1 of 3", "Episode 2 · goal 2 of 3", "Episode 2 · goal 3 of 3"
+    ]  # fmt: skip
+    assert [one["outcome"] for one in data["episodes"]] == ["reached", "reached", "not reached"]
+    assert [one["goal"][0] for one in data["episodes"]] == [0.60, 0.80, 0.40]
+    assert [len(one["frames"]["poses"]) for one in data["episodes"]] == [2, 2, 2]
+    assert [one["pushes"][0]["to"] for one in data["episodes"]] == [1, 1, 1]
+    totals = data["totals"]
+    assert (totals["episodes"], totals["withGoal"], totals["reached"]) == (1, 3, 2)
 
 
 def test_a_prediction_that_comes_late_still_finds_its_push(record: Callable[..., Any]) -> None:

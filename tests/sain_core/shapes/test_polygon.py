@@ -3,7 +3,7 @@ from math import nan, pi
 import pytest
 
 from sain_core.errors import ConfigError
-from sain_core.shapes.polygon import Polygon, regular_corners
+from sain_core.shapes.polygon import Compound, Polygon, regular_corners
 
 SQUARE = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
 
@@ -37,3 +37,20 @@ def test_corners_that_make_no_body_are_refused(corners, message):
 )
 def test_the_symmetry_comes_from_the_corners(corners, turn):
     assert Polygon("any", corners=corners).symmetry == pytest.approx(turn)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-9, 1e9, 1e200])
+def test_outlines_of_no_size_that_can_be_meant_are_refused(scale):
+    corners = tuple((scale * x, scale * y) for x, y in SQUARE)
+    with pytest.raises(ConfigError, match=r"shape 'odd' has its farthest corner at .*; allowed: 0"):
+        Polygon("odd", corners=corners)
+    with pytest.raises(ConfigError, match=r"part 0 of shape 'odd' has its farthest corner at 1\.4"):
+        Compound.of("odd", corners)
+
+
+@pytest.mark.parametrize("scale", [0.01, 1e5])
+def test_any_other_size_of_an_outline_is_the_same_shape(scale):
+    corners = tuple((scale * x, scale * y) for x, y in SQUARE)
+    assert Compound.of("odd", corners).outline(1.0) == pytest.approx(
+        Compound.of("odd", SQUARE).outline(1.0)
+    )

@@ -70,6 +70,7 @@ BOW = SQUARE[[0, 2, 1, 3]]
         (bodies(disk("pushable"), body(role="idle")), ConfigError, "role of body 1 is 'idle'"),
         (bodies(disk("fixed")), ConfigError, "no body is pushable"),
         (bodies(disk("pushable", np.nan)), OutOfRangeError, "radius of body 0 is nan m"),
+        (bodies(disk("pushable", 1e-7)), OutOfRangeError, "radius of body 0 is 1e-07 m; allowed"),
         (bodies(disk("pushable", 9.0)), OutOfRangeError, "radius of body 0 is 9.0 m"),
         (bodies(body("x" * 65, parts=[])), InvalidInputError, "name of body 0 has 65 characters"),
         (bodies(body(parts=[])), InvalidInputError, "body 0 ('t') has 0 parts"),

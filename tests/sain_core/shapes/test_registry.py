@@ -35,7 +35,7 @@ def test_an_unknown_name_is_an_error_that_lists_what_is_allowed():
         get_shape("cone")
     with pytest.raises(ConfigError, match="shape is 'disk'; allowed: three_feet, flat, cube"):
         check_shape("disk")
-    with pytest.raises(InvalidInputError, match="shape is 'flat'; allowed: disk, cube"):
+    with pytest.raises(InvalidInputError, match="shape of body 1 is 'flat'; allowed: disk, cube"):
         built_shapes(("disk", "flat"), "three_feet")
 
 

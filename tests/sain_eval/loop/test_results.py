@@ -11,13 +11,15 @@ from rich.console import Console
 from sain_core.errors import ConfigError, OutputError
 from sain_eval import commands
 from sain_eval.cli.evaluate import evaluate, jobs_of, show, show_failures
+from sain_eval.cli.evaluate import run as run_command
 from sain_eval.cli.options import EvaluateOptions as Evaluate
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.journal import JOURNAL_FILE, Journal
 from sain_eval.loop.results import SceneRecord, scene_records, summarise, write_results
 from sain_eval.loop.tables import (
     HEADER,
-    failure_lines,
+    failure_line,
+    failures,
     results_table,
     shape_table,
     table_cells,
@@ -141,10 +143,76 @@ def test_workers_find_the_same_as_one_process(tmp_path):
     assert by_seed[0] == by_seed[1]
 
 
-def test_the_papers_table_is_all_of_it(tmp_path):
-    options = Evaluate(out=tmp_path, table=True, scenes=2)
-    assert len(jobs_of(options, set())) == 3 * 2 * 5
-    assert options.tolerance_values == tuple(map(Tolerance, (0.05, 0.02, 0.01, 0.005)))
+def test_the_whole_table_is_the_papers_and_that_of_shapes(tmp_path):
+    options = Evaluate(out=tmp_path, table=True, scenes=5)
+    played = {}
+    for job in jobs_of(options, set()):
+        played.setdefault((job.scenario, job.controller), []).append(job)
+    for scenario in ("paper", "paper_shift", "paper_cube"):
+        for name in ("null", "straight", "random", "planar", "sain"):
+            jobs = played.pop((scenario, name))
+            assert len(jobs) == 5
+            assert jobs[0].tolerances == tuple(map(Tolerance, (0.05, 0.02, 0.01, 0.005)))
+    shapes = ("box", "push_t", "shapes", "shapes_indirect", "rearrange_2", "rearrange_3")
+    shapes += ("rearrange_4",)
+    poses = (Tolerance(0.02, 0.1), Tolerance(0.01, 0.05), Tolerance(0.005, 0.03))
+    for scenario in (*shapes, "blocked"):
+        for name in ("planar", "sain", "straight" if scenario == "blocked" else "random"):
+            jobs = played.pop((scenario, name))
+            assert len(jobs) == 5 and jobs[0].tolerances == poses
+    (jobs,) = played.values()
+    assert [(job.scenario, job.seed) for job in jobs] == [("streak", seed) for seed in range(3)]
+    assert "table" in options.settings() and "table" not in Evaluate(out=tmp_path).settings()
+
+
+def keep_a_table(records, tmp_path):
+    """Keep a journal of the whole table with 3 scenes; a planner failed in one of them."""
+    options = Evaluate(out=tmp_path, table=True, scenes=3)
+    jobs = jobs_of(options, set())
+    journal = Journal(tmp_path, options.settings())
+    for job in jobs:
+        lost = (job.scenario == "rearrange_4" and job.seed == 1) or job.controller == "straight"
+        why = "80 pushes left body 2 9.0 mm and 0.200 rad from its pose" if lost else ""
+        streak = {"most_goals": 100, "goals": 30 + job.seed} if job.scenario == "streak" else {}
+        made = [
+            replace(
+                records[0], scenario=job.scenario, seed=job.seed, controller=job.controller,
+                tolerance=one.distance, heading_tolerance=one.turn, success=not lost, failure=why,
+                shapes=("t",), **streak,
+            )
+            for one in job.tolerances
+        ]  # fmt: skip
+        journal.add(made)
+    return options
+
+
+def test_a_person_finds_all_of_the_table_in_its_pages(records, tmp_path):
+    """Each scenario with its rates, who is left out, and why a planner failed."""
+    options = keep_a_table(records, tmp_path)
+    printed = StringIO()
+    run_command(options, Console(width=250, file=printed))
+    page = (tmp_path / "table.md").read_text()
+    rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| ")][2:]
+    names = list(dict.fromkeys(row[0].removeprefix("| ") for row in rows))
+    assert names == [
+        "paper", "paper_shift", "paper_cube", "box", "push_t", "shapes", "shapes_indirect",
+        "rearrange_2", "rearrange_3", "rearrange_4", "blocked", "streak",
+    ]  # fmt: skip
+    (row,) = (row for row in rows if row[:3] == ["| rearrange_4", "planar", "1 cm, 0.05 rad"])
+    assert row[3:5] == ["2/3", "21-94 %"] and row[5] == "1.0" and row[6].startswith("5.0 mm")
+    (row,) = (row for row in rows if row[:3] == ["| streak", "planar", "2 cm, 0.1 rad"])
+    assert row[3] == "3/3; 30, 31, 32 of 100 goals in a row"
+    assert [row[1] for row in rows if row[0] == "| blocked"] == [
+        name for name in ("planar", "sain", "straight") for _ in range(3)
+    ]
+    assert "played without `null` and `straight`: these" in page
+    assert "* rearrange_4 1 (t), planar, not within 2 cm, 0.1 rad: 80 pushes left body 2" in page
+    failed = (tmp_path / "failures.md").read_text()
+    assert "## rearrange_4, planar: 1 of 3\n\n* rearrange_4 1 (t)" in failed
+    assert "## blocked, straight: 3 of 3\n" in failed and (tmp_path / "table_per_shape.md").exists()
+    shown = printed.getvalue()
+    assert "played without `null`" in shown and "rearrange_4 1 (t), planar" in shown
+    assert shown.index("rearrange_4 1") < shown.index("blocked 0 (t), straight")
 
 
 def test_the_summary_is_shown(records):
@@ -244,7 +312,8 @@ def test_each_shape_has_its_line_in_the_order_of_the_library(records):
 def test_a_failure_is_listed_once_with_scene_and_reason(records):
     missed = replace(POSE_RECORD, success=False, failure="30 pushes left body 0 12.0 mm away")
     tight = replace(missed, tolerance=0.01, heading_tolerance=0.05)
-    assert failure_lines([tight, missed, POSE_RECORD, *records]) == [
+    found = failures([tight, missed, POSE_RECORD, *records])
+    assert list(map(failure_line, found)) == [
         "paper 0, planar, not within 0.5 cm: too far; 2 pushes, 1 refused, ended 8.0 mm away",
         "shapes 7 (butter), planar, not within 2 cm, 0.1 rad: 30 pushes left body 0 12.0 mm away;"
         " 4 pushes, 1 refused, ended 12.0 mm, 0.050 rad away",

@@ -115,3 +115,15 @@ def test_the_order_of_an_episode_is_that_of_its_steps(dataset: Path, tmp_path: P
     np.savez(tmp_path / "c.npz", **arrays, step=steps // 2)
     with pytest.raises(DatasetError, match="episode 0 has two pushes with step"):
         load_transitions(tmp_path / "c.npz")
+
+
+def test_pushes_against_other_bodies_than_the_first_are_refused(
+    dataset: Path, tmp_path: Path
+) -> None:
+    arrays = dict(np.load(dataset / "shard-0.npz"))
+    shapes, rows = np.array(["t,disk"] * 60), tmp_path / "shard-0.npz"
+    np.savez(rows, **arrays, shapes=shapes, roles=np.array(["pushable,movable"] * 60))
+    assert len(load_transitions(rows)) == 60
+    np.savez(rows, **arrays, shapes=shapes, roles=np.array(["pushable,pushable"] * 60))
+    with pytest.raises(DatasetError, match="only body 0 may be pushable"):
+        load_transitions(rows)

@@ -14,11 +14,13 @@ from sain_core.push import LENGTH
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
+from sain_model.data.dataset import Dataset
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
 from sain_model.dynamics.intervals import IntervalConfig, Intervals
 from sain_model.dynamics.load import load_sain
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import ANY_SHAPE, NetworkConfig
 from sain_model.physics.friction import FrictionConfig
@@ -144,3 +146,37 @@ def test_disks_are_bodies_too(sain: SainDynamics) -> None:
     np.testing.assert_array_equal(
         told, plain.with_bodies(Bodies.disks(2)).step(scenes, pushes[:, :3])
     )
+
+
+def test_earlier_pushes_widen_regions_in_a_world_unlike_home(sain: SainDynamics) -> None:
+    """In a graph, from the history, as in an evaluation, from the rows of an episode."""
+    assert sain.intervals is not None
+    adapting = replace(sain.intervals, usual_log=-1.0, usual_log_std=1.0)
+    sain = replace(sain, intervals=adapting)
+    scenes, pushes = pushes_of(6)
+    after = PlanarPrior().at(0.19).with_bodies(T_AND_STAR).step(scenes, pushes)
+    after[..., :2] += 0.02
+    state, action, following = scenes[:5], pushes[:5], after[:5]
+    told = sain.with_history(PushHistory(state, action, following))
+    assert told.widening > 2.0
+    assert sain.with_history(PushHistory(state[:0], action[:0], following[:0])).widening == 1.0
+    radius = told.predict(scenes[5:], pushes[5:]).radius
+    episode = Dataset(
+        state=scenes,
+        action=pushes,
+        next_state=after,
+        physics_next=scenes,
+        episode=np.zeros(6, np.int64),
+        step=np.arange(6),
+        friction=np.full(6, 0.19),
+        floor_next=scenes,
+        sha256="",
+        bodies=T_AND_STAR,
+    )
+    rows = predict_with_history(sain, episode)
+    assert rows.radius is not None
+    assert radius is not None
+    np.testing.assert_allclose(rows.radius[5:], radius, rtol=1e-6)
+    first = sain.predict(scenes[:1], pushes[:1]).radius
+    assert first is not None
+    np.testing.assert_allclose(rows.radius[:1], first, rtol=1e-6)

@@ -118,3 +118,22 @@ def test_regions_grow_with_the_elongation_of_the_supports() -> None:
     for kind in (0.0, 0.4, 0.9):
         assert inside[long == kind].mean() == pytest.approx(0.9, abs=0.04)
     assert fit_disk(parts, off, 0.9).elongation == 0.0
+
+
+def test_regions_widen_where_errors_are_larger_than_usual_and_never_shrink() -> None:
+    intervals = Intervals(usual_log=-1.0, usual_log_std=1.0)
+    assert intervals.adapts
+    assert not Intervals().adapts
+    radius = np.full(4, 1e-3)
+    usual, large = np.exp(-1.0) * radius, 10.0 * radius
+
+    def widening(off: np.ndarray) -> float:
+        total = intervals.excess(off, radius[: len(off)]).sum()
+        return float(intervals.widening(np.array([total]), np.array([len(off)]))[0])
+
+    assert widening(usual[:0]) == 1.0
+    assert widening(usual) < 1.02
+    assert widening(0.01 * usual) == 1.0
+    few, many = widening(large[:1]), widening(large)
+    assert 1.5 < few < many < 12.0 * np.e  # the excess of each is a factor of 10 e
+    assert many > 10.0

@@ -60,7 +60,7 @@ def test_shapes_become_the_way_disks_are_built() -> None:
         ({"friction": -0.1}, OutOfRangeError, "friction is -0.1; it must be positive"),
         ({"friction": float("nan")}, OutOfRangeError, "friction is nan"),
         ({"shapes": ("disk",)}, InvalidInputError, "1 shapes are given for 3 disks"),
-        ({"shapes": ("disk", "cone", "disk")}, InvalidInputError, "shape is 'cone'"),
+        ({"shapes": ("disk", "cone", "disk")}, InvalidInputError, "shape of body 1 is 'cone'"),
     ],
 )
 def test_what_does_not_exist_is_refused(arguments, error, text) -> None:

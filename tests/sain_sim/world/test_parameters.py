@@ -43,9 +43,12 @@ def test_drawn_parameters_fill_the_papers_ranges_and_repeat():
     ("fields", "message"),
     [
         ({"masses": (8.0,)}, "1 masses, 2 radii and 2 shapes"),
-        ({"shapes": ("disk", "flat")}, "shape is 'disk'; allowed: three_feet, flat, cube"),
+        (
+            {"shapes": ("disk", "flat")},
+            "shape of body 0 is 'disk'; allowed: three_feet, flat,",
+        ),
         ({"friction": -0.1}, "friction is -0.1; it must be at least 0.005"),
-        ({"radii": (0.08, float("nan"))}, "radii is nan; it must be finite"),
+        ({"radii": (0.08, float("nan"))}, "radii[1] is nan; it must be finite"),
     ],
 )
 def test_parameters_that_make_no_world_are_refused(fields, message):

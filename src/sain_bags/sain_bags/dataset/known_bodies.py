@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 from numpy import ndarray
 
+from sain_bags.transitions.asked_poses import kept_bodies
 from sain_bags.transitions.message_fields import BODIES, GOAL, GOAL_ID, parent_of
 from sain_bags.transitions.sources import Source
 from sain_core.dataset import POSED, SHAPED, Column, Columns, describe_bodies
@@ -29,7 +30,7 @@ class KnownBodies:
                 episode; a goal that cannot be.
         """
         self._bodies: dict[Key, Bodies] = {}
-        self._poses: dict[Key, ndarray] = {}  # (MOST_BODIES, 5); NaN: not asked
+        self._poses: dict[Key, ndarray] = {}  # (MOST_BODIES, 6); NaN: not asked
         for source in sources:
             try:
                 self._read(source)
@@ -58,16 +59,22 @@ class KnownBodies:
         }
         if not self._poses:
             return columns
-        nothing = np.full((MOST_BODIES, POSE + 2), np.nan)
+        nothing = np.full((MOST_BODIES, POSE + 3), np.nan)
         keys = zip(bags, goals.tolist(), strict=True)
         values = np.stack([self._poses.get(key, nothing) for key in keys])[:, :count]
         posed = np.isfinite(values).any(axis=(1, 2))
         for name in (Column.GOAL, Column.TOLERANCE):  # these are of the target
             columns[name] = columns[name].copy()
             columns[name][posed] = np.nan
-        parts = values[..., :POSE], values[..., POSE:]
-        flat = (np.ascontiguousarray(part).reshape(len(part), -1) for part in parts)
-        return columns | dict(zip(map(str, POSED), flat, strict=True))
+        parts = np.split(values, (POSE, POSE + 2), axis=-1)
+        flat = [np.ascontiguousarray(part).reshape(len(part), -1) for part in parts]
+        names = POSED if self._kept else POSED[:-1]
+        return columns | dict(zip(map(str, names), flat, strict=False))
+
+    @property
+    def _kept(self) -> bool:
+        """Whether a goal of any recording keeps bodies."""
+        return any(np.isfinite(poses[:, -1]).any() for poses in self._poses.values())
 
     def _read(self, source: Source) -> None:
         topics = {
@@ -91,10 +98,13 @@ class KnownBodies:
         bodies, values = decode_goal_poses(message)
         if not len(bodies):
             return
-        if (bodies >= MOST_BODIES).any():
-            raise DatasetError(f"a goal is given for body {bodies.max()}; at most {MOST_BODIES}")
-        poses = np.full((MOST_BODIES, values.shape[1]), np.nan)
-        poses[bodies] = values
+        keep, tolerance = kept_bodies(message)
+        largest = max(*bodies.tolist(), *keep, -1)
+        if largest >= MOST_BODIES:
+            raise DatasetError(f"a goal is given for body {largest}; at most {MOST_BODIES}")
+        poses = np.full((MOST_BODIES, POSE + 3), np.nan)
+        poses[bodies, :-1] = values
+        poses[list(keep), -1] = tolerance
         self._poses[sha256, int(getattr(message, GOAL_ID))] = poses
 
 

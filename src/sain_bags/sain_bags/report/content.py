@@ -104,15 +104,18 @@ def _timing(timing: TopicTiming, start: int) -> dict[str, Any]:
 
 def _titles(bag: Bag, found: Sequence[Gathered]) -> list[str]:
     """Return what the page calls each episode: graph, number, and the recording's own name."""
-    with_goal = [one for one in found if one.episode.goal is not None]
+    with_goal = [one for one in found if one.episode.goal is not None and one.goal == 1]
     names = bag.custom_data.get(EPISODES_KEY, "").split()
     rest = iter(names if len(names) == len(with_goal) else [""] * len(with_goal))
     several = len({one.namespace for one in found}) > 1
-    titles = []
+    titles, name = [], ""
     for one in found:
-        name = "" if one.episode.goal is None else next(rest).replace(":", " ")
+        if one.goal == 1:
+            name = "" if one.episode.goal is None else next(rest).replace(":", " ")
         graph = (one.namespace or "/") if several else ""
-        titles.append(" · ".join(filter(None, (graph, f"Episode {one.episode.episode_id}", name))))
+        goal = f"goal {one.goal} of {one.goals}" if one.goals > 1 else ""
+        words = (graph, f"Episode {one.episode.episode_id}", name, goal)
+        titles.append(" · ".join(filter(None, words)))
     return titles
 
 
@@ -131,7 +134,7 @@ def _notice(bag: Bag, found: Sequence[Gathered]) -> str:
         return "This recording has no messages."
     if not found:
         return "This recording has no scenes and no pushes. The page shows its topics."
-    if any(push.executed for push in pushes) or any(one.log.sent for one in found):
+    if any(push.executed for push in pushes) or any(one.sent for one in found):
         return ""
     if pushes:
         return f"No push was executed in this recording: {len(pushes)} refused."
@@ -177,12 +180,12 @@ def _totals(found: Sequence[Gathered]) -> dict[str, int]:
     pushes = [push for episode in episodes for push in episode.pushes]
     executed = sum(push.executed for push in pushes)
     return {
-        "episodes": len(episodes),
+        "episodes": sum(one.goal == 1 for one in found),
         "withGoal": len(outcomes) - outcomes.count("no goal"),
         "reached": outcomes.count("reached"),
         "executed": executed,
         "refused": len(pushes) - executed,
-        "unanswered": sum(len(one.log.sent) for one in found),
+        "unanswered": sum(len(one.sent) for one in found),
         "fallbacks": sum(plan.fallback for episode in episodes for plan in episode.plans),
     }
 

@@ -40,6 +40,7 @@ def describe_episode(gathered: Gathered, title: str, start: int) -> dict[str, An
         "goal": None if episode.goal is None else [rounded(value) for value in episode.goal],
         "aimed": episode.aimed,
         "poses": _poses(episode),
+        "keep": _keep(episode),
         "tolerance": rounded(episode.tolerance),
         "distance": rounded(episode.final_distance),
         "maxPushes": episode.max_pushes,
@@ -70,6 +71,18 @@ def _poses(episode: Episode) -> list[dict[str, Any]]:
     return [
         {"body": body, **dict(zip(names, map(rounded, pose.tolist()), strict=True))}
         for body, pose in zip(poses.bodies, poses.values, strict=True)
+    ]
+
+
+def _keep(episode: Episode) -> list[dict[str, Any]]:
+    """Return the bodies to be kept, by how far they may be moved and were [m]."""
+    poses = episode.poses
+    if poses is None:
+        return []
+    moved = poses.moved(episode.final, episode.start).tolist()
+    return [
+        {"body": body, "tolerance": rounded(poses.keep_tolerance), "moved": rounded(way)}
+        for body, way in zip(poses.keep, moved, strict=False)
     ]
 
 

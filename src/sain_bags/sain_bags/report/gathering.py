@@ -49,18 +49,30 @@ class Gathered:
     namespace: str
     episode: Episode
     log: EpisodeLog
+    goal: int = 1  # number of the goal, ...
+    goals: int = 1  # ... of so many in a row; each is gathered on its own
+
+    @property
+    def sent(self) -> dict[int, Any]:
+        """The pushes (sain_interfaces/msg/Push) without an answer: the last of their episode."""
+        return self.log.sent if self.goal == self.goals else {}
 
     @property
     def idle(self) -> bool:
         """Whether nothing happened: no goal, push or decision, and no disk moved."""
         episode = self.episode
-        acted = episode.goal is not None or episode.pushes or episode.plans or self.log.sent
+        acted = episode.goal is not None or episode.pushes or episode.plans or self.sent
         return not acted and not self.log.frames.in_motion
 
     @property
     def frames(self) -> tuple[Frame, ...]:
-        """Its scenes to show, in the order they came."""
-        return self.log.frames.frames
+        """Its scenes to show, in the order they came, from the one that its goal was given in."""
+        frames = self.log.frames.frames
+        if self.goals == 1:
+            return frames
+        first, last = self.episode.interval
+        begin = max((n for n, one in enumerate(frames) if one.log_time < first), default=0)
+        return tuple(frame for frame in frames[begin:] if frame.log_time <= last)
 
 
 def graphs(bag: Bag) -> tuple[str, ...]:
@@ -94,7 +106,11 @@ def gather(
         for run, group in groupby(messages, key=lambda _: reader.run):
             for episode in collect_episodes(one for one in group if one.type in EPISODE_TYPES):
                 log = reader.log.get((run, episode.episode_id), EpisodeLog(Frames(0)))
-                found.append(Gathered(namespace, episode, log))
+                parts = episode.by_goal
+                found += [
+                    Gathered(namespace, part, log, number, len(parts))
+                    for number, part in enumerate(parts, start=1)
+                ]
     except InvalidInputError as error:
         raise DatasetError(f"{bag.path} holds a message that makes no sense: {error}") from error
     except AttributeError as error:

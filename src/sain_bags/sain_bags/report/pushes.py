@@ -55,11 +55,11 @@ def unanswered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, An
     Where two name the same scene, which of them was executed is not known, unless a result tells.
     """
     at_rest = {frame.scene_id: number for number, frame in enumerate(frames) if frame.settled}
-    named = [push.scene_id for push in gathered.log.sent.values()]
+    named = [push.scene_id for push in gathered.sent.values()]
     named += [gathered.log.scenes[push.push_id][0] for push in gathered.episode.executed]
     plans = {plan.push_id: plan for plan in gathered.episode.plans if plan.push_id}
     found = []
-    for push in gathered.log.sent.values():
+    for push in gathered.sent.values():
         first, last = at_rest.get(push.scene_id), at_rest.get(push.scene_id + 1)
         alone = named.count(push.scene_id) == 1
         record = RecordedPush(

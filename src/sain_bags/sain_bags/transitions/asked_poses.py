@@ -1,7 +1,7 @@
-"""Poses that a recorded goal asks for, and how far bodies are from them."""
+"""Poses that a recorded goal asks for, how far bodies are from them, and bodies to be kept."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy import ndarray
@@ -12,6 +12,7 @@ from sain_core.types import Scene
 from sain_core.wire import decode_goal_poses
 
 HEADING, TOLERANCE, TURN = 2, 3, 4  # of the values
+KEEP_TOLERANCE: Final = 0.005  # [m], of `sain_mppi.search.poses`, where a goal gives none
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +22,8 @@ class AskedPoses:
     bodies: tuple[int, ...]
     values: ndarray  # (P, 5), as `sain_core.wire.GOAL_POSE_FIELDS` names them; NaN: any heading
     shapes: Bodies | None  # None: not recorded, so disks
+    keep: tuple[int, ...] = ()  # bodies that may not be moved
+    keep_tolerance: float = KEEP_TOLERANCE  # [m], by which these may be moved
 
     def distances(self, scene: Scene) -> ndarray:
         """Return how far each body is from its place (P,) [m]; NaN: the scene has no such body."""
@@ -40,11 +43,17 @@ class AskedPoses:
             ]
         )
 
-    def reached(self, scene: Scene) -> bool:
-        """Tell whether all bodies are where they should be."""
+    def moved(self, scene: Scene, start: Scene) -> ndarray:
+        """Return how far the bodies to be kept are from where the goal found them (len(keep),)."""
+        rows = [body for body in self.keep if body < len(scene)]
+        return np.asarray(np.linalg.norm((scene - start)[rows, POSITION], axis=-1))
+
+    def reached(self, scene: Scene, start: Scene) -> bool:
+        """Tell whether all bodies are where they should be, given the scene of the goal's start."""
         allowed = np.where(np.isnan(self.values[:, TURN]), np.inf, self.values[:, TURN])
         near = self.distances(scene) <= self.values[:, TOLERANCE]
-        return bool((near & (self.turns(scene) <= allowed)).all())
+        kept = self.moved(scene, start) <= self.keep_tolerance
+        return bool((near & (self.turns(scene) <= allowed)).all() and kept.all())
 
     def _turn(self, scene: Scene, body: int, heading: float) -> float:
         if np.isnan(heading) or body >= len(scene):
@@ -58,4 +67,12 @@ class AskedPoses:
 def asked_poses(message: Any, shapes: Bodies | None) -> AskedPoses | None:
     """Return the poses of a ``Goal``; None: it has none, or is of an older definition."""
     bodies, values = decode_goal_poses(message)
-    return AskedPoses(tuple(bodies.tolist()), values, shapes) if len(bodies) else None
+    if not len(bodies):
+        return None
+    return AskedPoses(tuple(bodies.tolist()), values, shapes, *kept_bodies(message))
+
+
+def kept_bodies(message: Any) -> tuple[tuple[int, ...], float]:
+    """Return the bodies that a ``Goal`` keeps, and by how far [m] these may be moved."""
+    keep = tuple(int(body) for body in getattr(message, "keep", ()))
+    return keep, float(getattr(message, "keep_tolerance", 0.0)) or KEEP_TOLERANCE

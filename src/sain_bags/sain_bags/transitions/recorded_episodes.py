@@ -4,7 +4,7 @@ Everything is paired by the ids that the messages carry; time stamps pair nothin
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from sain_bags.reading.reader import Bag, Received
@@ -37,7 +37,7 @@ from sain_core.wire import decode_disks, decode_goal
 
 @dataclass(frozen=True)
 class Episode:
-    """From one reset to the next."""
+    """From one reset to the next; where goals followed each other, its goal is the last one."""
 
     episode_id: int
     start: Scene  # (N, 8), as the reset left it
@@ -50,6 +50,18 @@ class Episode:
     interval: tuple[int, int]  # [ns since the epoch], first and last message received
     bodies: Bodies | None = None  # None: not recorded, so disks
     poses: AskedPoses | None = None  # of the goal; None: it is a place for the target
+    parts: tuple["Episode", ...] = ()  # towards each goal in order, where there were several
+
+    @property
+    def by_goal(self) -> tuple["Episode", ...]:
+        """The episode towards each of its goals, in order; itself where there are not several."""
+        return self.parts or (self,)
+
+    @property
+    def in_a_row(self) -> int:
+        """How many goals were reached before the first that was not."""
+        reached = [part.success for part in self.by_goal]
+        return (*reached, False).index(False)
 
     @property
     def aimed(self) -> int:
@@ -84,7 +96,7 @@ class Episode:
         """Whether the target came to rest within the tolerance with every disk on the table."""
         on_table = bool(Table().contains(self.final[:, POSITION]).all())
         if self.poses is not None:
-            return on_table and self.poses.reached(self.final)
+            return on_table and self.poses.reached(self.final, self.start)
         return on_table and self.final_distance <= self.tolerance
 
 
@@ -93,7 +105,7 @@ class _Draft:
     """An episode while its messages come in."""
 
     scenes: list[Scene] = field(default_factory=list)
-    goal: Any = None
+    goals: list[tuple[int, Any]] = field(default_factory=list)  # when each came [ns], in order
     bodies: Bodies | None = None
     results: list[Any] = field(default_factory=list)
     plans: list[PlanRecord] = field(default_factory=list)
@@ -142,7 +154,9 @@ def collect_episodes(messages: Iterable[Received]) -> tuple[Episode, ...]:
         if received.type == SCENE and message.settled:
             draft.scenes.append(decode_disks(message.disks))
         elif received.type == GOAL:
-            draft.goal = message
+            if draft.goals and draft.goals[-1][1].goal_id == message.goal_id:
+                draft.goals.pop()  # given once more
+            draft.goals.append((received.log_time, message))
         elif received.type == BODIES:
             draft.bodies = draft.bodies or _bodies(message)
         elif received.type == PLAN:
@@ -150,10 +164,42 @@ def collect_episodes(messages: Iterable[Received]) -> tuple[Episode, ...]:
         elif received.type == PUSH_RESULT:
             draft.results.append(message)
     return tuple(
-        _episode(number, draft, draft.goal or open_goal, physics)
+        _whole(number, draft, open_goal, physics)
         for number, draft in sorted(drafts.items())
         if draft.scenes or any(result.before.disks for result in draft.results)
     )
+
+
+def _whole(number: int, draft: _Draft, open_goal: Any, physics: dict[int, Any]) -> Episode:
+    """Return an episode, with its parts where it had several goals."""
+    goals = [goal for _, goal in draft.goals]
+    whole = _episode(number, draft, goals[-1] if goals else open_goal, physics)
+    if len(goals) < 2:
+        return whole
+    parts: list[Episode] = []
+    for goal, part in zip(goals, _drafts_by_goal(draft), strict=True):
+        part.scenes = [parts[-1].final if parts else whole.start]
+        parts.append(_episode(number, part, goal, physics))
+    return replace(whole, parts=tuple(parts))
+
+
+def _drafts_by_goal(draft: _Draft) -> list[_Draft]:
+    """Return what belongs to each goal; a push that nobody planned to that of the one before."""
+    places = {goal.goal_id: place for place, (_, goal) in enumerate(draft.goals)}
+    begins = [draft.first, *(time for time, _ in draft.goals[1:])]
+    ends = [*(time - 1 for time in begins[1:]), draft.last]
+    drafts = [
+        _Draft(bodies=draft.bodies, first=first, last=last)
+        for first, last in zip(begins, ends, strict=True)
+    ]
+    for plan in draft.plans:
+        drafts[places.get(plan.goal_id, 0)].plans.append(plan)
+    wanted = {plan.push_id: plan.goal_id for plan in draft.plans if plan.push_id}
+    place = 0
+    for result in draft.results:
+        place = places.get(wanted.get(result.push_id, -1), place)
+        drafts[place].results.append(result)
+    return drafts
 
 
 def _episode(number: int, draft: _Draft, goal: Any, physics: dict[int, Any]) -> Episode:

@@ -27,6 +27,7 @@ class PlanRecord:
     predicted: Scenes  # (H, N, 8), the scene after each
     goal_distance: float  # [m]
     planning_time: float  # [s]
+    goal_id: int = 0  # that it was made for
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -11,7 +12,7 @@ from rclpy.node import Node
 
 from sain_bringup.display import EpisodeView
 from sain_bringup.graph import PLANNER
-from sain_bringup.ros.readiness import Missing, missing_parts
+from sain_bringup.ros.readiness import SERVER_PARTS, Missing, missing_parts
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
 from sain_core.ros.codec import encode_disks, encode_goal
 from sain_core.ros.node_main import NAMESPACE
@@ -22,7 +23,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.wire import decode_disks
 from sain_eval.scenes.scenarios import ScenarioScene
 from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult, Scene
-from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
+from sain_interfaces.srv import ResetScene
 from sain_mppi.ros.goal_message import encode_pose_goal
 from sain_mppi.search.poses import PoseGoal
 
@@ -31,11 +32,6 @@ LOOK: Final = 0.1  # [s] between looks at the graph: each costs some ms
 EARLY: Final = 0.5  # [s] in which no simulator that was just started can publish
 OWNED: Final = ("scene", "push", "goal", "/clock")  # topics with one publisher in a graph
 PREDICTION_TIME: Final = 5.0  # [s] for the nominal world to predict the last push
-SERVER_PARTS: Final = {
-    "reset_scene": ResetScene,
-    "rollout": Rollout,
-    "describe_model": DescribeModel,
-}
 
 
 class GraphTimeoutError(SainError):
@@ -64,9 +60,7 @@ class Director(Node):
         self._planner_ready = False
         self._graph_is_up = False
         self._goal = self.create_publisher(Goal, "goal", LATCHED)
-        self._servers = {
-            name: self.create_client(kind, name) for name, kind in SERVER_PARTS.items()
-        }
+        self._servers = {n: self.create_client(kind, n) for n, kind in SERVER_PARTS.items()}
         self.create_subscription(Plan, "plan", self._on_event, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_event, RELIABLE)
         self.create_subscription(
@@ -113,7 +107,7 @@ class Director(Node):
         return missing
 
     def play(self, case: ScenarioScene, tolerance: float, view: EpisodeView) -> None:
-        """Play one episode until the goal is reached, or no push follows.
+        """Play one episode until all goals are reached in a row, or no push follows.
 
         The tolerance [m] is that of a goal of the target; poses have their own.
 
@@ -123,13 +117,23 @@ class Director(Node):
         episode_id = self._reset(case, view)
         for known in (self._events, self._sent, self._answered, self._executed, self._predicted):
             known.clear()
+        for goal in case.goals:
+            view.begin(len(case.goals))
+            self._pursue(replace(case, goal=goal, further=()), episode_id, tolerance, view)
+            if not view.reached:
+                break
+        self._wait_for_predictions()
+
+    def _pursue(
+        self, case: ScenarioScene, episode_id: int, tolerance: float, view: EpisodeView
+    ) -> None:
+        """Give the goal of a case, and follow what happens until the planner is done with it."""
         self._give_goal(case, episode_id, tolerance)
         while not self._is_over(view):
             self.wait(lambda: bool(self._events), lambda: "no sign of planner or simulator")
             event = self._events.popleft()
             if event.episode_id == episode_id:
                 self._follow(event, case, view)
-        self._wait_for_predictions()
 
     def wait(self, done: Callable[[], bool], problem: Callable[[], str]) -> None:
         """Spin until a condition holds.
@@ -179,6 +183,7 @@ class Director(Node):
 
     def _give_goal(self, case: ScenarioScene, episode_id: int, tolerance: float) -> None:
         self._goals += 1
+        self._sent.clear()
         named = {"goal_id": self._goals, "episode_id": episode_id, "max_pushes": case.max_pushes}
         stamp = self.get_clock().now().to_msg()
         if isinstance(case.goal, PoseGoal):

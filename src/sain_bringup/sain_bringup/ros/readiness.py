@@ -7,6 +7,7 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from sain_bringup.graph import MODEL, PLANNER, RECORDER, SIMULATOR
+from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
 from sain_model import commands as commands_of_model
 from sain_mppi import commands as commands_of_mppi
 from sain_sim import commands as commands_of_sim
@@ -23,6 +24,11 @@ NODES: Final = {
     "mppi_node": commands_of_mppi.mppi_node,
 }
 SERVERS: Final = {service: name for name, node in NODES.items() for service in node.offers}
+SERVER_PARTS: Final = {  # that the director asks
+    "reset_scene": ResetScene,
+    "rollout": Rollout,
+    "describe_model": DescribeModel,
+}
 PUBLISHED: Final = {name: node.publishes for name, node in NODES.items()} | {
     "closed_loop": ("goal",)
 }

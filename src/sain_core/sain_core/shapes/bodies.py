@@ -81,7 +81,8 @@ class Bodies:
         for body, role in enumerate(roles):
             if role not in list(Role):
                 raise ConfigError(f"role of body {body} is {role!r}; allowed: {allowed}")
-        return cls(tuple(map(get_shape, shapes)), tuple(map(Role, roles)))
+        known = tuple(get_shape(name, body) for body, name in enumerate(shapes))
+        return cls(known, tuple(map(Role, roles)))
 
     def __len__(self) -> int:
         """Return the number of bodies."""

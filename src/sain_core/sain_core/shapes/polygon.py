@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import combinations
 from math import cos, pi, sin
 from typing import ClassVar, Final, Self
 
@@ -11,15 +10,16 @@ from numpy import ndarray
 
 from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT
+from sain_core.shapes.feet import balanced_feet
 from sain_core.shapes.shape import REGULAR_FEET, Pair, Shape, Solid, Vector
 from sain_core.types import Points
 
 TOLERANCE: Final = 1e-6  # [radii], within which corners and centroids are equal
 GRID: Final = 1e-9  # [radii], to which corners of a union are rounded
+REACH: Final = (0.5, 20.0)  # [radii], of the farthest corner; the disk of radius 1 is near it
+SCALES: Final = (1e-3, 1e6)  # the same in any unit: a union is rounded to `GRID`
 MOST_PARTS: Final = 12
 MOST_CORNERS: Final = 64  # of one part
-FOOT_INSET: Final = 0.06  # [radii], from the outline to the middle of a foot, where there is room
-FOOT_PLACES: Final = 48  # along the inset outline, of which three are chosen
 
 
 class Prism(Shape):
@@ -66,6 +66,7 @@ class Polygon(Prism):
 
     def __post_init__(self) -> None:
         """Check the corners."""
+        _check_size(self.corners, REACH, f"shape {self.name!r}")
         check_convex(self.corners, f"shape {self.name!r}")
         _check_centre(np.array(self.corners), self.name)
 
@@ -150,11 +151,22 @@ def check_convex(corners: tuple[Pair, ...], what: str) -> None:
         )
 
 
+def _check_size(corners: tuple[Pair, ...], allowed: Pair, what: str) -> None:
+    """Raise `ConfigError` where the farthest corner is at no distance that can be meant."""
+    farthest = max((float(np.hypot(x, y)) for x, y in corners), default=allowed[0])
+    if np.isfinite(farthest) and not allowed[0] <= farthest <= allowed[1]:
+        raise ConfigError(
+            f"{what} has its farthest corner at {farthest:.3g}; allowed: {allowed[0]:g} to"
+            f" {allowed[1]:g}"
+        )
+
+
 def check_parts(polygons: tuple[tuple[Pair, ...], ...], name: str) -> None:
     """Raise `ConfigError` unless each part of a shape is a convex polygon."""
     if not 1 <= len(polygons) <= MOST_PARTS:
         raise ConfigError(f"shape {name!r} has {len(polygons)} parts; allowed: 1 to {MOST_PARTS}")
     for number, corners in enumerate(polygons):
+        _check_size(corners, SCALES, f"part {number} of shape {name!r}")
         check_convex(corners, f"part {number} of shape {name!r}")
 
 
@@ -177,34 +189,6 @@ def union_outline(polygons: tuple[tuple[Pair, ...], ...], name: str) -> Points:
         raise ConfigError(f"the parts of shape {name!r} enclose a hole; a footprint has none")
     ring = union.simplify(GRID).exterior
     return np.array(ring.coords if ring.is_ccw else ring.coords[::-1])[:-1]
-
-
-def balanced_feet(outline: Points) -> ndarray:
-    """Return three points (3, 2) within an outline (M, 2) that carry a body at (0, 0) well.
-
-    They stand far apart, and each carries much of the weight.
-    """
-    from shapely import Polygon as Ring
-    from shapely import get_parts
-
-    ring = Ring(outline)
-    inset = next(
-        area for share in (1.0, 0.5, 0.25, 0.0) if (area := ring.buffer(-share * FOOT_INSET)).area
-    )
-    lines = [part.exterior for part in get_parts(inset)]
-    steps = np.arange(FOOT_PLACES) / FOOT_PLACES
-    places = np.concatenate(
-        [[line.interpolate(step, normalized=True).coords[0] for step in steps] for line in lines]
-    )
-    first, second, third = places[np.array(list(combinations(range(len(places)), 3)))].swapaxes(
-        0, 1
-    )
-    area = _cross(second - first, third - first)
-    loads = np.stack([_cross(second, third), _cross(third, first), _cross(first, second)])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        least = np.nan_to_num((loads / area).min(axis=0), nan=-1.0, posinf=-1.0, neginf=-1.0)
-    best = int(np.argmax(least * np.sqrt(np.abs(area))))
-    return np.stack([first[best], second[best], third[best]])
 
 
 def centroid(outline: Points) -> ndarray:

@@ -26,6 +26,7 @@ BOX: Final = 1  # of shape_msgs/SolidPrimitive
 CYLINDER: Final = 3
 PRISM: Final = 5
 SINGLE: Final = 1e-5  # [radii], corners come as float32
+LEAST_RADIUS: Final = 0.001  # [m]
 MOST_RADIUS: Final = 0.5  # [m]
 LONGEST_NAME: Final = 64
 
@@ -89,9 +90,9 @@ def check_unchanged(known: Bodies, now: Bodies) -> None:
 
 def _shape(number: int, body: Any) -> Shape:
     radius = float(body.radius)
-    if not 0.0 < radius <= MOST_RADIUS:  # also NaN
+    if not LEAST_RADIUS <= radius <= MOST_RADIUS:  # also NaN
         raise OutOfRangeError(
-            f"radius of body {number} is {radius} m; allowed: above 0, to {MOST_RADIUS} m"
+            f"radius of body {number} is {radius} m; allowed: {LEAST_RADIUS} to {MOST_RADIUS} m"
         )
     if not 0 < len(body.name) <= LONGEST_NAME:
         raise InvalidInputError(

@@ -49,41 +49,62 @@ def footprint_names() -> list[str]:
     return list(_footprints)
 
 
-def get_shape(name: str) -> Shape:
+def get_shape(name: str, body: int | None = None) -> Shape:
     """Return the shape of this name, or the usual one with this footprint.
 
     Raises:
-        ConfigError: there is neither.
+        ConfigError: there is neither; it names the body, if there is one.
     """
-    return _find(name, _all)
+    return _find(name, _all, what=_shape_of(body))
 
 
-def check_shape(name: str) -> None:
+def check_shape(name: str, body: int | None = None) -> None:
     """Check that a world can be made of a shape: a footprint does not say how it stands.
 
     Raises:
-        ConfigError: no shape has this name.
+        ConfigError: no shape has this name; it names the body, if there is one.
     """
-    _find(name, _shapes)
+    _find(name, _shapes, what=_shape_of(body))
+
+
+def check_footprint(name: str) -> None:
+    """Check that a footprint exists.
+
+    Raises:
+        InvalidInputError: no shape has it.
+    """
+    _find(name, _footprints, InvalidInputError)
 
 
 def built_shapes(footprints: Iterable[str], disk_shape: str) -> tuple[str, ...]:
     """Return the names of the shapes for some footprints; `disk_shape` is the one for disks.
 
     Raises:
-        InvalidInputError: a footprint that does not exist.
+        InvalidInputError: a footprint that does not exist, and of which body.
     """
-    shapes = [_find(footprint, _footprints, InvalidInputError) for footprint in footprints]
+    shapes = [
+        _find(footprint, _footprints, InvalidInputError, _shape_of(body))
+        for body, footprint in enumerate(footprints)
+    ]
     return tuple(disk_shape if shape.footprint == DISK else shape.name for shape in shapes)
 
 
-def _find(name: str, known: Mapping[str, Shape], error: type[SainError] = ConfigError) -> Shape:
+def _shape_of(body: int | None) -> str:
+    return "shape" if body is None else f"shape of body {body}"
+
+
+def _find(
+    name: str,
+    known: Mapping[str, Shape],
+    error: type[SainError] = ConfigError,
+    what: str = "shape",
+) -> Shape:
     if name not in known:
         _load_library()
     if name not in known:
         _load_offered()
     if name not in known:
-        raise error(f"shape is {name!r}; allowed: {', '.join(known)}")
+        raise error(f"{what} is {name!r}; allowed: {', '.join(known)}")
     return known[name]
 
 

@@ -18,13 +18,16 @@ from sain_core.cli.interrupts import silent_interrupts
 from sain_core.provenance import ros2_command
 from sain_core.storage import make_folder, write_whole
 from sain_eval.cli.options import EvaluateOptions
-from sain_eval.loop.controllers import agent_maker
+from sain_eval.cli.table_parts import TABLE_NOTE
+from sain_eval.loop.controllers import BASELINES, agent_maker
 from sain_eval.loop.evaluation import EpisodeJob, run_jobs
 from sain_eval.loop.journal import Journal
 from sain_eval.loop.results import SceneRecord, summarise, write_results
 from sain_eval.loop.tables import (
     HEADER,
-    failure_lines,
+    failure_line,
+    failures,
+    failures_page,
     results_table,
     shape_table,
     table_cells,
@@ -41,6 +44,8 @@ def run(options: EvaluateOptions, console: Console) -> None:
     progress = Console(stderr=True, soft_wrap=True)
     records = evaluate(options, ros2_command("sain_eval", "evaluate"), progress)
     show(records, console)
+    if options.table:
+        console.print(f"\n{TABLE_NOTE}", markup=False, highlight=False, soft_wrap=True)
     show_failures(records, options.out / FAILURES_FILE, console)
 
 
@@ -52,7 +57,7 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
         CheckpointError: a controller's model cannot be loaded.
     """
     with silent_interrupts():
-        for name in options.controller_names:
+        for name in dict.fromkeys(name for part in options.parts for name in part.controllers):
             agent_maker(name, options.agent)  # a bad name should not wait for its first scene
     journal = Journal(make_folder(options.out), options.settings())
     jobs = jobs_of(options, journal.done)
@@ -73,11 +78,10 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     kept = [record for record in journal.records if wants(options, record)]
     config = {**dataclasses.asdict(options), "out": str(options.out)}
     write_results(options.out, kept, config, command)
-    write_whole(options.out / TABLE_FILE, results_table(summarise(kept)).encode())
+    write_whole(options.out / TABLE_FILE, table_page(options, kept).encode())
     if per_shape := shape_table(kept):
         write_whole(options.out / SHAPE_TABLE_FILE, per_shape.encode())
-    lines = [f"* {line}\n" for line in failure_lines(kept)] or ["None.\n"]
-    write_whole(options.out / FAILURES_FILE, "".join(lines).encode())
+    write_whole(options.out / FAILURES_FILE, failures_page(kept).encode())
     return kept
 
 
@@ -88,25 +92,44 @@ def jobs_of(options: EvaluateOptions, done: set[tuple[str, int, str]]) -> list[E
             scenario,
             seed,
             controller,
-            options.tolerance_values,
+            part.tolerances,
             options.agent,
             _picture(options, scenario, seed, controller),
             options.truth,
         )
-        for scenario in options.scenario_names
-        for seed in range(options.seed, options.seed + options.scenes)
-        for controller in options.controller_names
+        for part in options.parts
+        for scenario in part.scenarios
+        for seed in range(options.seed, options.seed + part.scenes(options.scenes))
+        for controller in part.controllers
         if (scenario, seed, controller) not in done
     ]
 
 
 def wants(options: EvaluateOptions, record: SceneRecord) -> bool:
     """Tell whether a record of an earlier run belongs to what was asked for now."""
-    return (
-        record.scenario in options.scenario_names
-        and record.controller in options.controller_names
-        and options.seed <= record.seed < options.seed + options.scenes
+    return any(
+        record.scenario in part.scenarios
+        and record.controller in part.controllers
+        and 0 <= record.seed - options.seed < part.scenes(options.scenes)
+        for part in options.parts
     )
+
+
+def table_page(options: EvaluateOptions, records: list[SceneRecord]) -> str:
+    """Return the summary as a page: the table, and what belongs to the whole one."""
+    table = results_table(summarise(records))
+    if not options.table:
+        return table
+    failed = [line for record in failures(records) if (line := _explained(record))]
+    return (
+        f"{table}\n{TABLE_NOTE}\n\nFailures of controllers that plan; all are in"
+        f" [{FAILURES_FILE}]({FAILURES_FILE}), each shape is in"
+        f" [{SHAPE_TABLE_FILE}]({SHAPE_TABLE_FILE}):\n\n{''.join(failed) or 'None.'}"
+    )
+
+
+def _explained(record: SceneRecord) -> str:
+    return "" if record.controller in BASELINES else f"* {failure_line(record)}\n"
 
 
 def show(records: list[SceneRecord], console: Console) -> None:
@@ -121,7 +144,7 @@ def show(records: list[SceneRecord], console: Console) -> None:
 
 def show_failures(records: list[SceneRecord], path: Path, console: Console) -> None:
     """Print each failed episode with its reason; where there are many, the first ones."""
-    lines = failure_lines(records)
+    lines = [failure_line(record) for record in failures(records)]
     if lines:
         console.print(f"\nFailures ({len(lines)}):", highlight=False)
     for line in lines[:MOST_FAILURES]:

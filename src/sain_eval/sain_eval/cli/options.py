@@ -9,15 +9,13 @@ import tyro
 
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
+from sain_eval.cli.table_parts import TABLE_PARTS, TablePart
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.tolerance import Tolerance
 from sain_mppi.loop.agent import AgentConfig
 from sain_mppi.search.config import PlannerConfig
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 
-PAPER_SCENARIOS: Final = "paper,paper_shift,paper_cube"
-PAPER_CONTROLLERS: Final = "null,straight,random,planar,sain"
-PAPER_TOLERANCES: Final = "0.05,0.02,0.01,0.005"
 LARGEST_TURN: Final = 5.0  # [rad]; any heading is nearer than pi
 
 
@@ -55,8 +53,8 @@ class EvaluateOptions(Config):
     pictures: int = option(0, "episodes of each scenario and controller to draw", minimum=0)
     table: bool = option(
         False,
-        "make the paper's table: its three scenarios, baselines, planar and sain, four tolerances;"
-        " --scenario, --controllers and --tolerances have no effect",
+        "make the whole table: the paper's scenarios with all baselines, and those of shapes and"
+        " poses; --scenario, --controllers and --tolerances have no effect",
     )
     truth: Annotated[TruthConfig, tyro.conf.arg(name="")] = RANDOMISED_TRUTH
     planner: Annotated[PlannerConfig, tyro.conf.arg(help="How MPPI plans.")] = field(
@@ -81,19 +79,26 @@ class EvaluateOptions(Config):
                 )
 
     @property
+    def parts(self) -> tuple[TablePart, ...]:
+        """What to play, in order."""
+        if self.table:
+            return TABLE_PARTS
+        return (TablePart(self.scenario_names, self.controller_names, self.tolerance_values),)
+
+    @property
     def scenario_names(self) -> tuple[str, ...]:
-        """The scenarios to run."""
-        return _split(PAPER_SCENARIOS if self.table else self.scenario, "scenario")
+        """The scenarios to run without `table`."""
+        return _split(self.scenario, "scenario")
 
     @property
     def controller_names(self) -> tuple[str, ...]:
-        """The controllers to run."""
-        return _split(PAPER_CONTROLLERS if self.table else self.controllers, "controllers")
+        """The controllers to run without `table`."""
+        return _split(self.controllers, "controllers")
 
     @property
     def tolerance_values(self) -> tuple[Tolerance, ...]:
-        """The tolerances, the widest first."""
-        words = _split(PAPER_TOLERANCES if self.table else self.tolerances, "tolerances")
+        """The tolerances without `table`, the widest first."""
+        words = _split(self.tolerances, "tolerances")
         try:
             known = {Tolerance.parse(word) for word in words}
         except ValueError as error:
@@ -111,12 +116,16 @@ class EvaluateOptions(Config):
     def settings(self) -> dict[str, object]:
         """Return what a record depends on besides scenario, seed and controller."""
         settings: dict[str, object] = {
-            "tolerances": [tolerance.stored() for tolerance in self.tolerance_values],
+            "tolerances": [one.stored() for one in self.parts[0].tolerances],
             "planner": dataclasses.asdict(self.planner),
             "history": self.history,
         }
         if self.truth != RANDOMISED_TRUTH:
             settings["truth"] = self.truth.settings()
+        if self.table:
+            settings["table"] = [
+                [*part.scenarios, *(one.stored() for one in part.tolerances)] for part in self.parts
+            ]
         return settings
 
 

@@ -49,7 +49,8 @@ def run_job(job: EpisodeJob) -> list[SceneRecord]:
     """Run one episode and judge it at each tolerance."""
     outcome = play_job(job)
     if job.picture is not None:
-        title = f"{job.scenario}, scene {job.seed}, {job.controller}"
+        goal = f", goal {len(outcome.records)}" if len(outcome.records) > 1 else ""
+        title = f"{job.scenario}, scene {job.seed}{goal}, {job.controller}"
         write_png(draw_episode(outcome.record, title), job.picture)
     return scene_records(job.case(), job.controller, outcome, job.tolerances)
 

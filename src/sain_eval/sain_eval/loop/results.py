@@ -20,6 +20,7 @@ from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.tolerance import Tolerance
 from sain_mppi.search.poses import PoseGoal
 
@@ -51,11 +52,19 @@ class SceneRecord:
     plan_seconds: tuple[float, ...] = ()  # of each push
     shapes: tuple[str, ...] = ()  # of the bodies
     goals: int = 1  # reached in a row, where a scene has several
+    most_goals: int = 1  # that the scene has
 
     @property
     def group(self) -> tuple[str, str, float, float]:
         """What is summarised together."""
         return self.scenario, self.controller, self.tolerance, self.heading_tolerance
+
+    @property
+    def place(self) -> int:
+        """The number of the scenario in the order of all; after these, if it is none of them."""
+        return (
+            list(SCENARIOS).index(self.scenario) if self.scenario in SCENARIOS else len(SCENARIOS)
+        )
 
 
 def scene_records(
@@ -85,8 +94,7 @@ def _judge(
             break
         goals += 1
     success = goals == len(case.goals)
-    times = [push.planning_time for push in made]
-    poses = isinstance(case.goal, PoseGoal)
+    times, poses = [push.planning_time for push in made], isinstance(case.goal, PoseGoal)
     errors = [_prediction_error(push, outcome.record) for push in made]
     known = [error for error in errors if error is not None]
     mid = [] if poses else [e for push in made if (e := push.mid_error) is not None]
@@ -110,6 +118,7 @@ def _judge(
         plan_seconds=tuple(times),
         shapes=case.shapes,
         goals=goals,
+        most_goals=len(case.goals),
     )
 
 
@@ -128,8 +137,11 @@ def _prediction_error(push: PushRecord, episode: EpisodeRecord) -> tuple[float, 
 
 
 def summarise(records: Sequence[SceneRecord]) -> list[dict[str, Any]]:
-    """Return one row for each scenario, controller and tolerance, in that order."""
-    ordered = sorted(records, key=lambda record: (*record.group, record.seed))
+    """Return one row for each scenario, controller and tolerance, in that order.
+
+    Scenarios have the order of `SCENARIOS`.
+    """
+    ordered = sorted(records, key=lambda record: (record.place, *record.group, record.seed))
     return [_row(list(group)) for _, group in groupby(ordered, key=lambda record: record.group)]
 
 
@@ -160,6 +172,8 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
         "refusals": sum(record.refusals for record in records),
         "fallbacks": sum(record.fallbacks for record in records),
         "goals": _mean([float(record.goals) for record in records]),
+        "goals_in_a_row": [record.goals for record in records if record.most_goals > 1],
+        "most_goals": first.most_goals,
     }
 
 

@@ -1,9 +1,12 @@
 """Results as tables for people."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import groupby
 from typing import Any, Final
 
+from sain_eval.loop.controllers import BASELINES
 from sain_eval.loop.results import SceneRecord, summarise
 from sain_model.evaluation.markdown import markdown_table
 
@@ -33,7 +36,7 @@ def table_cells(row: dict[str, Any]) -> list[str]:
         row["scenario"],
         row["controller"],
         tolerance_text(row["tolerance"], row["heading_tolerance"]),
-        f"{row['successes']}/{row['scenes']}",
+        _solved_text(row),
         f"{100 * rate['low']:.0f}-{100 * rate['high']:.0f} %",
         "-" if pushes is None else f"{pushes:.1f}",
         _error_text(row),
@@ -53,22 +56,48 @@ def shape_table(records: Iterable[SceneRecord]) -> str:
     return markdown_table(("shape", *HEADER[1:]), map(table_cells, rows))
 
 
-def failure_lines(records: Iterable[SceneRecord]) -> list[str]:
-    """Return a line for each episode that failed: at the widest tolerance that it missed."""
+def failures(records: Iterable[SceneRecord]) -> list[SceneRecord]:
+    """Return the record of each episode that failed, at the widest tolerance that it missed.
+
+    Those of controllers that plan come before those of baselines.
+    """
     widest: dict[tuple[str, int, str], SceneRecord] = {}
     for record in records:
-        key = record.scenario, record.seed, record.controller
+        key = _name(record)
         if not record.success and (key not in widest or record.tolerance > widest[key].tolerance):
             widest[key] = record
-    return [_failure_line(widest[key]) for key in sorted(widest)]
+
+    def order(record: SceneRecord) -> tuple[bool, int, str, str, int]:
+        plain = record.controller in BASELINES
+        return plain, record.place, record.scenario, record.controller, record.seed
+
+    return sorted(widest.values(), key=order)
 
 
-def _failure_line(record: SceneRecord) -> str:
+def failures_page(records: Sequence[SceneRecord]) -> str:
+    """Return a page with a line for each episode that failed, by scenario and controller."""
+    episodes = Counter((scenario, name) for scenario, _, name in {_name(r) for r in records})
+    parts = []
+    grouped = groupby(failures(records), key=lambda record: (record.scenario, record.controller))
+    for key, group in grouped:
+        lines = [f"* {failure_line(record)}\n" for record in group]
+        parts.append(f"## {', '.join(key)}: {len(lines)} of {episodes[key]}\n\n{''.join(lines)}")
+    return "\n".join(parts) or "None.\n"
+
+
+def _name(record: SceneRecord) -> tuple[str, int, str]:
+    """Return what no two episodes of an evaluation share."""
+    return record.scenario, record.seed, record.controller
+
+
+def failure_line(record: SceneRecord) -> str:
+    """Return which episode failed, at which tolerance, why, and how it ended."""
     bodies = f" ({', '.join(record.shapes)})" if record.heading_tolerance else ""
     within = tolerance_text(record.tolerance, record.heading_tolerance)
     end = f"{1e3 * record.final_distance:.1f} mm"
     end += f", {record.final_turn:.3f} rad" if record.heading_tolerance else ""
-    goals = f" after {record.goals} goals" if record.goals > 1 else ""
+    several = record.most_goals > 1 or record.goals > 1
+    goals = f" after {record.goals} goals in a row" if several else ""
     return (
         f"{record.scenario} {record.seed}{bodies}, {record.controller}, not within {within}"
         f"{goals}: {record.failure}; {record.pushes} pushes, {record.refusals} refused, ended"
@@ -80,6 +109,15 @@ def tolerance_text(distance: float, turn: float) -> str:
     """Return a tolerance [m, rad] in words; a turn of 0: the goal is a place."""
     text = f"{100 * distance:g} cm"
     return f"{text}, {turn:g} rad" if turn else text
+
+
+def _solved_text(row: dict[str, Any]) -> str:
+    """Return how many scenes were solved; where these have several goals, how many in a row."""
+    text = f"{row['successes']}/{row['scenes']}"
+    if row["most_goals"] == 1:
+        return text
+    in_a_row = ", ".join(map(str, row["goals_in_a_row"]))
+    return f"{text}; {in_a_row} of {row['most_goals']} goals in a row"
 
 
 def _error_text(row: dict[str, Any]) -> str:

@@ -1,6 +1,6 @@
 """Bodies from above: their outlines, where they should be, and where they were expected."""
 
-from typing import Any, Final
+from typing import Any, Final, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -9,11 +9,11 @@ from matplotlib.patches import Circle, Patch, Polygon
 from numpy import ndarray
 
 from sain_core.drawing.palette import PALETTE, rgba
-from sain_core.scene import POSITION, RADIUS, THETA, unit
-from sain_core.shapes.bodies import MOST_BODIES
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, unit
+from sain_core.shapes.bodies import MOST_BODIES, Bodies
 from sain_core.shapes.shape import Shape
 from sain_core.types import Points, Scene
-from sain_eval.plots.episode_record import EpisodeRecord
+from sain_mppi.search.goal import Goal
 from sain_mppi.search.poses import BodyPose, PoseGoal
 
 BODY_COLOURS: Final = (
@@ -33,7 +33,35 @@ DASHED: Final = (0, (4, 2.5))
 HEADING_MARK: Final = (0.0, 0.8)  # of the radius, from where to where it is drawn
 
 
-def body_colour(record: EpisodeRecord, body: int) -> str:
+@runtime_checkable
+class Depicted(Protocol):
+    """What pictures take from an episode or a plan: the bodies, and what they are wanted for."""
+
+    @property
+    def start(self) -> Scene:
+        """The first scene (N, 8)."""
+
+    @property
+    def goal(self) -> Goal | PoseGoal:
+        """A place (2,) for the target, or poses."""
+
+    @property
+    def bodies(self) -> Bodies:
+        """Shape and role of each body."""
+
+
+def body_names(record: Depicted) -> list[str]:
+    """Return what of `sain_eval.legend.MARKS` stands for the bodies and their goal."""
+    count = len(record.start)
+    if isinstance(record.goal, PoseGoal):
+        return [*(f"body {body}" for body in range(count)), "goal pose"]
+    round_ = [shape.is_round for shape in record.bodies.shapes]
+    names = ["mid disk" if round_[MID] else "pushing body", "target", "goal and tolerance"]
+    others = ["other disk" if all(round_[TARGET + 1 :]) else "other body"]
+    return names + others * (count > TARGET + 1)
+
+
+def body_colour(record: Depicted, body: int) -> str:
     """Return the colour of a body: its own where bodies have poses, otherwise by its task."""
     return BODY_COLOURS[body] if isinstance(record.goal, PoseGoal) else PALETTE.disk(body)
 
@@ -46,7 +74,7 @@ def outline_patch(state: Float[ndarray, "8"], shape: Shape, **style: Any) -> Pat
 
 
 def draw_body(
-    axes: Axes, record: EpisodeRecord, scene: Scene, body: int, face: float, **style: Any
+    axes: Axes, record: Depicted, scene: Scene, body: int, face: float, **style: Any
 ) -> None:
     """Draw a body of a scene; `face` is the opacity of its inside, `edge` that of its rim."""
     colour, edge = body_colour(record, body), style.pop("edge", 1.0)
@@ -56,7 +84,7 @@ def draw_body(
     axes.add_patch(outline_patch(scene[body], record.bodies.shapes[body], **style))
 
 
-def draw_pose(axes: Axes, record: EpisodeRecord, pose: BodyPose) -> None:
+def draw_pose(axes: Axes, record: Depicted, pose: BodyPose) -> None:
     """Draw where a body should come to rest: its outline, and its heading if that counts.
 
     Cross and heading have the body's colour. Without a heading: the circle of its tolerance.
@@ -86,7 +114,7 @@ def draw_heading(
     axes.plot(*line.T, color=colour, linewidth=1.6, zorder=zorder, solid_capstyle="round")
 
 
-def draw_ghost(axes: Axes, scene: Scene, record: EpisodeRecord, body: int) -> None:
+def draw_ghost(axes: Axes, scene: Scene, record: Depicted, body: int) -> None:
     """Draw the outline of a body where it was expected."""
     shape = record.bodies.shapes[body]
     style: dict[str, Any] = {"edgecolor": rgba(PALETTE.predicted, 0.8), "linewidth": 0.9}

@@ -1,6 +1,8 @@
 """The picture of a plan from above: the sequence chosen, what else was tried, where it may lead."""
 
-from typing import Final
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,72 +15,136 @@ from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.push import tool_end, tool_start
 from sain_core.scene import MID, POSITION, RADIUS, TARGET
-from sain_core.types import Scene
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Points, Scene
+from sain_eval.plots.body_marks import body_colour, body_names, draw_body, draw_pose
 from sain_eval.plots.legend import draw_legend
 from sain_eval.plots.top_view import draw_arrow, draw_table, frame_view
 from sain_mppi.search.goal import Goal
+from sain_mppi.search.poses import PoseGoal
 from sain_mppi.search.result import PlanResult
 
-MARGIN: Final = 0.06  # [m] of a disk about its centre
+MOVED: Final = 1e-3  # [m], a body that should move less has no way
 COSTS: Final = LinearSegmentedColormap.from_list(
     "costs", [PALETTE.goal, PALETTE.learned, PALETTE.alarm]
 )
 
 
+@dataclass(frozen=True)
+class _Planned:
+    """What a plan is about, as `Depicted`."""
+
+    start: Scene  # (N, 8)
+    goal: Goal | PoseGoal
+    bodies: Bodies
+
+    @property
+    def wanted(self) -> tuple[int, ...]:
+        """The bodies that the goal is for."""
+        if isinstance(self.goal, PoseGoal):
+            return tuple(pose.body for pose in self.goal.poses)
+        return (TARGET,)
+
+    def followed(self, plan: PlanResult) -> tuple[int, ...]:
+        """Return the bodies whose ways are drawn: those wanted, the mid disk, those moved."""
+        moves = np.linalg.norm(plan.predicted[..., POSITION] - self.start[:, POSITION], axis=-1)
+        pushing = () if isinstance(self.goal, PoseGoal) else (MID,)
+        moved = np.flatnonzero(moves.max(axis=0, initial=0.0) > MOVED).tolist()
+        return tuple(sorted({*self.wanted, *pushing, *moved}))
+
+
 def draw_plan(
     axes: Axes,
     scene: Scene,
-    goal: Goal,
+    goal: Goal | PoseGoal,
     plan: PlanResult,
     feasibility: Feasibility | None = None,
-) -> None:
-    """Draw a plan from a scene (N, 8) towards a goal (2,) into axes, in metres.
+    bodies: Bodies | None = None,
+) -> list[str]:
+    """Draw a plan from a scene (N, 8) towards a goal, a place (2,) or poses, into axes, in metres.
 
-    Thin lines are where other sequences lead the target, from green (cheap) to red (dear); thick
-    ones what the chosen sequence does to mid disk and target; faint disks where they should come
-    to rest; the arrow is the first push.
+    Thin lines are where other sequences lead the wanted bodies, from green (cheap) to red (dear);
+    thick ones what the chosen sequence does to the bodies that it moves; faint outlines where they
+    should come to rest; the arrow is the first push. Without `bodies` all are disks.
+
+    Returns:
+        What `draw_plan_legend` explains.
     """
     feasibility = feasibility or Feasibility()
-    scenes = np.concatenate([scene[None], plan.predicted])
-    places = np.concatenate([scenes[:, [MID, TARGET], POSITION].reshape(-1, 2), goal[None]])
-    frame_view(axes, np.concatenate([places - MARGIN, places + MARGIN]))
+    planned = _Planned(scene, goal, bodies or Bodies.disks(len(scene)))
+    followed = planned.followed(plan)
+    frame_view(axes, _extent(planned, plan, followed))
     draw_table(axes, feasibility)
-    _draw_others(axes, scene, plan)
-    for disk in range(len(scene)):
-        _draw_disk(axes, scene, disk, alpha=0.4)
-    for predicted in plan.predicted:
-        for disk in (MID, TARGET):
-            _draw_disk(axes, predicted, disk, alpha=0.06)
-    for disk in (MID, TARGET):
-        way = plan.way(scene, disk)
-        axes.plot(*way.T, "o-", color=PALETTE.disk(disk), linewidth=2.0, markersize=3.5, zorder=6)
-        if plan.regions is not None:
-            region = Circle(tuple(way[1]), float(plan.regions[0, disk]), zorder=7)
-            region.set(facecolor="none", edgecolor=PALETTE.predicted, linewidth=1.2)
-            axes.add_patch(region)
-    start = tool_start(scene, plan.push, feasibility.limits)
-    end = tool_end(scene, plan.push, feasibility.limits)
+    _draw_others(axes, planned, plan)
+    for body in range(len(scene)):
+        draw_body(axes, planned, scene, body, 0.4, edge=0.7, linewidth=0.9, zorder=3)
+    for body in followed:
+        _draw_way(axes, planned, plan, body)
+    start = tool_start(scene, plan.push, feasibility.limits, planned.bodies)
+    end = tool_end(scene, plan.push, feasibility.limits, planned.bodies)
     draw_arrow(axes, start, end)
-    axes.plot(*goal, "+", color=PALETTE.goal, markersize=13, markeredgewidth=2.4, zorder=9)
+    _draw_goal(axes, planned)
+    return _names(planned, plan)
 
 
-def _draw_others(axes: Axes, scene: Scene, plan: PlanResult) -> None:
+def draw_plan_legend(figure: Figure, names: Sequence[str], columns: int = 3) -> None:
+    """Explain what `draw_plan` returned along the bottom of a figure."""
+    draw_legend(figure, names, columns)
+
+
+def _extent(planned: _Planned, plan: PlanResult, followed: Sequence[int]) -> Points:
+    """Return points (M, 2) that all have to be in view."""
+    scenes = [planned.start, *plan.predicted]
+    points = []
+    if isinstance(planned.goal, PoseGoal):
+        scenes.append(planned.goal.placed(planned.start))
+    else:
+        points.append(planned.goal[None])
+    for body in followed:
+        size = planned.bodies.shapes[body].circumradius * planned.start[body, RADIUS]
+        places = np.array([scene[body, POSITION] for scene in scenes])
+        points += [places - size, places + size]
+    return np.concatenate(points)
+
+
+def _draw_others(axes: Axes, planned: _Planned, plan: PlanResult) -> None:
     count = len(plan.others.costs)
-    if not count:
-        return
-    ways = plan.others.ways(scene, TARGET)
     colours = COSTS(np.linspace(0.0, 1.0, count))
-    lines = LineCollection(list(ways[::-1]), colors=colours[::-1], linewidths=0.8, zorder=5)
-    axes.add_collection(lines)
+    for body in planned.wanted if count else ():
+        ways = plan.others.ways(planned.start, body)
+        lines = LineCollection(list(ways[::-1]), colors=colours[::-1], linewidths=0.8, zorder=5)
+        axes.add_collection(lines)
 
 
-def _draw_disk(axes: Axes, scene: Scene, disk: int, alpha: float) -> None:
-    patch = Circle(tuple(scene[disk, POSITION]), float(scene[disk, RADIUS]), zorder=3)
-    patch.set(facecolor=PALETTE.disk(disk), alpha=alpha, linewidth=0)
-    axes.add_patch(patch)
+def _draw_way(axes: Axes, planned: _Planned, plan: PlanResult, body: int) -> None:
+    """Draw what the plan does to a body, and the region of the first push."""
+    for predicted in plan.predicted:
+        draw_body(axes, planned, predicted, body, 0.06, edge=0.3, linewidth=0.7, zorder=3.5)
+    way, colour = plan.way(planned.start, body), body_colour(planned, body)
+    axes.plot(*way.T, "o-", color=colour, linewidth=2.0, markersize=3.5, zorder=6)
+    if plan.regions is not None:
+        region = Circle(tuple(way[1]), float(plan.regions[0, body]), zorder=7)
+        region.set(facecolor="none", edgecolor=PALETTE.predicted, linewidth=1.2)
+        axes.add_patch(region)
 
 
-def draw_plan_legend(figure: Figure, columns: int = 3) -> None:
-    """Explain the marks of `draw_plan` along the bottom of a figure."""
-    names = ["table", "reachable area", "mid disk", "target", "goal", "push", "90 % region"]
-    draw_legend(figure, [*names, "other sequence, cheapest", "other sequence, dearest"], columns)
+def _draw_goal(axes: Axes, planned: _Planned) -> None:
+    if not isinstance(planned.goal, PoseGoal):
+        style: dict[str, Any] = {
+            "color": PALETTE.goal,
+            "markersize": 13,
+            "markeredgewidth": 2.4,
+            "zorder": 9,
+        }
+        axes.plot(*planned.goal, "+", **style)
+        return
+    for pose in planned.goal.poses:
+        draw_pose(axes, planned, pose)
+
+
+def _names(planned: _Planned, plan: PlanResult) -> list[str]:
+    bodies = [name.removesuffix(" and tolerance") for name in body_names(planned)]
+    names = ["table", "reachable area", *bodies, "push"]
+    names += ["90 % region"] * (plan.regions is not None)
+    others = ["other sequence, cheapest", "other sequence, dearest"]
+    return names + others * bool(len(plan.others.costs))

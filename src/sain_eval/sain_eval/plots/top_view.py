@@ -13,10 +13,11 @@ from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.feasibility import Feasibility
 from sain_core.push import LENGTH, strokes
 from sain_core.push_record import PushRecord
-from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, unit, wrap_angle
+from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
 from sain_core.types import Points, Scene
 from sain_eval.plots.body_marks import (
     body_colour,
+    body_names,
     draw_body,
     draw_error,
     draw_ghost,
@@ -61,7 +62,7 @@ def draw_top_view(
         _draw_prediction(axes, record, push)
     for number, push in enumerate(record.pushes, start=1):
         _draw_push(axes, record, push, number, feasibility)
-    names = ["table", "reachable area", "start", *_body_names(record)]
+    names = ["table", "reachable area", "start", *body_names(record)]
     names += ["push"] if record.pushes else []
     predicted = any(push.predicted is not None for push in record.pushes)
     return names + ["predicted by the planner"] * predicted
@@ -70,17 +71,6 @@ def draw_top_view(
 def _start_line(record: EpisodeRecord) -> tuple[float, tuple[float, float]]:
     """Return how outlines at the start are drawn: dotted where those at the goal are dashed."""
     return 0, (1, 1.3) if isinstance(record.goal, PoseGoal) else (3, 2.5)
-
-
-def _body_names(record: EpisodeRecord) -> list[str]:
-    """Return what of `sain_eval.legend.MARKS` stands for the bodies and their goal."""
-    count = len(record.start)
-    if isinstance(record.goal, PoseGoal):
-        return [*(f"body {body}" for body in range(count)), "goal pose"]
-    round_ = [shape.is_round for shape in record.bodies.shapes]
-    names = ["mid disk" if round_[MID] else "pushing body", "target", "goal and tolerance"]
-    others = ["other disk" if all(round_[TARGET + 1 :]) else "other body"]
-    return names + others * (count > TARGET + 1)
 
 
 def _draw_goals(axes: Axes, record: EpisodeRecord) -> None:

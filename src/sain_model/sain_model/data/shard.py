@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy import ndarray
 
-from sain_core.dataset import FLAT, NEEDED, Column, Columns, as_scenes
+from sain_core.dataset import FLAT, NEEDED, Column, Columns, as_scenes, row_bodies
 from sain_core.errors import DatasetError
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
 from sain_core.storage import read_arrays
@@ -21,7 +21,7 @@ def read_shard(path: Path) -> Columns:
 
     Raises:
         DatasetError: a damaged shard, a missing column, no rows, arrays that do not fit together,
-            NaN or Inf, or a number that cannot be.
+            NaN or Inf, a number that cannot be, or pushes against other bodies than the first.
     """
     arrays = read_arrays(path)
     missing = [column for column in NEEDED if column not in arrays]
@@ -31,6 +31,7 @@ def read_shard(path: Path) -> Columns:
         raise DatasetError(f"{path} holds no transitions")
     count = len(arrays[Column.ACTION])
     disks = _disks(path, arrays[Column.STATE], count)
+    _check_bodies(path, arrays)
     columns: Columns = {}
     for column in LOADED:
         shape = (count, *column.row_shape(disks))
@@ -49,6 +50,20 @@ def _disks(path: Path, states: ndarray, count: int) -> int:
     if disks < 2:
         raise DatasetError(f"{path}: state has {disks} disks; it needs 2 or more")
     return disks
+
+
+def _check_bodies(path: Path, arrays: Columns) -> None:
+    """Raise `DatasetError` where other bodies than the first are pushed."""
+    if Column.SHAPES not in arrays:
+        return
+    for bodies in dict.fromkeys(row_bodies(arrays)):
+        if not bodies.has_paper_roles:
+            pairs = zip(bodies.shapes, bodies.roles, strict=True)
+            names = ", ".join(f"{shape.name} ({role})" for shape, role in pairs)
+            raise DatasetError(
+                f"{path} holds the bodies {names}; only body 0 may be pushable here."
+                " benchmarks.shapes_learning learns from pushes of any body"
+            )
 
 
 def _checked(path: Path, column: Column, values: ndarray, shape: tuple[int, ...]) -> ndarray:

@@ -9,21 +9,31 @@ moves with what is not known of the friction, and ``way`` how far the disk is pr
 all in metres, and ``elongation`` how near a body's supports are to one line, from 0 to 1. For disks
 it is not looked at. What a, b, c, d and the factors are was fitted to validation episodes
 (`sain_model.training.interval_fit`) and stands on the checkpoint's card.
+
+A world may be unlike that of these episodes. So a model of any shape compares the errors of an
+episode's earlier pushes with their radii, and widens its regions when they are larger than usual.
 """
 
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from sain_core.config import Config, option
+from sain_core.dataset import Transitions
 from sain_core.errors import ConfigError
+from sain_core.push import pushed_bodies
 from sain_core.scene import MID, POSITION
 from sain_core.types import Indices, Scalars, Scenes
 
 LEVEL: Final = 0.9  # share of the pushes whose region holds the disk
+LEAST_LOG: Final = -3.0  # smaller logarithms of error over radius count as this
+UNLIKE_ODDS: Final = 0.3  # that a world is unlike that of the validation episodes, beforehand
+UNLIKE_STD: Final = 2.0  # of the logarithm by which errors are larger there
+UNLIKE_SCATTER: Final = 1.0  # standard deviation of that logarithm over the pushes of an episode
+QUANTILE: Final = 1.28  # of a standard normal, at `LEVEL`
 
 
 @dataclass(frozen=True)
@@ -75,6 +85,38 @@ class Intervals(Config):
     level: float = option(LEVEL, "share of the pushes whose region contains the disk", minimum=0.01)
     mid: IntervalConfig = IntervalConfig()
     target: IntervalConfig = IntervalConfig()
+    usual_log: float = option(0.0, "mean logarithm of error over radius of pushed bodies")
+    usual_log_std: float = option(
+        0.0, "its standard deviation; 0: regions are never widened", minimum=0.0
+    )
+
+    @property
+    def adapts(self) -> bool:
+        """Whether earlier pushes can widen regions."""
+        return self.usual_log_std > 0.0
+
+    def excess(self, off: Scalars, radius: Scalars) -> Scalars:
+        """Return the logarithm by which errors (P,) [m] of pushed bodies are larger than usual."""
+        logs = np.log(np.maximum(off, 1e-12) / radius)
+        return np.asarray(np.maximum(logs, LEAST_LOG) - self.usual_log)
+
+    def widening(self, total: Scalars, pushes: Int[ndarray, "B"]) -> Scalars:
+        """Return factors (B,) of the radii after so many pushes with this total excess.
+
+        There are two hypotheses: errors are as usual, or larger by a logarithm that is normal with
+        `UNLIKE_STD`. Its posterior mean, and what is open about it, count by the posterior
+        probability of the second one. Regions never become smaller.
+        """
+        count = np.maximum(pushes, 1)
+        mean = total / count
+        usual, noise = self.usual_log_std**2 / count, UNLIKE_SCATTER**2 / count
+        wide = noise + UNLIKE_STD**2
+        evidence = 0.5 * (mean**2 * (1.0 / usual - 1.0 / wide) - np.log(wide / usual))
+        unlike = 1.0 / (1.0 + np.exp(-np.clip(evidence, -50.0, 50.0)) / UNLIKE_ODDS)
+        larger = mean * UNLIKE_STD**2 / wide
+        scatter = np.sqrt(UNLIKE_SCATTER**2 + noise * UNLIKE_STD**2 / wide)
+        log = unlike * (larger + QUANTILE * np.maximum(scatter - self.usual_log_std, 0.0))
+        return np.asarray(np.where((pushes > 0) & (mean > 0.0), np.exp(log), 1.0))
 
     def radii(
         self,
@@ -124,3 +166,11 @@ class Prediction:
     def spread(self) -> Float[ndarray, "B N"]:
         """What is open altogether, the members and the friction [m]."""
         return np.hypot(self.members, self.friction)
+
+
+def pushed_errors(told: Prediction, pushes: Transitions) -> tuple[Scalars, Scalars]:
+    """Return how far off pushed bodies (M,) came to lie [m], and the radii of their regions."""
+    assert told.radius is not None
+    row = np.arange(len(pushes)), pushed_bodies(pushes.action)
+    off = np.linalg.norm((told.mean - pushes.next_state)[..., POSITION], axis=-1)
+    return off[row], told.radius[row]

@@ -20,7 +20,7 @@ from sain_model.compute.batch_checks import check_batch, check_physics_next
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
 from sain_model.data.shaped_physics import prior_for
-from sain_model.dynamics.intervals import Intervals, Prediction
+from sain_model.dynamics.intervals import Intervals, Prediction, pushed_errors
 from sain_model.dynamics.settings import IDENTITY
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.interaction_network import InteractionNetwork
@@ -54,6 +54,7 @@ class SainDynamics:
         bodies: that are pushed; None: disks.
         any_shape: the model of all bodies that a network for disks cannot predict; None: it
             refuses them.
+        widening: factor of its regions, from the errors of earlier pushes.
     """
 
     network: InteractionNetwork
@@ -68,6 +69,7 @@ class SainDynamics:
     device: str = CPU
     bodies: Bodies | None = None
     any_shape: "SainDynamics | None" = None
+    widening: float = 1.0
 
     def __post_init__(self) -> None:
         """Stop whatever a network does in training alone."""
@@ -115,8 +117,26 @@ class SainDynamics:
         friction = self.filter
         if friction is None or len(history) == 0:
             return self
-        belief = friction.infer(history)
-        return self.at(belief.mean, belief.spread)
+        likelihood = friction.log_likelihood(history.state, history.action, history.next_state)
+        belief = friction.start()
+        for push in likelihood:
+            belief = belief.after(push)
+        told = self.at(belief.mean, belief.spread)
+        if self.intervals is None or not self.intervals.adapts:
+            return told
+        widening = self._widening(friction, likelihood, history)
+        return self._with_same_weights(replace(told, widening=widening))
+
+    def _widening(
+        self, friction: FrictionFilter, likelihood: Float[ndarray, "M F"], history: PushHistory
+    ) -> float:
+        """Return the factor of the regions: each past push is predicted from those before it."""
+        assert self.intervals is not None
+        count = len(history)
+        known = friction.earlier(likelihood, np.zeros(count, np.int64), np.arange(count))
+        told = self.predict(history.state, history.action, known.mean, known.spread)
+        total = self.intervals.excess(*pushed_errors(told, history)).sum()
+        return float(self.intervals.widening(np.array([total]), np.array([count]))[0])
 
     def at(self, friction: float, friction_log_std: float = 0.0) -> Self:
         """Return this model conditioned on a friction and the standard deviation of its log.
@@ -201,7 +221,7 @@ class SainDynamics:
         if self.network.config.bodies == ANY_SHAPE:
             long = elongations(self.bodies or Bodies.disks(scenes.shape[1]))
         radii = self.intervals.radii(prediction, scenes, pushed_bodies(pushes), long)
-        return replace(prediction, radius=radii)
+        return replace(prediction, radius=radii if self.widening == 1.0 else self.widening * radii)
 
     def correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
         """Return the prediction `physics_next` (B, N, 8) of a prior, corrected.

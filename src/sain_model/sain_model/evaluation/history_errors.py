@@ -1,5 +1,6 @@
 """What an episode's earlier pushes are worth: errors with the friction that they tell of."""
 
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -7,9 +8,9 @@ from numpy import ndarray
 
 from sain_core.dynamics import Dynamics
 from sain_core.scene import TARGET
-from sain_core.types import Mask, Scenes
+from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.dataset import Dataset
-from sain_model.dynamics.intervals import Prediction
+from sain_model.dynamics.intervals import Prediction, pushed_errors
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.metrics import position_errors, shares_removed
 from sain_model.physics.friction import EpisodeFriction, FrictionFilter
@@ -37,7 +38,22 @@ def predict_with_history(sain: SainDynamics, data: Dataset) -> Prediction:
     if sain.filter is None:
         return sain.predict(data.state, data.action)
     known = earlier_friction(sain.filter, data)
-    return sain.predict(data.state, data.action, known.mean, known.spread)
+    told = sain.predict(data.state, data.action, known.mean, known.spread)
+    if sain.intervals is None or not sain.intervals.adapts or told.radius is None:
+        return told
+    excess = sain.intervals.excess(*pushed_errors(told, data))
+    widening = sain.intervals.widening(*_sums_before(data, excess))
+    return replace(told, radius=told.radius * widening[:, None])
+
+
+def _sums_before(data: Dataset, values: Scalars) -> tuple[Scalars, ndarray]:
+    """Return sums over the earlier pushes of each push's episode (M,), and their numbers."""
+    order = np.lexsort((data.step, data.episode))
+    count = earlier_pushes(data)
+    sums = np.concatenate([[0.0], np.cumsum(values[order])])
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    return sums[place] - sums[place - count], count
 
 
 def history_predictions(data: Dataset, sain: Dynamics | None) -> dict[str, Scenes]:

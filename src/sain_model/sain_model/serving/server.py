@@ -27,6 +27,7 @@ from sain_model.serving.settings import ServingConfig
 WARM_UP_SCENE: Final = make_scene(
     np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
 )
+WARM_UP_BODIES: Final = Bodies.named(["t", "disk"])
 WARM_UP_PUSHES: Final = np.array([[[0.0, 0.0, 0.1]], [[0.5, 0.1, 0.05]]])  # (2, 1, 3)
 PHYSICS: Final = "physics"
 
@@ -78,6 +79,8 @@ class ModelServer:
         """
         with answering(self._name):
             self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES)
+            if isinstance(self._usual, SainDynamics) and self._usual.any_shape is not None:
+                self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES, bodies=WARM_UP_BODIES)
             self.predict(np.stack([WARM_UP_SCENE] * len(WARM_UP_PUSHES)), WARM_UP_PUSHES[:, 0])
 
     def knowing(self, history: PushHistory | None, bodies: Bodies | None = None) -> Dynamics:

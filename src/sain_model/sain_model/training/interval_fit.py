@@ -1,5 +1,6 @@
 """Fits the regions of `sain_model.dynamics.intervals` to episodes that no weight was fitted to."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -12,7 +13,7 @@ from sain_core.push import pushed_bodies
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset
-from sain_model.dynamics.intervals import LEVEL, IntervalConfig, Intervals
+from sain_model.dynamics.intervals import LEVEL, IntervalConfig, Intervals, pushed_errors
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.network.settings import ANY_SHAPE
@@ -32,15 +33,25 @@ def fit_intervals(sain: SainDynamics, *data: Dataset, level: float = LEVEL) -> I
     not fitted to this data. Friction is told as in deployment, by the episode's earlier pushes.
     """
     pieces = [_scored(sain, part) for part in data]
+    shaped = sain.network.config.bodies == ANY_SHAPE
     configs = []
     for rows in range(2):  # mid disk, target
         parts, off, long = (
             np.concatenate([piece[rows][column] for piece in pieces], axis=-1)
             for column in range(3)
         )
-        shaped = sain.network.config.bodies == ANY_SHAPE
         configs.append(fit_disk(parts, off, level, long if shaped else None))
-    return Intervals(level, *configs)
+    intervals = Intervals(level, mid=configs[0], target=configs[1])
+    return _with_usual_errors(replace(sain, intervals=intervals), data) if shaped else intervals
+
+
+def _with_usual_errors(sain: SainDynamics, data: Sequence[Dataset]) -> Intervals:
+    """Return its intervals with the usual logarithms of error over radius of pushed bodies."""
+    assert sain.intervals is not None
+    told = [pushed_errors(predict_with_history(sain, part), part) for part in data]
+    logs = np.concatenate([sain.intervals.excess(*pair) for pair in told])
+    usual, spread = float(logs.mean()), float(logs.std())
+    return replace(sain.intervals, usual_log=usual, usual_log_std=spread)
 
 
 def _scored(

@@ -15,11 +15,11 @@ from sain_core.config import Config, option
 from sain_core.dataset import MOVED, ROUGH, Column, Row, describe_bodies
 from sain_core.errors import ConfigError, SainError
 from sain_core.push import PUSH_SIZE, PaperGrid, pushed_bodies
-from sain_core.scene import MID, POSITION, TARGET
+from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
 from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
-from sain_core.shapes.registry import built_shapes, footprint_names
+from sain_core.shapes.registry import built_shapes, check_footprint, footprint_names
 from sain_core.types import PushArray
 from sain_sim.collecting.push_counts import PushCounts
 from sain_sim.episodes.nominal_shadow import NominalShadow
@@ -77,8 +77,8 @@ class EpisodeConfig(Config):
     def __post_init__(self) -> None:
         """Check the fields, and that the target's shape exists."""
         super().__post_init__()
-        built_shapes([self.target], self.shape)
-        built_shapes(self.shape_names, self.shape)
+        for name in (self.target, *self.shape_names):
+            check_footprint(name)
         if self.bodies and not self.shapes:
             raise ConfigError(f"bodies is {self.bodies!r}, and shapes is empty; give both")
         _ = self.counts  # checks them
@@ -241,8 +241,8 @@ def draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> World
     if config.shapes:
         count = int(random.choice(config.counts))
         names = built_shapes(random.choice(config.shape_names, count).tolist(), config.shape)
-        drawn = config.truth.draw(random, count, config.shape, ranges)
-        return replace(drawn, shapes=names, roles=(Role.PUSHABLE,) * count)
-    drawn = config.truth.draw(random, config.disks, config.shape, ranges)
-    (target,) = built_shapes([config.target], config.shape)
-    return replace(drawn, shapes=(drawn.shapes[MID], target, *drawn.shapes[TARGET + 1 :]))
+        drawn = config.truth.draw(random, count, config.shape, ranges, names)
+        return replace(drawn, roles=(Role.PUSHABLE,) * count)
+    others = (DISK,) * (config.disks - 2)
+    names = built_shapes((DISK, config.target, *others), config.shape)
+    return config.truth.draw(random, config.disks, config.shape, ranges, names)

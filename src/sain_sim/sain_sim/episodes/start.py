@@ -85,7 +85,8 @@ def draw_episode(
     if world == NOMINAL:
         parameters = nominal_parameters(count)
     else:
-        parameters = TruthConfig(world, effects, lab).draw(generator(seed, "episode"), count)
+        truth = TruthConfig(world, effects, lab)
+        parameters = truth.draw(generator(seed, "episode"), count, shapes=built)
     friction = friction or parameters.friction
     parameters = replace(parameters, shapes=built, roles=roles, friction=friction)
     if scene is None:

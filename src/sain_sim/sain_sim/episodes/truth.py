@@ -18,6 +18,7 @@ from sain_sim.world.parameters import (
     WorldParameters,
     sample_parameters,
 )
+from sain_sim.world.rough_shapes import fit_shapes
 from sain_sim.world.roughness import EFFECTS, RIM_FRICTION, RIMS, draw_roughness
 
 RANDOMISED: Final = "randomised"
@@ -82,16 +83,22 @@ class TruthConfig(Config):
         count: int = 2,
         shape: str = THREE_FEET,
         ranges: Ranges = RANGES[PAPER],
+        shapes: tuple[str, ...] = (),
     ) -> WorldParameters:
-        """Draw the parameters of one episode with N = count disks."""
-        return self.roughen(sample_parameters(random, count, shape, ranges))
+        """Draw the parameters of one episode with N = count bodies; without shapes, of disks."""
+        drawn = sample_parameters(random, count, shape, ranges)
+        return self.roughen(replace(drawn, shapes=shapes) if shapes else drawn)
 
     def roughen(self, parameters: WorldParameters) -> WorldParameters:
-        """Return these disks in this world; a randomised one leaves them as they are."""
+        """Return these bodies in this world; a randomised one leaves them as they are.
+
+        Each stands on the feet of its shape, off by the errors of the laboratory.
+        """
         if self.world == RANDOMISED:
             return parameters
         names = self.effect_names
-        roughness = draw_roughness(self.lab, names, parameters.count)
+        drawn = draw_roughness(self.lab, names, parameters.count)
+        roughness = fit_shapes(drawn, parameters.body_shapes)
         friction, rims = parameters.friction, parameters.rim_friction
         if VARIED_FRICTION not in names:
             friction = float(generator(self.lab, "lab", "friction").uniform(*FRICTION_RANGE))

@@ -84,8 +84,8 @@ class WorldParameters(Config):
                 f"WorldParameters has {len(self.masses)} masses, {len(self.radii)} radii and"
                 f" {len(self.shapes)} shapes; it needs one of each for every body, 1 or more"
             )
-        for name in self.shapes:
-            check_shape(name)
+        for body, name in enumerate(self.shapes):
+            check_shape(name, body)
         _ = self.bodies  # checks the roles
         self.roughness.check_count(self.count)
         for shape in self.body_shapes if self.roughness.feet else ():

@@ -46,7 +46,9 @@ class Episodes {
     this.buttons.forEach((button, number) => button.setAttribute("aria-pressed", String(number === place)));
     const { episode } = this, refused = episode.counts.refused ? `, ${episode.counts.refused} refused` : "";
     const turn = episode.turn === null ? "" : `, ${degrees(episode.turn)} from the heading`;
-    const goal = episode.goal ? `, goal ${episode.outcome} (tolerance ${millimetres(episode.tolerance)}${turn})` : ", without a goal";
+    const keep = episode.keep.map(({ body, tolerance, moved }) =>
+      `, body ${body} to be kept within ${fineMillimetres(tolerance)} was moved by ${fineMillimetres(moved)}`).join("");
+    const goal = episode.goal ? `, goal ${episode.outcome} (tolerance ${millimetres(episode.tolerance)}${turn}${keep})` : ", without a goal";
     find("episode-title").textContent = `${episode.title}: ${counted(episode.counts.executed, "push", "pushes")}${refused}${goal}`;
     find("shown").textContent = shownText(episode);
     find("verdict").textContent = verdictText(episode);

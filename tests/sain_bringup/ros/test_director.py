@@ -1,0 +1,89 @@
+"""The node that plays episodes, with a planner and a simulator of straw."""
+
+from dataclasses import replace
+from io import StringIO
+
+import pytest
+from rich.console import Console
+
+from sain_bringup.display import Display, EpisodeView
+from sain_bringup.ros.director import Director
+from sain_core.errors import ErrorCode
+from sain_core.ros import codec
+from sain_core.ros.node_main import ros_context
+from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_eval.scenes.shape_scenarios import StreakScenario
+from sain_interfaces.msg import Goal, Plan
+from sain_interfaces.msg import Scene as SceneMessage
+from sain_interfaces.srv import ResetScene
+
+CASE = StreakScenario(goals=4).scene(0)
+
+
+class Straw:
+    """Answers each goal with the next of some statuses, without a push."""
+
+    def __init__(self, graph, statuses):
+        self.goals, self.resets = [], []
+        self.statuses = iter(statuses)
+        node = graph.bystander
+        self.plans = node.create_publisher(Plan, "plan", RELIABLE)
+        node.create_subscription(Goal, "goal", self.on_goal, LATCHED)
+        node.create_service(ResetScene, "reset_scene", self.on_reset)
+
+    def on_reset(self, request, response):
+        self.resets.append(request)
+        response.error_code = int(ErrorCode.OK)
+        response.scene = SceneMessage(episode_id=5, settled=True)
+        response.scene.disks = codec.encode_disks(CASE.disks)
+        return response
+
+    def on_goal(self, message):
+        self.goals.append(message)
+        ids = {"goal_id": message.goal_id, "episode_id": message.episode_id}
+        self.plans.publish(Plan(**ids, status=next(self.statuses), error_code=1))
+
+
+def play(graph, statuses, case=CASE):
+    straw = Straw(graph, statuses)
+    view = EpisodeView(Display(Console(file=StringIO(), width=120)), "1/1  streak 0")
+    with ros_context():
+        director = Director(lambda: graph.executor.spin_once(timeout_sec=0.0), 20.0)
+        director._graph_is_up = True  # or else the bystander, who could publish, is a rival
+        director.wait(
+            lambda: (
+                straw.plans.get_subscription_count() == 2
+                and director._goal.get_subscription_count() == 1
+                and director._servers["reset_scene"].service_is_ready()
+            ),
+            lambda: "the straw is not there",
+        )
+        director.play(case, 0.02, view)
+        director.destroy_node()
+    return straw, view
+
+
+def test_goals_in_a_row_are_given_without_a_reset_until_one_is_missed(graph):
+    straw, view = play(graph, (Plan.REACHED, Plan.REACHED, Plan.EXHAUSTED))
+    assert len(straw.resets) == 1
+    assert [goal.goal_id for goal in straw.goals] == [1, 2, 3]
+    assert {goal.episode_id for goal in straw.goals} == {5}
+    for message, goal in zip(straw.goals, CASE.goals, strict=False):
+        (sent,), (pose,) = message.poses, goal.poses
+        assert (sent.x, sent.y, sent.heading) == (pose.x, pose.y, pose.heading)
+        assert message.max_pushes == 30
+    assert not view.reached and view.goals == 2
+    assert view.summary().endswith("2 of 4 goals in a row  no pushes left of 0")
+
+
+def test_all_goals_reached_are_a_success(graph):
+    straw, view = play(graph, [Plan.REACHED] * 4)
+    assert len(straw.goals) == 4 and view.reached
+    assert view.summary().endswith("mm  4 of 4 goals in a row")
+
+
+@pytest.mark.parametrize("status", [Plan.REACHED, Plan.NO_PUSH])
+def test_an_episode_of_one_goal_has_one(graph, status):
+    straw, view = play(graph, [status], replace(CASE, further=()))
+    assert len(straw.goals) == 1 and view.reached == (status == Plan.REACHED)
+    assert "in a row" not in view.summary()

@@ -1,0 +1,89 @@
+"""Bodies of the library in a rough world: on their own feet, which are off."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shapely import MultiPoint, Polygon
+
+from sain_core.shapes.library import SHAPES
+from sain_core.shapes.registry import get_shape
+from sain_core.shapes.shape import REGULAR_FEET
+from sain_sim.episodes.start import draw_episode
+from sain_sim.episodes.truth import TruthConfig
+from sain_sim.world.parameters import WorldParameters
+from sain_sim.world.rough_shapes import LEAST_LOAD, fit_shapes
+from sain_sim.world.roughness import EFFECTS, Roughness, draw_roughness
+from sain_sim.world.world import World
+
+LABS = [TruthConfig("rough", lab=lab) for lab in range(8)]
+
+
+def world_of(*shapes: str, lab: TruthConfig = LABS[0]) -> WorldParameters:
+    count = len(shapes)
+    given = WorldParameters(masses=(8.0,) * count, radii=(0.08,) * count, shapes=shapes)
+    return lab.roughen(given)
+
+
+def places(feet) -> np.ndarray:
+    return np.array([(away * np.cos(turn), away * np.sin(turn)) for away, turn in feet])
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
+def test_each_shape_stands_below_itself_in_every_lab(shape):
+    for lab in LABS:
+        made = world_of(shape.name, shape.name, lab=lab).roughness
+        for feet, offset in zip(made.feet, made.mass_offsets, strict=True):
+            assert Polygon(shape.outline(1.0)).buffer(1e-6).covers(MultiPoint(places(feet)))
+            loads = np.linalg.solve(np.vstack([places(feet).T, np.ones(3)]), [*offset, 1.0])
+            assert loads.min() >= LEAST_LOAD - 1e-9
+        own = shape.supports(1.0)
+        apart = np.linalg.norm(places(made.feet[0])[:, None] - own, axis=-1).min(axis=1)
+        assert 0.0 < apart.max() < 0.3  # off, and near its own
+
+
+def test_disks_and_cubes_keep_what_was_drawn():
+    for lab in range(8):
+        drawn = draw_roughness(lab, EFFECTS, 3)
+        shapes = tuple(map(get_shape, ("three_feet", "cube", "three_feet")))
+        assert fit_shapes(drawn, shapes) == drawn
+        mixed = fit_shapes(drawn, (shapes[0], get_shape("t"), shapes[1]))
+        assert (mixed.feet[0], mixed.feet[2]) == (drawn.feet[0], drawn.feet[2])
+        assert mixed.feet[1] != drawn.feet[1]
+
+
+def test_the_errors_of_a_lab_are_those_of_its_disks():
+    """A triangle with a disk's feet but for their size has a disk's errors."""
+    drawn = draw_roughness(0, ("feet",), 1)
+    wide = get_shape("triangle")
+    (feet,) = fit_shapes(drawn, (wide,)).feet
+    own = sorted(wide.feet, key=lambda foot: foot[1])
+    for made, mine, disk, regular in zip(feet, own, drawn.feet[0], REGULAR_FEET, strict=True):
+        share = (made[0] / mine[0] - 1.0) / (disk[0] / regular[0] - 1.0)
+        assert 0.0 < share <= 1.0
+        assert made[1] - mine[1] == pytest.approx(share * (disk[1] - regular[1]))
+
+
+def test_mass_alone_leaves_the_feet_of_a_shape():
+    lab = replace(LABS[0], effects="mass")
+    made = world_of("bar", lab=lab).roughness
+    assert made.feet == () and made.mass_offsets != ((0.0, 0.0),)
+    loads = np.linalg.solve(
+        np.vstack([get_shape("bar").supports(1.0).T, np.ones(3)]), [*made.mass_offsets[0], 1.0]
+    )
+    assert loads.min() >= LEAST_LOAD
+
+
+def test_what_is_off_stays_off():
+    assert fit_shapes(Roughness(), (get_shape("t"),)) == Roughness()
+    assert world_of("t", lab=TruthConfig("rough", "tilt")).roughness.feet == ()
+
+
+def test_the_simulator_and_scenarios_give_a_t_its_own_feet():
+    scene = world_of("t", "l").scene(np.array([(0.4, 0.0), (0.6, 0.2)]))
+    parameters, _ = draw_episode(3, "rough", scene, ("t", "l"), lab=4)
+    assert parameters.roughness == world_of("t", "l", lab=LABS[4]).roughness
+    with World(parameters) as world:
+        world.reset(scene)
+        before = world.observe()
+        assert world.settle() and np.abs(world.observe() - before)[:, :3].max() < 1e-3
