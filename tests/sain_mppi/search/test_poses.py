@@ -6,7 +6,8 @@ import pytest
 from sain_core.errors import InvalidInputError, OffTableError, OutOfRangeError, SainError
 from sain_core.scene import Table, make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_mppi.search.poses import BodyPose, PoseGoal, pose_distance
+from sain_mppi.search.pose_costs import pose_distance
+from sain_mppi.search.poses import BodyPose, PoseGoal
 
 BODIES = Bodies.named(
     ("t", "box_2x1", "disk", "square"), ("pushable", "pushable", "pushable", "fixed")
@@ -33,6 +34,17 @@ def moved(body: int, x: float, y: float, heading: float) -> np.ndarray:
     ("wanted", "kind", "message"),
     [
         (goal(), InvalidInputError, "the goal has no poses"),
+        (goal(BodyPose(0, 0.6, 0.25)), InvalidInputError, "body 0 overlaps fixed body 3 by"),
+        (
+            goal(BodyPose(0, 0.5, 0.0), BodyPose(1, 0.5, 0.0)),
+            InvalidInputError,
+            "body 1 overlaps goal of body 0 by",
+        ),
+        (
+            goal(BodyPose(0, 0.41, 0.19), keep=(2,)),
+            InvalidInputError,
+            "body 0 overlaps kept body 2 by",
+        ),
         (goal(BodyPose(4, 0.5, 0.0)), InvalidInputError, "body 4; the scene has bodies 0 to 3"),
         (goal(BodyPose(0, 0.5, 0.0), BodyPose(0, 0.6, 0.0)), InvalidInputError, "0 has 2 goals"),
         (goal(BodyPose(2, 0.5, 0.0, 0.3)), InvalidInputError, "heading 0.300 rad; it is a disk"),
@@ -70,6 +82,17 @@ def test_numbers_that_are_none_are_refused(values, kind):
     with pytest.raises(SainError) as caught:
         BodyPose(**{"body": 2, "x": 0.5, "y": 0.0, **values})
     assert isinstance(caught.value, kind) and next(iter(values)) in str(caught.value)
+
+
+@pytest.mark.parametrize("tolerance", [-0.01, 0.0, float("nan")])
+def test_a_kept_body_has_a_positive_tolerance(tolerance: float):
+    with pytest.raises(OutOfRangeError, match=f"keep_tolerance is {tolerance}"):
+        PoseGoal((BodyPose(0, 0.5, 0.0),), (1,), tolerance)
+
+
+def test_a_goal_without_heading_beside_another_body_is_allowed():
+    # The T's inscribed circle is apart from the square, though its circumscribed one is not.
+    goal(BodyPose(0, 0.52, 0.25)).check(SCENE, BODIES, Table())
 
 
 def test_a_heading_counts_modulo_the_symmetry():

@@ -64,6 +64,12 @@ class Outline:
         return locations[nearest], wrap_angle(headings - normals[nearest])
 
     @cached_property
+    def inscribed(self) -> float:
+        """The radius of the largest circle about the middle within the outline; 0: none."""
+        middle = np.zeros(2)
+        return max(-float(distance_to_way(middle, middle, self.corners[:-1])), 0.0)
+
+    @cached_property
     def _round(self) -> tuple[Angles, Angles, Angles]:
         """Locations all along the outline, with the bearings of the points and of the normals."""
         locations = np.linspace(-pi, pi, ROUND, endpoint=False)

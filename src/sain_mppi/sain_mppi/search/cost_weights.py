@@ -1,4 +1,4 @@
-"""The settings of the cost terms in `sain_mppi.search.cost` and `sain_mppi.search.poses`."""
+"""The settings of the cost terms in `sain_mppi.search.cost` and `sain_mppi.search.pose_costs`."""
 
 from dataclasses import dataclass
 

@@ -17,7 +17,8 @@ from sain_mppi.search.candidates import go_around_sequences, straight_sequences
 from sain_mppi.search.cost import Rollout, cost_terms, make_rollout, total_cost
 from sain_mppi.search.cost_weights import CostWeights
 from sain_mppi.search.goal import Goal
-from sain_mppi.search.poses import PoseGoal, pose_distance, pose_terms
+from sain_mppi.search.pose_costs import pose_distance, pose_terms
+from sain_mppi.search.poses import PoseGoal
 from sain_mppi.search.sampling import inside_limits, uniform_sequences
 
 STRAIGHT_SHARE: Final = 0.25  # of the candidates; the others go around
@@ -150,7 +151,7 @@ class PoseObjective(Objective):
         predicted: PredictedScenes,
         regions: Radii | None = None,
     ) -> dict[str, Scalars]:
-        """Return the cost terms (K,); see `sain_mppi.search.poses`."""
+        """Return the cost terms (K,); see `sain_mppi.search.pose_costs`."""
         before = scenes_before(scene, predicted)
         rollout = Rollout(before, predicted, sequences, sequences[..., LENGTH] > 0.0)
         return pose_terms(

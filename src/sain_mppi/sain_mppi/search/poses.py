@@ -1,6 +1,6 @@
-"""Goals that are poses of one or several bodies, and what predicted pushes towards them cost."""
+"""Goals that are poses of one or several bodies."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -8,13 +8,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError, OffTableError, OutOfRangeError
-from sain_core.feasibility import Feasibility
-from sain_core.push import LENGTH
 from sain_core.scene import POSITION, RADIUS, THETA, Table, is_settled
 from sain_core.shapes.bodies import Bodies, overlap
-from sain_core.types import Angles, Scalars, Scene, Scenes
-from sain_mppi.search.cost import Rollout, blocked_pushes, edge_nearness, overhang
-from sain_mppi.search.cost_weights import CostWeights
+from sain_core.shapes.disk import DISK
+from sain_core.shapes.outline import outline_of
+from sain_core.shapes.registry import get_shape
+from sain_core.types import Angles, Scene, Scenes
 
 Errors = Float[ndarray, "*B P"]  # of P poses
 
@@ -71,6 +70,13 @@ class PoseGoal:
     keep: tuple[int, ...] = ()
     keep_tolerance: float = 0.005
 
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if not (np.isfinite(self.keep_tolerance) and self.keep_tolerance > 0.0):
+            raise OutOfRangeError(
+                f"keep_tolerance is {self.keep_tolerance}; it must be positive and finite"
+            )
+
     @property
     def numbers(self) -> np.ndarray:
         """All numbers of the goal in one array; NaN for a heading that is free."""
@@ -125,20 +131,28 @@ class PoseGoal:
             )
 
     def _check_room(self, scene: Scene, bodies: Bodies) -> None:
-        """Check that no two bodies would overlap, of those whose places are given."""
-        placed = self.placed(scene)
-        given = [pose.body for pose in self.poses if self._is_definite(pose, bodies)]
-        for index, body in enumerate(given):
-            for other in (*given[:index], *bodies.fixed):
-                deep = overlap(placed, bodies, body, other)
-                if deep > MOST_SHARED:
-                    what = "fixed body" if other in bodies.fixed else "goal of body"
-                    raise InvalidInputError(
-                        f"the goal of body {body} overlaps {what} {other} by {1e3 * deep:.1f} mm"
-                    )
+        """Check that no two bodies have to overlap, of those whose places are given.
 
-    def _is_definite(self, pose: BodyPose, bodies: Bodies) -> bool:
-        return pose.heading is not None or bodies.shapes[pose.body].is_round
+        A body may have any heading where none is given. It then covers its inscribed circle for
+        sure, and no more is asked for.
+        """
+        placed, shapes = self.placed(scene), list(bodies.shapes)
+        for pose in self.poses:
+            if pose.heading is None and not shapes[pose.body].is_round:
+                placed[pose.body, RADIUS] *= outline_of(shapes[pose.body]).inscribed
+                shapes[pose.body] = get_shape(DISK)
+        least = replace(bodies, shapes=tuple(shapes))
+        given = [pose.body for pose in self.poses]
+        names = dict.fromkeys(given, "goal of body") | dict.fromkeys(self.keep, "kept body")
+        names |= dict.fromkeys(bodies.fixed, "fixed body")
+        for index, body in enumerate(given):
+            for other in (*given[:index], *self.keep, *bodies.fixed):
+                deep = overlap(placed, least, body, other)
+                if deep > MOST_SHARED:
+                    raise InvalidInputError(
+                        f"the goal of body {body} overlaps {names[other]} {other} by"
+                        f" {1e3 * deep:.1f} mm"
+                    )
 
     def placed(self, scene: Scene) -> Scene:
         """Return a scene (N, 8) with the bodies at their goals, all others where they are."""
@@ -181,69 +195,3 @@ def heading_error(headings: Angles, pose: BodyPose, bodies: Bodies) -> Angles:
         return np.zeros_like(headings)
     turn = bodies.shapes[pose.body].symmetry
     return np.asarray(np.mod(headings - pose.heading + turn / 2, turn) - turn / 2)
-
-
-def pose_distance(goal: PoseGoal, scenes: Scenes, bodies: Bodies, lever: float) -> Errors:
-    """Return for each pose (..., P) the root mean square distance [m] of points about the body.
-
-    The points are `lever` circumscribed radii from its middle: sqrt(d^2 + 2 r^2 (1 - cos turn)).
-    """
-    apart, turns = goal.errors(scenes, bodies)
-    reach = [bodies.shapes[p.body].circumradius * scenes[..., p.body, RADIUS] for p in goal.poses]
-    away = lever * np.stack(reach, axis=-1)
-    return np.sqrt(apart**2 + 2.0 * away**2 * (1.0 - np.cos(turns)))
-
-
-def reach_around(
-    goal: PoseGoal, rollout: Rollout, feasibility: Feasibility, bodies: Bodies
-) -> Scalars:
-    """Return how far [m] bodies get where the tool cannot get behind them, at most, summed (K,).
-
-    A body whose far side the tool does not reach can be pushed away and not back.
-    """
-    reach, limits = feasibility.reach, feasibility.limits
-    total = np.zeros(len(rollout.after))
-    for pose in goal.poses:
-        state = rollout.after[:, :, pose.body]
-        radius = np.linalg.norm(state[..., POSITION], axis=-1)  # (K, H)
-        size = bodies.shapes[pose.body].circumradius * float(state[0, 0, RADIUS])
-        need = size + limits.tool_radius + limits.clearance
-        # What the goal itself asks for is no fault.
-        there = float(np.hypot(pose.x, pose.y))
-        far = np.maximum(reach.outer - need, there)
-        near = np.minimum(reach.inner + need, there)
-        total += np.maximum(np.maximum(radius - far, near - radius), 0.0).max(axis=1)
-    return total
-
-
-def pose_terms(
-    goal: PoseGoal,
-    rollout: Rollout,
-    weights: CostWeights,
-    feasibility: Feasibility,
-    bodies: Bodies,
-    start: Scene,
-) -> dict[str, Scalars]:
-    """Return every cost term (K,), already weighted. Not finite where the prediction is not."""
-    distance = pose_distance(goal, rollout.after, bodies, weights.lever).sum(axis=-1)  # (K, H)
-    places = {pose.body: np.array([pose.x, pose.y]) for pose in goal.poses}
-    return {
-        "distance": weights.distance * distance[:, -1],
-        "running": weights.running_pose * distance[:, :-1].sum(axis=1),
-        "around": weights.around * reach_around(goal, rollout, feasibility, bodies),
-        "edge": weights.edge * edge_nearness(rollout, places, weights, feasibility),
-        "overhang": weights.overhang * overhang(rollout, places, feasibility, bodies),
-        "keep": weights.keep * kept_moved(goal, rollout, start),
-        "blocked": weights.blocked * blocked_pushes(rollout, feasibility, bodies),
-        "effort": weights.effort * rollout.pushes[..., LENGTH].sum(axis=1),
-        "pushes": weights.pushes * rollout.moving.sum(axis=1),
-    }
-
-
-def kept_moved(goal: PoseGoal, rollout: Rollout, start: Scene) -> Scalars:
-    """Return how far [m] bodies that may not be moved are moved at most, summed (K,)."""
-    total = np.zeros(len(rollout.after))
-    for body in goal.keep:
-        way = rollout.after[:, :, body, POSITION] - start[body, POSITION]
-        total += np.linalg.norm(way, axis=-1).max(axis=1)
-    return total
