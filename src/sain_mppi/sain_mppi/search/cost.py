@@ -6,6 +6,7 @@ while there is something left to do: close to the goal it does not matter where 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +20,8 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import Mask, Points, PredictedScenes, PushSequences, Scalars, Scene
 from sain_mppi.search.cost_weights import CostWeights
 from sain_mppi.search.goal import Goal
+
+ERROR_ROOM: Final = 0.02  # [m], for errors of predictions, where a shape is near the edge
 
 
 @dataclass(frozen=True)
@@ -175,21 +178,21 @@ def edge_nearness(
 def overhang(
     rollout: Rollout, goals: Mapping[int, Goal], feasibility: Feasibility, bodies: Bodies | None
 ) -> Scalars:
-    """Return how far [m] circumscribed circles of shapes get over the table's edge, summed (K,).
+    """Return how far [m] circumscribed circles of shapes get too near the edge, summed (K,).
 
-    A support that leaves the table tilts its body, and no prior predicts that. The start and a
-    goal may ask for it: `goals` has the places (2,) of bodies. Disks count by `edge_nearness`.
+    A support that leaves the table tilts its body, and no prior predicts that. So there is room for
+    errors. A body may go as near to the edge as its goal is, or else as near as it is now; `goals`
+    has the places (2,) of bodies. Disks count by `edge_nearness`.
     """
     total = np.zeros(len(rollout.after))
     for body, shape in enumerate(() if bodies is None else bodies.shapes):
         if shape.is_round:
             continue
         first = rollout.before[0, 0, body]
-        asked = np.stack([first[POSITION], goals.get(body, first[POSITION])])
         size = shape.circumradius * float(first[RADIUS])
-        wanted = min(size, _table_room(asked, feasibility.table).min())
+        asked = float(_table_room(goals.get(body, first[POSITION]), feasibility.table))
         room = _table_room(rollout.after[:, :, body, POSITION], feasibility.table)  # (K, H)
-        total += np.maximum(wanted - room, 0.0).max(axis=1)
+        total += np.maximum(min(size + ERROR_ROOM, asked) - room, 0.0).max(axis=1)
     return total
 
 
