@@ -65,8 +65,7 @@ class Shape(ABC):
         """Return the points (F, 2) [m] that carry the body; the corners of one that lies flat."""
         if not self.feet:
             return self.outline(radius)
-        away, bearing = np.array(self.feet).T
-        return np.asarray(radius * away[:, None] * unit(bearing))
+        return feet_places(self.feet, radius)
 
     @property
     @abstractmethod
@@ -108,6 +107,12 @@ class Shape(ABC):
         A body of several parts is the surfaces of all of them.
         """
         return np.concatenate([prism_surface(part) for part in self.parts(radius)])
+
+
+def feet_places(feet: tuple[Pair, ...], radius: float) -> Points:
+    """Return where feet are (F, 2) [m], by their distances [radii] and bearings [rad]."""
+    away, bearing = np.array(feet).T
+    return np.asarray(radius * away[:, None] * unit(bearing))
 
 
 def prism_surface(corners: Points) -> Triangles:

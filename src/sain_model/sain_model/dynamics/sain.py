@@ -54,7 +54,7 @@ class SainDynamics:
         bodies: that are pushed; None: disks.
         any_shape: the model of all bodies that a network for disks cannot predict; None: it
             refuses them.
-        widening: factor of its regions, from the errors of earlier pushes.
+        learned: what `with_history` was told; None: nothing.
     """
 
     network: InteractionNetwork
@@ -69,7 +69,7 @@ class SainDynamics:
     device: str = CPU
     bodies: Bodies | None = None
     any_shape: "SainDynamics | None" = None
-    widening: float = 1.0
+    learned: "Learned | None" = None
 
     def __post_init__(self) -> None:
         """Stop whatever a network does in training alone."""
@@ -118,25 +118,27 @@ class SainDynamics:
         if friction is None or len(history) == 0:
             return self
         likelihood = friction.log_likelihood(history.state, history.action, history.next_state)
-        belief = friction.start()
-        for push in likelihood:
-            belief = belief.after(push)
-        told = self.at(belief.mean, belief.spread)
-        if self.intervals is None or not self.intervals.adapts:
-            return told
-        widening = self._widening(friction, likelihood, history)
-        return self._with_same_weights(replace(told, widening=widening))
+        belief = friction.believe(likelihood)
+        told = replace(
+            self.at(belief.mean, belief.spread), learned=Learned(self, history, likelihood)
+        )
+        return self._with_same_weights(told)
 
-    def _widening(
-        self, friction: FrictionFilter, likelihood: Float[ndarray, "M F"], history: PushHistory
-    ) -> float:
-        """Return the factor of the regions: each past push is predicted from those before it."""
-        assert self.intervals is not None
-        count = len(history)
-        known = friction.earlier(likelihood, np.zeros(count, np.int64), np.arange(count))
-        told = self.predict(history.state, history.action, known.mean, known.spread)
-        total = self.intervals.excess(*pushed_errors(told, history)).sum()
-        return float(self.intervals.widening(np.array([total]), np.array([count]))[0])
+    @cached_property
+    def widening(self) -> float:
+        """The factor of its regions, from the errors of earlier pushes.
+
+        Each is predicted from those before it. No plan waits for this: only regions need it.
+        """
+        told, intervals = self.learned, self.intervals
+        friction = told.model.filter if told else None
+        if told is None or friction is None or intervals is None or not intervals.adapts:
+            return 1.0
+        past, count = told.history, len(told.history)
+        known = friction.earlier(told.likelihood, np.zeros(count, np.int64), np.arange(count))
+        predicted = told.model.predict(past.state, past.action, known.mean, known.spread)
+        total = intervals.excess(*pushed_errors(predicted, past)).sum()
+        return float(intervals.widening(np.array([total]), np.array([count]))[0])
 
     def at(self, friction: float, friction_log_std: float = 0.0) -> Self:
         """Return this model conditioned on a friction and the standard deviation of its log.
@@ -299,6 +301,15 @@ class SainDynamics:
         usual = np.full(len(pushes), self.prior.config.friction) if friction is None else friction
         less, more = (self.step(scenes, pushes, usual * np.exp(way * log_std)) for way in (-1, 1))
         return np.asarray(np.linalg.norm((more - less)[..., POSITION], axis=-1) / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """An episode's earlier pushes, and what a model makes of them."""
+
+    model: SainDynamics  # before them
+    history: PushHistory
+    likelihood: Float[ndarray, "M F"]  # logarithm, of each friction for each push
 
 
 def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Scenes:

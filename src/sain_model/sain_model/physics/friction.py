@@ -142,8 +142,12 @@ class FrictionFilter:
 
     def infer(self, history: PushHistory) -> FrictionBelief:
         """Return what is believed after these pushes."""
+        return self.believe(self.log_likelihood(history.state, history.action, history.next_state))
+
+    def believe(self, likelihood: Float[ndarray, "M F"]) -> FrictionBelief:
+        """Return what is believed after pushes with these log likelihoods."""
         belief = self.start()
-        for push in self.log_likelihood(history.state, history.action, history.next_state):
+        for push in likelihood:
             belief = belief.after(push)
         return belief
 

@@ -13,9 +13,9 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from sain_core.push import LENGTH, PushLimits, pushed_bodies, strokes
-from sain_core.scene import POSITION, unit
+from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.shape import REGULAR_FEET, Shape
+from sain_core.shapes.shape import REGULAR_FEET, Shape, feet_places
 from sain_core.types import Indices, Points, Pushes, Scalars, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import run_blocks
@@ -136,8 +136,7 @@ def _corners(shape: Shape) -> Points:
 def _supports(shape: Shape) -> Points:
     """Return the points (F, 2) that carry a body; a round one that lies flat has three as well."""
     if shape.is_round:
-        away, bearing = np.array(REGULAR_FEET).T
-        return np.asarray(away[:, None] * unit(bearing))
+        return feet_places(REGULAR_FEET, 1.0)
     return shape.supports(1.0)
 
 

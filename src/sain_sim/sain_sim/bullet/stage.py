@@ -10,9 +10,13 @@ from sain_core.types import Mask, Scene
 from sain_sim.arm.client import Client
 from sain_sim.bullet.bodies import Body, BodyState
 from sain_sim.bullet.collision import Build, unseen_shape
-from sain_sim.world.parameters import WorldParameters
+from sain_sim.world.parameters import (
+    FLOOR_SIZE,
+    THINNEST_TABLE,
+    WorldParameters,
+    table_box,
+)
 
-FLOOR_SIZE: Final = 3.0  # [m], half its side
 FLOOR_THICKNESS: Final = 0.05  # [m]
 TABLE_GROUP: Final = 8  # first bit of the collision groups of tables that are one disk's alone
 DISK_GROUP: Final = 16  # ... and of their disks
@@ -65,12 +69,7 @@ class Stage:
         friction at the disk's place.
         """
         count = parameters.count if self._roughness.patches else 1
-        half = [
-            (table.x_max - table.x_min) / 2,
-            (table.y_max - table.y_min) / 2,
-            max(table.height, FLOOR_THICKNESS) / 2,
-        ]
-        middle = [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2, -half[2]]
+        half, middle = table_box(table)
         bodies = _boxes(self._client, half, [middle] * count, self.table_friction)
         if self._roughness.grain != 1.0:
             across = self._roughness.grain**0.5  # keeps the mean of both directions
@@ -90,7 +89,7 @@ class Stage:
 
     def _build_floor(self, table: Table) -> int:
         """Build the floor at the height of the arm's base, for disks that fall."""
-        drop = max(table.height, FLOOR_THICKNESS)
+        drop = max(table.height, THINNEST_TABLE)
         half = [FLOOR_SIZE, FLOOR_SIZE, FLOOR_THICKNESS / 2]
         middle = [0.0, 0.0, -drop - FLOOR_THICKNESS / 2]
         return _boxes(self._client, half, [middle], friction=1.0)[0]

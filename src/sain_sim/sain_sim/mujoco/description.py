@@ -17,13 +17,13 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 
-from sain_core.scene import DISK_HEIGHT, Table, unit
-from sain_core.shapes.shape import Shape, Solid, prism_surface
+from sain_core.scene import DISK_HEIGHT, Table
+from sain_core.shapes.shape import Shape, Solid, feet_places, prism_surface
 from sain_core.types import Points
 from sain_sim.arm.controlled import JOINT_COUNT, STOCK_TORQUE
 from sain_sim.arm.kinematics import Joints
 from sain_sim.arm.urdf import panda_with_stick
-from sain_sim.world.parameters import FOOT_RADIUS, WorldParameters
+from sain_sim.world.parameters import FLOOR_SIZE, FOOT_RADIUS, WorldParameters, table_box
 from sain_sim.world.workcell import GRAVITY, WorldConfig
 
 LONGEST_STEP: Final = 0.002  # [s], [MuJoCo] default of `timestep`; control steps are longer
@@ -34,9 +34,7 @@ SLIDING_ONLY: Final = 3  # `condim`: no torsional or rolling friction, as in the
 SERVO_STIFFNESS: Final = np.array([4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0])
 """[N m/rad], [Menagerie] `gainprm`; a multiple of these, as of the torques, holds the arm."""
 ROTOR_INERTIA: Final = 0.1  # [kg m^2], [Menagerie] `armature`
-FLOOR_SIZE: Final = 3.0  # [m], half its side; MuJoCo's planes have no end
 MOST_FEET: Final = 12  # of a flat body: its outline has up to 72 corners
-THINNEST_TABLE: Final = 0.05  # [m], of a table as high as the arm's base
 FLOOR_FRICTION: Final = 1.0  # [MuJoCo] default
 
 FOOT_DROP: Final = FOOT_RADIUS - DISK_HEIGHT / 2  # [m], from a body's middle to that of a foot
@@ -118,12 +116,10 @@ def _damp_servos(model: Any, home: Joints) -> None:
 
 def _add_table(spec: Any, table: Table, friction: float) -> None:
     """Add the table as a box down to the floor, and the floor for what falls."""
-    height = max(table.height, THINNEST_TABLE)
-    half = [(table.x_max - table.x_min) / 2, (table.y_max - table.y_min) / 2, height / 2]
-    middle = [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2, -half[2]]
+    half, middle = table_box(table)
     top = spec.worldbody.add_geom(type=BOX, size=half, pos=middle)
     _collide(spec, top, TABLE, 0, friction, TABLE_SECOND)
-    size, place = [FLOOR_SIZE, FLOOR_SIZE, 1.0], [0.0, 0.0, -height]
+    size, place = [FLOOR_SIZE, FLOOR_SIZE, 1.0], [0.0, 0.0, -2 * half[2]]  # planes have no end
     floor = spec.worldbody.add_geom(type=PLANE, size=size, pos=place)
     _collide(spec, floor, TABLE, 0, FLOOR_FRICTION, TABLE_SECOND)
 
@@ -162,8 +158,7 @@ def _feet(parameters: WorldParameters, index: int) -> Points:
     if not feet:
         outline = parameters.body_shapes[index].outline(radius)
         return outline[:: -(-len(outline) // MOST_FEET)]
-    away, bearing = np.array(feet).T
-    return np.asarray(radius * away[:, None] * unit(bearing))
+    return feet_places(feet, radius)
 
 
 def _parts(

@@ -12,7 +12,7 @@ import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
-from sain_core.scene import MASS, RADIUS, make_scene
+from sain_core.scene import MASS, RADIUS, Table, make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.disk import THREE_FEET
 from sain_core.shapes.registry import check_shape
@@ -27,6 +27,8 @@ MASS_RANGE: Final = (7.0, 9.0)  # [kg]
 RADIUS_RANGES: Final = ((0.075, 0.085), (0.055, 0.065))  # [m]
 FRICTION_RANGE: Final = (0.08, 0.20)
 FOOT_RADIUS: Final = 0.004  # [m]
+FLOOR_SIZE: Final = 3.0  # [m], half its side
+THINNEST_TABLE: Final = 0.05  # [m], of a table as high as the arm's base
 
 
 class Ranges(NamedTuple):
@@ -165,3 +167,13 @@ def sample_parameters(
         shapes=(shape,) * count,
         friction=float(generator.uniform(*ranges.friction)),
     )
+
+
+def table_box(table: Table) -> tuple[list[float], list[float]]:
+    """Return half the sides and the middle [m] of a table: a box down to the floor."""
+    half = [
+        (table.x_max - table.x_min) / 2,
+        (table.y_max - table.y_min) / 2,
+        max(table.height, THINNEST_TABLE) / 2,
+    ]
+    return half, [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2, -half[2]]
