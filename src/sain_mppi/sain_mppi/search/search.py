@@ -40,10 +40,12 @@ class Search:
         objective: Objective,
         refused: Sequence[PushArray] = (),
         deadline: float | None = None,
+        known: PushSequences | None = None,
     ) -> None:
         """Begin with nothing found, in a scene (N, 8) from which some pushes (3,) were refused.
 
-        The plan is wanted at the deadline, a `time.monotonic`; None: whenever.
+        The plan is wanted at the deadline, a `time.monotonic`; None: whenever. `known` (E, H, A)
+        are rolled out in one batch with the first sequences that an algorithm tries.
         """
         self.model, self.config, self.feasibility = model, config, feasibility
         self.scene, self.objective, self.refused = scene, objective, refused
@@ -54,6 +56,7 @@ class Search:
         self._rollout_time = self._cost_time = 0.0
         self._began = perf_counter()
         self.rest_cost = objective.rest_cost(scene, config.horizon)
+        self._known = None if known is None else known[self.permitted(known[:, 0])]
 
     @property
     def improves(self) -> bool:
@@ -87,7 +90,11 @@ class Search:
         Raises:
             ModelUnavailableError: no cost is finite, or the answer is not one to this question.
         """
-        costs = self._try(sequences)
+        known, self._known = self._known, None
+        if known is None:
+            costs = self._try(sequences)
+        else:
+            costs = self._try(np.concatenate([known, sequences]))[len(known) :]
         self.rounds += 1
         if not np.isfinite(costs).any():
             raise ModelUnavailableError(
