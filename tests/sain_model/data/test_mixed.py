@@ -168,9 +168,17 @@ def test_the_command_learns_from_all_of_them(folders, tmp_path, capsys) -> None:
     assert train(arguments) == 0
     card = (tmp_path / "sain.json").read_text()
     assert '"by_disks"' in card and all(str(folder) in card for folder in folders)
-    with pytest.raises(DatasetError, match="needs data with one number of disks"):
-        split_datasets(load_datasets(folders), 0, 0.1, 0.1, 20)
     capsys.readouterr()
+
+
+def test_fewer_transitions_are_first_episodes_of_all_parts(folders) -> None:
+    data = load_datasets(folders)
+    whole, split = split_datasets(data, 0, 0.1, 0.1), split_datasets(data, 0, 0.1, 0.1, 20)
+    assert [len(split.train), len(split.test)] == [20, len(whole.test)]
+    first = sorted(set(whole.train.episode.tolist()))[: len(set(split.train.episode.tolist()))]
+    assert set(split.train.episode.tolist()) == set(first)
+    with pytest.raises(DatasetError, match="9999 transitions to train on are asked for"):
+        split_datasets(data, 0, 0.1, 0.1, 9999)
 
 
 def test_a_select_keeps_the_order_of_the_parts(folders) -> None:
