@@ -19,34 +19,24 @@ from sain_model.network.settings import ANY_SHAPE
 from sain_model.serving.server import load_server
 from sain_model.serving.settings import ServingConfig
 from sain_model.training.fine_tuning import Parent
-from sain_sim.collecting.collect import CollectConfig, collect
-from sain_sim.collecting.episode import EpisodeConfig
 
-SCENES = EpisodeConfig(pushes=3, shapes="t,bar,disk", bodies="1-4")
 SMALL = ("--hidden", "8", "--message", "4", "--members", "2", "--epochs", "2", "--batch", "16")
 OWN = ("--bodies", "any", "--prior", "planar_axes", "--validation", "0.2", "--test", "0.2")
 
 
 @pytest.fixture(scope="module")
-def collected(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("any")
-    collect(CollectConfig(folder, 24, 3, episode=SCENES))
-    return folder
-
-
-@pytest.fixture(scope="module")
-def trained(collected: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trained(any_bodies: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("trained")
-    assert commands.train([str(collected), "--out", str(out), *SMALL, *OWN]) == 0
+    assert commands.train([str(any_bodies), "--out", str(out), *SMALL, *OWN]) == 0
     return out / "sain.safetensors"
 
 
-def test_all_parts_know_their_bodies_and_pushes_name_theirs(collected: Path) -> None:
-    data = load_datasets([collected], ANY_SHAPE)
+def test_all_parts_know_their_bodies_and_pushes_name_theirs(any_bodies: Path) -> None:
+    data = load_datasets([any_bodies], ANY_SHAPE)
     assert {part.disks for part in data.parts} == {1, 2, 3, 4}
     assert len({part.bodies for part in data.parts}) == len(data.parts)
     rows = 0
-    for path in collected.glob("shard-*.npz"):
+    for path in any_bodies.glob("shard-*.npz"):
         with np.load(path) as shard:
             rows += len(shard[Column.BODY])
             for row, names in enumerate(shard[Column.SHAPES]):
@@ -58,9 +48,9 @@ def test_all_parts_know_their_bodies_and_pushes_name_theirs(collected: Path) -> 
 
 
 def test_no_episode_is_in_two_parts_of_a_split_and_fewer_pushes_can_be_asked_for(
-    collected: Path,
+    any_bodies: Path,
 ) -> None:
-    data = load_datasets([collected], ANY_SHAPE)
+    data = load_datasets([any_bodies], ANY_SHAPE)
     split = split_datasets(data, 0, 0.2, 0.2, transitions=20)
     episodes = [set(part.episode) for part in (split.train, split.validation, split.test)]
     assert not episodes[0] & episodes[1]
@@ -101,45 +91,47 @@ def test_the_checkpoint_serves_these_shapes(trained: Path) -> None:
 
 
 def test_fine_tuning_goes_on_with_pushes_of_any_body(
-    collected: Path, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    any_bodies: Path,
+    more_bodies: Path,
+    trained: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    other = tmp_path / "other"
-    collect(CollectConfig(other, 12, 4, episode=SCENES))
     short = ("--epochs", "1", "--test", "0.3", "--validation", "0.3")
-    tuned = [str(other), "--from", str(trained), "--out", str(tmp_path / "tuned"), *short]
+    tuned = [str(more_bodies), "--from", str(trained), "--out", str(tmp_path / "tuned"), *short]
     assert commands.train(tuned) == 0
     assert "pushed bodies: mean error on the test episodes" in capsys.readouterr().out
     card = read_card(tmp_path / "tuned" / "sain.safetensors")
     assert card.errors["fine_tuning"]["bodies"] == "pushed bodies"
     assert load_sain(tmp_path / "tuned" / "sain.safetensors").network.config.bodies == ANY_SHAPE
-    again = [str(collected), "--from", str(trained), "--out", str(tmp_path / "again")]
+    again = [str(any_bodies), "--from", str(trained), "--out", str(tmp_path / "again")]
     assert commands.train(again) == 1
     assert "has learned from this data set already" in " ".join(capsys.readouterr().err.split())
     assert Parent.load("sain_any_shape").settings.network.bodies == ANY_SHAPE
 
 
 def test_evaluate_measures_what_it_has_not_seen(
-    collected: Path, trained: Path, tmp_path: Path
+    any_bodies: Path, trained: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "errors.json"
-    told = [str(collected), "--checkpoint", str(trained), "--out", str(out)]
+    told = [str(any_bodies), "--checkpoint", str(trained), "--out", str(out)]
     assert commands.evaluate(told) == 0
     report = json.loads(out.read_text())
     assert report["bodies"] == read_card(trained).errors["bodies"]
 
 
 def test_a_network_for_disks_and_rollouts_refuse_them(
-    collected: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    any_bodies: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(DatasetError, match="train with --bodies any or --from sain_any_shape"):
-        load_transitions(collected)
-    arguments = [str(collected), "--out", str(tmp_path), *OWN, "--steps-ahead", "2"]
+        load_transitions(any_bodies)
+    arguments = [str(any_bodies), "--out", str(tmp_path), *OWN, "--steps-ahead", "2"]
     assert commands.train(arguments) == 1
     assert "--steps-ahead is for networks for disks" in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_push_of_a_body_that_is_not_there_is_refused(collected: Path, tmp_path: Path) -> None:
-    path = sorted(collected.glob("shard-*.npz"))[0]
+def test_a_push_of_a_body_that_is_not_there_is_refused(any_bodies: Path, tmp_path: Path) -> None:
+    path = sorted(any_bodies.glob("shard-*.npz"))[0]
     with np.load(path) as shard:
         content = dict(shard)
     content["body"][1] = 7

@@ -1,6 +1,7 @@
 """Transitions (s, a, f_p(s, a), s') from disk, and their split by episode."""
 
 import hashlib
+from collections.abc import Sized
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -125,13 +126,13 @@ def split_by_episode(
     return limit_training(split, transitions) if transitions else split
 
 
-def check_held_out(split: Split) -> None:
+def check_held_out(test: Sized) -> None:
     """Check that there are episodes to measure errors on.
 
     Raises:
         DatasetError: none is held out.
     """
-    if not len(split.test):
+    if not len(test):
         raise DatasetError("errors need held-out episodes; give --test above 0")
 
 

@@ -12,11 +12,13 @@ from sain_core.types import Mask, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.data.mixed import MixedDataset
 from sain_model.data.shaped_physics import filter_for, prior_for
+from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.history_errors import earlier_friction, predict_with_history
 from sain_model.evaluation.metrics import ratio_over_episodes
 from sain_model.physics.friction import FrictionFilter
 
+LearnedModel = SainDynamics | ParameterCorrection
 Rows = dict[str, np.ndarray]
 PRIOR: Final = "prior"
 SAIN_ROWS: Final = "sain"
@@ -24,7 +26,7 @@ PUSHED: Final = "pushed"
 UNITS: Final = ("mm", "deg")
 
 
-def shape_errors(data: MixedDataset | Dataset, sain: SainDynamics, seed: int = 0) -> dict[str, Any]:
+def shape_errors(data: MixedDataset | Dataset, sain: LearnedModel, seed: int = 0) -> dict[str, Any]:
     """Return the errors of a model on what it has not learned from, and those of its prior.
 
     Both know the same earlier pushes, where the model learns from them. "bodies" are groups of
@@ -41,7 +43,7 @@ def shape_errors(data: MixedDataset | Dataset, sain: SainDynamics, seed: int = 0
 
 def measure_bodies(
     physics: FrictionFilter | Dynamics,
-    sain: Dynamics | None,
+    sain: LearnedModel | None,
     data: MixedDataset | Dataset,
 ) -> Rows:
     """Return one row for each body of each push, of physics with a filter of friction or alone."""
@@ -50,27 +52,35 @@ def measure_bodies(
         assert part.bodies is not None
         columns = {
             **_about(part),
-            **_errors(PRIOR, _predict(physics, part), part.next_state),
+            **_errors(PRIOR, predict_told(physics, part), part.next_state),
         }
-        if isinstance(sain, SainDynamics):
+        if isinstance(sain, ParameterCorrection):
+            columns |= _errors(SAIN_ROWS, predict_told(sain, part), part.next_state)
+        elif sain is not None:
             said = predict_with_history(sain, part)
             columns |= _errors(SAIN_ROWS, said.mean, part.next_state)
             if said.radius is not None:
                 inside = columns["sain_mm"] <= 1e3 * said.radius
                 columns |= {"inside": inside, "radius": said.radius}
-        elif sain is not None:
-            columns |= _errors(SAIN_ROWS, _predict(sain, part), part.next_state)
         pieces.append({name: values.reshape(-1) for name, values in columns.items()})
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
-def _predict(physics: FrictionFilter | Dynamics, part: Dataset) -> Scenes:
-    """Return what physics says (M, N, 8), with friction inferred from earlier pushes or not."""
-    if isinstance(physics, FrictionFilter):
-        told = filter_for(physics, part.bodies)
+def predict_told(model: FrictionFilter | Dynamics, part: Dataset) -> Scenes:
+    """Return what a model says (M, N, 8).
+
+    A filter's physics, and a parameter correction with one, have the friction that the episode's
+    earlier pushes tell of.
+    """
+    if isinstance(model, FrictionFilter):
+        told = filter_for(model, part.bodies)
         known = earlier_friction(told, part)
         return told.physics.step(part.state, part.action, known.mean)
-    return prior_for(physics, part.bodies).step(part.state, part.action)
+    if not isinstance(model, ParameterCorrection):
+        return prior_for(model, part.bodies).step(part.state, part.action)
+    shaped = model if part.bodies is None else model.with_bodies(part.bodies)
+    friction = earlier_friction(shaped.filter, part).mean if shaped.filter else None
+    return shaped.step(part.state, part.action, friction)
 
 
 def _about(part: Dataset) -> Rows:
