@@ -12,7 +12,7 @@ from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES
 
 PAIR = Bodies.named(["t", "star"], ["pushable", "pushable"])
-T = Bodies.named(["t"])
+ELLIPSE = Bodies.named(["ellipse"])
 
 
 def draw(count: int, seed: int = 0) -> tuple[Scenes, Pushes]:
@@ -97,7 +97,7 @@ def test_renumbered_bodies_end_renumbered() -> None:
 
 def test_more_drag_shortens_the_way_and_a_slope_carries_it_down() -> None:
     scene = make_scene(np.array([(0.5, 0.0)]), np.array([8.0]), np.array([0.08]))[None]
-    push, prior = np.array([[0.3, 0.0, 0.1]]), PlanarPrior().with_bodies(T)
+    push, prior = np.array([[0.0, 0.0, 0.1]]), PlanarPrior().with_bodies(ELLIPSE)
     none = np.zeros((1, 1, told.CORRECTIONS))
     plain = prior.step_conditioned(scene, push, none)[0, 0]
     slow, down = none.copy(), none.copy()
@@ -106,7 +106,7 @@ def test_more_drag_shortens_the_way_and_a_slope_carries_it_down() -> None:
     way = np.linalg.norm(plain[:2] - scene[0, 0, :2])
     dragged = prior.step_conditioned(scene, push, slow)[0, 0]
     assert np.linalg.norm(dragged[:2] - scene[0, 0, :2]) < way - 1e-3
-    assert prior.step_conditioned(scene, push, down)[0, 0, 1] > plain[1] + 1e-4
+    assert prior.step_conditioned(scene, push, down)[0, 0, 1] > plain[1] + 1e-3
 
 
 def test_what_is_not_touched_stays_to_the_bit_whatever_its_centre_of_mass() -> None:
@@ -118,9 +118,9 @@ def test_what_is_not_touched_stays_to_the_bit_whatever_its_centre_of_mass() -> N
     np.testing.assert_array_equal(after[:, 1], scenes[:, 1])
 
 
-def test_a_mass_to_one_side_turns_a_square_that_is_pushed_through_the_middle() -> None:
+def test_a_mass_to_one_side_turns_an_ellipse_that_is_pushed_through_the_middle() -> None:
     scene = make_scene(np.array([(0.5, 0.0)]), np.array([8.0]), np.array([0.08]))[None]
-    prior = PlanarPrior().with_bodies(Bodies.named(["ellipse"]))
+    prior = PlanarPrior().with_bodies(ELLIPSE)
     push = np.array([[0.0, 0.0, 0.05]])
     turned = []
     for side in (0.0, 1.0, -1.0):
