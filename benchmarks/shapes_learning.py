@@ -47,26 +47,7 @@ IDENTIFIED_BY = 300  # combinations of shapes with an earlier episode than this 
 
 def main() -> None:
     """Learn and measure; see the module."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("data", type=Path)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--name", default="sain", help="of the checkpoint")
-    parser.add_argument("--prior", choices=PLANAR_PRIORS, default=PLANAR)
-    parser.add_argument("--model", help="name or path of a model; nothing is learned")
-    parser.add_argument("--world", choices=("randomised", "rough"), default="rough")
-    parser.add_argument("--frame", choices=(PUSH_FRAME, WORLD_FRAME))
-    parser.add_argument("--epochs", type=int, default=40)
-    parser.add_argument("--members", type=int, default=3)
-    parser.add_argument("--hidden", type=int, default=128)
-    parser.add_argument("--layers", type=int, default=2)
-    parser.add_argument("--batch", type=int, default=128)
-    parser.add_argument("--rate", type=float, default=2e-3)
-    parser.add_argument("--decay", type=float, default=0.01)
-    parser.add_argument("--episodes", type=int, default=10**9, help="number of first episodes")
-    parser.add_argument("--baseline", action="store_true")
-    parser.add_argument("--no-history", action="store_true", help="friction is not inferred")
-    parser.add_argument("--identify", action="store_true", help="fit the prior to the laboratory")
-    arguments = parser.parse_args()
+    arguments = parse()
     settle_threads()
     seen, unseen = (load_datasets([path], ANY_SHAPE) for path in as_shards(arguments))
     split = split_datasets(seen, 0, 0.1, 0.15)
@@ -104,6 +85,30 @@ def main() -> None:
         told = " ".join(["python -m benchmarks.shapes_learning", *sys.argv[1:]])
         path = arguments.out / f"{arguments.name}.safetensors"
         save_checkpoint(path, sain.network, replace(card, command=told))
+
+
+def parse() -> argparse.Namespace:
+    """Return the options of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--name", default="sain", help="of the checkpoint")
+    parser.add_argument("--prior", choices=PLANAR_PRIORS, default=PLANAR)
+    parser.add_argument("--model", help="name or path of a model; nothing is learned")
+    parser.add_argument("--world", choices=("randomised", "rough"), default="rough")
+    parser.add_argument("--frame", choices=(PUSH_FRAME, WORLD_FRAME))
+    parser.add_argument("--epochs", type=int, default=40)
+    parser.add_argument("--members", type=int, default=3)
+    parser.add_argument("--hidden", type=int, default=128)
+    parser.add_argument("--layers", type=int, default=2)
+    parser.add_argument("--batch", type=int, default=128)
+    parser.add_argument("--rate", type=float, default=2e-3)
+    parser.add_argument("--decay", type=float, default=0.01)
+    parser.add_argument("--episodes", type=int, default=10**9, help="number of first episodes")
+    parser.add_argument("--baseline", action="store_true")
+    parser.add_argument("--no-history", action="store_true", help="friction is not inferred")
+    parser.add_argument("--identify", action="store_true", help="fit the prior to the laboratory")
+    return parser.parse_args()
 
 
 def as_shards(arguments: argparse.Namespace) -> list[Path]:

@@ -8,7 +8,7 @@ import torch
 
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_SIZE, X, Y
-from sain_model.commands import evaluate, train
+from sain_model.commands import evaluate, train, train_correction
 from sain_model.data.dataset import (
     Dataset,
     Split,
@@ -77,13 +77,15 @@ def test_several_folders_with_as_many_disks_are_one_data_set(folders) -> None:
     assert data.sources == tuple(load_transitions(path).sha256 for path in folders[::2])
 
 
-def test_a_folder_may_mix_numbers_of_disks(folders, tmp_path) -> None:
+def test_a_folder_may_mix_numbers_of_disks(folders, tmp_path, capsys) -> None:
     for name, folder in (("a", folders[0]), ("b", folders[1])):
         shard = next(iter(sorted(folder.glob("*.npz"))))
         (tmp_path / f"{name}.npz").write_bytes(shard.read_bytes())
     data = load_datasets([tmp_path])
     assert [part.disks for part in data.parts] == [2, 4]
     assert not set(data.parts[0].episode) & set(data.parts[1].episode)
+    assert train_correction([str(tmp_path), "--out", str(tmp_path / "out")]) == 1
+    assert "mixes numbers of disks; use one folder for each" in capsys.readouterr().err
 
 
 def test_the_same_push_in_two_data_sets_is_refused(folders, tmp_path) -> None:

@@ -1,16 +1,18 @@
 """``ros2 run sain_model train_correction``: learn to correct the planar prior's parameters."""
 
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from typing import Any
 
 import torch
 from rich.console import Console
 from rich.progress import Progress
 
+from sain_core.errors import DatasetError
 from sain_core.provenance import ros2_command
 from sain_model.data.dataset import Split, check_held_out
 from sain_model.data.friction_noise import make_filter
-from sain_model.data.mixed import MixedSplit, load_datasets, split_datasets
+from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
 from sain_model.dynamics.checkpoint import (
     CORRECTION_ARCHITECTURE,
     SUFFIX,
@@ -22,6 +24,7 @@ from sain_model.dynamics.priors import load_planar
 from sain_model.evaluation.error_table import error_tables
 from sain_model.evaluation.metrics import measure
 from sain_model.evaluation.shape_errors import predict_told, shape_errors
+from sain_model.network.settings import DISKS
 from sain_model.training.correction_training import make_trainers, train_members
 from sain_model.training.options import TrainCorrectionOptions
 from sain_model.training.settings import EPISODE
@@ -38,6 +41,8 @@ def run(command: TrainCorrectionOptions, console: Console) -> None:
     torch.set_num_threads(1)
     config = command.training
     data = load_datasets([command.dataset], config.network.bodies)
+    if isinstance(data, MixedDataset) and config.network.bodies == DISKS:
+        raise DatasetError(f"{command.dataset} mixes numbers of disks; use one folder for each")
     split = split_datasets(data, config.seed, config.validation, config.test, config.transitions)
     check_held_out(split.test)
     prior = load_planar(command.prior, {"friction": config.prior_friction})
@@ -54,31 +59,46 @@ def run(command: TrainCorrectionOptions, console: Console) -> None:
     infers = friction.config if friction else None
     sain = ParameterCorrection(networks, prior, friction=infers)
     errors = _errors(sain, command.prior, split)
-    card = ModelCard(
-        prior=command.prior,
-        prior_config=asdict(prior.config),
-        network=asdict(config.network),
-        friction=asdict(infers) if infers else None,
+    card = replace(
+        _card(command, sain, histories),
+        errors=errors,
         data=data_part([command.dataset], data, split),
+    )
+    path = command.out / f"{command.name}{SUFFIX}"
+    save_checkpoint(path, networks, card)
+    _show(errors, console)
+    console.print(str(path))
+
+
+def _card(
+    command: TrainCorrectionOptions, sain: ParameterCorrection, histories: Sequence[LossHistory]
+) -> ModelCard:
+    """Return what the card says of model and training."""
+    config = command.training
+    return ModelCard(
+        prior=command.prior,
+        prior_config=asdict(sain.prior.config),
+        network=asdict(config.network),
+        friction=asdict(sain.friction) if sain.friction else None,
         training={
             **asdict(config),
             "best_epochs": [history.best + 1 for history in histories],
             "validation_losses": [history.best_loss for history in histories],
         },
-        errors=errors,
         versions=environment(),
         command=ros2_command("sain_model", "train_correction"),
         architecture=CORRECTION_ARCHITECTURE,
     )
-    path = command.out / f"{command.name}{SUFFIX}"
-    save_checkpoint(path, networks, card)
+
+
+def _show(errors: dict[str, Any], console: Console) -> None:
+    """Print errors on held-out episodes."""
     if "bodies" in errors:
         for table in error_tables(errors):
             console.print(table, soft_wrap=True)
-    else:
-        for name, values in errors.items():
-            console.print(f"{name}: target {values['target_mean']:.2f} mm on held-out episodes")
-    console.print(str(path))
+        return
+    for name, values in errors.items():
+        console.print(f"{name}: target {values['target_mean']:.2f} mm on held-out episodes")
 
 
 def _errors(
