@@ -18,7 +18,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import REGULAR_FEET, Shape, feet_places
 from sain_core.types import Indices, Points, Pushes, Scalars, Scenes
 from sain_model.compute.compiling import plain
-from sain_model.compute.thread_pool import run_blocks
+from sain_model.compute.thread_pool import even_blocks, run_blocks
 from sain_model.physics.body_kernels import Physics
 from sain_model.physics.corrections import (
     ANGLE,
@@ -87,11 +87,14 @@ def push_bodies(
     after, table = plain(scenes.copy()), body_table(bodies)
     touched = np.zeros(scenes.shape[:2], dtype=bool)
 
-    def work(first: int) -> None:
-        rows = after, order, ways, plain(friction)
-        push_bodies_block(first, *rows, table, physics, touched, told)
+    friction, size = plain(friction), even_blocks(len(scenes), CHUNK)
 
-    run_blocks(work, len(scenes), CHUNK)
+    def work(first: int) -> None:
+        rows = slice(first, first + size)
+        known = ways[rows], friction[rows], table, physics
+        push_bodies_block(0, after[rows], order[rows], *known, touched[rows], told[rows])
+
+    run_blocks(work, len(scenes), size)
     return after, touched
 
 

@@ -5,7 +5,7 @@ mass and radius that the scene states and, unless told better, the nominal frict
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final, Self
 
 import numpy as np
@@ -64,7 +64,7 @@ class PlanarPrior:
 
     def filter(self, config: FrictionConfig = FrictionConfig()) -> FrictionFilter:
         """Return what infers friction with this prior, about the one that it assumes."""
-        return FrictionFilter(self, self.config.friction, config)
+        return _filter(self, config)
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3 or 4) from scenes (B, N, 8).
@@ -181,6 +181,11 @@ class PlanarPrior:
         np.put_along_axis(predicted, order, after, axis=1)
         np.put_along_axis(pressed, order[..., 0], touched, axis=1)
         return predicted, pressed
+
+
+@lru_cache(maxsize=16)  # a filter remembers pushes, also those of the episode before
+def _filter(prior: PlanarPrior, config: FrictionConfig) -> FrictionFilter:
+    return FrictionFilter(prior, prior.config.friction, config)
 
 
 def step_knowing(
