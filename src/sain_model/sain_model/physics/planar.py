@@ -13,7 +13,6 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.dynamics import Dynamics, IdentityPrior
-from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
 from sain_core.model_checks.response_check import answering, check_step
 from sain_core.push import PushLimits, pushed_bodies
@@ -91,12 +90,11 @@ class PlanarPrior:
 
         Raises:
             InvalidInputError: wrong shapes, NaN or Inf.
-            ConfigError: some body is no disk.
         """
-        check_batch(scenes, pushes, friction)
+        check_batch(scenes, pushes, friction, self.bodies)
         check_corrections(corrections, scenes)
         if not self._of_disks:
-            raise ConfigError("only disks can be corrected; take a model without corrections")
+            return self._push_bodies(scenes, pushes, friction, corrections)[0]
         start = self._tool_distance(scenes, pushes)
         pushes, told = corrected_pushes(pushes, corrections), corrected_disks(corrections)
         return self._simulate(scenes, pushes, friction, start, told)[0]
@@ -135,14 +133,19 @@ class PlanarPrior:
         return self.bodies is None or (self.bodies.all_round and not self.bodies.fixed)
 
     def _push_bodies(
-        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        friction: Scalars | None,
+        corrections: Corrections | None = None,
     ) -> tuple[Scenes, Touched]:
         """Run the kernels for bodies of any shape."""
         assert self.bodies is not None
         if friction is None:
             friction = np.full(len(scenes), self.config.friction)
         limits = PushLimits(tool_radius=self.config.tool_radius, clearance=self.config.clearance)
-        return push_bodies(scenes, pushes, friction, self.bodies, limits, self._physics)
+        world = self.bodies, limits, self._physics
+        return push_bodies(scenes, pushes, friction, *world, corrections)
 
     def _tool_distance(self, scenes: Scenes, pushes: Pushes) -> Scalars:
         """Return how far from the pushed disk's centre the tool's axis starts, (B,) [m]."""

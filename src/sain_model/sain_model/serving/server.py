@@ -194,7 +194,7 @@ class ModelServer:
         """Return how many predictions a past push costs: one at each friction looked at."""
         if isinstance(self._usual, PlanarPrior):
             return len(self._usual.filter().grid)
-        friction = self._usual.filter if is_residual(self._usual) else None
+        friction = self._usual.filter if is_learned(self._usual) else None
         return 1 if friction is None else len(friction.grid)
 
     def _check_work(self, predictions: int, disks: int) -> None:
