@@ -127,7 +127,7 @@ class Planner:
 
         The goal is that of the last plan. Where no plan is found, the next one starts anew.
         """
-        goal, config = self._goal, self.config.preparing()
+        goal, config = self._goal, self.config
         if goal is None or config.algorithm == EXHAUSTIVE:
             return
         first = scene if start is None else start

@@ -157,12 +157,6 @@ class PlannerConfig(Config):
     ahead: bool = option(
         True, "while a push is executed, plan on from the scene that it should lead to"
     )
-    thoroughness: float = option(
-        2.0,
-        "factor on the samples and on the beam's width of a plan that is made ahead",
-        minimum=0.1,
-        maximum=100.0,
-    )
     correction: int = option(
         192, "samples of the one round that corrects such a plan in the real scene", minimum=1
     )
@@ -191,14 +185,6 @@ class PlannerConfig(Config):
             noise=self.noise.scaled(self.widening),
             warm_start=False,
         )
-
-    def preparing(self) -> Self:
-        """Return settings for a plan that is made while a push is executed: there is time."""
-        beam, factor = self.beam, self.thoroughness
-        wider = replace(
-            beam, first=round(factor * beam.first), width=max(round(factor * beam.width), 1)
-        )
-        return replace(self, samples=max(round(factor * self.samples), 1), beam=wider)
 
     def correcting(self) -> Self:
         """Return settings that correct a plan that was made for almost the same scene."""
