@@ -16,8 +16,13 @@ UNKNOWN: Final = {Column.FRICTION: np.nan, Column.FLOOR_NEXT: np.nan, Column.STE
 LOADED: Final = (*NEEDED, *UNKNOWN)
 
 
-def read_shard(path: Path) -> Columns:
+def read_shard(path: Path, any_body: bool = False) -> Columns:
     """Read and check one shard; states come back as (M, N, 8).
+
+    Args:
+        path: of the shard.
+        any_body: take pushes against any body, which are (M, 4) then, and scenes of one body; keep
+            the columns of shapes and roles.
 
     Raises:
         DatasetError: a damaged shard, a missing column, no rows, arrays that do not fit together,
@@ -30,8 +35,9 @@ def read_shard(path: Path) -> Columns:
     if arrays[Column.ACTION].ndim == 0 or not len(arrays[Column.ACTION]):
         raise DatasetError(f"{path} holds no transitions")
     count = len(arrays[Column.ACTION])
-    disks = _disks(path, arrays[Column.STATE], count)
-    _check_bodies(path, arrays)
+    disks = _disks(path, arrays[Column.STATE], count, 1 if any_body else 2)
+    if not any_body:
+        _check_bodies(path, arrays)
     columns: Columns = {}
     for column in LOADED:
         shape = (count, *column.row_shape(disks))
@@ -39,16 +45,20 @@ def read_shard(path: Path) -> Columns:
         columns[column] = _checked(path, column, values, shape)
     if (columns[Column.STATE][..., [MASS, RADIUS]] <= 0.0).any():
         raise DatasetError(f"{path}: state has a mass or radius that is not positive")
+    if any_body and Column.SHAPES in arrays:
+        columns |= {name: arrays[name] for name in (Column.SHAPES, Column.ROLES)}
+        body = arrays.get(Column.BODY, np.zeros(count))
+        columns[Column.ACTION] = np.column_stack([columns[Column.ACTION], body])
     return columns
 
 
-def _disks(path: Path, states: ndarray, count: int) -> int:
+def _disks(path: Path, states: ndarray, count: int, least: int) -> int:
     """Return the number of disks N of states (M, 8 N) or (M, N, 8)."""
     disks, rest = divmod(states.size, STATE_SIZE * count)
     if states.ndim not in (2, 3) or rest:
         raise DatasetError(f"{path}: state has shape {states.shape}; it should be ({count}, N * 8)")
-    if disks < 2:
-        raise DatasetError(f"{path}: state has {disks} disks; it needs 2 or more")
+    if disks < least:
+        raise DatasetError(f"{path}: state has {disks} disks; it needs {least} or more")
     return disks
 
 

@@ -27,9 +27,11 @@ from sain_model.dynamics.settings import (
     CorrectionNetworkConfig,
     RolloutConfig,
 )
+from sain_model.identification.beliefs import usual_belief
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionConfig
+from sain_model.physics.planar import PlanarPrior
 
 
 def load_builtin(name: str) -> Dynamics:
@@ -48,8 +50,16 @@ def load_builtin(name: str) -> Dynamics:
 
 def load_shipped() -> SainDynamics:
     """Return the model that comes with this package: one network for disks, one for any shape."""
-    any_shape = load_sain(shipped_checkpoint(SHIPPED_ANY_SHAPE))
-    return replace(load_sain(shipped_checkpoint()), any_shape=any_shape)
+    disks, any_shape = (
+        _believing(load_sain(shipped_checkpoint(name))) for name in (SHIPPED, SHIPPED_ANY_SHAPE)
+    )
+    return replace(disks, any_shape=any_shape)
+
+
+def _believing(model: SainDynamics) -> SainDynamics:
+    """Return a model that chooses its physics by an episode's pushes."""
+    assert model.friction is not None and isinstance(model.prior, PlanarPrior)
+    return model.with_belief(usual_belief(model.prior.config, model.friction))
 
 
 def load_sain(path: Path) -> SainDynamics:

@@ -68,7 +68,7 @@ def push_bodies(
     """
     start, heading = strokes(scenes, pushes, limits, bodies)
     ways = np.column_stack([start, heading, pushes[:, LENGTH]])
-    order = _canonical_order(scenes, pushed_bodies(pushes))
+    order = nearest_first(scenes, pushed_bodies(pushes))
     after, table = plain(scenes.copy()), body_table(bodies)
     touched = np.zeros(scenes.shape[:2], dtype=bool)
 
@@ -79,7 +79,7 @@ def push_bodies(
     return after, touched
 
 
-def _canonical_order(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
+def nearest_first(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
     """Return the bodies by their distance from the pushed one, which is the first.
 
     The solver visits contacts one after another, which would let the numbering leak into the

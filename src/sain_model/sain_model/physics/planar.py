@@ -132,7 +132,7 @@ class PlanarPrior:
 
     @property
     def _of_disks(self) -> bool:
-        return self.bodies is None or (self.bodies.all_round and not self.bodies.fixed)
+        return self.bodies is None or takes_disks(self.bodies)
 
     def _push_bodies(
         self, scenes: Scenes, pushes: Pushes, friction: Scalars | None
@@ -161,7 +161,7 @@ class PlanarPrior:
         batch = len(scenes)
         if friction is None:
             friction = np.full(batch, self.config.friction)
-        order = _canonical_order(scenes, pushed_bodies(pushes))
+        order = disks_first(scenes, pushed_bodies(pushes))
         after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
         touched = np.zeros(scenes.shape[:2], dtype=bool)
         rows = after, plain(pushes), plain(friction), start
@@ -180,6 +180,11 @@ class PlanarPrior:
         return predicted, pressed
 
 
+def takes_disks(bodies: Bodies) -> bool:
+    """Return whether the kernels for disks can push these bodies."""
+    return bodies.all_round and not bodies.fixed
+
+
 def step_knowing(
     prior: Dynamics, scenes: Scenes, pushes: Pushes, friction: Scalars | None
 ) -> Scenes:
@@ -192,7 +197,7 @@ def step_knowing(
         return check_step(prior.step(scenes, pushes), scenes, "the prior")
 
 
-def _canonical_order(scenes: Scenes, pushed: Indices) -> np.ndarray:
+def disks_first(scenes: Scenes, pushed: Indices) -> np.ndarray:
     """Return an order of the disks (B, N, 1) in which the pushed one is the first.
 
     The solver visits contacts one after another, which would let the numbering leak into the
