@@ -12,7 +12,7 @@ command and node finds its models here; docs/your_model.md states what a model m
 from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol, runtime_checkable
 
 from sain_core.dynamics import Dynamics
 from sain_core.errors import ConfigError, SainError
@@ -35,14 +35,44 @@ def check_model_name(name_or_path: str) -> None:
     _find(name_or_path)
 
 
-def load_dynamics(name_or_path: str) -> Dynamics:
+@runtime_checkable
+class BelievingDynamics(Protocol):
+    """A `Dynamics` that can begin each episode with what a laboratory's recordings told."""
+
+    def believing(self, path: Path) -> Dynamics:
+        """Return the dynamics with the belief in this file. Pure: `self` stays as it is.
+
+        Raises:
+            CheckpointError: no such file, or not a belief.
+            ConfigError: a belief for another kind of model.
+        """
+        ...
+
+
+def load_dynamics(name_or_path: str, belief: str = "") -> Dynamics:
     """Return the dynamics of this name, or the one in this checkpoint.
+
+    Args:
+        name_or_path: name or path.
+        belief: path of what is believed before an episode's first push; "": what is usual.
 
     Raises:
         ConfigError: neither a known name nor a path; two packages offer the name; or its package
-            fails. The message names the package.
-        CheckpointError: a checkpoint that is missing, damaged or of another architecture.
+            fails. The message names the package. Or it takes no belief.
+        CheckpointError: a checkpoint that is missing, damaged or of another architecture; or a
+            belief that is.
     """
+    loaded = _load(name_or_path)
+    if not belief:
+        return loaded
+    if not isinstance(loaded, BelievingDynamics):
+        raise ConfigError(
+            f"model {name_or_path!r} takes no belief; 'sain' does, and checkpoints on planar priors"
+        )
+    return loaded.believing(Path(belief).expanduser())
+
+
+def _load(name_or_path: str) -> Dynamics:
     entry = _find(name_or_path)
     try:
         loaded = entry.load()(name_or_path)

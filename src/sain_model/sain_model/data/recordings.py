@@ -38,9 +38,7 @@ def load_recording(path: Path) -> list[RecordedPushes]:
 
 def first_pushes(parts: Sequence[RecordedPushes], most: int) -> list[RecordedPushes]:
     """Return the pushes of the first whole episodes, as many as hold at most so many pushes."""
-    counts = sum(
-        np.bincount(part.episode, minlength=count_episodes(parts)) for part in parts
-    )
+    counts = sum(np.bincount(part.episode, minlength=count_episodes(parts)) for part in parts)
     keep = int(np.searchsorted(np.cumsum(counts), most, side="right"))
     chosen = (part.select(part.episode < keep) for part in parts)
     return [part for part in chosen if len(part)]
@@ -63,9 +61,7 @@ def _rows(columns: Columns) -> int:
     return len(columns[Column.ACTION])
 
 
-def _joined(
-    parts: list[Columns], bodies: Bodies | None, episodes: np.ndarray
-) -> RecordedPushes:
+def _joined(parts: list[Columns], bodies: Bodies | None, episodes: np.ndarray) -> RecordedPushes:
     state, action, next_state, episode = (
         np.concatenate([part[name] for part in parts])
         for name in (Column.STATE, Column.ACTION, Column.NEXT_STATE, Column.EPISODE)

@@ -6,15 +6,17 @@ from typing import Any, Final
 
 import numpy as np
 
+from sain_core.errors import ConfigError
 from sain_core.types import Scenes
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.identification.agreement import check_agreement
-from sain_model.identification.beliefs import KEEP, Belief
+from sain_model.identification.beliefs import KEEP, Belief, usual_belief
 from sain_model.identification.evidence import errors_of, log_density, scales_of
 from sain_model.identification.fitting import step_at
 from sain_model.identification.laboratory import LaboratoryFit, RecordedPushes, fit_laboratory
 from sain_model.identification.parameters import COUNT, FRICTION, config_at, parameters_of
 from sain_model.identification.structures import Structure
+from sain_model.physics.planar import PlanarPrior
 
 Recording = Sequence[RecordedPushes]
 MOST_ODDS: Final = 20.0  # logarithm: recordings may not rule out for ever what they do not show
@@ -90,7 +92,7 @@ def _network_odds(
 
 def _density(part: RecordedPushes, predicted: Scenes) -> float:
     squared = (errors_of(predicted, part.next_state) ** 2).sum(axis=-1)
-    scale = scales_of(part.state, part.next_state)
+    scale = scales_of(part, part.bodies)
     return float(log_density(squared, scale).sum(axis=0).max())
 
 
@@ -108,3 +110,16 @@ def _card(recordings: Mapping[str, Recording], fits: Sequence[LaboratoryFit]) ->
         "evidence": {fit.structure.name: fit.log_evidence for fit in fits},
         "noise_factor": {fit.structure.name: fit.factor for fit in fits},
     }
+
+
+def believing_model(model: SainDynamics) -> SainDynamics:
+    """Return a model with a belief to begin with: its own, or what is usual for its prior.
+
+    Raises:
+        ConfigError: it infers nothing from pushes.
+    """
+    if model.belief is not None:
+        return model
+    if model.friction is None or not isinstance(model.prior, PlanarPrior):
+        raise ConfigError(f"the model on {model.prior_name!r} infers nothing from pushes")
+    return model.with_belief(usual_belief(model.prior.config, model.friction))

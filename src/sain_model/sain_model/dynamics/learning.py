@@ -6,13 +6,14 @@ correction holds.
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from sain_core.dataset import Transitions
+from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
 from sain_core.scene import POSITION
 from sain_core.types import Scenes
@@ -33,6 +34,8 @@ from sain_model.physics.planar import PlanarPrior
 
 if TYPE_CHECKING:
     from sain_model.dynamics.sain import SainDynamics
+
+Model = TypeVar("Model", bound="SainDynamics")
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +69,7 @@ def learn(model: "SainDynamics", pushes: Transitions, known: Known) -> LearnedRo
     return LearnedRows(posterior, corrected)
 
 
-def after_pushes(model: "SainDynamics", history: PushHistory) -> "SainDynamics":
+def after_pushes(model: Model, history: PushHistory) -> Model:
     """Return a model with a belief as an episode's earlier pushes leave it."""
     told = learn(model, history, Known.everything(len(history)))
     posterior, belief = told.posterior, model.belief
@@ -82,9 +85,19 @@ def after_pushes(model: "SainDynamics", history: PushHistory) -> "SainDynamics":
     )
 
 
-def before_pushes(model: "SainDynamics", belief: Belief) -> "SainDynamics":
-    """Return a model with this belief, at its most likely physics."""
+def before_pushes(model: Model, belief: Belief) -> Model:
+    """Return a model with this belief, at its most likely physics.
+
+    Raises:
+        ConfigError: it is for another prior.
+    """
     assert isinstance(model.prior, PlanarPrior)
+    has_axes = model.prior.config.axes_yield > 0.0
+    if not any(s.corrected and s.has_axes == has_axes for s in belief.structures):
+        raise ConfigError(
+            f"the belief is for a network on another prior than {model.prior_name!r}; identify"
+            " with this model"
+        )
     if model.network.config.bodies == ANY_SHAPE:
         belief = replace(belief, network_log_odds=belief.any_shape_log_odds)
     likeliest = belief.likeliest
@@ -123,7 +136,7 @@ def _correction_odds(
     if not len(known.push):
         return np.zeros(len(rows))
     told = picked(pushes, known.push)
-    scale = scales_of(told.state, told.next_state)
+    scale = scales_of(told, model.bodies)
     physics_next = _step(model, told, posterior.of_rows(rows[known.row]))
     corrected = model.network_correct(told.state, told.action, physics_next)
     plain, better = (

@@ -15,6 +15,7 @@ from sain_model.dynamics.checkpoint import (
     read_checkpoint,
 )
 from sain_model.dynamics.correction_network import CorrectionEnsemble
+from sain_model.dynamics.identify import believing_model
 from sain_model.dynamics.intervals import Intervals
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.priors import C, Settings, load_planar, load_prior, naming, typed
@@ -27,11 +28,9 @@ from sain_model.dynamics.settings import (
     CorrectionNetworkConfig,
     RolloutConfig,
 )
-from sain_model.identification.beliefs import usual_belief
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionConfig
-from sain_model.physics.planar import PlanarPrior
 
 
 def load_builtin(name: str) -> Dynamics:
@@ -51,15 +50,10 @@ def load_builtin(name: str) -> Dynamics:
 def load_shipped() -> SainDynamics:
     """Return the model that comes with this package: one network for disks, one for any shape."""
     disks, any_shape = (
-        _believing(load_sain(shipped_checkpoint(name))) for name in (SHIPPED, SHIPPED_ANY_SHAPE)
+        believing_model(load_sain(shipped_checkpoint(name)))
+        for name in (SHIPPED, SHIPPED_ANY_SHAPE)
     )
     return replace(disks, any_shape=any_shape)
-
-
-def _believing(model: SainDynamics) -> SainDynamics:
-    """Return a model that chooses its physics by an episode's pushes."""
-    assert model.friction is not None and isinstance(model.prior, PlanarPrior)
-    return model.with_belief(usual_belief(model.prior.config, model.friction))
 
 
 def load_sain(path: Path) -> SainDynamics:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Final, Self
 
 import numpy as np
@@ -29,6 +30,7 @@ from sain_model.dynamics.learning import (
     predict_rows,
 )
 from sain_model.dynamics.settings import IDENTITY
+from sain_model.identification.belief_file import read_belief
 from sain_model.identification.beliefs import Belief
 from sain_model.identification.evidence import Known
 from sain_model.network.compiled_network import CompiledNetwork
@@ -126,7 +128,8 @@ class SainDynamics:
         """Return this model on the physics that an episode's earlier pushes tell of.
 
         With a belief, that is the kind of physics, its parameters, and whether the network's
-        correction counts; else the friction with the table. It is the model itself without pushes, and where it was not trained to learn from them.
+        correction counts; else the friction with the table. It is the model itself without
+        pushes, and where it was not trained to learn from them.
         """
         friction = self.filter
         if friction is None or len(history) == 0:
@@ -177,7 +180,7 @@ class SainDynamics:
         """Return this model with what is believed before an episode's first push.
 
         Raises:
-            ConfigError: it learns nothing from pushes.
+            ConfigError: it infers nothing from pushes, or the belief is for another prior.
         """
         if self.filter is None or type(self.prior) is not PlanarPrior:
             raise ConfigError(
@@ -186,6 +189,15 @@ class SainDynamics:
         others = self.any_shape.with_belief(belief) if self.any_shape else None
         believing = replace(before_pushes(self, belief), any_shape=others)
         return self._with_same_weights(believing)
+
+    def believing(self, path: Path) -> Self:
+        """Return this model with the belief in a file of ``sain_model identify``.
+
+        Raises:
+            CheckpointError: no such file, or not a belief.
+            ConfigError: see `with_belief`.
+        """
+        return self.with_belief(read_belief(path))
 
     def with_bodies(self, bodies: Bodies) -> "SainDynamics":
         """Return the model of scenes of these bodies.

@@ -37,11 +37,14 @@ def check_agreement(fits: Mapping[str, LaboratoryFit]) -> None:
                     values_at(fit.structure.config, fit.shared[None])[0, column]
                     for fit in (first, second)
                 ]
-                worst, message = ratio, (
-                    f"{name} and {other} disagree about {parameter.name}"
-                    f" ({parameter.meaning}): {values[0]:.3g} and {values[1]:.3g},"
-                    f" {apart / deviation:.0f} standard deviations apart; identify each"
-                    " laboratory by itself"
+                worst, message = (
+                    ratio,
+                    (
+                        f"{name} and {other} disagree about {parameter.name}"
+                        f" ({parameter.meaning}): {values[0]:.3g} and {values[1]:.3g},"
+                        f" {apart / deviation:.0f} standard deviations apart; identify each"
+                        " laboratory by itself"
+                    ),
                 )
     if message:
         raise DatasetError(message)

@@ -45,7 +45,9 @@ def read_belief(path: Path) -> Belief:
         if not structures:
             raise ValueError("no structures")
     except FileNotFoundError:
-        raise CheckpointError(f"belief {path} does not exist; sain_model identify makes one") from None
+        raise CheckpointError(
+            f"belief {path} does not exist; sain_model identify makes one"
+        ) from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError, ConfigError) as error:
         raise CheckpointError(
             f"belief {path} cannot be read: {error}; make it again with sain_model identify"

@@ -12,7 +12,9 @@ from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar_config import TEXTBOOK, PlanarConfig
 
 SOLVER_AXES: Final = "solver axes"
+FITTED: Final = "fitted"
 NO_AXES: Final = "textbook"
+TRAINED: Final = 4.0  # logarithm of the odds that the physics is of the kind that is trained on
 KEEP: Final = 0.5  # logarithm of the odds that a network's correction holds, beforehand
 
 
@@ -48,6 +50,7 @@ def usual_belief(config: PlanarConfig, friction: FrictionConfig) -> Belief:
         friction: how that prior infers friction.
     """
     wide = np.eye(COUNT)
-    axes = Structure(SOLVER_AXES, config, wide, friction, corrected=True)
+    name = SOLVER_AXES if config.axes_yield > 0.0 else FITTED
+    first = Structure(name, config, wide, friction, TRAINED, corrected=True)
     textbook = replace(TEXTBOOK, friction=config.friction)
-    return Belief((axes, Structure(NO_AXES, textbook, wide, FrictionConfig())))
+    return Belief((first, Structure(NO_AXES, textbook, wide, FrictionConfig())))

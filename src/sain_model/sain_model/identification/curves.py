@@ -12,8 +12,8 @@ from numpy import ndarray
 from sain_core.dataset import Transitions
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
-from sain_model.identification.structures import Structure
 from sain_model.identification.evidence import errors_of, log_density, picked, scales_of
+from sain_model.identification.structures import Structure
 from sain_model.physics.friction import CHUNK, WATCHED, FrictionFilter, ways
 from sain_model.physics.planar import PlanarPrior
 
@@ -66,7 +66,7 @@ class PushCurves:
 
 def curves_of(structure: Structure, bodies: Bodies | None, pushes: Transitions) -> Curves:
     """Return how well each friction explains each push."""
-    friction, scale = filter_of(structure, bodies), scales_of(pushes.state, pushes.next_state)
+    friction, scale = filter_of(structure, bodies), scales_of(pushes, bodies)
     grid, moved = friction.grid, ways(pushes.state, pushes.next_state)
     size = max(CHUNK // len(grid), 1)
     parts: list[tuple[ndarray, ndarray]] = []

@@ -11,11 +11,12 @@ from scipy.sparse import csr_matrix
 
 from sain_core.dataset import Transitions
 from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
-from sain_core.types import Scenes
+from sain_core.shapes.bodies import Bodies
 
-NOISE: Final = 0.0005  # [m], scale of the error of a body that hardly moved, times a factor
+NOISE: Final = 0.0005  # [m], scale of the error of a disk that hardly moved, times a factor
+SHAPE_NOISE: Final = 0.002  # [m], likewise of bodies with corners
 SHARE: Final = 0.02  # and by how much it grows, share of the way
-FACTORS: Final = np.array([0.25, 0.5, 1.0, 2.0, 4.0, 8.0])  # equally likely beforehand
+FACTORS: Final = np.array([0.5, 1.0, 2.0, 4.0, 8.0])  # equally likely beforehand
 TAIL: Final = 3.0  # degrees of freedom of Student's t: a push that nothing explains decides little
 SIZE: Final = 3  # of an error: x, y, and a turn as a way
 TURN_ARM: Final = 0.5  # [radii], on which a turn counts as a way
@@ -94,10 +95,10 @@ def errors_of(predicted: ndarray, truth: ndarray) -> Float[ndarray, "*B N 3"]:
     return np.concatenate([off[..., POSITION], turn[..., None]], axis=-1)
 
 
-def scales_of(scenes: Scenes, next_scenes: Scenes) -> Float[ndarray, "M N"]:
-    """Return the scale of each body's error [m], for a factor of 1."""
-    way = np.linalg.norm((next_scenes - scenes)[..., POSITION], axis=-1)
-    return np.asarray(NOISE + SHARE * way)
+def scales_of(pushes: Transitions, bodies: Bodies | None) -> Float[ndarray, "M N"]:
+    """Return the scale of each body's error [m], for a factor of 1; None: disks."""
+    way = np.linalg.norm((pushes.next_state - pushes.state)[..., POSITION], axis=-1)
+    return np.asarray((NOISE if bodies is None else SHAPE_NOISE) + SHARE * way)
 
 
 def log_density(squared: ndarray, scale: ndarray) -> Float[ndarray, "*B K"]:

@@ -10,7 +10,6 @@ from numpy import ndarray
 from sain_core.dataset import Transitions
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scenes
-from sain_model.identification.structures import Structure
 from sain_model.identification.evidence import (
     FACTORS,
     SIZE,
@@ -23,6 +22,7 @@ from sain_model.identification.evidence import (
     scales_of,
 )
 from sain_model.identification.parameters import Places, physics_at
+from sain_model.identification.structures import Structure
 from sain_model.identification.varied_pushes import step_varied
 
 STEPS: Final = 3
@@ -62,7 +62,7 @@ def fit(
         start: first vectors z (R, D).
     """
     told = picked(pushes, known.push)
-    scale = scales_of(told.state, told.next_state)  # (P, N)
+    scale = scales_of(told, bodies)  # (P, N)
     believed = np.linalg.inv(structure.covariance)
     places, count = start.copy(), start.shape[1]
     information = np.zeros((len(start), count, count))

@@ -22,6 +22,7 @@ from sain_model.identification.structures import Structure
 STEPS: Final = 12
 HALVINGS: Final = 5  # of a step that makes things worse
 LONGEST: Final = 1.0  # [spreads], of a step
+LEAST_FACTOR: Final = 1.0  # of the noise: many pushes fitted closely are worth less than all fitted
 ENOUGH: Final = 1e-3  # [spreads], a shorter step is the last
 
 
@@ -122,10 +123,11 @@ def _score(
     total = np.zeros(len(FACTORS))
     for part in parts:
         errors = errors_at(structure, part.bodies, part, _places(shared, frictions[part.episode]))
-        scale = scales_of(part.state, part.next_state)
+        scale = scales_of(part, part.bodies)
         total += log_density((errors**2).sum(axis=-1), scale).sum(axis=0)
     far = _without_friction(shared) @ believed @ _without_friction(shared)
     far += believed[FRICTION, FRICTION] * (frictions**2).sum()
+    total[FACTORS < LEAST_FACTOR] = -np.inf
     return float(total.max() - 0.5 * far), float(FACTORS[total.argmax()])
 
 
@@ -143,7 +145,7 @@ def _normal(
 ) -> _Normal:
     information, pull = np.zeros((count, COUNT, COUNT)), np.zeros((count, COUNT))
     for part in parts:
-        scale = factor * scales_of(part.state, part.next_state)
+        scale = factor * scales_of(part, part.bodies)
         places = _places(shared, frictions[part.episode])
         errors, slopes = slopes_of(structure, part.bodies, part, places)
         errors, slopes = errors / scale[..., None], slopes / scale[..., None, None]

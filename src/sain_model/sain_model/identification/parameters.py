@@ -58,7 +58,7 @@ ACROSS: Final = Parameter(
     "yield_across", "friction of a foot across its arm, share", 0.15, False, 0.3, 1.0
 )
 ALONG_AXES: Final = Parameter(
-    "axes_yield", "give of the friction along the solver's axes", 0.3, False, 0.01, 3.0
+    "axes_yield", "give of the friction along the solver's axes", 0.3, False, 0.3, 3.0
 )
 
 

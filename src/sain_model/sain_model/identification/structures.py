@@ -28,3 +28,8 @@ class Structure:
     friction: FrictionConfig
     log_odds: float = 0.0
     corrected: bool = False
+
+    @property
+    def has_axes(self) -> bool:
+        """Whether friction is solved along the world's axes."""
+        return self.config.axes_yield > 0.0

@@ -26,7 +26,7 @@ def push_varied_block(first, scenes, pushes, friction, start, physics, touched):
                 pushes[index],
                 friction[index],
                 start[index],
-                Physics(*to_fixed_tuple(physics[index], NUMBERS)),
+                Physics(*to_fixed_tuple(physics[index], NUMBERS)),  # type: ignore[call-arg]
                 work,
                 touched[index],
             )
@@ -47,7 +47,7 @@ def push_varied_bodies_block(first, scenes, order, pushes, friction, table, phys
                 pushes[index],
                 friction[index],
                 table,
-                Physics(*to_fixed_tuple(physics[index], NUMBERS)),
+                Physics(*to_fixed_tuple(physics[index], NUMBERS)),  # type: ignore[call-arg]
                 work,
                 touched[index],
             )

@@ -218,7 +218,7 @@ def load_server(config: ServingConfig) -> ModelServer:
         ConfigError: no model of this name.
         ModelUnavailableError: it predicts NaN or Inf.
     """
-    server = ModelServer(load_dynamics(config.model), config)
+    server = ModelServer(load_dynamics(config.model, config.belief), config)
     server.try_out()
     return server
 
