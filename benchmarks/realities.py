@@ -1,14 +1,18 @@
 r"""The shipped model against plain physics in worlds that it was and was not trained for.
 
-    collect() { nice ./env ros2 run sain_sim collect "$@"; }
-    shapes=cube,t,l,triangle,bar,hexagon,plus,ellipse,half_ring
-    collect --out data/mujoco/disks --engine mujoco --episodes 200 --seed 301
-    collect --out data/mujoco/cubes --engine mujoco --episodes 80 --seed 302 --target cube
-    collect --out data/mujoco/shapes --engine mujoco --episodes 120 --seed 303 --shapes $shapes \
-        --bodies 1-2
-    # data/bullet likewise without --engine, data/rough with --world rough
-    nice ./env python -m benchmarks.realities compare data/*/disks data/*/cubes data/*/shapes
-    nice ./env python -m benchmarks.realities learn data/mujoco/disks --sizes 50 100 200 500
+    collect() { nice ./env ros2 run sain_sim collect --out data/identify/"$@"; }
+    shapes="--bodies 1-2 --shapes cube,t,l,triangle,bar,hexagon,plus,ellipse,half_ring"
+    collect mujoco_disks --engine mujoco --episodes 300 --seed 201
+    collect bullet_disks --episodes 200 --seed 202
+    collect rough_disks --world rough --episodes 150 --seed 205
+    collect mujoco_shapes --engine mujoco --episodes 120 --seed 203 $shapes
+    collect bullet_shapes --episodes 100 --seed 204 $shapes
+    collect rough_shapes --world rough --episodes 100 --seed 208 $shapes
+    collect mujoco_cubes --engine mujoco --episodes 80 --seed 206 --target cube
+    collect bullet_cubes --episodes 80 --seed 207 --target cube
+    collect rough_cubes --world rough --episodes 80 --seed 209 --target cube
+    nice ./env python -m benchmarks.realities compare data/identify/*
+    nice ./env python -m benchmarks.realities learn data/identify/mujoco_disks
 
 `compare` prints errors of places with the earlier pushes of each episode, and ratios with 95 %
 intervals over episodes. `learn` identifies on the first episodes and takes errors on the second
@@ -44,6 +48,9 @@ FEW = 4  # earlier pushes from which on "after 4" counts
 PLANAR, FRICTION, SHIPPED, TRUE, EPISODE, COUNT = (
     "planar", "axes, friction alone", "shipped", "planar, true parameters", "episode", "count",
 )  # fmt: skip
+HEAD = """\
+| pushes | number | planar | friction alone | shipped | to planar | to friction alone | to true, 4+ |
+| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"""
 Rows = dict[str, np.ndarray]
 
 
@@ -55,6 +62,8 @@ def main() -> None:
     parser.add_argument("--sizes", type=int, nargs="+", default=[50, 100, 200, 500])
     arguments = parser.parse_args()
     model = load_shipped()
+    if arguments.task == "compare":
+        print(HEAD)
     for folder in arguments.folders:
         if arguments.task == "compare":
             print(comparison(folder, rows_of(folder, model)), flush=True)
@@ -149,7 +158,7 @@ def comparison(folder: Path, rows: Rows) -> str:
         ratio(rows, SHIPPED, FRICTION, few | True),
         ratio(rows, SHIPPED, TRUE, few),
     ]
-    cells = [str(folder), str(len(few)), *means, *ratios]
+    cells = [folder.name, str(len(few)), *means, *ratios]
     return "| " + " | ".join(cells) + " |"
 
 

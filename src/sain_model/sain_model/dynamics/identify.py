@@ -9,7 +9,7 @@ import numpy as np
 from sain_core.errors import ConfigError
 from sain_core.types import Scenes
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.identification.agreement import check_agreement
+from sain_model.identification.agreement import check_frictions, check_kinds
 from sain_model.identification.beliefs import KEEP, Belief, usual_belief
 from sain_model.identification.evidence import errors_of, log_density, scales_of
 from sain_model.identification.fitting import step_at
@@ -39,19 +39,19 @@ def identify(model: SainDynamics, recordings: Mapping[str, Recording]) -> Belief
         recordings: by name; episodes of all are counted as one sequence.
 
     Raises:
-        DatasetError: two recordings disagree about a parameter.
+        DatasetError: two recordings disagree about the kind of physics or a friction.
     """
     assert model.belief is not None
     pushes = [part for parts in recordings.values() for part in parts]
     fits = [fit_laboratory(structure, pushes) for structure in model.belief.structures]
     best = max(fits, key=lambda fit: fit.log_evidence)
     if len(recordings) > 1:
-        check_agreement(
-            {
-                name: fit_laboratory(best.structure, _numbered_anew(parts))
-                for name, parts in recordings.items()
-            }
-        )
+        alone = {
+            name: [fit_laboratory(fit.structure, _numbered_anew(parts)) for fit in fits]
+            for name, parts in recordings.items()
+        }
+        check_kinds(alone)
+        check_frictions({name: some[fits.index(best)] for name, some in alone.items()})
     odds = _network_odds(model, next(f for f in fits if f.structure.corrected), pushes)
     structures = tuple(_identified(fit, best.log_evidence) for fit in fits)
     return Belief(structures, odds.disks, odds.any_shape, _card(recordings, fits))

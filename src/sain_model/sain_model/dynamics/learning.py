@@ -6,7 +6,7 @@ correction holds.
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -34,8 +34,6 @@ from sain_model.physics.planar import PlanarPrior
 
 if TYPE_CHECKING:
     from sain_model.dynamics.sain import SainDynamics
-
-Model = TypeVar("Model", bound="SainDynamics")
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,24 +67,23 @@ def learn(model: "SainDynamics", pushes: Transitions, known: Known) -> LearnedRo
     return LearnedRows(posterior, corrected)
 
 
-def after_pushes(model: Model, history: PushHistory) -> Model:
-    """Return a model with a belief as an episode's earlier pushes leave it."""
+def after_pushes(model: "SainDynamics", history: PushHistory) -> dict[str, Any]:
+    """Return the fields of a model with a belief as an episode's earlier pushes leave it."""
     told = learn(model, history, Known.everything(len(history)))
     posterior, belief = told.posterior, model.belief
     assert belief is not None and isinstance(model.prior, PlanarPrior)
     structure = belief.structures[posterior.structure[0]]
     config = config_at(structure.config, posterior.places[0])
-    return replace(
-        model,
-        prior=replace(model.prior, config=config),
-        corrects=bool(told.corrected[0]),
-        conditioned_log_std=float(posterior.friction_log_std[0]),
-        learned=Learned(model, history),
-    )
+    return {
+        "prior": replace(model.prior, config=config),
+        "corrects": bool(told.corrected[0]),
+        "conditioned_log_std": float(posterior.friction_log_std[0]),
+        "learned": Learned(model, history),
+    }
 
 
-def before_pushes(model: Model, belief: Belief) -> Model:
-    """Return a model with this belief, at its most likely physics.
+def before_pushes(model: "SainDynamics", belief: Belief) -> dict[str, Any]:
+    """Return the fields of a model with this belief, at its most likely physics.
 
     Raises:
         ConfigError: it is for another prior.
@@ -101,12 +98,11 @@ def before_pushes(model: Model, belief: Belief) -> Model:
     if model.network.config.bodies == ANY_SHAPE:
         belief = replace(belief, network_log_odds=belief.any_shape_log_odds)
     likeliest = belief.likeliest
-    return replace(
-        model,
-        belief=belief,
-        prior=replace(model.prior, config=likeliest.config),
-        corrects=likeliest.corrected and belief.network_log_odds > 0.0,
-    )
+    return {
+        "belief": belief,
+        "prior": replace(model.prior, config=likeliest.config),
+        "corrects": likeliest.corrected and belief.network_log_odds > 0.0,
+    }
 
 
 def predict_rows(model: "SainDynamics", pushes: Transitions, told: LearnedRows) -> Prediction:

@@ -135,7 +135,7 @@ class SainDynamics:
         if friction is None or len(history) == 0:
             return self
         if self.belief is not None:
-            return self._with_same_weights(after_pushes(self, history))
+            return self._with_same_weights(replace(self, **after_pushes(self, history)))
         likelihood = friction.log_likelihood(history.state, history.action, history.next_state)
         belief = friction.believe(likelihood)
         told = replace(
@@ -187,7 +187,7 @@ class SainDynamics:
                 f"the model on {self.prior_name!r} infers nothing from pushes, and takes no belief"
             )
         others = self.any_shape.with_belief(belief) if self.any_shape else None
-        believing = replace(before_pushes(self, belief), any_shape=others)
+        believing = replace(self, **before_pushes(self, belief), any_shape=others)
         return self._with_same_weights(believing)
 
     def believing(self, path: Path) -> Self:
