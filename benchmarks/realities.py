@@ -49,7 +49,7 @@ PLANAR, FRICTION, SHIPPED, TRUE, EPISODE, COUNT = (
     "planar", "axes, friction alone", "shipped", "planar, true parameters", "episode", "count",
 )  # fmt: skip
 HEAD = """\
-| pushes | number | planar | friction alone | shipped | to planar | to friction alone | to true, 4+ |
+| data | pushes | planar | friction | shipped | to planar | to friction alone | to true, 4+ |
 | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"""
 Rows = dict[str, np.ndarray]
 
