@@ -177,7 +177,7 @@ def learn(folder: Path, model: SainDynamics, sizes: list[int]) -> None:
     parts = load_recording(folder)
     half = count_episodes(parts) // 2
     held_out = [part.select(part.episode >= half) for part in parts]
-    tests = [data for data in datasets(held_out, {}) if len(data)]
+    tests = datasets([part for part in held_out if len(part)], {})
     plain = [
         (data, PlanarPrior(bodies=data.bodies), PlanarPrior(bodies=data.bodies).filter())
         for data in tests
@@ -188,7 +188,7 @@ def learn(folder: Path, model: SainDynamics, sizes: list[int]) -> None:
     for name, one in (("friction alone", without_belief(model)), ("shipped", model)):
         print(name, mean_error(folder, [(d, predict_with_history(one, d).mean) for d in tests]))
     for size in sizes:
-        some = first_pushes([part.select(part.episode < half) for part in parts], size)
+        some = first_pushes(parts, size)
         start = time.perf_counter()
         belief = identify(model, {str(folder): some})
         taken = time.perf_counter() - start
