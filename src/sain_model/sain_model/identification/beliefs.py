@@ -14,7 +14,7 @@ from sain_model.physics.planar_config import TEXTBOOK, PlanarConfig
 SOLVER_AXES: Final = "solver axes"
 FITTED: Final = "fitted"
 NO_AXES: Final = "textbook"
-TRAINED: Final = 4.0  # logarithm of the odds that the physics is of the kind that is trained on
+TRAINED: Final = 3.0  # logarithm of the odds that the physics is of the kind that is trained on
 KEEP: Final = 0.5  # logarithm of the odds that a network's correction holds, beforehand
 
 

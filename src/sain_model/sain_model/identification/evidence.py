@@ -14,7 +14,7 @@ from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
 
 NOISE: Final = 0.0005  # [m], scale of the error of a disk that hardly moved, times a factor
-SHAPE_NOISE: Final = 0.002  # [m], likewise of bodies with corners
+SHAPE_NOISE: Final = 0.001  # [m], likewise of bodies with corners
 SHARE: Final = 0.02  # and by how much it grows, share of the way
 FACTORS: Final = np.array([0.5, 1.0, 2.0, 4.0, 8.0])  # equally likely beforehand
 TAIL: Final = 3.0  # degrees of freedom of Student's t: a push that nothing explains decides little

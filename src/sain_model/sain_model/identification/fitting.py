@@ -31,7 +31,7 @@ LONGEST: Final = 1.5  # [spreads], of a step
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class EpisodeFits:
     """The most likely parameters of R rows.
 
     Attributes:
@@ -51,7 +51,7 @@ def fit(
     pushes: Transitions,
     known: Known,
     start: Places,
-) -> Fit:
+) -> EpisodeFits:
     """Return the most likely parameters of each row, about those of a structure.
 
     Args:
@@ -80,7 +80,7 @@ def fit(
     errors = errors_at(structure, bodies, told, places[known.row])
     density = known.gather(log_density((errors**2).sum(axis=-1), scale))  # (R, K)
     log_evidence = over_factors(density + _laplace(structure, places, information))
-    return Fit(places, information, log_evidence)
+    return EpisodeFits(places, information, log_evidence)
 
 
 def errors_at(

@@ -18,7 +18,7 @@ from sain_core.types import Scalars, Scenes
 from sain_model.identification.beliefs import Belief
 from sain_model.identification.curves import Curves, filter_of
 from sain_model.identification.evidence import Known, log_sum, over_factors
-from sain_model.identification.fitting import Fit, fit, step_at
+from sain_model.identification.fitting import EpisodeFits, fit, step_at
 from sain_model.identification.parameters import COUNT, FRICTION, Places, parameters_of
 from sain_model.identification.structures import Structure
 
@@ -132,7 +132,7 @@ def _usual_spreads(belief: Belief) -> Float[ndarray, "D"]:
     return np.sqrt(np.diag(belief.likeliest.covariance))
 
 
-def _spreads(structure: Structure, found: Fit) -> Places:
+def _spreads(structure: Structure, found: EpisodeFits) -> Places:
     """Return standard deviations of parameters (R, D) after pushes."""
     believed = np.linalg.inv(structure.covariance)
     after = np.linalg.inv(found.information + believed)
