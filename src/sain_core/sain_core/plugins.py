@@ -49,30 +49,14 @@ class BelievingDynamics(Protocol):
         ...
 
 
-def load_dynamics(name_or_path: str, belief: str = "") -> Dynamics:
+def load_dynamics(name_or_path: str) -> Dynamics:
     """Return the dynamics of this name, or the one in this checkpoint.
-
-    Args:
-        name_or_path: name or path.
-        belief: path of what is believed before an episode's first push; "": what is usual.
 
     Raises:
         ConfigError: neither a known name nor a path; two packages offer the name; or its package
-            fails. The message names the package. Or it takes no belief.
-        CheckpointError: a checkpoint that is missing, damaged or of another architecture; or a
-            belief that is.
+            fails. The message names the package.
+        CheckpointError: a checkpoint that is missing, damaged or of another architecture.
     """
-    loaded = _load(name_or_path)
-    if not belief:
-        return loaded
-    if not isinstance(loaded, BelievingDynamics):
-        raise ConfigError(
-            f"model {name_or_path!r} takes no belief; 'sain' does, and checkpoints on planar priors"
-        )
-    return loaded.believing(Path(belief).expanduser())
-
-
-def _load(name_or_path: str) -> Dynamics:
     entry = _find(name_or_path)
     try:
         loaded = entry.load()(name_or_path)
@@ -89,6 +73,22 @@ def _load(name_or_path: str) -> Dynamics:
             f" a {type(loaded).__name__}; it must return a Dynamics, which has the method step"
         )
     return loaded
+
+
+def with_belief(name: str, dynamics: Dynamics, belief: str) -> Dynamics:
+    """Return a dynamics of this name with the belief at a path; as it is where there is no path.
+
+    Raises:
+        ConfigError: it takes no belief, or none like this.
+        CheckpointError: no such file, or not a belief.
+    """
+    if not belief:
+        return dynamics
+    if not isinstance(dynamics, BelievingDynamics):
+        raise ConfigError(
+            f"model {name!r} takes no belief; 'sain' does, and checkpoints on planar priors"
+        )
+    return dynamics.believing(Path(belief).expanduser())
 
 
 def _find(name_or_path: str) -> EntryPoint:

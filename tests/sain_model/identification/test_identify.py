@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from sain_core.dynamics import Dynamics
 from sain_core.errors import CheckpointError, ConfigError, DatasetError
-from sain_core.plugins import load_dynamics
+from sain_core.plugins import load_dynamics, with_belief
 from sain_core.types import Pushes, Scenes
 from sain_model.cli.identify import load_recordings, run
 from sain_model.cli.options import IdentifyOptions
@@ -49,6 +50,10 @@ def record(folder: Path, draw: Draw, config: PlanarConfig, seed: int, column: st
     return folder
 
 
+def believing(name: str, belief: Path) -> Dynamics:
+    return with_belief(name, load_dynamics(name), str(belief))
+
+
 @pytest.fixture
 def recording(tmp_path: Path, random_pushes: Draw) -> Path:
     return record(tmp_path / "lab", random_pushes, LAB, 11, column="friction")
@@ -80,7 +85,7 @@ def test_identify_writes_a_belief_that_models_begin_with(recording: Path, tmp_pa
     belief = read_belief(out)
     assert belief.card["source"] == {str(recording): EPISODES * PUSHES}
     assert belief.likeliest.name == NO_AXES
-    usual, informed = load_dynamics("sain"), load_dynamics("sain", str(out))
+    usual, informed = load_dynamics("sain"), believing("sain", out)
     assert isinstance(informed, SainDynamics)
     assert isinstance(informed.prior, PlanarPrior)
     assert informed.prior.config.tool_friction == pytest.approx(0.25, rel=0.05)
@@ -92,7 +97,7 @@ def test_identify_writes_a_belief_that_models_begin_with(recording: Path, tmp_pa
     ]
     assert off[1].mean() < 0.9 * off[0].mean()
     with pytest.raises(ConfigError, match="model 'planar' takes no belief"):
-        load_dynamics("planar", str(out))
+        believing("planar", out)
 
 
 def test_recordings_of_two_laboratories_are_an_error(
