@@ -154,6 +154,24 @@ def test_a_plan_that_was_prepared_is_corrected_with_few_samples(scene, dynamics)
     assert then.cost < 0.1 * then.rest_cost  # `anew` likewise: three times the samples
 
 
+def test_a_correction_asks_the_model_once(scene, dynamics):
+    class Counted(StepwiseRollout):
+        asked = 0
+
+        def rollout(self, scene, pushes):
+            self.asked += 1
+            return super().rollout(scene, pushes)
+
+    model = Counted(dynamics)
+    ahead = Planner(model, CONFIG)
+    expected = ahead.plan(scene, GOAL, generator(0)).predicted[0]
+    ahead.prepare(expected, generator(1))
+    before = model.asked
+    then = ahead.plan(expected, GOAL, generator(2))
+    assert model.asked == before + 1
+    assert CONFIG.correction < then.samples <= CONFIG.correction + 16  # the prepared ones as well
+
+
 def test_what_was_prepared_is_dropped_for_a_wide_plan_a_refusal_or_another_goal(scene, dynamics):
     def rounds(goal=GOAL, **options):
         ahead = planner(dynamics)

@@ -23,7 +23,7 @@ def load_recording(path: Path) -> list[RecordedPushes]:
     """
     found: dict[Bodies | None, list[Columns]] = {}
     for shard in shard_paths(path):
-        columns = read_shard(shard, any_body=True)
+        columns = read_shard(shard, any_shape=True)
         bodies = row_bodies(columns) if Column.SHAPES in columns else [None] * _rows(columns)
         kinds = [None if one is None or one.are_paper_disks else one for one in bodies]
         for kind in dict.fromkeys(kinds):

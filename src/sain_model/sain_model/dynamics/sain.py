@@ -136,7 +136,7 @@ class SainDynamics:
             return self
         if self.belief is not None:
             return self._with_same_weights(replace(self, **after_pushes(self, history)))
-        likelihood = friction.log_likelihood(history.state, history.action, history.next_state)
+        likelihood = friction.likelihoods(history)
         belief = friction.believe(likelihood)
         told = replace(
             self.at(belief.mean, belief.spread), learned=Learned(self, history, likelihood)

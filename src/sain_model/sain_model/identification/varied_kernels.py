@@ -33,10 +33,13 @@ def push_varied_block(first, scenes, pushes, friction, start, physics, touched):
 
 
 @compiled
-def push_varied_bodies_block(first, scenes, order, pushes, friction, table, physics, touched):
+def push_varied_bodies_block(
+    first, scenes, order, pushes, friction, table, physics, touched, corrections
+):
     """Carry out up to `CHUNK` pushes of any bodies in place, as `push_bodies_block` does.
 
-    `physics` (B, 20) has the numbers of a `Physics` for each push.
+    `physics` (B, 20) has the numbers of a `Physics` for each push; `corrections` (B, 0, 7) are
+    none.
     """
     work = make_outline_workspace(table)
     for index in range(first, min(first + CHUNK, scenes.shape[0])):
@@ -50,4 +53,5 @@ def push_varied_bodies_block(first, scenes, order, pushes, friction, table, phys
                 Physics(*to_fixed_tuple(physics[index], NUMBERS)),  # type: ignore[call-arg]
                 work,
                 touched[index],
+                corrections[index],
             )

@@ -12,6 +12,7 @@ from sain_model.compute.batch_checks import check_batch
 from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.identification.varied_kernels import push_varied_block, push_varied_bodies_block
+from sain_model.physics.corrections import OF_DISKS
 from sain_model.physics.outlines import body_table, nearest_first
 from sain_model.physics.planar import disks_first, takes_disks
 from sain_model.physics.planar_config import PlanarConfig
@@ -59,6 +60,7 @@ def step_varied(
     start, heading = strokes(scenes, pushes, limits, bodies)
     ways = np.column_stack([start, heading, pushes[:, LENGTH]])
     after, order = plain(scenes.copy()), nearest_first(scenes, pushed)
-    shaped = after, order, ways, told[0], body_table(bodies), told[1], touched
+    none = np.empty((len(scenes), 0, OF_DISKS))
+    shaped = after, order, ways, told[0], body_table(bodies), told[1], touched, none
     run_blocks(lambda first: push_varied_bodies_block(first, *shaped), len(scenes), CHUNK)
     return after

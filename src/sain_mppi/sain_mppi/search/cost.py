@@ -207,8 +207,9 @@ def blocked_pushes(
     rollout: Rollout, feasibility: Feasibility, bodies: Bodies | None = None
 ) -> Scalars:
     """Return how many pushes of a sequence could not be carried out when their turn comes."""
-    allowed = feasibility.mask(rollout.before, rollout.pushes, bodies)
-    return np.asarray((~allowed).sum(axis=1).astype(np.float64))
+    blocked, moving = np.zeros(rollout.moving.shape), rollout.moving
+    blocked[moving] = ~feasibility.mask(rollout.before[moving], rollout.pushes[moving], bodies)
+    return np.asarray(blocked.sum(axis=1))
 
 
 def target_regions(rollout: TargetRollout) -> Scalars:
