@@ -34,6 +34,7 @@ setup(
             "train = sain_model.commands:train",
             "train_correction = sain_model.commands:train_correction",
             "evaluate = sain_model.commands:evaluate",
+            "identify = sain_model.commands:identify",
             "learning_curve = sain_model.commands:learning_curve",
         ],
         "sain.dynamics": [

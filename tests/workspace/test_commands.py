@@ -23,7 +23,7 @@ REQUIRED = {  # arguments without which nothing else is reported
     "play": ["bag"], "info": ["bag"], "recover": ["bag", "--out", "o"], "report": ["bag"],
     "to_dataset": ["bag", "--out", "o"], "record": ["--out", "o"], "calibrate": ["--out", "o"],
     "train": ["data", "--out", "o"], "train_correction": ["data", "--out", "o"],
-    "learning_curve": ["data", "--out", "o"],
+    "learning_curve": ["data", "--out", "o"], "identify": ["data"],
 }  # fmt: skip
 HEAVY = {"torch", "pybullet", "numba", "rclpy", "matplotlib"}
 INTERRUPT = """

@@ -22,6 +22,7 @@ DEFAULT_PARAMETERS = Path(get_package_share_directory("sain_bringup"), "config",
 ARGUMENTS = {
     "namespace": ("/sain", "namespace of all nodes"),
     "model": ("sain", "what predicts: sain, planar, identity, or a checkpoint's path"),
+    "belief": ("", "file of sain_model identify, with which each episode begins"),
     "params_file": (str(DEFAULT_PARAMETERS), "ROS parameters on top of the nodes' defaults"),
     "gui": ("false", "show the simulator's window"),
     "seed": ("0", "of the first scene and of the planner"),
@@ -35,7 +36,7 @@ def generate_launch_description() -> LaunchDescription:
     value = {name: LaunchConfiguration(name) for name in ARGUMENTS}
     seed = {"seed": ParameterValue(value["seed"], value_type=int)}
     gui = {"gui": ParameterValue(value["gui"], value_type=bool)}
-    model = {"model": ParameterValue(value["model"], value_type=str)}
+    model = {name: ParameterValue(value[name], value_type=str) for name in ("model", "belief")}
 
     def node(package: str, executable: str, *parameters: object) -> Node:
         return Node(

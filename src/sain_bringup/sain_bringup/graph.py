@@ -31,6 +31,7 @@ def graph_commands(
         simulator |= {"engine": options.engine}
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
+    belief = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
     about = [f"{key}={value}" for key, value in custom_data.items()]
     recorder = [str(executable("sain_bags", "record")), "--out", str(bag), "--custom-data", *about]
 
@@ -41,7 +42,7 @@ def graph_commands(
 
     to_namespace = ["--ros-args", "-r", f"__ns:={namespace}"]
     return {
-        MODEL: node("sain_model", "model_node", model=options.model),
+        MODEL: node("sain_model", "model_node", model=options.model, **belief),
         RECORDER: [*recorder, *to_namespace],
         SIMULATOR: node("sain_sim", "sim_node", **simulator),
         PLANNER: node("sain_mppi", "mppi_node", dynamics="service", seed=str(options.seed)),

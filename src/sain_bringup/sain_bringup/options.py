@@ -51,6 +51,9 @@ class ClosedLoopOptions(Config):
         BULLET, "physics engine; mujoco needs an extra package", choices=tuple(ENGINES)
     )
     model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
+    belief: str = option(
+        "", "file of `sain_model identify`, with which each episode begins; empty: none"
+    )
     out: Path | None = option(
         None, "folder to make for the results; by default bags/closed_loop-<date>-<time>"
     )

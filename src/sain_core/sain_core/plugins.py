@@ -12,7 +12,7 @@ command and node finds its models here; docs/your_model.md states what a model m
 from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol, runtime_checkable
 
 from sain_core.dynamics import Dynamics
 from sain_core.errors import ConfigError, SainError
@@ -33,6 +33,20 @@ def check_model_name(name_or_path: str) -> None:
         ConfigError: no installed package offers it, or two do.
     """
     _find(name_or_path)
+
+
+@runtime_checkable
+class BelievingDynamics(Protocol):
+    """A `Dynamics` that can begin each episode with what a laboratory's recordings told."""
+
+    def believing(self, path: Path) -> Dynamics:
+        """Return the dynamics with the belief in this file. Pure: `self` stays as it is.
+
+        Raises:
+            CheckpointError: no such file, or not a belief.
+            ConfigError: a belief for another kind of model.
+        """
+        ...
 
 
 def load_dynamics(name_or_path: str) -> Dynamics:
@@ -59,6 +73,22 @@ def load_dynamics(name_or_path: str) -> Dynamics:
             f" a {type(loaded).__name__}; it must return a Dynamics, which has the method step"
         )
     return loaded
+
+
+def with_belief(name: str, dynamics: Dynamics, belief: str) -> Dynamics:
+    """Return a dynamics of this name with the belief at a path; as it is where there is no path.
+
+    Raises:
+        ConfigError: it takes no belief, or none like this.
+        CheckpointError: no such file, or not a belief.
+    """
+    if not belief:
+        return dynamics
+    if not isinstance(dynamics, BelievingDynamics):
+        raise ConfigError(
+            f"model {name!r} takes no belief; 'sain' does, and checkpoints on planar priors"
+        )
+    return dynamics.believing(Path(belief).expanduser())
 
 
 def _find(name_or_path: str) -> EntryPoint:

@@ -27,6 +27,7 @@ train_correction: Final = Command(
 evaluate: Final = Command(
     "sain_model evaluate", "cli.options:EvaluateModelOptions", "cli.evaluate:run"
 )
+identify: Final = Command("sain_model identify", "cli.options:IdentifyOptions", "cli.identify:run")
 learning_curve: Final = Command(
     "sain_model learning_curve",
     "cli.options:LearningCurveOptions",

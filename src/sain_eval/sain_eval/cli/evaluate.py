@@ -58,7 +58,8 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     """
     with silent_interrupts():
         for name in dict.fromkeys(name for part in options.parts for name in part.controllers):
-            agent_maker(name, options.agent)  # a bad name should not wait for its first scene
+            # a bad name should not wait for its first scene
+            agent_maker(name, options.agent, options.belief)
     journal = Journal(make_folder(options.out), options.settings())
     jobs = jobs_of(options, journal.done)
     if len(jobs) < len(journal.done):
@@ -96,6 +97,7 @@ def jobs_of(options: EvaluateOptions, done: set[tuple[str, int, str]]) -> list[E
             options.agent,
             _picture(options, scenario, seed, controller),
             options.truth,
+            options.belief,
         )
         for part in options.parts
         for scenario in part.scenarios

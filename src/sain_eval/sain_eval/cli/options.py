@@ -44,6 +44,7 @@ class EvaluateOptions(Config):
         " RADIANS, headings have 5 rad for each metre; an episode ends at the smallest",
     )
     history: bool = option(True, "models infer the friction from earlier pushes of the episode")
+    belief: str = option("", "file of `sain_model identify`, for models that take one; empty: none")
     workers: int = option(
         1,
         "processes that run episodes; planning times grow when there are more than cores",
@@ -120,6 +121,8 @@ class EvaluateOptions(Config):
             "planner": dataclasses.asdict(self.planner),
             "history": self.history,
         }
+        if self.belief:
+            settings["belief"] = self.belief
         if self.truth != RANDOMISED_TRUTH:
             settings["truth"] = self.truth.settings()
         if self.table:

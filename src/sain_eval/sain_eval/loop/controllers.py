@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from sain_core.dynamics import as_rollout
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
-from sain_core.plugins import load_dynamics
+from sain_core.plugins import BelievingDynamics, load_dynamics
 from sain_core.push import LOCATION
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
 from sain_eval.scenes.scenario_scene import ScenarioScene
@@ -96,12 +97,12 @@ AgentMaker = Callable[[ScenarioScene], Agent]
 
 
 @cache
-def agent_maker(name: str, config: AgentConfig = AgentConfig()) -> AgentMaker:
+def agent_maker(name: str, config: AgentConfig = AgentConfig(), belief: str = "") -> AgentMaker:
     """Return a function that makes an agent for a scene; each model is loaded once in a process.
 
     The name is null, straight, random, oracle, a dynamics that an installed package offers (planar,
-    sain, ...), or a checkpoint's path. The oracle plans with the planar prior at the true friction,
-    and never learns from earlier pushes.
+    sain, ...), or a checkpoint's path. A belief is for dynamics that take one. The oracle plans
+    with the planar prior at the true friction, and never learns from earlier pushes.
 
     Raises:
         ConfigError: an empty or unknown name.
@@ -115,7 +116,10 @@ def agent_maker(name: str, config: AgentConfig = AgentConfig()) -> AgentMaker:
     if name == ORACLE:
         blind = replace(config, history=False)
         return lambda scene: planning_agent(as_rollout(_true_physics(scene)), physics, blind)
-    model = as_rollout(load_dynamics(name))
+    dynamics = load_dynamics(name)
+    if belief and isinstance(dynamics, BelievingDynamics):
+        dynamics = dynamics.believing(Path(belief).expanduser())
+    model = as_rollout(dynamics)
     return lambda scene: planning_agent(model, physics, config)
 
 

@@ -32,6 +32,7 @@ class EpisodeJob:
     agent: AgentConfig = AgentConfig()
     picture: Path | None = None  # where to draw it
     truth: TruthConfig = RANDOMISED_TRUTH
+    belief: str = ""  # path of what models begin with
 
     def case(self) -> ScenarioScene:
         """Return the scene to solve, in its world."""
@@ -41,7 +42,7 @@ class EpisodeJob:
 def play_job(job: EpisodeJob) -> EpisodeOutcome:
     """Run one episode to the tightest tolerance."""
     case = job.case()
-    agent = agent_maker(job.controller, job.agent)(case)
+    agent = agent_maker(job.controller, job.agent, job.belief)(case)
     return run_episode(case, agent, tightest(job.tolerances))
 
 

@@ -20,7 +20,7 @@ from sain_model.data.dataset import Dataset, load_transitions
 from sain_model.data.mixed import MixedDataset, load_datasets
 from sain_model.data.windows import make_windows
 from sain_model.dynamics.checkpoint import ModelCard, parse_card
-from sain_model.dynamics.load import load_sain, shipped_checkpoint
+from sain_model.dynamics.load import load_sain, load_shipped, shipped_checkpoint
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.baselines import followed, open_models, refusals
 from sain_model.evaluation.error_table import error_tables
@@ -42,7 +42,8 @@ def run(command: EvaluateModelOptions, console: Console) -> None:
     """
     torch.set_num_threads(1)
     path = command.checkpoint or shipped_checkpoint()
-    sain = load_sain(path)
+    sain = load_sain(path) if command.checkpoint else load_shipped()
+    sain = sain.believing(Path(command.belief)) if command.belief else sain
     data: Dataset | MixedDataset
     if sain.network.config.bodies == ANY_SHAPE:
         data = load_datasets([command.dataset], ANY_SHAPE)
@@ -53,6 +54,7 @@ def run(command: EvaluateModelOptions, console: Console) -> None:
     report = {
         "dataset": {"path": str(command.dataset), "sha256": data.sha256},
         "checkpoint": {"path": str(path), "sha256": sain.model_hash},
+        "belief": command.belief or None,
         "learned": str(command.learned) if command.learned else None,
         "recurrent": str(command.recurrent) if command.recurrent else None,
         "seed": command.seed,

@@ -15,6 +15,7 @@ from sain_core.push import PUSH_SIZE
 from sain_core.scene import MASS, RADIUS, X
 from sain_core.shapes.bodies import Bodies
 from sain_model.compute.compiling import kernel_folder
+from sain_model.identification.varied_pushes import step_varied
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import ANY_SHAPE, NetworkConfig
@@ -36,7 +37,11 @@ def compile_kernels() -> None:
     prior = PlanarPrior()
     predicted = prior.step(scenes, pushes)
     prior.step_conditioned(scenes, pushes, np.zeros((1, 2, CORRECTIONS)))
-    prior.with_bodies(Bodies.named(["cube", "disk"])).step(scenes, pushes)
+    shaped_bodies = Bodies.named(["cube", "disk"])
+    prior.with_bodies(shaped_bodies).step(scenes, pushes)
+    varied = np.full(1, prior.config.friction), np.array(prior.config.physics())[None]
+    for bodies in (None, shaped_bodies):
+        step_varied(prior.config, bodies, scenes, pushes, *varied)
     any_shape = NetworkConfig(bodies=ANY_SHAPE)
     with torch.random.fork_rng(devices=[]):  # the weights do not matter, nor may drawing them
         network = CompiledNetwork(InteractionNetwork())

@@ -25,6 +25,9 @@ class EvaluateModelOptions(Config):
     recurrent: Path | None = option(
         None, 'a checkpoint of kind "recurrent", trained with --steps-ahead, to compare with'
     )
+    belief: str = option(
+        "", "file of `sain_model identify`, with which each episode begins; empty: none"
+    )
     baselines: Annotated[tuple[str, ...], tyro.conf.arg(aliases=["--beside"])] = option(
         (),
         "more models to compare with: names in the registry of models (bullet is slow), or paths of"
@@ -38,6 +41,22 @@ class EvaluateModelOptions(Config):
         Path("evaluation.json"), "file for the errors; a table and a picture go beside it"
     )
     seed: int = option(0, "seed of the bootstrap", minimum=0)
+
+
+@dataclass(frozen=True)
+class IdentifyOptions(Config):
+    """Learn from recordings of one laboratory what a model believes before an episode's first push.
+
+    Bags become data sets by ``ros2 run sain_bags to_dataset`` first. Two recordings that disagree
+    about a parameter are an error.
+    """
+
+    datasets: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
+        "folders of shards *.npz, each a recording of the laboratory"
+    )
+    out: Path = option(Path("belief.json"), "file for the belief")
+    model: str = option("sain", "model that it is for: sain, or the path of a checkpoint")
+    pushes: int = option(0, "largest number of pushes of each recording; 0: all", minimum=0)
 
 
 @dataclass(frozen=True)

@@ -87,10 +87,19 @@ def load_transitions(path: Path) -> Dataset:
 
 def read_shards(path: Path, any_shape: bool = False) -> dict[str, Columns]:
     """Return the arrays of each shard by its name, in the order of names; see `read_shard`."""
+    return {shard.name: read_shard(shard, any_shape) for shard in shard_paths(path)}
+
+
+def shard_paths(path: Path) -> list[Path]:
+    """Return the paths of a folder's shards, in the order of names; a shard's own is alone.
+
+    Raises:
+        DatasetError: the folder has none.
+    """
     shards = sorted(path.glob("*.npz")) if path.is_dir() else [path]
     if not shards:
         raise DatasetError(f"{path} holds no shards *.npz")
-    return {shard.name: read_shard(shard, any_shape) for shard in shards}
+    return shards
 
 
 def from_shards(path: Path, shards: list[Columns]) -> Dataset:

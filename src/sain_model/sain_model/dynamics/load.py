@@ -15,6 +15,7 @@ from sain_model.dynamics.checkpoint import (
     read_checkpoint,
 )
 from sain_model.dynamics.correction_network import CorrectionEnsemble
+from sain_model.dynamics.identify import believing_model
 from sain_model.dynamics.intervals import Intervals
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.priors import C, Settings, load_planar, load_prior, naming, typed
@@ -48,8 +49,11 @@ def load_builtin(name: str) -> Dynamics:
 
 def load_shipped() -> SainDynamics:
     """Return the model that comes with this package: one network for disks, one for any shape."""
-    any_shape = load_sain(shipped_checkpoint(SHIPPED_ANY_SHAPE))
-    return replace(load_sain(shipped_checkpoint()), any_shape=any_shape)
+    disks, any_shape = (
+        believing_model(load_sain(shipped_checkpoint(name)))
+        for name in (SHIPPED, SHIPPED_ANY_SHAPE)
+    )
+    return replace(disks, any_shape=any_shape)
 
 
 def load_sain(path: Path) -> SainDynamics:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Final, Self
 
 import numpy as np
@@ -21,7 +22,17 @@ from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
 from sain_model.data.shaped_physics import prior_for
 from sain_model.dynamics.intervals import Intervals, Prediction, pushed_errors
+from sain_model.dynamics.learning import (
+    Learned,
+    after_pushes,
+    before_pushes,
+    learn,
+    predict_rows,
+)
 from sain_model.dynamics.settings import IDENTITY
+from sain_model.identification.belief_file import read_belief
+from sain_model.identification.beliefs import Belief
+from sain_model.identification.evidence import Known
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import ANY_SHAPE, ON_STATE
@@ -55,6 +66,8 @@ class SainDynamics:
         any_shape: the model of all bodies that a network for disks cannot predict; None: it
             refuses them.
         learned: what `with_history` was told; None: nothing.
+        belief: kinds of physics and parameters that pushes choose from; None: friction alone.
+        corrects: whether the network's correction counts.
     """
 
     network: InteractionNetwork
@@ -69,7 +82,9 @@ class SainDynamics:
     device: str = CPU
     bodies: Bodies | None = None
     any_shape: "SainDynamics | None" = None
-    learned: "Learned | None" = None
+    learned: Learned | None = None
+    belief: Belief | None = None
+    corrects: bool = True
 
     def __post_init__(self) -> None:
         """Stop whatever a network does in training alone."""
@@ -110,13 +125,17 @@ class SainDynamics:
         return self.prior.filter(self.friction)
 
     def with_history(self, history: PushHistory) -> Self:
-        """Return this model on the friction that an episode's earlier pushes tell of.
+        """Return this model on the physics that an episode's earlier pushes tell of.
 
-        It is the model itself without pushes, and where it was not trained to learn from them.
+        With a belief, that is the kind of physics, its parameters, and whether the network's
+        correction counts; else the friction with the table. It is the model itself without
+        pushes, and where it was not trained to learn from them.
         """
         friction = self.filter
         if friction is None or len(history) == 0:
             return self
+        if self.belief is not None:
+            return self._with_same_weights(replace(self, **after_pushes(self, history)))
         likelihood = friction.likelihoods(history)
         belief = friction.believe(likelihood)
         told = replace(
@@ -135,8 +154,13 @@ class SainDynamics:
         if told is None or friction is None or intervals is None or not intervals.adapts:
             return 1.0
         past, count = told.history, len(told.history)
-        known = friction.earlier(told.likelihood, np.zeros(count, np.int64), np.arange(count))
-        predicted = told.model.predict(past.state, past.action, known.mean, known.spread)
+        order = np.zeros(count, np.int64), np.arange(count)
+        if told.likelihood is None:
+            rows = learn(told.model, past, Known.earlier(*order))
+            predicted = predict_rows(told.model, past, rows)
+        else:
+            known = friction.earlier(told.likelihood, *order)
+            predicted = told.model.predict(past.state, past.action, known.mean, known.spread)
         total = intervals.excess(*pushed_errors(predicted, past)).sum()
         return float(intervals.widening(np.array([total]), np.array([count]))[0])
 
@@ -151,6 +175,29 @@ class SainDynamics:
         return self._with_same_weights(
             replace(self, prior=self.prior.at(friction), conditioned_log_std=friction_log_std)
         )
+
+    def with_belief(self, belief: Belief) -> Self:
+        """Return this model with what is believed before an episode's first push.
+
+        Raises:
+            ConfigError: it infers nothing from pushes, or the belief is for another prior.
+        """
+        if self.filter is None or type(self.prior) is not PlanarPrior:
+            raise ConfigError(
+                f"the model on {self.prior_name!r} infers nothing from pushes, and takes no belief"
+            )
+        others = self.any_shape.with_belief(belief) if self.any_shape else None
+        believing = replace(self, **before_pushes(self, belief), any_shape=others)
+        return self._with_same_weights(believing)
+
+    def believing(self, path: Path) -> Self:
+        """Return this model with the belief in a file of ``sain_model identify``.
+
+        Raises:
+            CheckpointError: no such file, or not a belief.
+            ConfigError: see `with_belief`.
+        """
+        return self.with_belief(read_belief(path))
 
     def with_bodies(self, bodies: Bodies) -> "SainDynamics":
         """Return the model of scenes of these bodies.
@@ -214,19 +261,37 @@ class SainDynamics:
         physics_next = step_knowing(self.prior, scenes, pushes, friction)
         prediction = Prediction(
             self.correct(scenes, pushes, physics_next),
-            self._members_spread(scenes, pushes, physics_next),
+            self.members_spread(scenes, pushes, physics_next),
             self._friction_spread(scenes, pushes, friction, friction_log_std),
         )
+        told = self.with_regions(prediction, scenes, pushes)
+        if told.radius is None or self.widening == 1.0:
+            return told
+        return replace(told, radius=self.widening * told.radius)
+
+    def with_regions(self, prediction: Prediction, scenes: Scenes, pushes: Pushes) -> Prediction:
+        """Return a prediction with the regions of bodies, not widened; without where none are."""
         if self.intervals is None:
             return prediction
         long = None
         if self.network.config.bodies == ANY_SHAPE:
             long = elongations(self.bodies or Bodies.disks(scenes.shape[1]))
         radii = self.intervals.radii(prediction, scenes, pushed_bodies(pushes), long)
-        return replace(prediction, radius=radii if self.widening == 1.0 else self.widening * radii)
+        return replace(prediction, radius=radii)
 
     def correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
-        """Return the prediction `physics_next` (B, N, 8) of a prior, corrected.
+        """Return the prediction `physics_next` (B, N, 8) of a prior, corrected if that counts.
+
+        Raises:
+            InvalidInputError: arrays that do not fit together.
+        """
+        if self.corrects:
+            return self.network_correct(scenes, pushes, physics_next)
+        check_physics_next(scenes, physics_next)
+        return physics_next.copy()
+
+    def network_correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
+        """Return the prediction `physics_next` (B, N, 8) of a prior, corrected by the network.
 
         A push of zero length stays what the prior makes of it: nothing. So do bodies with the role
         "fixed". Velocities, masses and radii are passed on as the prior left them.
@@ -253,7 +318,8 @@ class SainDynamics:
         """
         forward = self._forward
         if (
-            not isinstance(self.prior, PlanarPrior)
+            not self.corrects
+            or not isinstance(self.prior, PlanarPrior)
             or not isinstance(forward, CompiledNetwork)
             or self.network.config.residual == ON_STATE
             or self.network.config.bodies == ANY_SHAPE
@@ -277,7 +343,7 @@ class SainDynamics:
         assert radius is not None
         return radius.reshape(predicted.shape[:3])
 
-    def _members_spread(
+    def members_spread(
         self, scenes: Scenes, pushes: Pushes, physics_next: Scenes
     ) -> Float[ndarray, "B N"]:
         """Return the standard deviation of the members' places [m]; 0 for a lone network."""
@@ -301,15 +367,6 @@ class SainDynamics:
         usual = np.full(len(pushes), self.prior.config.friction) if friction is None else friction
         less, more = (self.step(scenes, pushes, usual * np.exp(way * log_std)) for way in (-1, 1))
         return np.asarray(np.linalg.norm((more - less)[..., POSITION], axis=-1) / 2)
-
-
-@dataclass(frozen=True, eq=False)
-class Learned:
-    """An episode's earlier pushes, and what a model makes of them."""
-
-    model: SainDynamics  # before them
-    history: PushHistory
-    likelihood: Float[ndarray, "M F"]  # logarithm, of each friction for each push
 
 
 def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Scenes:

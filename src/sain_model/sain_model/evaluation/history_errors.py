@@ -11,8 +11,10 @@ from sain_core.scene import TARGET
 from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.dynamics.intervals import Prediction, pushed_errors
+from sain_model.dynamics.learning import learn, predict_rows
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.metrics import position_errors, shares_removed
+from sain_model.identification.evidence import Known
 from sain_model.physics.friction import EpisodeFriction, FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 
@@ -37,8 +39,12 @@ def predict_with_history(sain: SainDynamics, data: Dataset) -> Prediction:
         sain = sain.with_bodies(data.bodies)
     if sain.filter is None:
         return sain.predict(data.state, data.action)
-    known = earlier_friction(sain.filter, data)
-    told = sain.predict(data.state, data.action, known.mean, known.spread)
+    if sain.belief is not None:
+        rows = learn(sain, data, Known.earlier(data.episode, data.step))
+        told = predict_rows(sain, data, rows)
+    else:
+        known = earlier_friction(sain.filter, data)
+        told = sain.predict(data.state, data.action, known.mean, known.spread)
     if sain.intervals is None or not sain.intervals.adapts or told.radius is None:
         return told
     excess = sain.intervals.excess(*pushed_errors(told, data))
@@ -66,7 +72,7 @@ def history_predictions(data: Dataset, sain: Dynamics | None) -> dict[str, Scene
     known = earlier_friction(sain.filter, data)
     assert isinstance(sain.prior, PlanarPrior)
     predictions[PRIOR_HISTORY] = sain.prior.step(data.state, data.action, known.mean)
-    predictions[SAIN_HISTORY] = sain.step(data.state, data.action, known.mean)
+    predictions[SAIN_HISTORY] = predict_with_history(sain, data).mean
     predictions[SAIN_TRUE] = step_on_true_friction(sain, data)
     return predictions
 

@@ -211,7 +211,7 @@ class FrictionFilter:
             known = np.minimum(known, most[order])
         told = sums[number] - sums[number - known]  # the push itself is not in it
         back = np.argsort(order)
-        return self._told(told[back], known[back])
+        return self.told(told[back], known[back])
 
     def others(
         self, log_likelihood: Float[ndarray, "M F"], episodes: Int[ndarray, "M"]
@@ -223,9 +223,10 @@ class FrictionFilter:
         _, place, count = np.unique(episodes, return_inverse=True, return_counts=True)
         sums = np.zeros((len(count), log_likelihood.shape[1]))
         np.add.at(sums, place, log_likelihood)
-        return self._told(sums[place] - log_likelihood, count[place] - 1)
+        return self.told(sums[place] - log_likelihood, count[place] - 1)
 
-    def _told(self, told: Float[ndarray, "M F"], pushes: ndarray) -> EpisodeFriction:
+    def told(self, told: Float[ndarray, "M F"], pushes: Int[ndarray, "M"]) -> EpisodeFriction:
+        """Return what sums of log-likelihoods tell, each of so many pushes."""
         mean, spread = _moments(self._log_prior + told, self.grid)
         return EpisodeFriction(np.where(pushes == 0, self.nominal, np.exp(mean)), spread, pushes)
 

@@ -83,7 +83,7 @@ def push_bodies(
     else:
         told = plain(corrected_disks(corrections))
         ways = _corrected_ways(scenes, pushes, limits, bodies, corrections)
-    order = _canonical_order(scenes, pushed_bodies(pushes))
+    order = nearest_first(scenes, pushed_bodies(pushes))
     after, table = plain(scenes.copy()), body_table(bodies)
     touched = np.zeros(scenes.shape[:2], dtype=bool)
 
@@ -112,7 +112,7 @@ def _corrected_ways(
     return np.column_stack([start, heading + told[:, ANGLE], corrected[:, LENGTH]])
 
 
-def _canonical_order(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
+def nearest_first(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
     """Return the bodies by their distance from the pushed one, which is the first.
 
     The solver visits contacts one after another, which would let the numbering leak into the

@@ -130,7 +130,7 @@ class PlanarPrior:
 
     @property
     def _of_disks(self) -> bool:
-        return self.bodies is None or (self.bodies.all_round and not self.bodies.fixed)
+        return self.bodies is None or takes_disks(self.bodies)
 
     def _push_bodies(
         self,
@@ -164,7 +164,7 @@ class PlanarPrior:
         batch = len(scenes)
         if friction is None:
             friction = np.full(batch, self.config.friction)
-        order = _canonical_order(scenes, pushed_bodies(pushes))
+        order = disks_first(scenes, pushed_bodies(pushes))
         after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
         touched = np.zeros(scenes.shape[:2], dtype=bool)
         rows = after, plain(pushes), plain(friction), start
@@ -181,6 +181,11 @@ class PlanarPrior:
         np.put_along_axis(predicted, order, after, axis=1)
         np.put_along_axis(pressed, order[..., 0], touched, axis=1)
         return predicted, pressed
+
+
+def takes_disks(bodies: Bodies) -> bool:
+    """Return whether the kernels for disks can push these bodies."""
+    return bodies.all_round and not bodies.fixed
 
 
 @lru_cache(maxsize=16)  # a filter remembers pushes, also those of the episode before
@@ -200,7 +205,7 @@ def step_knowing(
         return check_step(prior.step(scenes, pushes), scenes, "the prior")
 
 
-def _canonical_order(scenes: Scenes, pushed: Indices) -> np.ndarray:
+def disks_first(scenes: Scenes, pushed: Indices) -> np.ndarray:
     """Return an order of the disks (B, N, 1) in which the pushed one is the first.
 
     The solver visits contacts one after another, which would let the numbering leak into the

@@ -109,3 +109,21 @@ Bullet solves the friction of a foot along the world's x and y, each weighted by
 is to move that way. That is no physics: a prior with it does not turn with the scene, but by
 quarters of a turn and in the axes' mirrors. Against Bullet it errs a third as much.
 """
+
+TEXTBOOK: Final = PlanarConfig(
+    foot_radius=0.7,
+    inertia=0.5,
+    friction_scale=1.0,
+    yield_across=1.0,
+    tool_friction=0.12,
+    disk_friction=0.12,
+    tool_restitution=0.0,
+    disk_restitution=0.0,
+    middle_height=0.02,
+    tool_height=0.02,
+    disk_height=0.02,
+)
+"""Fitted to nothing: Coulomb's law under the feet of a uniform disk, pushed at half its height.
+
+Frictions are the paper's nominal one, and nothing bounces.
+"""

@@ -14,7 +14,7 @@ from sain_core.model_checks.response_check import (
     check_rollout,
     check_step,
 )
-from sain_core.plugins import load_dynamics
+from sain_core.plugins import load_dynamics, with_belief
 from sain_core.scene import THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
@@ -218,7 +218,8 @@ def load_server(config: ServingConfig) -> ModelServer:
         ConfigError: no model of this name.
         ModelUnavailableError: it predicts NaN or Inf.
     """
-    server = ModelServer(load_dynamics(config.model), config)
+    dynamics = with_belief(config.model, load_dynamics(config.model), config.belief)
+    server = ModelServer(dynamics, config)
     server.try_out()
     return server
 

@@ -13,6 +13,9 @@ class ServingConfig(Config):
     model: str = option(
         "sain", "name in the registry of models, or the path of a checkpoint", live=True
     )
+    belief: str = option(
+        "", "file of `sain_model identify`, with which each episode begins; empty: none"
+    )
     device: str = option(
         AUTO, "device of the network; auto: a GPU if there is one", choices=DEVICES
     )

@@ -1,0 +1,94 @@
+"""``ros2 run sain_model identify``: what recordings of a laboratory tell of its physics."""
+
+from collections.abc import Iterator
+
+from rich.console import Console
+
+from sain_core.cli.fitting_table import FittingTable
+from sain_core.errors import ConfigError, DatasetError
+from sain_core.plugins import load_dynamics
+from sain_core.provenance import ros2_command
+from sain_model.cli.options import IdentifyOptions
+from sain_model.data.recordings import (
+    after,
+    count_episodes,
+    first_pushes,
+    load_recording,
+)
+from sain_model.dynamics.identify import Recording, believing_model, identify
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.error_table import make_table
+from sain_model.identification.belief_file import write_belief
+from sain_model.identification.beliefs import Belief
+from sain_model.identification.parameters import parameters_of
+
+
+def run(options: IdentifyOptions, console: Console) -> None:
+    """Identify, print a table and write the belief.
+
+    Raises:
+        DatasetError: a data set that is damaged or given twice, or two that disagree.
+        ConfigError: the model infers nothing from pushes.
+        OutputError: the file cannot be written.
+    """
+    model = load_dynamics(options.model)
+    if not isinstance(model, SainDynamics):
+        raise ConfigError(f"--model is {options.model!r}; it must be sain or a checkpoint")
+    recordings = load_recordings(options)
+    belief = identify(believing_model(model), recordings)
+    card = belief.card | {
+        "model": options.model,
+        "command": ros2_command("sain_model", "identify"),
+    }
+    for table in belief_tables(belief):
+        console.print(table, soft_wrap=True)
+    path = write_belief(options.out, Belief(**(vars(belief) | {"card": card})))
+    console.print(f"{card['pushes']} pushes of {card['episodes']} episodes; written to {path}")
+
+
+def load_recordings(options: IdentifyOptions) -> dict[str, Recording]:
+    """Return recordings by name, their episodes counted as one sequence.
+
+    Raises:
+        DatasetError: one is damaged or given twice.
+    """
+    found: dict[str, Recording] = {}
+    episodes = 0
+    for path in options.datasets:
+        if str(path) in found:
+            raise DatasetError(f"{path} is given twice; give each recording once")
+        parts = load_recording(path)
+        if options.pushes:
+            parts = first_pushes(parts, options.pushes)
+        if not parts:
+            raise DatasetError(
+                f"the first episode of {path} has more than {options.pushes} pushes; give a larger"
+                " --pushes"
+            )
+        found[str(path)] = after(parts, episodes)
+        episodes += count_episodes(parts)
+    return found
+
+
+def belief_tables(belief: Belief) -> Iterator[FittingTable]:
+    """Yield a belief as tables: kinds of physics, and the parameters of the most likely one."""
+    rows = (
+        (s.name, f"{belief.card['evidence'][s.name]:.0f}", f"{s.log_odds:.1f}")
+        for s in belief.structures
+    )
+    yield make_table("Kinds of physics", ("physics", "log evidence", "log odds"), rows)
+    likeliest = belief.likeliest
+    deviations = likeliest.covariance.diagonal() ** 0.5
+    parameters = (
+        (
+            parameter.meaning,
+            f"{getattr(likeliest.config, parameter.name):.4g}",
+            _spread(parameter.spread * deviation, parameter.factor),
+        )
+        for parameter, deviation in zip(parameters_of(likeliest.config), deviations, strict=True)
+    )
+    yield make_table(f"Parameters, {likeliest.name}", ("parameter", "mean", "spread"), parameters)
+
+
+def _spread(spread: float, factor: bool) -> str:
+    return f"{100 * spread:.1f} %" if factor else f"{spread:.2g}"

@@ -1,0 +1,71 @@
+"""Data sets of pushes against any body, to identify a laboratory."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sain_core.dataset import Column, Columns, row_bodies
+from sain_core.push import PUSH_SIZE
+from sain_core.shapes.bodies import Bodies
+from sain_model.data.dataset import shard_paths
+from sain_model.data.shard import read_shard
+from sain_model.identification.laboratory import RecordedPushes
+
+
+def load_recording(path: Path) -> list[RecordedPushes]:
+    """Return the pushes of a shard, or of all shards of a folder, by the bodies of the scenes.
+
+    Episodes are counted from 0.
+
+    Raises:
+        DatasetError: see `read_shard`; or the path holds no shards.
+    """
+    found: dict[Bodies | None, list[Columns]] = {}
+    for shard in shard_paths(path):
+        columns = read_shard(shard, any_shape=True)
+        bodies = row_bodies(columns) if Column.SHAPES in columns else [None] * _rows(columns)
+        kinds = [None if one is None or one.are_paper_disks else one for one in bodies]
+        for kind in dict.fromkeys(kinds):
+            chosen = np.array([one == kind for one in kinds])
+            part = {name: values[chosen] for name, values in columns.items()}
+            found.setdefault(kind, []).append(part)
+    episodes = np.unique(
+        np.concatenate([part[Column.EPISODE] for parts in found.values() for part in parts])
+    )
+    return [_joined(parts, kind, episodes) for kind, parts in found.items()]
+
+
+def first_pushes(parts: Sequence[RecordedPushes], most: int) -> list[RecordedPushes]:
+    """Return the pushes of the first whole episodes, as many as hold at most so many pushes."""
+    counts = sum(np.bincount(part.episode, minlength=count_episodes(parts)) for part in parts)
+    keep = int(np.searchsorted(np.cumsum(counts), most, side="right"))
+    chosen = (part.select(part.episode < keep) for part in parts)
+    return [part for part in chosen if len(part)]
+
+
+def count_episodes(parts: Sequence[RecordedPushes]) -> int:
+    """Return the number of episodes of all parts together."""
+    return 1 + max(int(part.episode.max()) for part in parts)
+
+
+def after(parts: Sequence[RecordedPushes], episodes: int) -> list[RecordedPushes]:
+    """Return the same pushes with episodes counted on from a number."""
+    return [
+        RecordedPushes(p.state, p.action, p.next_state, p.episode + episodes, p.bodies)
+        for p in parts
+    ]
+
+
+def _rows(columns: Columns) -> int:
+    return len(columns[Column.ACTION])
+
+
+def _joined(parts: list[Columns], bodies: Bodies | None, episodes: np.ndarray) -> RecordedPushes:
+    state, action, next_state, episode = (
+        np.concatenate([part[name] for part in parts])
+        for name in (Column.STATE, Column.ACTION, Column.NEXT_STATE, Column.EPISODE)
+    )
+    if bodies is None:
+        action = action[:, :PUSH_SIZE]
+    return RecordedPushes(state, action, next_state, np.searchsorted(episodes, episode), bodies)

@@ -1,0 +1,96 @@
+"""Beliefs as JSON cards."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sain_core.errors import CheckpointError, ConfigError
+from sain_core.storage import write_json
+from sain_model.identification.beliefs import Belief
+from sain_model.identification.parameters import COUNT, parameters_of
+from sain_model.identification.structures import Structure
+from sain_model.physics.friction import FrictionConfig
+from sain_model.physics.planar_config import PlanarConfig
+
+FORMAT: Final = "sain-belief-1"
+
+
+def write_belief(path: Path, belief: Belief) -> Path:
+    """Write a belief; raises `OutputError`."""
+    content = {
+        "format": FORMAT,
+        **belief.card,
+        "network_log_odds": belief.network_log_odds,
+        "any_shape_log_odds": belief.any_shape_log_odds,
+        "structures": [_written(structure) for structure in belief.structures],
+    }
+    return write_json(path, content)
+
+
+def read_belief(path: Path) -> Belief:
+    """Read a belief.
+
+    Raises:
+        CheckpointError: no such file, or not a belief.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content.pop("format") != FORMAT:
+            raise ValueError("another format")
+        structures = tuple(_read(part) for part in content.pop("structures"))
+        odds = float(content.pop("network_log_odds")), float(content.pop("any_shape_log_odds"))
+        if not structures:
+            raise ValueError("no structures")
+    except FileNotFoundError:
+        raise CheckpointError(
+            f"belief {path} does not exist; sain_model identify makes one"
+        ) from None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, ConfigError) as error:
+        raise CheckpointError(
+            f"belief {path} cannot be read: {error}; make it again with sain_model identify"
+        ) from error
+    return Belief(structures, *odds, card=content)
+
+
+def _written(structure: Structure) -> dict[str, Any]:
+    deviations = np.sqrt(np.diag(structure.covariance))
+    parameters = [
+        {
+            "name": parameter.name,
+            "meaning": parameter.meaning,
+            "mean": getattr(structure.config, parameter.name),
+            "spread": float(parameter.spread * deviation),
+            "spread_is": "of the logarithm" if parameter.factor else "of the value",
+        }
+        for parameter, deviation in zip(
+            parameters_of(structure.config), deviations.tolist(), strict=True
+        )
+    ]
+    return {
+        "name": structure.name,
+        "log_odds": structure.log_odds,
+        "corrected": structure.corrected,
+        "parameters": parameters,
+        "config": asdict(structure.config),
+        "friction": asdict(structure.friction),
+        "covariance": structure.covariance.tolist(),
+    }
+
+
+def _read(part: dict[str, Any]) -> Structure:
+    covariance = np.array(part["covariance"], dtype=np.float64)
+    if covariance.shape != (COUNT, COUNT) or not np.isfinite(covariance).all():
+        raise ValueError(f"a covariance has shape {covariance.shape}, not {(COUNT, COUNT)}")
+    if np.linalg.eigvalsh(covariance)[0] <= 0.0:
+        raise ValueError("a covariance is not positive")
+    return Structure(
+        str(part["name"]),
+        PlanarConfig(**part["config"]),
+        covariance,
+        FrictionConfig(**part["friction"]),
+        float(part["log_odds"]),
+        bool(part["corrected"]),
+    )

@@ -1,0 +1,162 @@
+"""Recordings of a laboratory become a belief; those of two do not."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from sain_core.dynamics import Dynamics
+from sain_core.errors import CheckpointError, ConfigError, DatasetError
+from sain_core.plugins import load_dynamics, with_belief
+from sain_core.types import Pushes, Scenes
+from sain_model.cli.identify import load_recordings, run
+from sain_model.cli.options import IdentifyOptions
+from sain_model.data.recordings import load_recording
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.identification.belief_file import read_belief
+from sain_model.identification.beliefs import NO_AXES
+from sain_model.identification.laboratory import fit_laboratory
+from sain_model.identification.parameters import FRICTION, config_at
+from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import TEXTBOOK, PlanarConfig
+
+Draw = Callable[[int, int], tuple[Scenes, Pushes]]
+EPISODES, PUSHES = 10, 5
+LAB = replace(TEXTBOOK, tool_friction=0.25, inertia=0.42)
+
+
+def record(folder: Path, draw: Draw, config: PlanarConfig, seed: int, column: str = "") -> Path:
+    """Write what a laboratory shows: each episode has a friction of its own."""
+    folder.mkdir(parents=True)
+    scenes, pushes = draw(EPISODES * PUSHES, seed)
+    random = np.random.default_rng(seed)
+    episode = np.repeat(np.arange(EPISODES), PUSHES)
+    friction = random.uniform(0.08, 0.2, EPISODES)[episode]
+    after = PlanarPrior(config).step(scenes, pushes, friction)
+    after[..., :2] += random.normal(0, 1e-4, after[..., :2].shape)
+    arrays = {
+        "state": scenes.reshape(len(scenes), -1),
+        "action": pushes,
+        "physics_next": scenes.reshape(len(scenes), -1),
+        "next_state": after.reshape(len(scenes), -1),
+        "episode": episode + 40,
+    }
+    if column:
+        arrays[column] = friction
+    np.savez_compressed(folder / "shard-00000.npz", **arrays)
+    return folder
+
+
+def believing(name: str, belief: Path) -> Dynamics:
+    return with_belief(name, load_dynamics(name), str(belief))
+
+
+@pytest.fixture
+def recording(tmp_path: Path, random_pushes: Draw) -> Path:
+    return record(tmp_path / "lab", random_pushes, LAB, 11, column="friction")
+
+
+def test_parameters_are_recovered_with_a_friction_for_each_episode(recording: Path) -> None:
+    sain = load_dynamics("sain")
+    assert isinstance(sain, SainDynamics)
+    assert sain.belief is not None
+    structure = sain.belief.structures[1]
+    fit = fit_laboratory(structure, load_recording(recording))
+    found = config_at(structure.config, fit.shared)
+    assert found.tool_friction == pytest.approx(0.25, rel=0.05)
+    assert found.inertia == pytest.approx(0.42, rel=0.1)
+    with np.load(recording / "shard-00000.npz") as shard:
+        truth = shard["friction"][::PUSHES]
+    inferred = structure.config.friction * np.exp(0.5 * fit.frictions)
+    np.testing.assert_allclose(inferred, truth, rtol=0.05)
+    assert fit.shared[FRICTION] == pytest.approx(fit.frictions.mean())
+
+
+def test_identify_writes_a_belief_that_models_begin_with(recording: Path, tmp_path: Path) -> None:
+    out = tmp_path / "belief.json"
+    console = Console(record=True, width=200)
+    run(IdentifyOptions((recording,), out), console)
+    text = console.export_text()
+    assert "friction with the tool" in text
+    assert f"{EPISODES * PUSHES} pushes of {EPISODES} episodes; written to" in text
+    belief = read_belief(out)
+    assert belief.card["source"] == {str(recording): EPISODES * PUSHES}
+    assert belief.likeliest.name == NO_AXES
+    usual, informed = load_dynamics("sain"), believing("sain", out)
+    assert isinstance(informed, SainDynamics)
+    assert isinstance(informed.prior, PlanarPrior)
+    assert informed.prior.config.tool_friction == pytest.approx(0.25, rel=0.05)
+    assert not informed.corrects
+    data = load_recording(recording)[0]
+    off = [
+        np.linalg.norm((m.step(data.state, data.action) - data.next_state)[..., :2], axis=-1)
+        for m in (usual, informed)
+    ]
+    assert off[1].mean() < 0.9 * off[0].mean()
+    with pytest.raises(ConfigError, match="model 'planar' takes no belief"):
+        believing("planar", out)
+
+
+def test_recordings_of_two_laboratories_are_an_error(
+    recording: Path, tmp_path: Path, random_pushes: Draw
+) -> None:
+    other = record(tmp_path / "other", random_pushes, replace(LAB, tool_friction=0.08), 12)
+    options = IdentifyOptions((recording, other), tmp_path / "belief.json")
+    message = f"{recording} and {other} disagree about tool_friction"
+    with pytest.raises(DatasetError, match=message):
+        run(options, Console(quiet=True))
+    assert not options.out.exists()
+
+
+def test_two_recordings_of_one_laboratory_are_taken_together(
+    recording: Path, tmp_path: Path, random_pushes: Draw
+) -> None:
+    again = record(tmp_path / "again", random_pushes, LAB, 12)
+    run(IdentifyOptions((recording, again), tmp_path / "belief.json"), Console(quiet=True))
+    assert read_belief(tmp_path / "belief.json").card["episodes"] == 2 * EPISODES
+
+
+def test_a_recording_is_given_once(recording: Path) -> None:
+    with pytest.raises(DatasetError, match="is given twice; give each recording once"):
+        load_recordings(IdentifyOptions((recording, recording)))
+
+
+def test_few_pushes_are_whole_episodes(recording: Path) -> None:
+    some = load_recordings(IdentifyOptions((recording,), pushes=2 * PUSHES + 1))
+    assert [len(part) for part in some[str(recording)]] == [2 * PUSHES]
+    with pytest.raises(DatasetError, match="has more than 3 pushes; give a larger --pushes"):
+        load_recordings(IdentifyOptions((recording,), pushes=3))
+
+
+def test_pushes_against_any_body_are_read(tmp_path: Path, random_pushes: Draw) -> None:
+    folder = record(tmp_path / "any", random_pushes, LAB, 3)
+    path = folder / "shard-00000.npz"
+    with np.load(path) as shard:
+        columns = dict(shard)
+    count = len(columns["action"])
+    columns |= {
+        "body": np.arange(count) % 2,
+        "shapes": np.array(["t,cube"] * count),
+        "roles": np.array(["pushable,pushable"] * count),
+    }
+    np.savez_compressed(path, **columns)
+    (part,) = load_recording(folder)
+    assert part.bodies is not None
+    assert [shape.name for shape in part.bodies.shapes] == ["t", "cube"]
+    np.testing.assert_array_equal(part.action[:, 3], np.arange(count) % 2)
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"format": "sain-belief-1", "structures": []}'])
+def test_a_file_that_is_no_belief_is_refused(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "belief.json"
+    path.write_text(content)
+    with pytest.raises(CheckpointError, match="cannot be read"):
+        read_belief(path)
+
+
+def test_a_missing_belief_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match="does not exist; sain_model identify makes one"):
+        read_belief(tmp_path / "none.json")
