@@ -142,7 +142,14 @@ class FrictionFilter:
 
     def infer(self, history: PushHistory) -> FrictionBelief:
         """Return what is believed after these pushes."""
-        return self.believe(self.log_likelihood(history.state, history.action, history.next_state))
+        return self.believe(self.likelihood_of(history))
+
+    def likelihood_of(self, history: PushHistory) -> Float[ndarray, "M F"]:
+        """Return how well each friction explains each of these pushes, as they were observed."""
+        errors = self.errors(history.state, history.action, history.next_state)
+        moved = ways(history.state, history.next_state)
+        noise = None if history.noise is None else history.noise[:, WATCHED]
+        return self.weigh(errors, moved, noise)
 
     def believe(self, likelihood: Float[ndarray, "M F"]) -> FrictionBelief:
         """Return what is believed after pushes with these log likelihoods."""
@@ -177,11 +184,19 @@ class FrictionFilter:
         return errors
 
     def weigh(
-        self, errors: Float[ndarray, "M F W"], moved: Float[ndarray, "M W"]
+        self,
+        errors: Float[ndarray, "M F W"],
+        moved: Float[ndarray, "M W"],
+        noise: Float[ndarray, "M W"] | None = None,
     ) -> Float[ndarray, "M F"]:
-        """Return the log-likelihood of errors [m] of disks that moved so far [m]."""
+        """Return the log-likelihood of errors [m] of disks that moved so far [m].
+
+        `noise` [m] is the standard deviation of what was seen of them, where it is not exact.
+        """
         config = self.config
         scale = config.noise + config.noise_share * moved[:, None]
+        if noise is not None:
+            scale = np.hypot(scale, noise[:, None])
         terms = np.log1p((errors / scale) ** 2 / config.tail)
         return np.asarray(-0.5 * (config.tail + 2.0) * terms.sum(axis=-1))
 
