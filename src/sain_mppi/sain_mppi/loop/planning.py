@@ -74,7 +74,8 @@ class PlanningDecider(Decider):
         scene, monitor = job.view.scene, self._monitor
         weights = self._config.weights
         goal = make_objective(job.task.goal, job.start, weights, self._feasibility, job.bodies)
-        monitor.look(scene, goal.rest_cost(scene))
+        sure = job.view.sure
+        monitor.look(scene, goal.rest_cost(scene), None if sure is None else 3.0 * sure.places)
         if monitor.hopeless:
             raise NoProgressError(
                 f"{monitor.without} pushes in a row brought nothing, the distance is"

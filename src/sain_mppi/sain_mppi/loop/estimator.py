@@ -1,0 +1,191 @@
+"""Which frames show the bodies at rest after a push, and what is concluded from them.
+
+A frame may have been observed while a push was still under way: frames can be late, and the tool
+and the bodies move on. So only frames count that were observed after the push ended, and that show
+no motion.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from sain_core.dynamics import REGION_STD
+from sain_core.errors import ErrorCode
+from sain_core.observation import RADII
+from sain_core.scene import POSITION, RADIUS
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import PushArray, Scalars, Scene
+from sain_mppi.loop.decision import PushDecision, View
+from sain_mppi.loop.estimate import Estimate, EstimatorConfig, fuse, in_motion, part_disks
+from sain_mppi.loop.uncertainty import Uncertainty
+
+UNMOVED: Final = 1e-4  # [m], a body that is predicted to move less is not moved
+MODEL_ERROR: Final = 1e-4  # [m], standard deviation of a model without regions, at least
+MODEL_SHARE: Final = 0.04  # and the share of the way
+CARRIED: Final = 2.0  # by how much an error of the start grows in a push
+LEVER: Final = 0.7  # [radii], from errors of places to errors of headings
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedPush:
+    """A push between two estimated scenes (N, 8); noise (N,) [m]: see `PushHistory`."""
+
+    before: Scene
+    push: PushArray
+    after: Scene
+    noise: Scalars
+
+
+class Estimator:
+    """Turns frames and results of pushes into one view of each settled scene."""
+
+    def __init__(
+        self, config: EstimatorConfig, patience: float, clock: Callable[[], float]
+    ) -> None:
+        """Begin without a frame; wait for the result of a push at most so long [s]."""
+        self.config = config
+        self._patience, self._clock = patience, clock
+        self._key: tuple[int, int] | None = None
+        self._end = -np.inf  # of the latest push [s]
+        self._sent: PushDecision | None = None  # without a result
+        self._completed: PushDecision | None = None
+        self._early: tuple[float, PushDecision | None] | None = None  # result before its scene
+        self._reset(None)
+
+    def _reset(self, before: View | None) -> None:
+        """Forget the frames; the scene before was this one."""
+        self._before = before
+        self.view: View | None = None
+        self._frames: list[View] = []
+        self._since = self._clock()
+        self._made: PushDecision | None = None  # that led to this scene
+        self._waiting = False  # for the result of the push that led here
+        self.pushed: ObservedPush | None = None  # that led to the view, if its start is known
+
+    def see(self, frame: View) -> None:
+        """Take a frame."""
+        if frame.key != self._key:
+            self._begin(frame)
+        if frame.settled and self.view is None:
+            self._frames.append(frame)
+
+    def _begin(self, frame: View) -> None:
+        """Begin with another scene."""
+        same = self._key is not None and self._key[0] == frame.episode_id
+        self._reset(self.view if same else None)
+        self._key, early, self._early = frame.key, self._early, None
+        if not same:
+            self._end, self._sent = -np.inf, None
+        elif early is not None:
+            self._take_end(*early)
+        else:
+            self._waiting = True
+
+    def sent(self, decision: PushDecision) -> None:
+        """Take note of a push that is sent."""
+        self._sent = decision
+
+    def completed(self, decision: PushDecision) -> PushDecision:
+        """Take note of the regions of a push that was sent; return them with what is not sure.
+
+        For any thread.
+        """
+        self._completed = decision
+        plan, sure = decision.plan, decision.job.view.sure
+        if plan is None or plan.regions is None or sure is None:
+            return decision
+        regions = np.hypot(plan.regions, REGION_STD * sure.places)
+        return replace(decision, plan=replace(plan, regions=regions))
+
+    def answered(self, push_id: int, code: int, time: float) -> None:
+        """Take note that a push, whoever sent it, ended at a time [s], or was refused."""
+        own = self._sent is not None and self._sent.push_id == push_id
+        made, self._sent = (self._sent, None) if own else (None, self._sent)
+        if code != ErrorCode.OK:
+            return
+        if self._waiting:
+            self._take_end(time, made)
+        else:
+            self._early = time, made
+
+    def _take_end(self, time: float, made: PushDecision | None) -> None:
+        self._end, self._made, self._waiting = time, made, False
+
+    def estimate(self, episode_id: int = 0, bodies: Bodies | None = None) -> View | None:
+        """Return the view of a scene, once, as soon as there are enough frames of it.
+
+        `bodies` are those of this episode; without them, all are disks.
+        """
+        if self.view is not None or self._key is None or self._is_early():
+            return None
+        frames = [frame for frame in self._frames if frame.observed >= self._end]
+        frames = frames[: self.config.frames]
+        if len(frames) < self.config.frames:
+            return None
+        scenes, times = [frame.scene for frame in frames], [frame.observed for frame in frames]
+        noise = self.config.noise_std
+        if in_motion(np.stack(scenes), np.array(times), noise):
+            self._frames.remove(frames[0])
+            return self.estimate(episode_id, bodies)
+        found = fuse(scenes, noise, self._expected())
+        if bodies is None or episode_id != frames[0].episode_id or bodies.all_round:
+            shrink = RADII in self.config.unknown_names
+            found = replace(found, scene=part_disks(found.scene, shrink))
+        self.view = self._view(frames[-1], found)
+        self._learn(found)
+        return self.view
+
+    def _is_early(self) -> bool:
+        """Tell whether it may soon be known when the push ended, and how sure its prediction is."""
+        known = self._made is None or self._completion is not None
+        if known and not self._waiting:
+            return False
+        return self._clock() - self._since < self._patience
+
+    @property
+    def _completion(self) -> PushDecision | None:
+        made, completed = self._made, self._completed
+        if made is None or completed is None or completed.push_id != made.push_id:
+            return None
+        return completed
+
+    def _expected(self) -> Estimate | None:
+        """Return where the push should have led; None: nobody predicted it."""
+        made, before = self._completion or self._made, self._start()
+        if made is None or before is None or made.predicted is None:
+            return None
+        regions = None if made.plan is None else made.plan.regions
+        way = np.linalg.norm((made.predicted - before.scene)[:, POSITION], axis=1)
+        errors = MODEL_ERROR + MODEL_SHARE * way if regions is None else regions[0] / REGION_STD
+        moved = way > UNMOVED
+        places = np.hypot(errors, np.where(moved, CARRIED * before.places.max(), before.places))
+        lever = LEVER * before.scene[:, RADIUS]
+        turns = np.hypot(before.turns, np.where(moved, places, errors) / lever)
+        return Estimate(made.predicted, places, turns)
+
+    def _start(self) -> Estimate | None:
+        """Return the estimate that the push started from."""
+        start, made = self._before, self._made
+        if start is None or start.sure is None or made is None or made.job.view.key != start.key:
+            return None
+        place, turn = self.config.bias_std
+        places = np.sqrt(np.maximum(start.sure.places**2 - place**2, 0.0))
+        turns = np.sqrt(np.maximum(start.sure.turns**2 - turn**2, 0.0))
+        return Estimate(start.scene, places, turns)
+
+    def _learn(self, found: Estimate) -> None:
+        start, made = self._start(), self._made
+        if start is not None and made is not None:
+            noise = np.hypot(found.places, CARRIED * start.places.max())
+            self.pushed = ObservedPush(start.scene, made.push, found.scene, noise)
+
+    def _view(self, frame: View, found: Estimate) -> View:
+        place, turn = self.config.bias_std
+        sure = Uncertainty(
+            np.hypot(found.places, place), np.hypot(found.turns, turn), self.config.confidence
+        )
+        return View(
+            found.scene, *frame.key, True, frame.received, observed=frame.observed, sure=sure
+        )
