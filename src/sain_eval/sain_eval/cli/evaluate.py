@@ -96,6 +96,7 @@ def jobs_of(options: EvaluateOptions, done: set[tuple[str, int, str]]) -> list[E
             options.agent,
             _picture(options, scenario, seed, controller),
             options.truth,
+            options.camera,
         )
         for part in options.parts
         for scenario in part.scenarios

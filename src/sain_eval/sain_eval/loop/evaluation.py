@@ -17,6 +17,7 @@ from sain_eval.tolerance import Tolerance, tightest
 from sain_mppi.loop.agent import AgentConfig
 from sain_sim.collecting.workers import environment
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
+from sain_sim.world.camera import CameraConfig
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -32,6 +33,7 @@ class EpisodeJob:
     agent: AgentConfig = AgentConfig()
     picture: Path | None = None  # where to draw it
     truth: TruthConfig = RANDOMISED_TRUTH
+    camera: CameraConfig = CameraConfig()
 
     def case(self) -> ScenarioScene:
         """Return the scene to solve, in its world."""
@@ -42,7 +44,7 @@ def play_job(job: EpisodeJob) -> EpisodeOutcome:
     """Run one episode to the tightest tolerance."""
     case = job.case()
     agent = agent_maker(job.controller, job.agent)(case)
-    return run_episode(case, agent, tightest(job.tolerances))
+    return run_episode(case, agent, tightest(job.tolerances), camera=job.camera)
 
 
 def run_job(job: EpisodeJob) -> list[SceneRecord]:
