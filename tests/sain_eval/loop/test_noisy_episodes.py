@@ -8,9 +8,9 @@ from sain_sim.episodes.truth import TruthConfig
 
 
 def play(seed, engine="bullet", **camera):
-    from sain_sim.world.camera import CameraConfig
+    from sain_sim.world.camera import WorldCameraConfig
 
-    options = EvaluateOptions(camera=CameraConfig(**camera))
+    options = EvaluateOptions(camera=WorldCameraConfig(**camera))
     job = EpisodeJob(
         "anywhere",
         seed,

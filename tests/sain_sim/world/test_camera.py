@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.scene import MASS, POSE, POSITION, RADIUS, is_settled
-from sain_sim.world.camera import Camera, CameraConfig
+from sain_sim.world.camera import Camera, WorldCameraConfig
 from sain_sim.world.parameters import WorldParameters, in_a_row, nominal_parameters
 from sain_sim.world.workcell import WorldConfig
 
@@ -13,7 +13,7 @@ SCENE = in_a_row(PARAMETERS, WorldConfig().feasibility.table)
 
 
 def camera(seed=0, parameters=PARAMETERS, **config):
-    made = Camera(CameraConfig(**config))
+    made = Camera(WorldCameraConfig(**config))
     made.begin(seed, parameters)
     return made
 

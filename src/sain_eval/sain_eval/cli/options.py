@@ -17,7 +17,7 @@ from sain_mppi.loop.agent import AgentConfig
 from sain_mppi.loop.estimate import EstimatorConfig
 from sain_mppi.search.config import PlannerConfig
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
-from sain_sim.world.camera import CameraConfig
+from sain_sim.world.camera import WorldCameraConfig
 
 LARGEST_TURN: Final = 5.0  # [rad]; any heading is nearer than pi
 
@@ -60,7 +60,7 @@ class EvaluateOptions(Config):
         " poses; --scenario, --controllers and --tolerances have no effect",
     )
     truth: Annotated[TruthConfig, tyro.conf.arg(name="")] = RANDOMISED_TRUTH
-    camera: Annotated[CameraConfig, tyro.conf.arg(name="")] = CameraConfig()
+    camera: Annotated[WorldCameraConfig, tyro.conf.arg(name="")] = WorldCameraConfig()
     planner: Annotated[PlannerConfig, tyro.conf.arg(help="How MPPI plans.")] = field(
         default_factory=PlannerConfig
     )
@@ -127,7 +127,7 @@ class EvaluateOptions(Config):
         }
         if self.truth != RANDOMISED_TRUTH:
             settings["truth"] = self.truth.settings()
-        if self.camera != CameraConfig():
+        if self.camera != WorldCameraConfig():
             settings["camera"] = dataclasses.asdict(self.camera)
         if self.table:
             settings["table"] = [

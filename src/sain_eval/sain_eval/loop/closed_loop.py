@@ -16,7 +16,7 @@ from sain_mppi.loop.agent import Agent
 from sain_mppi.loop.decision import PushDecision, Stop, StopReason, Task
 from sain_mppi.loop.goal_tracker import LOOK_AGAIN
 from sain_mppi.search.poses import PoseGoal
-from sain_sim.world.camera import CameraConfig
+from sain_sim.world.camera import WorldCameraConfig
 from sain_sim.world.outcome import DivergedError
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
@@ -47,7 +47,7 @@ def run_episode(
     agent: Agent,
     tolerance: Tolerance | float,
     world_config: WorldConfig | None = None,
-    camera: CameraConfig = CameraConfig(),
+    camera: WorldCameraConfig = WorldCameraConfig(),
 ) -> EpisodeOutcome:
     """Play one scene with an agent until all its goals are reached, or it stops.
 

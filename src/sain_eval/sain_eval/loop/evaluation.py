@@ -17,7 +17,7 @@ from sain_eval.tolerance import Tolerance, tightest
 from sain_mppi.loop.agent import AgentConfig
 from sain_sim.collecting.workers import environment
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
-from sain_sim.world.camera import CameraConfig
+from sain_sim.world.camera import WorldCameraConfig
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -33,7 +33,7 @@ class EpisodeJob:
     agent: AgentConfig = AgentConfig()
     picture: Path | None = None  # where to draw it
     truth: TruthConfig = RANDOMISED_TRUTH
-    camera: CameraConfig = CameraConfig()
+    camera: WorldCameraConfig = WorldCameraConfig()
 
     def case(self) -> ScenarioScene:
         """Return the scene to solve, in its world."""

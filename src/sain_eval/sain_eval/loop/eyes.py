@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from sain_core.types import PushArray, Scene
-from sain_sim.world.camera import Camera, CameraConfig, Frame
+from sain_sim.world.camera import Camera, SeenScene, WorldCameraConfig
 from sain_sim.world.outcome import Sample, StrokeOutcome
 from sain_sim.world.world import World
 
@@ -14,7 +14,7 @@ MOST_FRAMES: Final = 2000  # of one scene; an agent that needs more never decide
 class Eyes:
     """A camera above a world. Time goes on while it looks at bodies at rest."""
 
-    def __init__(self, world: World, config: CameraConfig, seed: int) -> None:
+    def __init__(self, world: World, config: WorldCameraConfig, seed: int) -> None:
         """Begin an episode with this seed."""
         self._world = world
         self._camera = None if config.is_exact else Camera(config)
@@ -27,11 +27,11 @@ class Eyes:
         """Simulated time [s]."""
         return self._world.time + self._looked
 
-    def look(self, scene: Scene) -> Iterator[Frame]:
+    def look(self, scene: Scene) -> Iterator[SeenScene]:
         """Yield frames of a scene (N, 8) at rest as they arrive; exact observations are one."""
         camera = self._camera
         if camera is None:
-            yield Frame(scene, self.time)
+            yield SeenScene(scene, self.time)
             return
         for _ in range(MOST_FRAMES):
             self._looked += camera.period

@@ -22,7 +22,7 @@ PoseErrors = Float[ndarray, "N 3"]  # [m, m, rad]
 
 
 @dataclass(frozen=True)
-class CameraConfig(ObservationConfig):
+class WorldCameraConfig(ObservationConfig):
     """How bodies are observed."""
 
     frame_rate: float = option(
@@ -35,7 +35,7 @@ class CameraConfig(ObservationConfig):
 
 
 @dataclass(frozen=True)
-class Frame:
+class SeenScene:
     """A scene (N, 8) as it was seen, and the time [s] of the observation, not of its arrival."""
 
     scene: Scene
@@ -45,11 +45,11 @@ class Frame:
 class Camera:
     """Sees the scenes of one episode after another."""
 
-    def __init__(self, config: CameraConfig) -> None:
+    def __init__(self, config: WorldCameraConfig) -> None:
         """Begin without an episode."""
         self.config = config
-        self._under_way: deque[Frame] = deque()
-        self._latest: Frame | None = None
+        self._under_way: deque[SeenScene] = deque()
+        self._latest: SeenScene | None = None
 
     @property
     def period(self) -> float:
@@ -77,12 +77,12 @@ class Camera:
         seen = self.measured(scene)
         seen[:, POSE] += noise + self._bias
         seen[:, THETA] = wrap_angle(seen[:, THETA])
-        frame = Frame(seen, time)
+        frame = SeenScene(seen, time)
         self._set_speeds(frame)
         self._latest = frame
         self._under_way.append(frame)
 
-    def arrived(self, now: float) -> list[Frame]:
+    def arrived(self, now: float) -> list[SeenScene]:
         """Return the frames that have arrived by now [s], the oldest first; each only once."""
         frames = []
         while self._under_way and self._under_way[0].time + self.config.delay <= now + 1e-9:
@@ -103,7 +103,7 @@ class Camera:
                     seen[body, RADIUS] = NOMINAL_RADII[min(body, 1)]
         return seen
 
-    def _set_speeds(self, frame: Frame) -> None:
+    def _set_speeds(self, frame: SeenScene) -> None:
         """Set the velocities of a frame: differences to the one before it, or none."""
         last, frame.scene[:, VELOCITY] = self._latest, 0.0
         if last is not None and frame.time > last.time:
