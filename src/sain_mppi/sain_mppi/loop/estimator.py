@@ -14,7 +14,7 @@ import numpy as np
 from sain_core.dynamics import REGION_STD
 from sain_core.errors import ErrorCode
 from sain_core.observation import RADII
-from sain_core.scene import POSITION, RADIUS
+from sain_core.scene import MASS, POSITION, RADIUS
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scalars, Scene
 from sain_mppi.loop.decision import PushDecision, View
@@ -120,7 +120,7 @@ class Estimator:
         """
         if self.view is not None or self._key is None or self._is_early():
             return None
-        frames = [frame for frame in self._frames if frame.observed >= self._end]
+        frames = [frame for frame in self._frames if frame.observed > self._end]
         frames = frames[: self.config.frames]
         if len(frames) < self.config.frames:
             return None
@@ -179,7 +179,9 @@ class Estimator:
         start, made = self._start(), self._made
         if start is not None and made is not None:
             noise = np.hypot(found.places, CARRIED * start.places.max())
-            self.pushed = ObservedPush(start.scene, made.push, found.scene, noise)
+            after = found.scene.copy()
+            after[:, MASS:] = start.scene[:, MASS:]  # what the push was planned with
+            self.pushed = ObservedPush(start.scene, made.push, after, noise)
 
     def _view(self, frame: View, found: Estimate) -> View:
         place, turn = self.config.bias_std

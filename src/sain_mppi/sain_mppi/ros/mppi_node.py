@@ -53,7 +53,7 @@ class MppiNode(Node):
         self.worker = Worker(self, "planning")
         self.plan_ids = count(1)
         self.bodies: tuple[int, CoreBodies] | None = None  # the latest, and of which episode
-        self.early: SceneMessage | None = None  # of an episode whose shapes are not known yet
+        self.early: list[SceneMessage] = []  # of an episode whose shapes are not known yet
         self._offer()
         self.starting = True
         self.diagnostics.set(WARN, "no model serves rollout yet: plans rest on the prior")
@@ -100,9 +100,9 @@ class MppiNode(Node):
             return
         self.bodies = message.episode_id, bodies
         self.agent.meet(*self.bodies)
-        early, self.early = self.early, None
-        if early is not None:
-            self._on_scene(early)
+        early, self.early = self.early, []
+        for scene in early:
+            self._on_scene(scene)
 
     def _waits_for_shapes(self, episode_id: int) -> bool:
         """Tell whether a simulator sends shapes, and those of an episode have not come yet.
@@ -119,9 +119,10 @@ class MppiNode(Node):
             self.diagnostics.set(WARN, f"scene {message.scene_id} is ignored: {error}")
             return
         if self._waits_for_shapes(message.episode_id):
-            self.early = message
+            self.early = [m for m in self.early if m.episode_id == message.episode_id] + [message]
             return
-        self.agent.see(scene, message.episode_id, message.scene_id, message.settled)
+        observed = codec.decode_time(message.header.stamp)
+        self.agent.see(scene, message.episode_id, message.scene_id, message.settled, observed)
         self._go_on()
 
     def _on_result(self, message: PushResult) -> None:
@@ -131,7 +132,7 @@ class MppiNode(Node):
                 self.agent.learn(message.episode_id, *wire.decode_result(message))
             except SainError as error:
                 self.get_logger().warning(f"nothing is learned of push {push_id}: {error}")
-        if self.agent.answered(push_id, code):
+        if self.agent.answered(push_id, code, codec.decode_time(message.header.stamp)):
             self.get_logger().warning(f"push {push_id} refused: {message.error_message}")
         self._go_on()
 
@@ -168,6 +169,7 @@ class MppiNode(Node):
             plan.regions = codec.encode_floats(decision.plan.regions)
         self._publish(plan)
         self.marker_publisher.publish(plan_markers(decision, self.get_clock().now().to_msg()))
+        self._go_on()  # noisy scenes after the push may have waited for what is known now
 
     def _on_prepared(self, done: "Future[None]") -> None:
         """Let an error that should not be surface."""
