@@ -13,6 +13,7 @@ import yaml
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, OutputError
+from sain_core.observation import ObservationConfig, told_settings
 from sain_core.plugins import check_model_name
 from sain_core.storage import make_folder
 from sain_eval.scenes.scenarios import SCENARIOS
@@ -51,6 +52,7 @@ class ClosedLoopOptions(Config):
         BULLET, "physics engine; mujoco needs an extra package", choices=tuple(ENGINES)
     )
     model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
+    camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
     out: Path | None = option(
         None, "folder to make for the results; by default bags/closed_loop-<date>-<time>"
     )
@@ -134,7 +136,8 @@ def describe(plans: Sequence[EpisodePlan], options: ClosedLoopOptions) -> str:
     counts = Counter(plan.scenario for plan in plans)
     what = ", ".join(f"{count} × {name}" for name, count in counts.items())
     engine = "" if options.engine == BULLET else f" in {options.engine}"
-    return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}{engine}"
+    seen = "".join(f", {name} {value}" for name, value in told_settings(options.camera).items())
+    return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}{engine}{seen}"
 
 
 def make_output_folder(options: ClosedLoopOptions) -> Path:
