@@ -37,8 +37,11 @@ format: ## rewrites the Python code in the project's format
 bench: ## timings beside those of peers
 	@./env python -m benchmarks $(ARGS)
 
-table: ## the table of the paper and of shapes, in results/table; other settings with ARGS="--scenes 5"
-	@./env ros2 run sain_eval evaluate --table --out results/table $(ARGS)
+table: ## docs/results.md: all scenarios in Bullet, its rough world and MuJoCo; fewer with ARGS="--scenes 5"
+	@./env ros2 run sain_eval evaluate --table --out results/table/bullet $(ARGS)
+	@./env ros2 run sain_eval evaluate --table --world rough --out results/table/rough $(ARGS)
+	@./env ros2 run sain_eval evaluate --table --engine mujoco --out results/table/mujoco $(ARGS)
+	@./env ros2 run sain_eval results results/table/bullet results/table/rough results/table/mujoco
 
 clean: ## removes the environment and all that was built; bags stay
 	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log

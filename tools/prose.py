@@ -3,7 +3,7 @@
 ./env python tools/prose.py [PAGE...]
 
 * A word of the total is two or more letters of a-z outside of fenced code. The total is over
-  README.md and docs/, without docs/decisions/.
+  README.md and docs/, without docs/decisions/ and without pages that tools write.
 * A sentence is a part of a paragraph or list item. It ends with ``.``, ``!``, ``?`` or ``:`` before
   a space, with a blank line, or with the next list item. Fenced and indented code, tables,
   headings, images and HTML are no sentences.
@@ -24,6 +24,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 MOST_WORDS = 16_000
 LONGEST_SENTENCE = 25
+GENERATED = {"parameters.md", "results.md"}  # pages that tools write
 
 BANNED = re.compile(
     # Idioms that a reader of a second language stumbles over, and what a machine does not do.
@@ -134,6 +135,11 @@ def problems(page: Path) -> Iterator[Problem]:
 
 def counted_pages(root: Path) -> list[Path]:
     """Return the pages whose words are counted."""
+    return [page for page in guide_pages(root) if page.name not in GENERATED]
+
+
+def guide_pages(root: Path) -> list[Path]:
+    """Return README.md and the pages of docs/, without the decisions."""
     docs = sorted(path for path in (root / "docs").rglob("*.md") if "decisions" not in path.parts)
     return [root / "README.md", *docs]
 
@@ -143,7 +149,7 @@ def checked_pages(root: Path) -> list[Path]:
     others = [root / name for name in ("CONTRIBUTING.md", "bags/README.md", "docker/README.md")]
     for folder in ("docs/decisions", "examples"):
         others += sorted((root / folder).rglob("*.md"))
-    return [*counted_pages(root), *others]
+    return [*guide_pages(root), *others]
 
 
 def main(arguments: list[str]) -> int:

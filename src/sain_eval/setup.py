@@ -20,6 +20,7 @@ setup(
         "console_scripts": [
             "evaluate = sain_eval.commands:evaluate",
             "calibrate = sain_eval.commands:calibrate",
+            "results = sain_eval.commands:results",
         ],
     },
 )

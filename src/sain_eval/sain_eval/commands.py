@@ -14,3 +14,4 @@ evaluate: Final = Command(
 calibrate: Final = Command(
     "sain_eval calibrate", "cli.options:CalibrateOptions", "cli.calibrate:run"
 )
+results: Final = Command("sain_eval results", "cli.options:ResultsOptions", "cli.results:run")

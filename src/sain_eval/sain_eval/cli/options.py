@@ -162,8 +162,38 @@ class CalibrateOptions(Config):
     axes: bool = option(False, "fit the prior whose friction depends on the world's axes")
 
 
+@dataclass(frozen=True)
+class ResultsOptions(Config):
+    """Write one page from several evaluations: scenarios in rows, realities in columns."""
+
+    folders: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
+        "the --out folders of evaluations; of two with the same cell, the later one counts"
+    )
+    out: Path = option(Path("docs/results.md"), "the page to write")
+    names: str = option(
+        "", "names of models in the page, with commas: runs/here/sain.safetensors=SAIN trained here"
+    )
+
+    def __post_init__(self) -> None:
+        """Check that there is a folder, and that each name has both sides."""
+        super().__post_init__()
+        if not self.folders:
+            raise ConfigError("no folder of an evaluation is given; at least one is needed")
+        if any("=" not in word for word in _words(self.names)):
+            raise ConfigError(f"--names is {self.names!r}; allowed: MODEL=TEXT, with commas")
+
+    @property
+    def name_of(self) -> dict[str, str]:
+        """The names of models, by the name or path with which they were evaluated."""
+        return dict(word.split("=", 1) for word in _words(self.names))
+
+
 def _split(words: str, name: str) -> tuple[str, ...]:
-    parts = tuple(dict.fromkeys(word.strip() for word in words.split(",") if word.strip()))
+    parts = tuple(dict.fromkeys(_words(words)))
     if not parts:
         raise ConfigError(f"--{name} is empty; at least one is needed")
     return parts
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]

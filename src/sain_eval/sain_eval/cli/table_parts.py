@@ -39,6 +39,9 @@ TABLE_PARTS: Final = (
         PAPER_TOLERANCES,
     ),
     TablePart(
+        ("anywhere", "anywhere_cube"), ("straight", "planar", "sain", "oracle"), PAPER_TOLERANCES
+    ),
+    TablePart(
         ("box", "push_t", "shapes", "shapes_indirect", "rearrange_2", "rearrange_3", "rearrange_4"),
         ("random", "planar", "sain"),
         POSE_TOLERANCES,

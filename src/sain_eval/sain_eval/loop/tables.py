@@ -36,7 +36,7 @@ def table_cells(row: dict[str, Any]) -> list[str]:
         row["scenario"],
         row["controller"],
         tolerance_text(row["tolerance"], row["heading_tolerance"]),
-        _solved_text(row),
+        solved_text(row),
         f"{100 * rate['low']:.0f}-{100 * rate['high']:.0f} %",
         "-" if pushes is None else f"{pushes:.1f}",
         _error_text(row),
@@ -111,7 +111,7 @@ def tolerance_text(distance: float, turn: float) -> str:
     return f"{text}, {turn:g} rad" if turn else text
 
 
-def _solved_text(row: dict[str, Any]) -> str:
+def solved_text(row: dict[str, Any]) -> str:
     """Return how many scenes were solved; where these have several goals, how many in a row."""
     text = f"{row['successes']}/{row['scenes']}"
     if row["most_goals"] == 1:
