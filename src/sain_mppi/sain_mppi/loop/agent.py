@@ -76,7 +76,8 @@ class Agent:
         patience = config.goal_tracker.result_patience
         self._estimator: Estimator | None = None  # exact scenes need none
         if not config.estimator.is_exact:
-            self._estimator = Estimator(config.estimator, patience, clock)
+            limits = config.feasibility.limits
+            self._estimator = Estimator(config.estimator, patience, clock, limits)
         self._push_ids = push_ids()
         self._bodies: tuple[int, Bodies | None] = (0, None)  # of which episode
         self._running: PlanJob | None = None
@@ -158,6 +159,8 @@ class Agent:
         if stop := self._tracker.stop(job):
             return stop
         past = self._memory.of(job.view.episode_id, len(job.view.scene))
+        if self._estimator is not None:
+            past = self._estimator.retold(past)
         self._running = replace(job, history=past)
         return self._running
 

@@ -132,11 +132,8 @@ def _weights(seen: Scalars, expected: Scalars, outlier: Mask) -> tuple[Scalars, 
     return share, seen * np.sqrt(1.0 - share)
 
 
-def part_disks(scene: Scene, shrink: bool) -> Scene:
-    """Return a scene (N, 8) with disks that overlap just touching.
-
-    Each moves by half, or with `shrink` both get smaller by the same share.
-    """
+def part_disks(scene: Scene) -> Scene:
+    """Return a scene (N, 8) with disks that overlap just touching; each moves by half."""
     parted = scene.copy()
     for _ in range(SWEEPS):
         gaps = surface_gaps(parted)
@@ -146,9 +143,6 @@ def part_disks(scene: Scene, shrink: bool) -> Scene:
         way = parted[second, POSITION] - parted[first, POSITION]
         apart = float(np.hypot(*way))
         wanted = float(parted[[first, second], RADIUS].sum())
-        if shrink:
-            parted[[first, second], RADIUS] *= apart / wanted
-            continue
         half = 0.5 * (wanted - apart) * (way / apart if apart > 0.0 else np.array([1.0, 0.0]))
         parted[first, POSITION] -= half
         parted[second, POSITION] += half

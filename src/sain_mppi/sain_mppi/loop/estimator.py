@@ -13,12 +13,15 @@ import numpy as np
 
 from sain_core.dynamics import REGION_STD
 from sain_core.errors import ErrorCode
+from sain_core.history import PushHistory
 from sain_core.observation import RADII
+from sain_core.push import PushLimits
 from sain_core.scene import MASS, POSITION, RADIUS
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scalars, Scene
 from sain_mppi.loop.decision import PushDecision, View
 from sain_mppi.loop.estimate import Estimate, EstimatorConfig, fuse, in_motion, part_disks
+from sain_mppi.loop.radii import RadiusFilter
 from sain_mppi.loop.uncertainty import Uncertainty
 
 UNMOVED: Final = 1e-4  # [m], a body that is predicted to move less is not moved
@@ -42,16 +45,24 @@ class Estimator:
     """Turns frames and results of pushes into one view of each settled scene."""
 
     def __init__(
-        self, config: EstimatorConfig, patience: float, clock: Callable[[], float]
+        self,
+        config: EstimatorConfig,
+        patience: float,
+        clock: Callable[[], float],
+        limits: PushLimits = PushLimits(),
     ) -> None:
-        """Begin without a frame; wait for the result of a push at most so long [s]."""
-        self.config = config
+        """Begin without a frame; wait for the result of a push at most so long [s].
+
+        `limits` tell where the tool starts and ends.
+        """
+        self.config, self._limits = config, limits
         self._patience, self._clock = patience, clock
         self._key: tuple[int, int] | None = None
         self._end = -np.inf  # of the latest push [s]
         self._sent: PushDecision | None = None  # without a result
         self._completed: PushDecision | None = None
         self._early: tuple[float, PushDecision | None] | None = None  # result before its scene
+        self._radii: RadiusFilter | None = None  # where they are not measured
         self._reset(None)
 
     def _reset(self, before: View | None) -> None:
@@ -77,7 +88,7 @@ class Estimator:
         self._reset(self.view if same else None)
         self._key, early, self._early = frame.key, self._early, None
         if not same:
-            self._end, self._sent = -np.inf, None
+            self._end, self._sent, self._radii = -np.inf, None, None
         elif early is not None:
             self._take_end(*early)
         else:
@@ -129,13 +140,34 @@ class Estimator:
         if in_motion(np.stack(scenes), np.array(times), noise):
             self._frames.remove(frames[0])
             return self.estimate(episode_id, bodies)
-        found = fuse(scenes, noise, self._expected())
-        if bodies is None or episode_id != frames[0].episode_id or bodies.all_round:
-            shrink = RADII in self.config.unknown_names
-            found = replace(found, scene=part_disks(found.scene, shrink))
+        known = bodies if episode_id == frames[0].episode_id else None
+        expected = self._expected()
+        found = fuse(scenes, noise, expected)
+        if RADII in self.config.unknown_names:
+            self._measure(fuse(scenes, noise), expected, known)
+        if self._radii is not None:
+            found = replace(found, scene=self._radii.apply(found.scene))
+        if known is None or known.all_round:
+            found = replace(found, scene=part_disks(found.scene))
         self.view = self._view(frames[-1], found)
         self._learn(found)
         return self.view
+
+    def _measure(self, seen: Estimate, expected: Estimate | None, bodies: Bodies | None) -> None:
+        """Learn the radii of disks from what frames show, and from the push before them."""
+        if self._radii is None:
+            self._radii = RadiusFilter(seen.scene[:, RADIUS], bodies)
+        start, made = self._start(), self._made
+        if expected is not None and start is not None and made is not None:
+            before, after, limits = start.scene, seen.scene, self._limits
+            self._radii.learn(before, made.push, expected.scene, after, seen.places, limits)
+        self._radii.look(seen.scene, seen.places)
+
+    def retold(self, history: PushHistory) -> PushHistory:
+        """Return earlier pushes of the episode as they would be stated with what is known now."""
+        if self._radii is None or len(history) == 0 or self.view is None:
+            return history
+        return self._radii.retold(history, self._limits)
 
     def _is_early(self) -> bool:
         """Tell whether it may soon be known when the push ended, and how sure its prediction is."""
@@ -160,7 +192,12 @@ class Estimator:
         way = np.linalg.norm((made.predicted - before.scene)[:, POSITION], axis=1)
         errors = MODEL_ERROR + MODEL_SHARE * way if regions is None else regions[0] / REGION_STD
         moved = way > UNMOVED
-        places = np.hypot(errors, np.where(moved, CARRIED * before.places.max(), before.places))
+        start = (
+            before.places.max()
+            if self._radii is None
+            else (before.places.max() + self._radii.std.max())
+        )
+        places = np.hypot(errors, np.where(moved, CARRIED * start, before.places))
         lever = LEVER * before.scene[:, RADIUS]
         turns = np.hypot(before.turns, np.where(moved, places, errors) / lever)
         return Estimate(made.predicted, places, turns)
