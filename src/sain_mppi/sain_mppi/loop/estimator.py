@@ -159,8 +159,8 @@ class Estimator:
             self._radii = RadiusFilter(seen.scene[:, RADIUS], bodies)
         start, made = self._start(), self._made
         if expected is not None and start is not None and made is not None:
-            before, after, limits = start.scene, seen.scene, self._limits
-            self._radii.learn(before, made.push, expected.scene, after, seen.places, limits)
+            before, after = start.scene, seen.scene
+            self._radii.learn(before, made.push, expected.scene, after, seen.places)
         self._radii.look(seen.scene, seen.places)
 
     def retold(self, history: PushHistory) -> PushHistory:

@@ -1,9 +1,9 @@
 """The radii of disks that are not measured, from where pushes leave the disks.
 
-A disk that the tool pushed comes to rest against the tool, or slides on a little. A larger disk
-comes to rest further from the tool, by as much as its radius is larger. Of two disks in contact,
-the distance grows with both radii. What is left is the error of the model. A Kalman filter over the
-radii weighs these distances against those that were predicted.
+Of two disks that one push moves, the distance at rest grows with both radii. What is left is the
+error of the model. A Kalman filter over the radii weighs these distances against the predicted
+ones. The distance from the tool tells little: it depends as much on the friction, which is not
+known either.
 """
 
 from typing import Final
@@ -11,14 +11,13 @@ from typing import Final
 import numpy as np
 
 from sain_core.history import PushHistory
-from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, PushLimits, pushed_bodies, tool_end
+from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, PushLimits, pushed_bodies
 from sain_core.scene import POSITION, RADIUS, unit, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scalars, Scene
 
 BEFOREHAND: Final = 0.003  # [m], standard deviation of radii: those of disks are nominal +- 5 mm
-AT_TOOL: Final = 0.0015  # [m], error of the predicted distance to the tool
-AT_DISK: Final = 0.002  # [m], error of the predicted distance of two disks
+AT_DISK: Final = 0.0015  # [m], error of the predicted distance of two disks
 MOVED: Final = 0.003  # [m], a disk that is predicted to move so far is touched
 TOUCHING: Final = 0.01  # [m], of disks that are predicted to end nearer, one pushed the other
 OUTLIER: Final = 4.0  # standard deviations
@@ -46,7 +45,6 @@ class RadiusFilter:
         predicted: Scene,
         after: Scene,
         noise: Scalars,
-        limits: PushLimits,
     ) -> None:
         """Learn from a push.
 
@@ -56,15 +54,9 @@ class RadiusFilter:
             predicted: (N, 8).
             after: (N, 8), as observed.
             noise: (N,) [m], standard deviation of each coordinate of `after`.
-            limits: that tell where the tool ends.
         """
         way = np.linalg.norm((predicted - before)[:, POSITION], axis=1)
-        pushed, end = int(pushed_bodies(push)), tool_end(before, push, limits)
-        if self.round[pushed] and way[pushed] > MOVED:
-            expected, seen = (_apart(scene[pushed, POSITION], end) for scene in (predicted, after))
-            self._update(
-                (pushed,), before, seen - expected, float(np.hypot(noise[pushed], AT_TOOL))
-            )
+        pushed = int(pushed_bodies(push))
         for other in np.flatnonzero(self.round & (way > MOVED)).tolist():
             pair = (pushed, other)
             if other == pushed or not self.round[pushed]:

@@ -19,6 +19,7 @@ from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
+from sain_core.scene import is_settled
 from sain_core.shapes.bodies import Bodies as CoreBodies
 from sain_core.shapes.received import check_unchanged, decode_bodies
 from sain_interfaces.msg import Bodies, Goal, Plan, Push, PushResult
@@ -121,6 +122,12 @@ class MppiNode(Node):
         if self._waits_for_shapes(message.episode_id):
             self.early = [m for m in self.early if m.episode_id == message.episode_id] + [message]
             return
+        if message.settled and self.config.estimator.is_exact and not is_settled(scene):
+            self.get_logger().warning(
+                "scenes are called settled while their bodies move: noisy observations need"
+                " estimator.noise; no goal counts as reached",
+                once=True,
+            )
         observed = codec.decode_time(message.header.stamp)
         self.agent.see(scene, message.episode_id, message.scene_id, message.settled, observed)
         self._go_on()
