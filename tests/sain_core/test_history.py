@@ -99,5 +99,7 @@ def test_noise_stays_with_its_push_and_must_be_possible() -> None:
     grown = grown.then(SCENE, PUSH, SCENE, np.array([0.001, 0.002]))
     np.testing.assert_array_equal(grown.noise, [[0.0, 0.0], [0.001, 0.002]])
     np.testing.assert_array_equal(grown.latest(1).noise, [[0.001, 0.002]])
+    exact = PushHistory.empty().then(SCENE, PUSH, SCENE).then(SCENE, PUSH, SCENE)
+    assert not exact.equals(grown) and not grown.equals(exact) and grown.equals(grown)
     with pytest.raises(InvalidInputError, match=r"noise is -0\.1 m"):
         PushHistory.empty().then(SCENE, PUSH, SCENE, np.array([0.0, -0.1]))

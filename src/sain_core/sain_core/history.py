@@ -118,7 +118,9 @@ class PushHistory(Transitions):
 
     def equals(self, other: "PushHistory") -> bool:
         """Return whether another history holds the same pushes, to the bit."""
-        return all(np.array_equal(a, other.arrays[name]) for name, a in self.arrays.items())
+        mine, others = self.arrays, other.arrays
+        same = mine.keys() == others.keys()
+        return same and all(np.array_equal(array, others[name]) for name, array in mine.items())
 
     def latest(self, most: int) -> Self:
         """Return the history of the latest pushes, at most so many."""

@@ -37,6 +37,7 @@ from sain_mppi.ros.plan_message import (
 )
 from sain_mppi.ros.remote import RemoteRollout
 
+MOST_EARLY = 500  # scenes that are kept until their shapes are known
 LOOK_AGAIN = 0.1  # [s] between looks for what no message tells of
 
 
@@ -120,7 +121,8 @@ class MppiNode(Node):
             self.diagnostics.set(WARN, f"scene {message.scene_id} is ignored: {error}")
             return
         if self._waits_for_shapes(message.episode_id):
-            self.early = [m for m in self.early if m.episode_id == message.episode_id] + [message]
+            same = [early for early in self.early if early.episode_id == message.episode_id]
+            self.early = [*same[-MOST_EARLY:], message]
             return
         if message.settled and self.config.estimator.is_exact and not is_settled(scene):
             self.get_logger().warning(
