@@ -73,6 +73,14 @@ def test_bodies_that_still_slide_are_not_at_rest(estimator, scene):
     assert estimator.estimate() is not None
 
 
+def test_bodies_that_never_seem_to_rest_are_reported(scene, caplog):
+    estimator = Estimator(EstimatorConfig(noise="0.0001,0.0007"), 0.5, lambda: 0.0)
+    feed(estimator, noisy(scene, 400))  # fifty times as noisy as is said
+    assert estimator.estimate() is None
+    assert "do not seem to come to rest: 300 frames" in caplog.text
+    assert "estimator.noise, 0.0001,0.0007?" in caplog.text
+
+
 def test_what_a_push_should_lead_to_counts_by_its_precision(scene):
     frames = list(noisy(scene, 25))
     seen = fuse(frames, NOISE)

@@ -5,6 +5,7 @@ and the bodies move on. So only frames count that were observed after the push e
 no motion.
 """
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
@@ -24,10 +25,13 @@ from sain_mppi.loop.estimate import Estimate, EstimatorConfig, fuse, in_motion, 
 from sain_mppi.loop.radii import RadiusFilter
 from sain_mppi.loop.uncertainty import Uncertainty
 
+logger = logging.getLogger(__name__)
+
 UNMOVED: Final = 1e-4  # [m], a body that is predicted to move less is not moved
 MODEL_ERROR: Final = 1e-4  # [m], standard deviation of a model without regions, at least
 MODEL_SHARE: Final = 0.04  # and the share of the way
 CARRIED: Final = 2.0  # by how much an error of the start grows in a push
+MANY_MOVING: Final = 300  # frames, 10 s at 30 Hz
 LEVER: Final = 0.7  # [radii], from errors of places to errors of headings
 
 
@@ -70,6 +74,7 @@ class Estimator:
         self._before = before
         self.view: View | None = None
         self._frames: list[View] = []
+        self._moving = 0  # frames that showed motion
         self._since = self._clock()
         self._made: PushDecision | None = None  # that led to this scene
         self._waiting = False  # for the result of the push that led here
@@ -131,15 +136,10 @@ class Estimator:
         """
         if self.view is not None or self._key is None or self._is_early():
             return None
-        frames = [frame for frame in self._frames if frame.observed > self._end]
-        frames = frames[: self.config.frames]
-        if len(frames) < self.config.frames:
+        frames = self._at_rest()
+        if frames is None:
             return None
-        scenes, times = [frame.scene for frame in frames], [frame.observed for frame in frames]
-        noise = self.config.noise_std
-        if in_motion(np.stack(scenes), np.array(times), noise):
-            self._frames.remove(frames[0])
-            return self.estimate(episode_id, bodies)
+        scenes, noise = [frame.scene for frame in frames], self.config.noise_std
         known = bodies if episode_id == frames[0].episode_id else None
         expected = self._expected()
         found = fuse(scenes, noise, expected)
@@ -152,6 +152,29 @@ class Estimator:
         self.view = self._view(frames[-1], found)
         self._learn(found)
         return self.view
+
+    def _at_rest(self) -> list[View] | None:
+        """Return frames that show the bodies at rest after the push; None: not enough so far."""
+        after = [frame for frame in self._frames if frame.observed > self._end]
+        for first in range(len(after) - self.config.frames + 1):
+            frames = after[first : first + self.config.frames]
+            times = np.array([frame.observed for frame in frames])
+            if not in_motion(np.stack([f.scene for f in frames]), times, self.config.noise_std):
+                return frames
+            self._drop(frames[0])
+        return None
+
+    def _drop(self, frame: View) -> None:
+        """Do without a frame that shows motion."""
+        self._frames.remove(frame)
+        self._moving += 1
+        if self._moving == MANY_MOVING:
+            logger.warning(
+                "the bodies do not seem to come to rest: %d frames after the last push show motion;"
+                " is their noise larger than estimator.noise, %s?",
+                MANY_MOVING,
+                self.config.noise,
+            )
 
     def _measure(self, seen: Estimate, expected: Estimate | None, bodies: Bodies | None) -> None:
         """Learn the radii of disks from what frames show, and from the push before them."""
@@ -192,11 +215,7 @@ class Estimator:
         way = np.linalg.norm((made.predicted - before.scene)[:, POSITION], axis=1)
         errors = MODEL_ERROR + MODEL_SHARE * way if regions is None else regions[0] / REGION_STD
         moved = way > UNMOVED
-        start = (
-            before.places.max()
-            if self._radii is None
-            else (before.places.max() + self._radii.std.max())
-        )
+        start = before.places.max() + (0.0 if self._radii is None else self._radii.std.max())
         places = np.hypot(errors, np.where(moved, CARRIED * start, before.places))
         lever = LEVER * before.scene[:, RADIUS]
         turns = np.hypot(before.turns, np.where(moved, places, errors) / lever)
