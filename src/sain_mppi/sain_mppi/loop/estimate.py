@@ -49,6 +49,7 @@ class EstimatorConfig(ObservationConfig):
     turn_precision: float = option(
         0.01, "the same for headings", unit="rad", minimum=1e-3, maximum=0.35
     )
+    most_frames: int = option(90, "frames that are waited for at most", minimum=FEWEST_FRAMES)
     confidence: float = option(
         0.95, "least probability with which a goal counts as reached", minimum=0.5, maximum=0.999
     )
@@ -60,7 +61,7 @@ class EstimatorConfig(ObservationConfig):
         if not (place or turn):
             return 1
         wanted = ceil(max(place / self.precision, turn / self.turn_precision) ** 2 - 1e-9)
-        return max(wanted, FEWEST_FRAMES)
+        return min(max(wanted, FEWEST_FRAMES), self.most_frames)
 
 
 @dataclass(frozen=True, eq=False)

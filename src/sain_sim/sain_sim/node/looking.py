@@ -6,7 +6,7 @@ from sain_sim.node.pacing import Pacer
 from sain_sim.world.camera import Camera
 from sain_sim.world.outcome import Sample
 
-NEW: Final = 3.0  # [s], simulated, for which a scene at rest is new: 90 frames at 30 Hz
+NEW: Final = 5.0  # [s], simulated, for which a scene at rest is new: 150 frames at 30 Hz
 HASTE: Final = 5.0  # times as fast as the wall clock, where the world runs as fast as possible
 
 
