@@ -13,6 +13,7 @@ from sain_bringup.options import (
     make_output_folder,
 )
 from sain_core.errors import ConfigError, OutputError
+from sain_core.observation import ObservationConfig
 
 DEMO = ClosedLoopOptions()
 
@@ -128,6 +129,17 @@ def test_commands_say_it_all(prefix: Path, tmp_path: Path) -> None:
     assert (
         "engine:=mujoco" in graph_commands(replace(options, engine="mujoco"), *about)["simulator"]
     )
+
+
+def test_simulator_and_planner_are_told_the_same_of_the_camera(
+    prefix: Path, tmp_path: Path
+) -> None:
+    seen = ObservationConfig(noise="0.005,0.035", delay=0.1)
+    commands = graph_commands(ClosedLoopOptions(camera=seen), "/sain", tmp_path, {})
+    for name, part in (("simulator", "camera"), ("planner", "estimator")):
+        assert f"{part}.noise:=0.005,0.035" in commands[name]
+        assert f"{part}.delay:=0.1" in commands[name]
+        assert not any("bias" in word for word in commands[name])
 
 
 def test_what_is_not_installed_is_named(prefix: Path) -> None:

@@ -81,3 +81,25 @@ def test_a_stepwise_rollout_passes_on_what_it_is_told() -> None:
 
     deaf = Deaf()
     assert informed_rollout(deaf, history(1)) is deaf
+
+
+def test_a_radius_that_is_measured_a_little_differently_is_the_same_body() -> None:
+    after = SCENE.copy()
+    after[:, RADIUS] *= 1.03
+    grown = PushHistory.empty().then(SCENE, PUSH, after)
+    assert len(grown) == 1
+    after[:, RADIUS] *= 1.03
+    with pytest.raises(InvalidInputError, match=r"by 6\.1 %; at most 5 % may"):
+        PushHistory.empty().then(SCENE, PUSH, after)
+
+
+def test_noise_stays_with_its_push_and_must_be_possible() -> None:
+    grown = PushHistory.empty().then(SCENE, PUSH, SCENE)
+    assert grown.noise is None
+    grown = grown.then(SCENE, PUSH, SCENE, np.array([0.001, 0.002]))
+    np.testing.assert_array_equal(grown.noise, [[0.0, 0.0], [0.001, 0.002]])
+    np.testing.assert_array_equal(grown.latest(1).noise, [[0.001, 0.002]])
+    exact = PushHistory.empty().then(SCENE, PUSH, SCENE).then(SCENE, PUSH, SCENE)
+    assert not exact.equals(grown) and not grown.equals(exact) and grown.equals(grown)
+    with pytest.raises(InvalidInputError, match=r"noise is -0\.1 m"):
+        PushHistory.empty().then(SCENE, PUSH, SCENE, np.array([0.0, -0.1]))

@@ -106,6 +106,7 @@ def past(**values: object) -> Message:
         "past_pushes": [0.1] * 6,
         "past_next": numbers,
         "past_bodies": [],
+        "past_noise": [],
     }
     return Message(**(fields | values))
 
@@ -115,6 +116,9 @@ def test_the_past_is_decoded_and_may_be_empty() -> None:
     assert (len(history), history.disks) == (2, 2)
     none = wire.decode_past(past(past=0, past_scenes=[], past_pushes=[], past_next=[]))
     assert (len(none), none.disks) == (0, 2)
+    assert history.noise is None
+    noisy = wire.decode_past(past(past_noise=[0.001, 0.002, 0.003, 0.004]))
+    assert noisy.noise.tolist() == [[0.001, 0.002], [0.003, 0.004]]
 
 
 @pytest.mark.parametrize(
@@ -126,6 +130,7 @@ def test_the_past_is_decoded_and_may_be_empty() -> None:
         ({"disks": 0}, "disks is 0; it must be at least 1"),
         ({"past_pushes": [0.1] * 5}, "past_pushes has 5 numbers; 6 were expected"),
         ({"past_pushes": [float("nan")] * 6}, r"past_pushes at \(0, 0\) is nan"),
+        ({"past_noise": [0.001]}, "past_noise has 1 numbers; 4 were expected"),
         ({"past_next": [0.5] * 32}, "a past push changed a mass or radius"),
     ],
 )

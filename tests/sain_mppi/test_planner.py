@@ -184,3 +184,11 @@ def test_what_was_prepared_is_dropped_for_a_wide_plan_a_refusal_or_another_goal(
     assert rounds() == 1
     assert rounds(wide=True) == rounds(refused=(np.array([3.0, 0.0, 0.1]),)) == CONFIG.rounds
     assert rounds(goal=GOAL + 0.02) == CONFIG.rounds
+
+
+def test_a_first_push_moves_its_body_further_than_what_noise_hides(scene, dynamics):
+    near = scene[TARGET, POSITION] + [0.004, 0.0]
+    usual = planner(dynamics).plan(scene, near, generator(3))
+    long = planner(dynamics).plan(scene, near, generator(3), shortest=0.03)
+    clearance = Feasibility().limits.clearance
+    assert usual.push[LENGTH] < clearance + 0.03 < long.push[LENGTH]

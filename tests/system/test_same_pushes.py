@@ -9,12 +9,17 @@ import pytest
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
+from sain_core.observation import observation_settings
 from sain_core.ros import codec
+from sain_core.scene import MASS
 from sain_eval.loop.evaluation import EpisodeJob, play_job
 from sain_interfaces.msg import Plan
+from sain_mppi.loop.agent import AgentConfig
+from sain_mppi.loop.estimate import EstimatorConfig
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.episodes.truth import TruthConfig
 from sain_sim.ros.sim_node import SimNode
+from sain_sim.world.camera import WorldCameraConfig
 
 TOLERANCE = 0.01
 RANDOMISED, ROUGH = TruthConfig(), TruthConfig(world="rough")
@@ -67,3 +72,32 @@ def test_the_graph_and_evaluate_play_the_same_pushes(graph, full_motion):
         assert (refused, reached) == (outcome.refusals, outcome.failure == "")
         counts.append(len(pushes))
     assert min(counts) >= 2
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_noisy_and_late_frames_lead_to_the_same_pushes_too(graph, delay):
+    camera = WorldCameraConfig(noise="0.005,0.035", delay=delay, unknown="mass")
+    told = observation_settings(camera)
+    graph.start(
+        SimNode, shadow=False, peer_wait=0.0, **{f"camera__{k}": v for k, v in told.items()}
+    )
+    graph.start(
+        MppiNode,
+        dynamics="in_process",
+        model="sain",
+        **{f"estimator__{k}": v for k, v in told.items()},
+    )
+    graph.wait(lambda: graph.aiming.get_subscription_count() == 1, "the planner")
+    agent = AgentConfig(estimator=EstimatorConfig(**told))
+    for number, seed in enumerate((0, 3), start=1):
+        job = EpisodeJob("anywhere", seed, "sain", (TOLERANCE,), agent, camera=camera)
+        outcome = play_job(job)
+        pushes, final, refused, reached = play_on_graph(graph, number, job.case())
+        expected = np.array([push.push for push in outcome.record.pushes]).reshape(-1, 3)
+        assert pushes.tobytes() == expected.tobytes(), (seed, pushes, expected)
+        assert final.tobytes() == outcome.final.tobytes()
+        assert (refused, reached) == (outcome.refusals, outcome.failure == "")
+    seen = wire.decode_disks(graph.find("scene", settled=True)[-1].disks)
+    assert np.abs(seen - final).max() > 1e-3 and (seen[:, MASS] == 8.0).all()
+    plan = graph.find("plan", status=Plan.PUSH)[-1]
+    assert plan.estimate[0].covariance[0] == pytest.approx(1e-6, rel=0.7)

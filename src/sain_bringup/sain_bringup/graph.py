@@ -7,6 +7,7 @@ from typing import Final
 
 from sain_bringup.options import ClosedLoopOptions
 from sain_core.errors import ConfigError
+from sain_core.observation import told_settings
 from sain_sim.world.engines import BULLET
 
 SIMULATOR: Final = "simulator"
@@ -29,6 +30,9 @@ def graph_commands(
     simulator = {"bullet.full_motion": "true"}
     if options.engine != BULLET:
         simulator |= {"engine": options.engine}
+    told = told_settings(options.camera)
+    simulator |= {f"camera.{name}": str(value) for name, value in told.items()}
+    planner = {f"estimator.{name}": str(value) for name, value in told.items()}
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
     belief = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
@@ -45,7 +49,9 @@ def graph_commands(
         MODEL: node("sain_model", "model_node", model=options.model, **belief),
         RECORDER: [*recorder, *to_namespace],
         SIMULATOR: node("sain_sim", "sim_node", **simulator),
-        PLANNER: node("sain_mppi", "mppi_node", dynamics="service", seed=str(options.seed)),
+        PLANNER: node(
+            "sain_mppi", "mppi_node", dynamics="service", seed=str(options.seed), **planner
+        ),
     }
 
 

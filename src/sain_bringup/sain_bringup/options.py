@@ -13,6 +13,7 @@ import yaml
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, OutputError
+from sain_core.observation import ObservationConfig, told_settings
 from sain_core.plugins import check_model_name
 from sain_core.storage import make_folder
 from sain_eval.scenes.scenarios import SCENARIOS
@@ -54,6 +55,7 @@ class ClosedLoopOptions(Config):
     belief: str = option(
         "", "file of `sain_model identify`, with which each episode begins; empty: none"
     )
+    camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
     out: Path | None = option(
         None, "folder to make for the results; by default bags/closed_loop-<date>-<time>"
     )
@@ -137,7 +139,8 @@ def describe(plans: Sequence[EpisodePlan], options: ClosedLoopOptions) -> str:
     counts = Counter(plan.scenario for plan in plans)
     what = ", ".join(f"{count} × {name}" for name, count in counts.items())
     engine = "" if options.engine == BULLET else f" in {options.engine}"
-    return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}{engine}"
+    seen = "".join(f", {name} {value}" for name, value in told_settings(options.camera).items())
+    return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}{engine}{seen}"
 
 
 def make_output_folder(options: ClosedLoopOptions) -> Path:

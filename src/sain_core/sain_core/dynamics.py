@@ -4,7 +4,8 @@ The four kinds of the paper's Fig. 1 all are a `Dynamics`; planner, evaluation a
 any of them. One step is one whole push, from settled scene to settled scene.
 """
 
-from typing import Protocol, Self, runtime_checkable
+from math import log
+from typing import Final, Protocol, Self, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +17,8 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 
 Radii = Float[ndarray, "K H N"]
+
+REGION_STD: Final = (-2.0 * log(0.1)) ** 0.5  # radius over standard deviation of a 90 % circle
 
 
 @runtime_checkable

@@ -18,7 +18,7 @@ from sain_core.scene import MID, POSITION, RADIUS, THETA, Table, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.outline import distance_to_way, outline_of
 from sain_core.shapes.shape import Shape
-from sain_core.types import Mask, Points, Pushes, Scalars, Scenes, States
+from sain_core.types import Mask, Points, Pushes, Scalars, Scene, Scenes, States
 
 EXACT_WITHIN: Final = 0.05  # [m], from which on a gap to an outline is that to its circle
 START_PLACES: Final = 2049  # along an outline
@@ -127,6 +127,19 @@ def start_gap(
             location = np.broadcast_to(pushes[..., LOCATION], gap.shape)[these]
             gap[these] = np.interp(location, *_start_gaps(shape, radius, limits))
     return gap
+
+
+def place_gap(scene: Scene, place: Points, bodies: Bodies | None = None) -> float:
+    """Return the smallest distance [m] from a place (2,) to any body of a scene (N, 8).
+
+    Negative or 0: it is inside of a body.
+    """
+    shapes = [None] * len(scene) if bodies is None else bodies.shapes
+    gaps = (
+        _way_to_body(place[None], place[None], state[None], shape)[0]
+        for state, shape in zip(scene, shapes, strict=True)
+    )
+    return float(min(gaps))
 
 
 @lru_cache(maxsize=128)

@@ -164,7 +164,12 @@ def decode_past(request: Any) -> PushHistory:
         scenes,
         _with_bodies(pushes, request.past_bodies, "past_bodies", disks),
         decode_floats(request.past_next, shape, "past_next"),
+        _decode_noise(request.past_noise, (past, disks)),
     )
+
+
+def _decode_noise(values: Sequence[float], shape: tuple[int, int]) -> ndarray | None:
+    return decode_floats(values, shape, "past_noise") if len(values) else None
 
 
 def decode_result(message: Any) -> tuple[Scene, PushArray, Scene]:

@@ -62,6 +62,7 @@ class Planner:
         refused: Sequence[PushArray] = (),
         bodies: Bodies | None = None,
         start: Scene | None = None,
+        shortest: float = 0.0,
     ) -> PlanResult:
         """Plan from a settled scene (N, 8) towards a goal (2,) for the target, or poses of bodies.
 
@@ -79,6 +80,7 @@ class Planner:
                 planned.
             bodies: shapes and roles; None: disks with the paper's roles.
             start: (N, 8), the scene in which the goal was given; None: this one.
+            shortest: [m], a first push moves its body by more: less would be lost in noise.
 
         Raises:
             InvalidInputError: a scene or goal that cannot exist.
@@ -108,7 +110,15 @@ class Planner:
             config = config.correcting()
         objective = make_objective(goal, first, config.weights, self.feasibility, bodies)
         search = Search(
-            self.model, config, self.feasibility, scene, objective, refused, deadline, ahead
+            self.model,
+            config,
+            self.feasibility,
+            scene,
+            objective,
+            refused,
+            deadline,
+            ahead,
+            shortest,
         )
         known = self._start(scene, goal, search) if ahead is None else ahead
         ALGORITHMS[config.algorithm](search, known, generator)
@@ -122,6 +132,7 @@ class Planner:
         generator: np.random.Generator,
         bodies: Bodies | None = None,
         start: Scene | None = None,
+        shortest: float = 0.0,
     ) -> None:
         """Plan from a scene (N, 8) that is expected next; the next plan only corrects this one.
 
@@ -132,7 +143,7 @@ class Planner:
             return
         first = scene if start is None else start
         objective = make_objective(goal, first, config.weights, self.feasibility, bodies)
-        search = Search(self.model, config, self.feasibility, scene, objective)
+        search = Search(self.model, config, self.feasibility, scene, objective, shortest=shortest)
         try:
             ALGORITHMS[config.algorithm](search, shift(self._elites), generator)
         except NoPushError:

@@ -10,6 +10,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from sain_core import wire
 from sain_core.errors import InvalidInputError
+from sain_core.history import PushHistory
 from sain_core.ros import codec
 from sain_interfaces.msg import Goal, Plan, Push, Scene
 from sain_interfaces.srv import Rollout
@@ -80,3 +81,21 @@ def test_a_rollout_reply_must_have_the_shape_that_was_asked_for():
 @pytest.mark.parametrize("message", [Scene(), Push(), Goal()], ids=lambda m: type(m).__name__)
 def test_an_empty_message_survives_the_wire(message):
     assert through_the_wire(message) == message
+
+
+def test_how_noisy_earlier_pushes_were_observed_comes_back():
+    scene = np.array([[0.4, 0, 0, 0, 0, 0, 8, 0.08], [0.6, 0, 0, 0, 0, 0, 8, 0.06]])
+    push, noise = np.array([0.1, 0.2, 0.05]), np.array([0.001, 0.002])
+    request = Rollout.Request(disks=2)
+    for history in (PushHistory.empty(), PushHistory.empty().then(scene, push, scene, noise)):
+        codec.fill_past(request, history)
+        assert wire.decode_past(through_the_wire(request)).equals(history)
+
+
+def test_an_estimate_has_variances_and_the_time_of_its_frame():
+    scene = np.array([[0.4, 0.1, np.pi, 0, 0, 0, 8, 0.08]])
+    (pose,) = codec.encode_poses(scene, np.array([0.002]), np.array([0.1]))
+    covariance = np.reshape(pose.covariance, (6, 6))
+    np.testing.assert_allclose(np.diag(covariance), [4e-6, 4e-6, 0, 0, 0, 0.01])
+    assert pose.pose.orientation.z == pytest.approx(1.0)
+    assert codec.decode_time(codec.encode_time(2_500_000_000)) == 2.5

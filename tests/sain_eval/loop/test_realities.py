@@ -12,7 +12,7 @@ from sain_eval.cli.results import run
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA, SceneRecord, summarise
 
 
-def evaluated(folder, engine, solved, controller="planar"):
+def evaluated(folder, engine, solved, controller="planar", camera=None):
     """Write results of four scenes, of which so many are solved."""
     records = [
         SceneRecord(
@@ -25,7 +25,7 @@ def evaluated(folder, engine, solved, controller="planar"):
         "schema": SCHEMA,
         "command": f"evaluate --engine {engine}",
         "git_commit": "0123456789abcdef",
-        "config": {"truth": {"world": "randomised", "engine": engine}},
+        "config": {"truth": {"world": "randomised", "engine": engine}, "camera": camera or {}},
         "summary": summarise(records),
     }
     folder.mkdir()
@@ -55,6 +55,14 @@ def test_realities_are_columns_and_models_rows(tmp_path):
     ) in lines
     assert "| 0.5 cm | SAIN trained here |  | **2/4** (15-85 %), 4.5 pushes, 2.0 mm |" in lines
     assert "* MuJoCo: `evaluate --engine mujoco`, commit 0123456789ab" in lines
+
+
+def test_noisy_observations_are_another_reality(tmp_path):
+    noisy = {"noise": "0.005,0.035", "delay": 0.1, "frame_rate": 30.0}
+    seen = evaluated(tmp_path / "b", "bullet", 3, camera=noisy)
+    text = page(tmp_path, evaluated(tmp_path / "a", "bullet", 4), seen)
+    title = "| within | controller | Bullet | Bullet, noise 0.005,0.035, delay 0.1 |"
+    assert title in text.splitlines()
 
 
 def test_a_folder_without_results_is_named(tmp_path):

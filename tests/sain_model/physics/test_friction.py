@@ -1,6 +1,7 @@
 """What earlier pushes tell of the friction: of their own episode, and of nothing to come."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -55,6 +56,18 @@ def test_a_few_pushes_tell_the_friction_also_outside_the_usual_range(
     assert belief.mean == pytest.approx(truth, rel=0.05)
     assert belief.spread < 0.1
     assert belief.pushes == PUSHES
+
+
+def test_noise_that_is_stated_makes_the_friction_less_sure(
+    friction: FrictionFilter, random_pushes: Draw
+) -> None:
+    past = history(random_pushes, 0.2, noise=2e-3)
+    trusted = friction.infer(past)
+    noisy = friction.infer(replace(past, noise=np.full((PUSHES, past.disks), 2e-3)))
+    assert noisy.mean == pytest.approx(0.2, rel=0.1)
+    assert noisy.spread > trusted.spread
+    none = friction.infer(replace(past, noise=np.zeros((PUSHES, past.disks))))
+    assert none.mean == trusted.mean
 
 
 def test_without_pushes_the_friction_is_the_nominal_one(friction: FrictionFilter) -> None:

@@ -9,16 +9,16 @@ from collections.abc import Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Point32, Polygon
+from geometry_msgs.msg import Point, Point32, Polygon, Pose, PoseWithCovariance, Quaternion
 from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import Header
 
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH, PUSH_NAMES, PUSH_SIZE, pushed_bodies
-from sain_core.scene import DISK_HEIGHT, STATE_NAMES
+from sain_core.scene import DISK_HEIGHT, STATE_NAMES, THETA, X, Y
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Shape, Solid
-from sain_core.types import Points, PushArray, Pushes, PushSequences, Scene, Scenes
+from sain_core.types import Points, PushArray, Pushes, PushSequences, Scalars, Scene, Scenes
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Body, DiskState, Goal, Plan, Push
 from sain_interfaces.msg import Scene as SceneMessage
@@ -40,6 +40,11 @@ def encode_time(nanoseconds: int) -> Time:
     return Time(sec=sec, nanosec=nanosec)
 
 
+def decode_time(stamp: Time) -> float:
+    """Return a time stamp in seconds."""
+    return float(stamp.sec + 1e-9 * stamp.nanosec)
+
+
 def header(stamp: Time) -> Header:
     """Return a header in the frame ``world``."""
     return Header(stamp=stamp, frame_id=WORLD_FRAME)
@@ -48,6 +53,20 @@ def header(stamp: Time) -> Header:
 def encode_disks(scene: Scene) -> list[DiskState]:
     """Return a scene (N, 8) as ``DiskState[]``."""
     return [DiskState(**dict(zip(STATE_NAMES, row, strict=True))) for row in scene.tolist()]
+
+
+def encode_poses(scene: Scene, places: Scalars, turns: Scalars) -> list[PoseWithCovariance]:
+    """Return the poses of a scene (N, 8), with standard deviations (N,) [m] and (N,) [rad]."""
+    messages = []
+    for body, row in enumerate(scene):
+        half = row[THETA] / 2
+        pose = Pose(position=Point(x=row[X], y=row[Y], z=DISK_HEIGHT / 2))
+        pose.orientation = Quaternion(z=float(np.sin(half)), w=float(np.cos(half)))
+        covariance = np.zeros((6, 6))  # x y z, turns about x y z
+        covariance[[X, Y], [X, Y]] = places[body] ** 2
+        covariance[5, 5] = turns[body] ** 2
+        messages.append(PoseWithCovariance(pose=pose, covariance=covariance.ravel()))
+    return messages
 
 
 def encode_scene(
@@ -100,9 +119,19 @@ def _parts(shape: Shape, radius: float) -> list[SolidPrimitive]:
 
 
 def encode_push(
-    push: PushArray, *, stamp: Time, push_id: int, episode_id: int, scene_id: int, source: str
+    push: PushArray,
+    *,
+    stamp: Time,
+    push_id: int,
+    episode_id: int,
+    scene_id: int,
+    source: str,
+    seen: Scene | None = None,
 ) -> Push:
-    """Return a push (3,) or (4,) with its id and those of the scene that it was planned from."""
+    """Return a push (3,) or (4,) with its id and those of the scene that it was planned from.
+
+    `seen` (N, 8) is where the bodies are taken to be, where that is not where they are.
+    """
     return Push(
         header=header(stamp),
         push_id=push_id,
@@ -110,6 +139,7 @@ def encode_push(
         scene_id=scene_id,
         source=source,
         body=int(pushed_bodies(push)),
+        disks=[] if seen is None else encode_disks(seen),
         **dict(zip(PUSH_NAMES, push[:PUSH_SIZE].tolist(), strict=True)),
     )
 
@@ -142,6 +172,8 @@ def fill_past(request: Rollout.Request | PredictResidual.Request, history: PushH
     request.past_scenes = encode_floats(history.state)
     request.past_pushes, request.past_bodies = encode_pushes(history.action)
     request.past_next = encode_floats(history.next_state)
+    if history.noise is not None:
+        request.past_noise = encode_floats(history.noise)
 
 
 def fill_bodies(request: Rollout.Request | PredictResidual.Request, bodies: Bodies | None) -> None:

@@ -98,6 +98,7 @@ def jobs_of(options: EvaluateOptions, done: set[tuple[str, int, str]]) -> list[E
             _picture(options, scenario, seed, controller),
             options.truth,
             options.belief,
+            options.camera,
         )
         for part in options.parts
         for scenario in part.scenarios

@@ -9,12 +9,15 @@ import tyro
 
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
+from sain_core.observation import observation_settings
 from sain_eval.cli.table_parts import TABLE_PARTS, TablePart
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.tolerance import Tolerance
 from sain_mppi.loop.agent import AgentConfig
+from sain_mppi.loop.estimate import EstimatorConfig
 from sain_mppi.search.config import PlannerConfig
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
+from sain_sim.world.camera import WorldCameraConfig
 
 LARGEST_TURN: Final = 5.0  # [rad]; any heading is nearer than pi
 
@@ -58,6 +61,7 @@ class EvaluateOptions(Config):
         " poses; --scenario, --controllers and --tolerances have no effect",
     )
     truth: Annotated[TruthConfig, tyro.conf.arg(name="")] = RANDOMISED_TRUTH
+    camera: Annotated[WorldCameraConfig, tyro.conf.arg(name="")] = WorldCameraConfig()
     planner: Annotated[PlannerConfig, tyro.conf.arg(help="How MPPI plans.")] = field(
         default_factory=PlannerConfig
     )
@@ -112,7 +116,8 @@ class EvaluateOptions(Config):
     @property
     def agent(self) -> AgentConfig:
         """How agents decide: what is not chosen here is as in the planner's node."""
-        return AgentConfig(history=self.history, planner=self.planner)
+        estimator = EstimatorConfig(**observation_settings(self.camera))
+        return AgentConfig(history=self.history, planner=self.planner, estimator=estimator)
 
     def settings(self) -> dict[str, object]:
         """Return what a record depends on besides scenario, seed and controller."""
@@ -125,6 +130,8 @@ class EvaluateOptions(Config):
             settings["belief"] = self.belief
         if self.truth != RANDOMISED_TRUTH:
             settings["truth"] = self.truth.settings()
+        if self.camera != WorldCameraConfig():
+            settings["camera"] = dataclasses.asdict(self.camera)
         if self.table:
             settings["table"] = [
                 [*part.scenarios, *(one.stored() for one in part.tolerances)] for part in self.parts

@@ -8,6 +8,7 @@ from sain_core.errors import ErrorCode, SainError
 from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, is_settled
 from sain_core.types import Scene
+from sain_eval.loop.eyes import Eyes
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.tolerance import Tolerance
@@ -15,6 +16,7 @@ from sain_mppi.loop.agent import Agent
 from sain_mppi.loop.decision import PushDecision, Stop, StopReason, Task
 from sain_mppi.loop.goal_tracker import LOOK_AGAIN
 from sain_mppi.search.poses import PoseGoal
+from sain_sim.world.camera import WorldCameraConfig
 from sain_sim.world.outcome import DivergedError
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
@@ -45,14 +47,17 @@ def run_episode(
     agent: Agent,
     tolerance: Tolerance | float,
     world_config: WorldConfig | None = None,
+    camera: WorldCameraConfig = WorldCameraConfig(),
 ) -> EpisodeOutcome:
     """Play one scene with an agent until all its goals are reached, or it stops.
 
-    Each is to be reached within tolerance; a number is a distance [m].
+    Each is to be reached within tolerance; a number is a distance [m]. The agent sees the world as
+    the camera does. All that is returned is the truth.
     """
     config, parameters = world_config or WorldConfig(), case.parameters()
     with World(parameters, config, engine=case.truth.engine) as world:
-        play = _Play(agent, world, world.reset(case.disks))
+        eyes = Eyes(world, camera, case.seed)
+        play = _Play(agent, world, eyes, world.reset(case.disks))
         if not parameters.bodies.are_paper_disks:  # an agent takes bodies to be these
             agent.meet(EPISODE, parameters.bodies)
         records: list[EpisodeRecord] = []
@@ -85,9 +90,9 @@ def run_episode(
 class _Play:
     """An episode while it goes on."""
 
-    def __init__(self, agent: Agent, world: World, scene: Scene) -> None:
+    def __init__(self, agent: Agent, world: World, eyes: Eyes, scene: Scene) -> None:
         """Begin in a scene (N, 8)."""
-        self._agent, self._world = agent, world
+        self._agent, self._world, self._eyes = agent, world, eyes
         self.scene = scene
         self.pushes: list[PushRecord] = []
         self.refusals = self.fallbacks = 0
@@ -98,13 +103,20 @@ class _Play:
         stop = self._agent.aim(task)
         self.failure = "" if stop is None else stop.failure
         while not self.failure:
-            settled = bool(is_settled(self.scene))
-            self._agent.see(self.scene, EPISODE, len(self.pushes) + 1, settled)
-            decision = self._agent.act()
+            decision = self._decide()
             if not isinstance(decision, PushDecision):
                 self.failure = _failure(decision) if decision else self._unsettled()
                 return
             self._carry_out(decision)
+
+    def _decide(self) -> PushDecision | Stop | None:
+        """Let the agent look until it decides; None: there is nothing that it can decide on."""
+        settled = bool(is_settled(self.scene))
+        for frame in self._eyes.look(self.scene):
+            self._agent.see(frame.scene, EPISODE, len(self.pushes) + 1, settled, frame.time)
+            if (decision := self._agent.act()) is not None:
+                return decision
+        return None
 
     def _unsettled(self) -> str:
         """Return why there is no scene to decide on."""
@@ -120,7 +132,7 @@ class _Play:
     def _carry_out(self, decision: PushDecision) -> None:
         agent, before = self._agent, self.scene
         try:
-            after = self._world.push(decision.push).after
+            after = self._eyes.push(decision.push, decision.job.view.scene).after
         except SainError as error:
             self.refusals += 1
             agent.answered(decision.push_id, error.code)
@@ -129,7 +141,7 @@ class _Play:
                 self.failure = f"{type(error).__name__}: {error}"
             return
         agent.learn(EPISODE, before, decision.push, after)
-        agent.answered(decision.push_id, ErrorCode.OK)
+        agent.answered(decision.push_id, ErrorCode.OK, self._eyes.time)
         self.pushes.append(_record(decision, before, after))
         self.fallbacks += decision.failure is not None
         self.scene = after

@@ -17,6 +17,7 @@ from sain_eval.tolerance import Tolerance, tightest
 from sain_mppi.loop.agent import AgentConfig
 from sain_sim.collecting.workers import environment
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
+from sain_sim.world.camera import WorldCameraConfig
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -33,6 +34,7 @@ class EpisodeJob:
     picture: Path | None = None  # where to draw it
     truth: TruthConfig = RANDOMISED_TRUTH
     belief: str = ""  # path of what models begin with
+    camera: WorldCameraConfig = WorldCameraConfig()
 
     def case(self) -> ScenarioScene:
         """Return the scene to solve, in its world."""
@@ -43,7 +45,7 @@ def play_job(job: EpisodeJob) -> EpisodeOutcome:
     """Run one episode to the tightest tolerance."""
     case = job.case()
     agent = agent_maker(job.controller, job.agent, job.belief)(case)
-    return run_episode(case, agent, tightest(job.tolerances))
+    return run_episode(case, agent, tightest(job.tolerances), camera=job.camera)
 
 
 def run_job(job: EpisodeJob) -> list[SceneRecord]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sain_core.errors import DatasetError
+from sain_core.observation import ObservationConfig, observation_settings, told_settings
 from sain_eval.loop.controllers import ORACLE
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA
 from sain_eval.loop.tables import solved_text, tolerance_text
@@ -89,7 +90,15 @@ def _reality(config: Mapping[str, Any]) -> str:
         return str(config["reality"])
     truth = config["truth"]
     key = (truth.get("engine", "bullet"), truth["world"])
-    return REALITY_NAMES.get(key, f"{key[0]}, {key[1]}")
+    seen = told_settings(ObservationConfig(**_observed(config.get("camera", {}))))
+    words = [f"{name} {value}" for name, value in seen.items()]
+    return ", ".join([REALITY_NAMES.get(key, f"{key[0]}, {key[1]}"), *words])
+
+
+def _observed(camera: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what was recorded of how bodies were observed; earlier results have nothing."""
+    names = observation_settings(ObservationConfig())
+    return {name: value for name, value in camera.items() if name in names}
 
 
 def results_page(results: Sequence[Results], names: Mapping[str, str]) -> str:

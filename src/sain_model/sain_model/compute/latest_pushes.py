@@ -9,7 +9,7 @@ from numpy import ndarray
 from sain_core.history import PushHistory
 from sain_core.types import Pushes, Scenes
 
-Rows = Float[ndarray, "P F"]
+Rows = Float[ndarray, "P ..."]
 
 
 class LatestPushes:
@@ -17,7 +17,7 @@ class LatestPushes:
 
     def __init__(self) -> None:
         """Begin without a push."""
-        self._kept: dict[bytes, Float[ndarray, "F"]] = {}
+        self._kept: dict[bytes, Float[ndarray, "..."]] = {}
 
     def rows(self, past: PushHistory, compute: Callable[[Scenes, Pushes, Scenes], Rows]) -> Rows:
         """Return what `compute` returns for all pushes; it is asked about the new ones only.

@@ -23,7 +23,9 @@ from numpy import ndarray
 
 from sain_core.config import Config, option
 from sain_core.dataset import Transitions
+from sain_core.dynamics import REGION_STD
 from sain_core.errors import ConfigError
+from sain_core.history import PushHistory
 from sain_core.push import pushed_bodies
 from sain_core.scene import MID, POSITION
 from sain_core.types import Indices, Scalars, Scenes
@@ -169,8 +171,14 @@ class Prediction:
 
 
 def pushed_errors(told: Prediction, pushes: Transitions) -> tuple[Scalars, Scalars]:
-    """Return how far off pushed bodies (M,) came to lie [m], and the radii of their regions."""
+    """Return how far off pushed bodies (M,) came to lie [m], and the radii of their regions.
+
+    Where the pushes were observed with noise, the radii include it.
+    """
     assert told.radius is not None
     row = np.arange(len(pushes)), pushed_bodies(pushes.action)
     off = np.linalg.norm((told.mean - pushes.next_state)[..., POSITION], axis=-1)
-    return off[row], told.radius[row]
+    radius = told.radius[row]
+    if isinstance(pushes, PushHistory) and pushes.noise is not None:
+        radius = np.hypot(radius, REGION_STD * pushes.noise[row])
+    return off[row], radius

@@ -129,12 +129,13 @@ class SainDynamics:
 
         With a belief, that is the kind of physics, its parameters, and whether the network's
         correction counts; else the friction with the table. It is the model itself without
-        pushes, and where it was not trained to learn from them.
+        pushes, and where it was not trained to learn from them. From noisy observations it is
+        friction alone: the errors of more parameters would be those of the observation.
         """
         friction = self.filter
         if friction is None or len(history) == 0:
             return self
-        if self.belief is not None:
+        if self.belief is not None and history.noise is None:
             return self._with_same_weights(replace(self, **after_pushes(self, history)))
         likelihood = friction.likelihoods(history)
         belief = friction.believe(likelihood)

@@ -142,8 +142,13 @@ class FrictionFilter:
         return self.believe(self.likelihoods(history))
 
     def likelihoods(self, history: PushHistory) -> Float[ndarray, "M F"]:
-        """Return `log_likelihood` of M pushes; those of the last call are not simulated again."""
-        return self._latest.rows(history, self.log_likelihood)
+        """Return how well each friction explains each of M pushes, as they were observed.
+
+        Pushes of the last call are not simulated again.
+        """
+        errors = self._latest.rows(history, self.errors)
+        noise = None if history.noise is None else history.noise[:, WATCHED]
+        return self.weigh(errors, ways(history.state, history.next_state), noise)
 
     def believe(self, likelihood: Float[ndarray, "M F"]) -> FrictionBelief:
         """Return what is believed after pushes with these log likelihoods."""
@@ -178,11 +183,19 @@ class FrictionFilter:
         return errors
 
     def weigh(
-        self, errors: Float[ndarray, "M F W"], moved: Float[ndarray, "M W"]
+        self,
+        errors: Float[ndarray, "M F W"],
+        moved: Float[ndarray, "M W"],
+        noise: Float[ndarray, "M W"] | None = None,
     ) -> Float[ndarray, "M F"]:
-        """Return the log-likelihood of errors [m] of disks that moved so far [m]."""
+        """Return the log-likelihood of errors [m] of disks that moved so far [m].
+
+        `noise` [m] is the standard deviation of what was seen of them, where it is not exact.
+        """
         config = self.config
         scale = config.noise + config.noise_share * moved[:, None]
+        if noise is not None:
+            scale = np.hypot(scale, noise[:, None])
         terms = np.log1p((errors / scale) ** 2 / config.tail)
         return np.asarray(-0.5 * (config.tail + 2.0) * terms.sum(axis=-1))
 

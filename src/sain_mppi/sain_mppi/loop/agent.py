@@ -1,5 +1,6 @@
 """The agent: what decides, push after push, in the graph, in evaluations and in examples alike."""
 
+import logging
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -7,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from sain_core.config import Config, option
 from sain_core.dynamics import RolloutModel
-from sain_core.errors import CancelledError, SainError
+from sain_core.errors import CancelledError, InvalidInputError, SainError
 from sain_core.feasibility import Feasibility
 from sain_core.push import push_ids
 from sain_core.scene import check_on_table
@@ -15,10 +16,14 @@ from sain_core.seeding import generator
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_mppi.loop.decision import Decider, PlanJob, PushDecision, Stop, StopReason, Task, View
+from sain_mppi.loop.estimate import EstimatorConfig
+from sain_mppi.loop.estimator import Estimator
 from sain_mppi.loop.goal_tracker import GoalTracker, GoalTrackerConfig
 from sain_mppi.loop.memory import EpisodeMemory
 from sain_mppi.loop.planning import PlanningDecider
 from sain_mppi.search.config import PlannerConfig
+
+logger = logging.getLogger(__name__)
 
 SERVICE = "service"
 IN_PROCESS = "in_process"
@@ -33,6 +38,7 @@ class AgentConfig(Config):
     history: bool = option(True, "infer friction from the earlier pushes of the episode")
     planner: PlannerConfig = PlannerConfig()
     goal_tracker: GoalTrackerConfig = GoalTrackerConfig()
+    estimator: EstimatorConfig = EstimatorConfig()
     feasibility: Feasibility = Feasibility()
 
 
@@ -67,6 +73,11 @@ class Agent:
         self._clock = clock
         self._tracker = GoalTracker(config.goal_tracker, config.feasibility.table, clock)
         self._memory = EpisodeMemory()
+        patience = config.goal_tracker.result_patience
+        self._estimator: Estimator | None = None  # exact scenes need none
+        if not config.estimator.is_exact:
+            limits = config.feasibility.limits
+            self._estimator = Estimator(config.estimator, patience, clock, limits)
         self._push_ids = push_ids()
         self._bodies: tuple[int, Bodies | None] = (0, None)  # of which episode
         self._running: PlanJob | None = None
@@ -85,9 +96,19 @@ class Agent:
             return Stop(task, StopReason.FAILED, error=error)
         return None
 
-    def see(self, scene: Scene, episode_id: int, scene_id: int, settled: bool) -> None:
-        """Take note of a scene (N, 8), with the ids by which a push names it."""
-        self._tracker.see(View(scene, episode_id, scene_id, settled, self._clock()))
+    def see(
+        self, scene: Scene, episode_id: int, scene_id: int, settled: bool, observed: float = 0.0
+    ) -> None:
+        """Take note of a scene (N, 8), with the ids by which a push names it.
+
+        `observed` is the time [s] of the observation, by the clock of the results.
+        """
+        view = View(scene, episode_id, scene_id, settled, self._clock(), observed)
+        if self._estimator is None:
+            self._tracker.see(view)
+            return
+        self._estimator.see(view)
+        self._tracker.see(self._estimator.view or replace(view, settled=False))
 
     def meet(self, episode_id: int, bodies: Bodies) -> None:
         """Take note of the shapes and roles of an episode's bodies; without them, all are disks."""
@@ -98,15 +119,20 @@ class Agent:
 
         Raises:
             InvalidInputError: it cannot be; nothing is learned from it.
+
+        Where observations are not exact, only own pushes count, with the estimated scenes.
         """
-        if self._config.history:
+        if self._config.history and self._estimator is None:
             self._memory.add(episode_id, scene, push, next_scene)
 
-    def answered(self, push_id: int, code: int) -> bool:
+    def answered(self, push_id: int, code: int, time: float = 0.0) -> bool:
         """Take note that a push was executed (OK) or refused; tell if an own one was refused.
 
-        Call `learn` first, so that the next plan includes the push.
+        `time` is when it ended [s], by the clock of the observations. Call `learn` first, so that
+        the next plan includes the push.
         """
+        if self._estimator is not None:
+            self._estimator.answered(push_id, code, time)
         return self._tracker.answered(push_id, code)
 
     def next(self) -> PlanJob | Stop | None:
@@ -119,6 +145,7 @@ class Agent:
             if not self._tracker.is_current(self._running):
                 self._running.cancelled.set()
             return None
+        self._take_estimate()
         job = self._tracker.next_job()
         if job is None:
             return None
@@ -132,8 +159,24 @@ class Agent:
         if stop := self._tracker.stop(job):
             return stop
         past = self._memory.of(job.view.episode_id, len(job.view.scene))
+        if self._estimator is not None:
+            past = self._estimator.retold(past)
         self._running = replace(job, history=past)
         return self._running
+
+    def _take_estimate(self) -> None:
+        """Take the scene that frames at rest show, once there are enough of them."""
+        estimator = self._estimator
+        episode, bodies = self._bodies
+        view = None if estimator is None else estimator.estimate(episode, bodies)
+        if estimator is None or view is None:
+            return
+        if (made := estimator.pushed) is not None and self._config.history:
+            try:
+                self._memory.add(view.episode_id, made.before, made.push, made.after, made.noise)
+            except InvalidInputError as error:
+                logger.warning("nothing is learned of a push: %s", error)
+        self._tracker.see(view)
 
     def decide(self, job: PlanJob) -> PushDecision | Stop | None:
         """Decide on a job; None: it was cancelled. May take long."""
@@ -159,11 +202,14 @@ class Agent:
         if isinstance(decision, PushDecision):
             decision = replace(decision, push_id=next(self._push_ids))
             self._tracker.sent(decision.push_id, decision.push)
+            if self._estimator is not None:
+                self._estimator.sent(decision)
         return decision
 
     def complete(self, decision: PushDecision) -> PushDecision:
         """Return the latest decision with what its push need not wait for. May take long."""
-        return self._decider.complete(decision)
+        completed = self._decider.complete(decision)
+        return completed if self._estimator is None else self._estimator.completed(completed)
 
     def prepare(self, decision: PushDecision) -> None:
         """Work ahead while the push of the latest decision is executed. May take long.

@@ -13,10 +13,12 @@ from sain_core.scene import MASS, POSITION, RADIUS, Table, target_distance
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_mppi.loop.progress_monitor import LastPush
+from sain_mppi.loop.uncertainty import Uncertainty
 from sain_mppi.search.goal import Goal, goal_reached
-from sain_mppi.search.poses import PoseGoal
+from sain_mppi.search.poses import Errors, PoseGoal
 from sain_mppi.search.result import PlanResult
 
+SLACK = 4.0  # standard deviations: a body that was to be kept is moved when seen further off
 STREAM_DECIMALS = 6  # of the numbers that name a random stream: 1 um, far above rounding
 
 
@@ -33,13 +35,20 @@ class Task:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A scene (N, 8) as it arrived, with the ids that a push gives it, and when [s]."""
+    """A scene (N, 8) as it arrived, with the ids that a push gives it, and when [s].
+
+    Attributes:
+        observed: when it was observed [s], by the clock of the results of pushes.
+        sure: how sure the poses are; None: they are exact.
+    """
 
     scene: Scene
     episode_id: int
     scene_id: int
     settled: bool
     received: float
+    observed: float = 0.0
+    sure: Uncertainty | None = None
 
     @property
     def key(self) -> tuple[int, int]:
@@ -84,6 +93,7 @@ class PlanJob:
 
         Raises:
             InvalidInputError, OffTableError: they are not; see `PoseGoal.check`.
+            OutOfRangeError: tolerances that are too small for what is observed.
         """
         scene, bodies = self.view.scene, self.known_bodies
         if len(bodies) != len(scene):
@@ -92,22 +102,41 @@ class PlanJob:
             )
         if isinstance(self.task.goal, PoseGoal):
             self.task.goal.check(scene, bodies, table)
+        if self.view.sure is not None:
+            self.view.sure.check_tolerance(self.task.goal, self.task.tolerance)
 
     @property
     def distance(self) -> float:
         """The distance [m] from the target to the goal, or the largest of bodies to their poses."""
+        return float(self._errors[0].max())
+
+    @property
+    def _errors(self) -> tuple[Errors, Errors]:
+        """Distances [m] and turns [rad] of the bodies to the goal."""
         goal, scene = self.task.goal, self.view.scene
         if isinstance(goal, PoseGoal):
-            return float(goal.errors(scene, self.known_bodies)[0].max())
-        return float(target_distance(scene, goal))
+            return goal.errors(scene, self.known_bodies)
+        return np.atleast_1d(target_distance(scene, goal)), np.zeros(1)
 
     @property
     def reached(self) -> bool:
         """Whether the scene is settled and the goal reached."""
-        goal, scene = self.task.goal, self.view.scene
+        goal, scene, sure = self.task.goal, self.view.scene, self.view.sure
+        if sure is not None:
+            within = sure.reached(goal, self.task.tolerance, *self._errors)
+            return within >= sure.confidence and self.moved is None
         if isinstance(goal, PoseGoal):
             return goal.reached(scene, self.start, self.known_bodies)
         return goal_reached(scene, goal, self.task.tolerance)
+
+    @property
+    def moved(self) -> int | None:
+        """The first body that was to be kept and was moved, if any."""
+        goal, sure = self.task.goal, self.view.sure
+        if not isinstance(goal, PoseGoal):
+            return None
+        slack = 0.0 if sure is None else SLACK * float(sure.places.max())
+        return goal.moved(self.view.scene, self.start, slack)
 
     @property
     def stream(self) -> tuple[str, int, int]:

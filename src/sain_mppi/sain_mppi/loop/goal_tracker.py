@@ -115,11 +115,9 @@ class GoalTracker:
         task = job.task
         if job.reached:
             return Stop(task, StopReason.REACHED, job)
-        if isinstance(task.goal, PoseGoal):
-            moved = task.goal.moved(job.view.scene, job.start)
-            if moved is not None:
-                lost = GoalLostError(f"body {moved} was to be kept where it was, and was moved")
-                return Stop(task, StopReason.FAILED, job, lost)
+        if (moved := job.moved) is not None:
+            lost = GoalLostError(f"body {moved} was to be kept where it was, and was moved")
+            return Stop(task, StopReason.FAILED, job, lost)
         if task.max_pushes and self.pushes >= task.max_pushes:
             return Stop(task, StopReason.EXHAUSTED, job)
         count = len(job.refused)

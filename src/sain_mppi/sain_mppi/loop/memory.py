@@ -1,7 +1,7 @@
 """What the planner remembers of the episode that it is in: its pushes and where they led."""
 
 from sain_core.history import PushHistory
-from sain_core.types import PushArray, Scene
+from sain_core.types import PushArray, Scalars, Scene
 
 MOST_PUSHES = 20  # the latest; more would tell little and cost time in every plan
 
@@ -14,14 +14,23 @@ class EpisodeMemory:
         self._episode_id: int | None = None
         self._history: PushHistory | None = None
 
-    def add(self, episode_id: int, scene: Scene, push: PushArray, next_scene: Scene) -> None:
+    def add(
+        self,
+        episode_id: int,
+        scene: Scene,
+        push: PushArray,
+        next_scene: Scene,
+        noise: Scalars | None = None,
+    ) -> None:
         """Remember a push (3,) that led from one settled scene (N, 8) to another.
+
+        `noise` (N,) [m]: see `PushHistory`.
 
         Raises:
             InvalidInputError: it cannot be; nothing is remembered of it.
         """
         past = self._history if episode_id == self._episode_id else None
-        history = (past or PushHistory.empty(len(scene))).then(scene, push, next_scene)
+        history = (past or PushHistory.empty(len(scene))).then(scene, push, next_scene, noise)
         self._episode_id, self._history = episode_id, history.latest(MOST_PUSHES)
 
     def of(self, episode_id: int, disks: int) -> PushHistory:

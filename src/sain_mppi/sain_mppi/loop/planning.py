@@ -16,6 +16,7 @@ from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.objective import make_objective
 
+SHORTEST: Final = 4.0  # standard deviations of places: a shorter way of a body is lost in noise
 MODEL_SHARE: Final = 0.8  # of the time for a plan: a model that is silent so long is late
 
 
@@ -64,6 +65,7 @@ class PlanningDecider(Decider):
             refused=job.refused,
             bodies=job.bodies,
             start=job.start,
+            shortest=shortest_way(job),
         )
         self._monitor.expect(scene, plan.predicted[0])
         failure, last = self._model.failure, self._monitor.last
@@ -74,7 +76,8 @@ class PlanningDecider(Decider):
         scene, monitor = job.view.scene, self._monitor
         weights = self._config.weights
         goal = make_objective(job.task.goal, job.start, weights, self._feasibility, job.bodies)
-        monitor.look(scene, goal.rest_cost(scene))
+        sure = job.view.sure
+        monitor.look(scene, goal.rest_cost(scene), None if sure is None else 3.0 * sure.places)
         if monitor.hopeless:
             raise NoProgressError(
                 f"{monitor.without} pushes in a row brought nothing, the distance is"
@@ -91,7 +94,9 @@ class PlanningDecider(Decider):
         last = job.task.max_pushes and job.pushes + 1 >= job.task.max_pushes
         if last or replace(job, view=expected).reached:
             return False
-        self._planner.prepare(plan.predicted[0], generator, job.bodies, job.start)
+        self._planner.prepare(
+            plan.predicted[0], generator, job.bodies, job.start, shortest_way(job)
+        )
         return True
 
     def complete(self, decision: PushDecision) -> PushDecision:
@@ -103,3 +108,9 @@ class PlanningDecider(Decider):
         if plan.regions is not None:
             self._monitor.expect(scene, plan.predicted[0], plan.regions[0])
         return replace(decision, plan=plan)
+
+
+def shortest_way(job: PlanJob) -> float:
+    """Return the way [m] below which a push would be lost in the noise of the observations."""
+    sure = job.view.sure
+    return 0.0 if sure is None else SHORTEST * float(sure.places.max())

@@ -50,24 +50,31 @@ class ProgressMonitor:
         """
         self._before, self._expected, self._regions = scene.copy(), predicted.copy(), regions
 
-    def look(self, scene: Scene, rest_cost: float) -> None:
-        """Take note of the present scene (N, 8), and of what it would cost to do nothing."""
+    def look(self, scene: Scene, rest_cost: float, noise: Scalars | None = None) -> None:
+        """Take note of the present scene (N, 8), and of what it would cost to do nothing.
+
+        `noise` (N,) [m] is by how much more places may seem to differ from what was expected.
+        """
         before, expected = self._before, self._expected
         self.last = None
         pushed = before is not None and not np.array_equal(scene, before)
         if pushed and expected is not None and before is not None:
             if scene.shape == expected.shape:
-                self.last = self._compare(before, expected, scene)
+                self.last = self._compare(before, expected, scene, noise)
             self.without += 1
         if rest_cost < NEARER * self._best:
             self.without, self._best = 0, rest_cost
 
-    def _compare(self, before: Scene, expected: Scene, scene: Scene) -> LastPush:
+    def _compare(
+        self, before: Scene, expected: Scene, scene: Scene, noise: Scalars | None
+    ) -> LastPush:
         errors = np.linalg.norm((scene - expected)[:, POSITION], axis=1)
         way = np.linalg.norm((expected - before)[:, POSITION], axis=1)
         band = np.maximum(self._config.surprise, self._config.surprise_share * way)
         if self._regions is not None:
             band = np.maximum(band, self._regions)
+        if noise is not None:
+            band = np.hypot(band, noise)
         return LastPush(errors, band)
 
     @property

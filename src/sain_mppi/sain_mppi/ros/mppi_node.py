@@ -19,6 +19,7 @@ from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
+from sain_core.scene import is_settled
 from sain_core.shapes.bodies import Bodies as CoreBodies
 from sain_core.shapes.received import check_unchanged, decode_bodies
 from sain_interfaces.msg import Bodies, Goal, Plan, Push, PushResult
@@ -36,6 +37,7 @@ from sain_mppi.ros.plan_message import (
 )
 from sain_mppi.ros.remote import RemoteRollout
 
+MOST_EARLY = 500  # scenes that are kept until their shapes are known
 LOOK_AGAIN = 0.1  # [s] between looks for what no message tells of
 
 
@@ -53,7 +55,7 @@ class MppiNode(Node):
         self.worker = Worker(self, "planning")
         self.plan_ids = count(1)
         self.bodies: tuple[int, CoreBodies] | None = None  # the latest, and of which episode
-        self.early: SceneMessage | None = None  # of an episode whose shapes are not known yet
+        self.early: list[SceneMessage] = []  # of an episode whose shapes are not known yet
         self._offer()
         self.starting = True
         self.diagnostics.set(WARN, "no model serves rollout yet: plans rest on the prior")
@@ -100,9 +102,9 @@ class MppiNode(Node):
             return
         self.bodies = message.episode_id, bodies
         self.agent.meet(*self.bodies)
-        early, self.early = self.early, None
-        if early is not None:
-            self._on_scene(early)
+        early, self.early = self.early, []
+        for scene in early:
+            self._on_scene(scene)
 
     def _waits_for_shapes(self, episode_id: int) -> bool:
         """Tell whether a simulator sends shapes, and those of an episode have not come yet.
@@ -119,9 +121,17 @@ class MppiNode(Node):
             self.diagnostics.set(WARN, f"scene {message.scene_id} is ignored: {error}")
             return
         if self._waits_for_shapes(message.episode_id):
-            self.early = message
+            same = [early for early in self.early if early.episode_id == message.episode_id]
+            self.early = [*same[-MOST_EARLY:], message]
             return
-        self.agent.see(scene, message.episode_id, message.scene_id, message.settled)
+        if message.settled and self.config.estimator.is_exact and not is_settled(scene):
+            self.get_logger().warning(
+                "scenes are called settled while their bodies move: noisy observations need"
+                " estimator.noise; no goal counts as reached",
+                once=True,
+            )
+        observed = codec.decode_time(message.header.stamp)
+        self.agent.see(scene, message.episode_id, message.scene_id, message.settled, observed)
         self._go_on()
 
     def _on_result(self, message: PushResult) -> None:
@@ -131,7 +141,7 @@ class MppiNode(Node):
                 self.agent.learn(message.episode_id, *wire.decode_result(message))
             except SainError as error:
                 self.get_logger().warning(f"nothing is learned of push {push_id}: {error}")
-        if self.agent.answered(push_id, code):
+        if self.agent.answered(push_id, code, codec.decode_time(message.header.stamp)):
             self.get_logger().warning(f"push {push_id} refused: {message.error_message}")
         self._go_on()
 
@@ -168,6 +178,7 @@ class MppiNode(Node):
             plan.regions = codec.encode_floats(decision.plan.regions)
         self._publish(plan)
         self.marker_publisher.publish(plan_markers(decision, self.get_clock().now().to_msg()))
+        self._go_on()  # noisy scenes after the push may have waited for what is known now
 
     def _on_prepared(self, done: "Future[None]") -> None:
         """Let an error that should not be surface."""

@@ -38,6 +38,7 @@ def push_message(decision: PushDecision, stamp: Time, source: str) -> Push:
         episode_id=episode_id,
         scene_id=scene_id,
         source=source,
+        seen=None if decision.job.view.sure is None else decision.job.view.scene,
     )
 
 
@@ -87,6 +88,9 @@ def _fill_job(plan: Plan, job: PlanJob) -> None:
     plan.goal_distance = job.distance
     plan.goal_turn = goal_turn(job)
     plan.planning_time = monotonic() - job.view.received
+    sure = job.view.sure
+    if sure is not None:
+        plan.estimate = codec.encode_poses(job.view.scene, sure.places, sure.turns)
 
 
 def goal_turn(job: PlanJob) -> float:

@@ -20,14 +20,16 @@ def permitted(
     feasibility: Feasibility,
     refused: Sequence[PushArray] = (),
     bodies: Bodies | None = None,
+    shortest: float = 0.0,
 ) -> Mask:
     """Tell which pushes (B, A) touch their body in a scene (N, 8) and can be carried out.
 
-    What was refused, (A,) each, or is very like it, is not permitted either.
+    What was refused, (A,) each, or is very like it, is not permitted either. Nor is what moves its
+    body by less than the `shortest` way [m].
     """
     scenes = np.broadcast_to(scene, (len(pushes), *scene.shape))
     ok = feasibility.mask(scenes, pushes, bodies) & (
-        pushes[:, LENGTH] > feasibility.limits.clearance
+        pushes[:, LENGTH] > feasibility.limits.clearance + shortest
     )
     for one in refused:
         apart = np.abs(pushes - one)

@@ -181,10 +181,13 @@ class PoseGoal:
         turned = all(abs(t) <= p.heading_tolerance for t, p in zip(turns, self.poses, strict=True))
         return near and turned and self.moved(scene, start) is None
 
-    def moved(self, scene: Scene, start: Scene) -> int | None:
-        """Return the first body that was to be kept and was moved, if any."""
+    def moved(self, scene: Scene, start: Scene, slack: float = 0.0) -> int | None:
+        """Return the first body that was to be kept and was moved, if any.
+
+        It is when it is seen further off than its tolerance and the slack [m].
+        """
         for body in self.keep:
-            if np.hypot(*(scene - start)[body, POSITION]) > self.keep_tolerance:
+            if np.hypot(*(scene - start)[body, POSITION]) > self.keep_tolerance + slack:
                 return body
         return None
 

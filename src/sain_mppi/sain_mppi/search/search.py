@@ -41,15 +41,18 @@ class Search:
         refused: Sequence[PushArray] = (),
         deadline: float | None = None,
         known: PushSequences | None = None,
+        shortest: float = 0.0,
     ) -> None:
         """Begin with nothing found, in a scene (N, 8) from which some pushes (3,) were refused.
 
         The plan is wanted at the deadline, a `time.monotonic`; None: whenever. `known` (E, H, A)
         are what was found for about this scene. They are rolled out in one batch with the first
-        sequences that an algorithm tries.
+        sequences that an algorithm tries. Pushes that move their body by less than the `shortest`
+        way [m] are not permitted as the first.
         """
         self.model, self.config, self.feasibility = model, config, feasibility
         self.scene, self.objective, self.refused = scene, objective, refused
+        self.shortest = shortest
         self.elites = Elites(config.horizon, config.shown, objective.push_size)
         self.effective = 0.0
         self.samples = self.rounds = 0
@@ -83,7 +86,8 @@ class Search:
 
     def permitted(self, pushes: Pushes) -> Mask:
         """Tell which pushes (B, A) touch their body, can be carried out, and were not refused."""
-        return permitted(self.scene, pushes, self.feasibility, self.refused, self.objective.bodies)
+        bodies, shortest = self.objective.bodies, self.shortest
+        return permitted(self.scene, pushes, self.feasibility, self.refused, bodies, shortest)
 
     def evaluate(self, sequences: PushSequences) -> Scalars:
         """Roll out sequences (K, H, 3) and return what they cost (K,); their first pushes must be

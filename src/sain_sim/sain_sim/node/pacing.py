@@ -42,6 +42,12 @@ class Pacer:
         self._now += passed
         self._anchor = wall
 
+    def skip(self, duration: float) -> None:
+        """Let simulated time [s] pass at once, while the world rests."""
+        self._idle_s += duration
+        self._now += duration
+        self._anchor = self._wall()
+
     def follow(self, world_time: float) -> None:
         """Wait until a time of the world [s] is due, and go on to it."""
         now = world_time + self._idle_s

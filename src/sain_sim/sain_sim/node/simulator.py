@@ -4,7 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 
+import numpy as np
+
 from sain_core.config import option
+from sain_core.scene import RADIUS
 from sain_core.shapes.disk import DISK_SHAPES, THREE_FEET
 from sain_core.types import PushArray, Scene
 from sain_sim.episodes.nominal_shadow import NominalShadow
@@ -12,6 +15,7 @@ from sain_sim.episodes.start import WORLDS, draw_episode
 from sain_sim.episodes.truth import TruthConfig
 from sain_sim.node.pacing import Pacer
 from sain_sim.rendering.window import Window
+from sain_sim.world.camera import Camera, WorldCameraConfig
 from sain_sim.world.engines import BULLET
 from sain_sim.world.outcome import Sample, StrokeOutcome
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
@@ -54,6 +58,7 @@ class SimulatorConfig(TruthConfig):
         choices=("disabled", "metadata", "contents"),
     )
     bullet: WorldConfig = WorldConfig()
+    camera: WorldCameraConfig = WorldCameraConfig()
 
 
 @dataclass(frozen=True)
@@ -75,7 +80,9 @@ class Simulator:
         viewer = Window() if config.gui else None
         self.world = World(nominal_parameters(), config.bullet, viewer, config.engine)
         self.shadow = NominalShadow("nominal", config.bullet) if config.shadow else None
-        self._every = max(1, round(1 / (config.bullet.motion.time_step * config.state_rate)))
+        self.camera = None if config.camera.is_exact else Camera(config.camera)
+        rate = config.state_rate if self.camera is None else config.camera.frame_rate
+        self._every = max(1, round(1 / (config.bullet.motion.time_step * rate)))
 
     @property
     def parameters(self) -> WorldParameters:
@@ -110,19 +117,34 @@ class Simulator:
             roles,
         )
         self.world.reset(start, parameters)
+        if self.camera is not None:
+            self.camera.begin(seed, parameters)
         if self.shadow is not None:
             self.shadow.truth = parameters  # for the shapes, which the nominal world shares
         return self._look()
 
-    def push(self, push: PushArray, on_sample: Callable[[Sample], None]) -> Pushed:
-        """Execute a push with samples at the state rate; see `World.push` for errors."""
+    @property
+    def radii(self) -> tuple[float, ...]:
+        """The bodies' radii [m], as measured."""
+        if self.camera is None:
+            return self.parameters.radii
+        scene = self.parameters.scene(np.zeros((self.parameters.count, 2)))
+        return tuple(self.camera.measured(scene)[:, RADIUS].tolist())
+
+    def push(
+        self,
+        push: PushArray,
+        on_sample: Callable[[Sample], None],
+        seen: Scene | None = None,
+    ) -> Pushed:
+        """Execute a push with samples at the state rate; see `World.push` for `seen` and errors."""
 
         def show(sample: Sample) -> None:
             self.pacer.follow(sample.time)
             on_sample(sample)
 
         begun = perf_counter()
-        outcome = self.world.push(push, on_step=show, every=self._every)
+        outcome = self.world.push(push, on_step=show, every=self._every, seen=seen)
         return Pushed(outcome, self._look(), perf_counter() - begun)
 
     def predict(self, scene: Scene, push: PushArray) -> Scene:

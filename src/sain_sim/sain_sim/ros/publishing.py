@@ -54,7 +54,7 @@ class Publishing:
         )
 
     def state(self, sample: Sample, scene: SceneMessage) -> None:
-        """Publish time, scene, joints and markers."""
+        """Publish time, joints and markers, and the scene unless a camera sees it."""
         self.clock()
         stamp = scene.header.stamp
         joints = JointState(header=codec.header(stamp), name=list(JOINT_NAMES))
@@ -64,14 +64,31 @@ class Publishing:
         table = self._simulator.config.bullet.feasibility.table
         bodies = self._simulator.parameters.bodies
         self._markers.publish(scene_markers(sample, bodies, table, stamp))
-        self._scene.publish(scene)
+        if self._simulator.camera is None:
+            self._scene.publish(scene)
+
+    def frames(self, moving: bool) -> None:
+        """Publish what has arrived from the camera by now, and the time."""
+        camera = self._simulator.camera
+        assert camera is not None
+        self.clock()
+        for frame in camera.arrived(self._simulator.pacer.now):
+            self._scene.publish(
+                codec.encode_scene(
+                    frame.scene,
+                    stamp=codec.encode_time(round(1e9 * frame.time)),
+                    episode_id=self._session.episode_id,
+                    scene_id=self._session.scene_id,
+                    settled=not moving,
+                )
+            )
 
     def shapes(self) -> None:
         """Publish shape and role of each body of an episode."""
         parameters = self._simulator.parameters
         message = codec.encode_bodies(
             parameters.bodies,
-            parameters.radii,
+            self._simulator.radii,
             stamp=codec.encode_time(self._simulator.pacer.now_ns),
             episode_id=self._session.episode_id,
         )

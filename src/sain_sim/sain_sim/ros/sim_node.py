@@ -18,6 +18,7 @@ from sain_core.ros.worker import Worker
 from sain_core.types import PushArray, Scene
 from sain_interfaces.msg import Push
 from sain_interfaces.srv import ResetScene
+from sain_sim.node.looking import Looking
 from sain_sim.node.pacing import Pacer
 from sain_sim.node.session import Session
 from sain_sim.node.simulator import Pushed, Simulator, SimulatorConfig
@@ -41,6 +42,10 @@ class SimNode(Node):
         # Peers have the time to be discovered while the worlds are built.
         refuse_peers(self, ("scene", "/clock"), config.peer_wait - (monotonic() - joined))
         self.publishing = Publishing(self, self.simulator, self.session)
+        self.looking: Looking | None = None
+        if (camera := self.simulator.camera) is not None:
+            factor, rate = config.real_time_factor, config.idle_rate
+            self.looking = Looking(camera, self.pacer, factor, rate)
         self.diagnostics = Diagnostics(self)
         self.counts = {"executed": 0, "refused": 0}
         self._reset(ResetScene.Request(seed=config.seed))
@@ -48,6 +53,8 @@ class SimNode(Node):
         resetting = self.create_service(ResetScene, "reset_scene", self._on_reset)
         introspect(self, resetting, config.service_introspection)
         self.create_timer(1 / config.idle_rate, self._on_idle)
+        if self.looking is not None:
+            self.create_timer(self.looking.timer_period, self._on_look)
         self.ready = (
             f"a {config.world} world{self.simulator.within} with {len(self.settled.disks)} disks"
         )
@@ -82,6 +89,8 @@ class SimNode(Node):
 
     def _settle(self, sample: Sample) -> None:
         """Publish a settled scene, which the next push must name."""
+        if self.looking is not None:
+            self.looking.renew()
         self.sample = sample
         self.settled = self.publishing.scene_message(sample, moving=False)
         self.publishing.state(sample, self.settled)
@@ -89,13 +98,14 @@ class SimNode(Node):
     def _on_push(self, message: Push) -> None:
         try:
             push = wire.decode_push(message)
+            seen = wire.decode_disks(message.disks, "scene of the push") if message.disks else None
             self.session.admit(message.push_id, message.episode_id, message.scene_id)
         except SainError as error:
             self._refuse(message, error)
             return
         self.pacer.idle()
         self.worker.submit(
-            lambda: self.simulator.push(push, self._on_sample),
+            lambda: self.simulator.push(push, self._on_sample, seen),
             lambda done: self._on_pushed(message, push, done),
         )
 
@@ -104,6 +114,9 @@ class SimNode(Node):
         if self._closing:
             raise CancelledError("the simulator is being stopped")
         self.publishing.state(sample, self.publishing.scene_message(sample, moving=True))
+        if self.looking is not None:
+            self.looking.watch(sample)
+            self.publishing.frames(moving=True)
 
     def _on_pushed(self, message: Push, push: PushArray, done: "Future[Pushed]") -> None:
         try:
@@ -114,6 +127,8 @@ class SimNode(Node):
             return
         self.session.finish(executed=True)
         self.counts["executed"] += 1
+        if self.simulator.camera is not None:
+            self.simulator.camera.count_push()
         before = self.settled
         after = self.publishing.scene_message(pushed.sample, moving=False)
         self.publishing.result(message, before, after, pushed)
@@ -134,6 +149,11 @@ class SimNode(Node):
             f"push {message.push_id} from {message.source!r} refused: {error}"
         )
         self.publishing.refusal(message, self.settled, error)
+
+    def _on_look(self) -> None:
+        """Take and publish a frame of bodies at rest."""
+        if self.looking is not None and not self.session.busy and self.looking.look(self.sample):
+            self.publishing.frames(moving=False)
 
     def _on_idle(self) -> None:
         self._report()

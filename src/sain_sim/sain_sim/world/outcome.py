@@ -1,7 +1,7 @@
 """A push in the world: the tool's way, the samples during it, and the outcome."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -33,6 +33,10 @@ class Stroke:
         """Return the tool's way for a push (3,) or (4,) in a scene (N, 8), of disks by default."""
         start, heading = strokes(scene, push, limits, bodies)
         return cls(start, start + push[LENGTH] * unit(heading), float(heading))
+
+    def from_further_back(self, way: float) -> "Stroke":
+        """Return this stroke with a start that lies further back by a way [m]."""
+        return replace(self, start=self.start - way * unit(np.asarray(self.heading)))
 
     @property
     def length(self) -> float:

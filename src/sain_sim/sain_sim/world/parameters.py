@@ -29,6 +29,7 @@ FRICTION_RANGE: Final = (0.08, 0.20)
 FOOT_RADIUS: Final = 0.004  # [m]
 FLOOR_SIZE: Final = 3.0  # [m], half its side
 THINNEST_TABLE: Final = 0.05  # [m], of a table as high as the arm's base
+ROW_ROOM: Final = 2**0.5  # [widths], from one disk to the next in the first scene
 
 
 class Ranges(NamedTuple):
@@ -177,3 +178,12 @@ def table_box(table: Table) -> tuple[list[float], list[float]]:
         max(table.height, THINNEST_TABLE) / 2,
     ]
     return half, [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2, -half[2]]
+
+
+def in_a_row(parameters: WorldParameters, table: Table) -> Scene:
+    """Return a scene with the disks in a row across the table, each with room to turn."""
+    room = max(ROW_ROOM, *(shape.circumradius for shape in parameters.body_shapes))
+    widths = 2.0 * np.array(parameters.radii) * room
+    y = np.cumsum(widths) - widths / 2 - widths.sum() / 2
+    x = np.full_like(y, (table.x_min + table.x_max) / 2)
+    return parameters.scene(np.stack([x, y], axis=-1))

@@ -1,26 +1,25 @@
 """The simulated world: a table, bodies, and a Panda that pushes them with its stick."""
 
 from itertools import accumulate
-from typing import Final, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from sain_core.errors import BlockedError, StaleSceneError
 from sain_core.push import check_pushed, pushed_bodies
-from sain_core.scene import MID, Table, check_on_table
+from sain_core.scene import MID, check_on_table
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Closeable
 from sain_sim.arm.kinematics import Joints
+from sain_sim.world.belief import believed_scene, withdrawn
 from sain_sim.world.engines import BULLET, check_engine, simulation_class
 from sain_sim.world.outcome import DivergedError, Observer, Sample, Stroke, StrokeOutcome, is_idle
-from sain_sim.world.parameters import WorldParameters
+from sain_sim.world.parameters import WorldParameters, in_a_row
 from sain_sim.world.refusals import check_gap, check_reach, check_same_bodies
 from sain_sim.world.workcell import Origin, Route, Simulation, Watch, Watches, WorldConfig
 
 __all__ = ["Viewer", "World", "WorldConfig"]
-
-ROW_ROOM: Final = 2**0.5  # [widths], from one disk to the next in the first scene
 
 
 @runtime_checkable
@@ -62,7 +61,7 @@ class World(Closeable):
         self._simulation: Simulation = simulation_class(engine)(config)
         self._steps = 0
         self._viewer = viewer
-        self.load(check_bodies(_in_a_row(parameters, table), parameters.bodies, table))
+        self.load(check_bodies(in_a_row(parameters, table), parameters.bodies, table))
 
     def reset(self, scene: Scene, parameters: WorldParameters | None = None) -> Scene:
         """Put the disks where a scene (N, 8) has them, at rest, and the arm at home.
@@ -125,7 +124,7 @@ class World(Closeable):
         """
         return self._plan(push)[0]
 
-    def _plan(self, push: PushArray) -> tuple[Stroke, Route | None]:
+    def _plan(self, push: PushArray, seen: Scene | None = None) -> tuple[Stroke, Route | None]:
         """Return the tool's way for a push (3,) and the joints along it; see `check`."""
         feasibility, bodies = self.config.feasibility, self.parameters.bodies
         check_pushed(feasibility.limits.check(push), bodies)
@@ -133,15 +132,22 @@ class World(Closeable):
         check_on_table(scene, feasibility.table)
         if not self._cell.still():
             raise StaleSceneError("the disks still move; a push needs a settled scene")
-        if not is_idle(push):
-            check_reach(scene, push, feasibility, bodies)
-            check_gap(scene, push, feasibility, bodies)
-        stroke = Stroke.of_push(scene, push, feasibility.limits, bodies)
-        route = None if is_idle(push) else self._route(stroke)
-        return stroke, route
+        believed = believed_scene(scene, seen)
+        stroke = Stroke.of_push(believed, push, feasibility.limits, bodies)
+        if is_idle(push):
+            return stroke, None
+        check_reach(believed, push, feasibility, bodies)
+        check_gap(believed, push, feasibility, bodies)
+        if seen is not None:
+            stroke = withdrawn(stroke, scene, feasibility, bodies)
+        return stroke, self._route(stroke)
 
     def push(
-        self, push: PushArray, on_step: Observer | None = None, every: int = 1
+        self,
+        push: PushArray,
+        on_step: Observer | None = None,
+        every: int = 1,
+        seen: Scene | None = None,
     ) -> StrokeOutcome:
         """Execute one push (3,) and wait until the scene is settled.
 
@@ -150,12 +156,14 @@ class World(Closeable):
             on_step: called with a `Sample` after each control step. The push is then executed
                 once before, without calls, so that no refused push is shown.
             every: steps between two calls.
+            seen: (N, 8), where the bodies are taken to be: the tool's way follows from this. It
+                starts a little further back. None: where they are.
 
         Raises:
             SainError: as `check`; and BlockedError when the tool would touch another disk during
                 the push. No bit of the state changes then.
         """
-        _, route = self._plan(push)
+        _, route = self._plan(push, seen)
         if route is None:
             scene = self.observe()
             return StrokeOutcome(scene, scene.copy(), 0.0, True, self._cell.fallen())
@@ -238,12 +246,3 @@ class World(Closeable):
         self._simulation.close()
         if self._viewer is not None:
             self._viewer.close()
-
-
-def _in_a_row(parameters: WorldParameters, table: Table) -> Scene:
-    """Return a scene with the disks in a row across the table, each with room to turn."""
-    room = max(ROW_ROOM, *(shape.circumradius for shape in parameters.body_shapes))
-    widths = 2.0 * np.array(parameters.radii) * room
-    y = np.cumsum(widths) - widths / 2 - widths.sum() / 2
-    x = np.full_like(y, (table.x_min + table.x_max) / 2)
-    return parameters.scene(np.stack([x, y], axis=-1))

@@ -1,0 +1,54 @@
+"""What an agent sees of a world, frame by frame, and pushes that start from what it saw."""
+
+from collections.abc import Iterator
+from typing import Final
+
+from sain_core.types import PushArray, Scene
+from sain_sim.world.camera import Camera, SeenScene, WorldCameraConfig
+from sain_sim.world.outcome import Sample, StrokeOutcome
+from sain_sim.world.world import World
+
+MOST_FRAMES: Final = 2000  # of one scene; an agent that needs more never decides
+
+
+class Eyes:
+    """A camera above a world. Time goes on while it looks at bodies at rest."""
+
+    def __init__(self, world: World, config: WorldCameraConfig, seed: int) -> None:
+        """Begin an episode with this seed."""
+        self._world = world
+        self._camera = None if config.is_exact else Camera(config)
+        self._looked = 0.0  # [s], while the world stood still
+        if self._camera is not None:
+            self._camera.begin(seed, world.parameters)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._world.time + self._looked
+
+    def look(self, scene: Scene) -> Iterator[SeenScene]:
+        """Yield frames of a scene (N, 8) at rest as they arrive; exact observations are one."""
+        camera = self._camera
+        if camera is None:
+            yield SeenScene(scene, self.time)
+            return
+        for _ in range(MOST_FRAMES):
+            self._looked += camera.period
+            camera.take(scene, self.time)
+            yield from camera.arrived(self.time)
+
+    def push(self, push: PushArray, seen: Scene) -> StrokeOutcome:
+        """Execute a push (3,) that was planned from a scene (N, 8), as seen; see `World.push`."""
+        camera = self._camera
+        if camera is None:
+            return self._world.push(push)
+        watched = camera.config.delay > 0.0  # else frames of moving bodies are never of use
+        every = max(1, round(camera.period / self._world.config.motion.time_step))
+        outcome = self._world.push(push, self._watch if watched else None, every, seen)
+        camera.count_push()
+        return outcome
+
+    def _watch(self, sample: Sample) -> None:
+        if self._camera is not None:
+            self._camera.take(sample.scene, sample.time + self._looked, moving=True)
