@@ -57,12 +57,7 @@ class Posterior:
         return trained[self.structure] & ~self.inferred
 
 
-def infer(
-    belief: Belief,
-    bodies: Bodies | None,
-    pushes: Transitions,
-    known: Known,
-) -> Posterior:
+def infer(belief: Belief, bodies: Bodies | None, pushes: Transitions, known: Known) -> Posterior:
     """Return what each row tells.
 
     Args:

@@ -43,24 +43,28 @@ def step_varied(
         InvalidInputError: arrays that do not fit together.
     """
     check_batch(scenes, pushes, friction, bodies)
-    pushed = pushed_bodies(pushes)
-    touched = np.zeros(scenes.shape[:2], dtype=bool)
-    told = plain(friction), plain(physics)
     if bodies is None or takes_disks(bodies):
-        order = disks_first(scenes, pushed)
-        after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
-        reach = scenes[np.arange(len(scenes)), pushed, RADIUS]
-        start = reach + config.tool_radius + config.clearance
-        rows = after, plain(pushes), told[0], start, told[1], touched
-        run_blocks(lambda first: push_varied_block(first, *rows), len(scenes), CHUNK)
-        predicted = np.empty_like(after)
-        np.put_along_axis(predicted, order, after, axis=1)
-        return predicted
+        return _step_disks(config, scenes, pushes, friction, physics)
     limits = PushLimits(tool_radius=config.tool_radius, clearance=config.clearance)
     start, heading = strokes(scenes, pushes, limits, bodies)
     ways = np.column_stack([start, heading, pushes[:, LENGTH]])
-    after, order = plain(scenes.copy()), nearest_first(scenes, pushed)
-    none = np.empty((len(scenes), 0, OF_DISKS))
-    shaped = after, order, ways, told[0], body_table(bodies), told[1], touched, none
-    run_blocks(lambda first: push_varied_bodies_block(first, *shaped), len(scenes), CHUNK)
+    after, order = plain(scenes.copy()), nearest_first(scenes, pushed_bodies(pushes))
+    touched, none = np.zeros(scenes.shape[:2], dtype=bool), np.empty((len(scenes), 0, OF_DISKS))
+    rows = after, order, ways, plain(friction), body_table(bodies), plain(physics), touched, none
+    run_blocks(lambda first: push_varied_bodies_block(first, *rows), len(scenes), CHUNK)
     return after
+
+
+def _step_disks(
+    config: PlanarConfig, scenes: Scenes, pushes: Pushes, friction: Scalars, physics: PhysicsRows
+) -> Scenes:
+    pushed = pushed_bodies(pushes)
+    order = disks_first(scenes, pushed)
+    after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
+    start = scenes[np.arange(len(scenes)), pushed, RADIUS] + config.tool_radius + config.clearance
+    touched = np.zeros(scenes.shape[:2], dtype=bool)
+    rows = after, plain(pushes), plain(friction), start, plain(physics), touched
+    run_blocks(lambda first: push_varied_block(first, *rows), len(scenes), CHUNK)
+    predicted = np.empty_like(after)
+    np.put_along_axis(predicted, order, after, axis=1)
+    return predicted
