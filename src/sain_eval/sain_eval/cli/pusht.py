@@ -77,6 +77,8 @@ def _play(options: PushtOptions) -> list[PushtRecord]:
 def table_rows(model: str, summary: PushtSummary) -> list[tuple[str, str]]:
     """Return names and values of what came of it."""
     rate, steps = summary.success, summary.steps
+    error = f"{summary.error_mm:.2f} mm, {summary.error_deg:.2f} deg"
+    times = f"{summary.planning_median_s:.2f} / {summary.planning_p95_s:.2f} s"
     return [
         ("model", model),
         ("success, 95 % of the goal covered", f"{summary.successes} of {summary.episodes}"),
@@ -86,8 +88,8 @@ def table_rows(model: str, summary: PushtSummary) -> list[tuple[str, str]]:
         ("steps without contact", f"{100 * summary.free_share:.0f} %"),
         ("strokes, mean", f"{summary.strokes:.1f}"),
         ("largest coverage, mean", f"{summary.best_coverage:.3f}"),
-        ("error of a predicted stroke, median", f"{summary.error_mm:.2f} mm, {summary.error_deg:.2f} deg"),
-        ("planning a stroke, median / p95", f"{summary.planning_median_s:.2f} / {summary.planning_p95_s:.2f} s"),
+        ("error of a predicted stroke, median", error),
+        ("planning a stroke, median / p95", times),
         ("refused strokes", str(summary.refusals)),
     ]
 

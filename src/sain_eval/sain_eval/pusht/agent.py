@@ -14,10 +14,11 @@ from sain_core.scene import Table
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Mask, Points, Pushes, Scenes
 from sain_eval.pusht.block import PIXEL
-from sain_eval.pusht.way import Room
+from sain_eval.pusht.way import Corners, Room
 from sain_mppi.loop.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.loop.goal_tracker import GoalTrackerConfig
 from sain_mppi.search.config import PlannerConfig, ProgressConfig
+from sain_mppi.search.cost_weights import CostWeights
 
 AGENT_RADIUS: Final = 15 * PIXEL  # [m], gym-pusht's add_circle
 WALLS: Final = (7 * PIXEL, 504 * PIXEL)  # [m], their faces: gym-pusht's add_segment
@@ -50,7 +51,7 @@ class RoomFeasibility(Feasibility):
             possible &= self._accessible(bodies.shapes[0].placed(scenes[0, 0]), starts)
         return possible
 
-    def _accessible(self, outline: Points, places: Points) -> Mask:
+    def _accessible(self, outline: Corners, places: Points) -> Mask:
         """Tell which places (B, 2) are not shut off by walls and an outline (M, 2)."""
         reach, gap = self.reach, self.limits.tool_radius + KEEP_OFF
         if ((outline - gap >= reach.low) & (outline + gap <= reach.high)).all():
@@ -69,6 +70,7 @@ PLANNER: Final = PlannerConfig(
     horizon=3,
     ahead=False,  # time stands still while the agent plans
     progress=ProgressConfig(give_up_after=0),
+    weights=CostWeights(effort=5.0),  # travel costs steps
 )
 
 

@@ -94,5 +94,3 @@ def goal_of(pose: Pose, distance: float, turn: float) -> PoseGoal:
     """Return the goal that a pose (3,) of gym-pusht is, with tolerances [m] and [rad]."""
     x, y, heading = (float(scene_of(pose)[0, column]) for column in (0, 1, THETA))
     return PoseGoal((BodyPose(0, x, y, heading, distance, turn),))
-
-

@@ -58,7 +58,9 @@ def play(
     scene = world.reset(seed)
     agent.meet(EPISODE, world.bodies)
     agent.aim(Task(1, EPISODE, goal_of(world.goal, NEAR, TURNED), NEAR, 0))
-    times, errors, refusals, failure = [], [], 0, ""
+    times: list[float] = []
+    errors: list[tuple[float, float]] = []
+    refusals, failure = 0, ""
     while not world.over:
         agent.see(scene, EPISODE, len(errors) + 1, True)
         decision = agent.act()

@@ -1,7 +1,7 @@
 """Learns gym-pusht's physics from pushes made there: prior first, then a network on top."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -57,8 +57,12 @@ def learn(lesson: Lesson, out: Path, say: Say) -> SainDynamics:
         history=NOTHING,
     )
     trainer = Trainer(split, known.prior, config, out)
-    trainer.run(lambda epoch, past: say(f"epoch {epoch}: {past.train[-1]:.3f} {past.validation[-1]:.3f}"))
-    sain = SainDynamics(trainer.network, known.prior, PLANAR_LAB).with_bodies(pusht_bodies(known.gyration))
+    trainer.run(
+        lambda epoch, past: say(f"epoch {epoch}: {past.train[-1]:.3f} {past.validation[-1]:.3f}")
+    )
+    sain = SainDynamics(trainer.network, known.prior, PLANAR_LAB).with_bodies(
+        pusht_bodies(known.gyration)
+    )
     models: dict[str, Dynamics] = {
         "textbook": textbook().prior,
         "identified": known.prior,
@@ -99,7 +103,9 @@ def collect(lesson: Lesson, say: Say) -> tuple[Split, Identified]:
     world = PushtWorld(bodies=known.prior.bodies)
     rollout = as_rollout(known.prior)
     first = 2 * rows[-1][3]
-    played = played_pushes(lesson.played_episodes, world, lambda: pusht_agent(rollout, rollout), first)
+    played = played_pushes(
+        lesson.played_episodes, world, lambda: pusht_agent(rollout, rollout), first
+    )
     rows += list(played)
     say(f"{len(rows)} pushes with those in play")
     return split_by_episode(data_set(rows, world.bodies), 0, 0.1, 0.15), known

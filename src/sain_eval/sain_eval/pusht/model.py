@@ -4,7 +4,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from sain_core.dynamics import Dynamics, RolloutModel, as_rollout
+from sain_core.dynamics import RolloutModel, as_rollout
 from sain_core.errors import CheckpointError
 from sain_core.plugins import load_dynamics
 from sain_core.shapes.bodies import Bodies

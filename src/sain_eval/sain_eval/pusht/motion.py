@@ -12,7 +12,7 @@ from sain_core.errors import UnreachableError
 from sain_core.shapes.outline import distance_to_way
 from sain_core.types import Mask, Points, Scalars
 from sain_eval.pusht.servo import Motion, Servo
-from sain_eval.pusht.way import Room, way_round
+from sain_eval.pusht.way import Corners, Room, Way, way_round
 
 Place = Float[ndarray, "2"]
 
@@ -71,14 +71,14 @@ class Arena:
     targets: Room
     radius: float
 
-    def gaps(self, places: Points, outline: Points) -> Scalars:
+    def gaps(self, places: Points, outline: Corners) -> Scalars:
         """Return the gaps [m] between the disk at places (T, 2) and an outline (M, 2)."""
         corners = np.broadcast_to(outline, (len(places), *outline.shape))
         return np.asarray(distance_to_way(places, places, corners) - self.radius)
 
 
 def plan_motion(
-    motion: Motion, stroke: Stroke, outline: Points, arena: Arena, pace: Pace
+    motion: Motion, stroke: Stroke, outline: Corners, arena: Arena, pace: Pace
 ) -> tuple[Points, int]:
     """Return targets (S, 2) [m] for a stroke, and how many steps lead to where it starts.
 
@@ -115,7 +115,7 @@ def _keeps_off(gaps: Scalars, least: float) -> bool:
     return bool(leaving[:first].all() and enough[first:].all())
 
 
-def spread(way: Points, most: float) -> Points:
+def spread(way: Way, most: float) -> Points:
     """Return places (S, 2) along a way (P, 2), no further apart than `most`, without the first."""
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
     done = ramp(float(lengths[-1]), most)

@@ -6,13 +6,16 @@ from heapq import heappop, heappush
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 from numpy import ndarray
 from shapely import LineString, Point, Polygon, box
 from shapely.ops import nearest_points
 from shapely.prepared import PreparedGeometry, prep
 
 from sain_core.errors import UnreachableError
-from sain_core.types import Points
+
+Corners = Float[ndarray, "M 2"]  # of an outline, in order
+Way = Float[ndarray, "P 2"]  # places one after another
 
 ROUNDING: Final = 1e-5  # [m], a way that enters what it should avoid by less does not enter it
 
@@ -34,14 +37,14 @@ class Room:
         low, high = self.low - ROUNDING, self.high + ROUNDING
         return bool(((places >= low) & (places <= high)).all())
 
-    def around(self, outline: Points, gap: float) -> list[Polygon]:
+    def around(self, outline: Corners, gap: float) -> list[Polygon]:
         """Return the parts of the room that keep a gap [m] from an outline (M, 2)."""
         room = box(self.low, self.low, self.high, self.high)
         free = room.difference(_grown(outline, gap))
         return list(getattr(free, "geoms", [free]))
 
 
-def way_round(start: ndarray, end: ndarray, outline: Points, gap: float, room: Room) -> Points:
+def way_round(start: ndarray, end: ndarray, outline: Corners, gap: float, room: Room) -> Way:
     """Return the shortest way (P, 2) [m] from a place to another.
 
     Args:
@@ -69,12 +72,12 @@ def way_round(start: ndarray, end: ndarray, outline: Points, gap: float, room: R
     )
 
 
-def way_out(place: ndarray, outline: Points, gap: float) -> ndarray:
+def way_out(place: ndarray, outline: Corners, gap: float) -> ndarray:
     """Return the place (2,) nearest to another that has a gap [m] to an outline (M, 2)."""
     return _way_out(place, Polygon(outline).buffer(gap))
 
 
-def _grown(outline: Points, gap: float) -> Polygon:
+def _grown(outline: Corners, gap: float) -> Polygon:
     """Return what keeps less than a gap from an outline; cut off beyond its corners."""
     return Polygon(outline).buffer(gap, join_style="mitre", mitre_limit=1.5)
 

@@ -8,8 +8,8 @@ from sain_core.push import LENGTH, PushLimits, strokes
 from sain_core.scene import unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
-from sain_eval.pusht.block import PIXEL, SIZE, Pose, metres, pixels, pusht_bodies, scene_of
 from sain_eval.pusht.agent import AGENT_RADIUS, FEASIBILITY, LIMITS, WALLS
+from sain_eval.pusht.block import PIXEL, SIZE, Pose, metres, pixels, pusht_bodies, scene_of
 from sain_eval.pusht.extra import make_env
 from sain_eval.pusht.motion import Arena, Pace, Stroke, plan_motion
 from sain_eval.pusht.servo import Motion, servo_of
