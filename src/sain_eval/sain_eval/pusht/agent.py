@@ -1,10 +1,12 @@
 """The agent's settings for gym-pusht: the same object as everywhere, in a room with walls."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from shapely import contains_xy
+from jaxtyping import Float
+from numpy import ndarray
+from shapely import Point, contains_xy
 
 from sain_core.config import option
 from sain_core.dynamics import RolloutModel
@@ -37,11 +39,18 @@ class SquareReach(Reach):
         return np.asarray(((points >= self.low) & (points <= self.high)).all(axis=-1))
 
 
+class ToolPlace:
+    """Where the tool is (2,) [m], as the world last noted it; None: anywhere."""
+
+    place: Float[ndarray, "2"] | None = None
+
+
 @dataclass(frozen=True)
 class RoomFeasibility(Feasibility):
     """Pushes of a tool that cannot be lifted: it must get to where they start."""
 
     reach: SquareReach = SquareReach(inner=0.0, outer=10.0)
+    tool: ToolPlace = field(default_factory=ToolPlace, compare=False)
 
     def mask(self, scenes: Scenes, pushes: Pushes, bodies: Bodies | None = None) -> Mask:
         """Tell which pushes are possible; whether the tool gets there, for pushes of one scene."""
@@ -52,13 +61,15 @@ class RoomFeasibility(Feasibility):
         return possible
 
     def _accessible(self, outline: Corners, places: Points) -> Mask:
-        """Tell which places (B, 2) are not shut off by walls and an outline (M, 2)."""
+        """Tell which places (B, 2) walls and an outline (M, 2) do not shut off from the tool."""
         reach, gap = self.reach, self.limits.tool_radius + KEEP_OFF
         if ((outline - gap >= reach.low) & (outline + gap <= reach.high)).all():
             return np.ones(len(places), dtype=bool)
         parts = Room(reach.low, reach.high).around(outline, gap)
-        largest = max(parts, key=lambda part: part.area)
-        return np.asarray(contains_xy(largest.buffer(KEEP_OFF), *places.T))
+        own = max(parts, key=lambda part: part.area)
+        if self.tool.place is not None:
+            own = min(parts, key=Point(self.tool.place).distance)
+        return np.asarray(contains_xy(own.buffer(KEEP_OFF), *places.T))
 
 
 LIMITS: Final = PushLimits(tool_radius=AGENT_RADIUS)
@@ -75,13 +86,19 @@ PLANNER: Final = PlannerConfig(
 
 
 def pusht_agent(
-    model: RolloutModel, physics: RolloutModel, planner: PlannerConfig = PLANNER
+    model: RolloutModel,
+    physics: RolloutModel,
+    planner: PlannerConfig = PLANNER,
+    tool: ToolPlace | None = None,
 ) -> Agent:
-    """Return the agent that plays gym-pusht with a model, and with physics where that fails."""
+    """Return the agent that plays gym-pusht with a model, and with physics where that fails.
+
+    `tool` is that of the world to play in, which shuts the tool off from some places.
+    """
     config = AgentConfig(
         history=False,
         planner=planner,
         goal_tracker=GoalTrackerConfig(max_refusals=30),
-        feasibility=FEASIBILITY,
+        feasibility=replace(FEASIBILITY, tool=tool or ToolPlace()),
     )
     return planning_agent(model, physics, config)

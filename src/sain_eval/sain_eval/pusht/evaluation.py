@@ -49,7 +49,8 @@ def run_pusht_job(job: PushtJob) -> PushtRecord:
     known = _load(job.model)
     world = _world(job.model, job.pace)
     world.frames = [] if job.picture else None
-    record = play(job.seed, pusht_agent(known.model, known.physics, job.planner), world)
+    agent = pusht_agent(known.model, known.physics, job.planner, world.tool)
+    record = play(job.seed, agent, world)
     if job.picture:
         write_film(world.frames or [], job.picture)
     return record

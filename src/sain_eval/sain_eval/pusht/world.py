@@ -8,7 +8,7 @@ from sain_core.push import LENGTH, PushLimits, strokes
 from sain_core.scene import unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
-from sain_eval.pusht.agent import AGENT_RADIUS, FEASIBILITY, LIMITS, WALLS
+from sain_eval.pusht.agent import AGENT_RADIUS, FEASIBILITY, LIMITS, WALLS, ToolPlace
 from sain_eval.pusht.block import PIXEL, SIZE, Pose, metres, pixels, pusht_bodies, scene_of
 from sain_eval.pusht.extra import make_env
 from sain_eval.pusht.motion import Arena, Pace, Stroke, plan_motion
@@ -32,6 +32,7 @@ class PushtWorld:
         best: the largest so far.
         over: whether the episode has ended.
         success: whether gym-pusht counts it as a success.
+        tool: where the disk is, for `pusht_agent`.
         moved_before: how far [m] or [rad] the block moved before the last stroke began.
     """
 
@@ -50,6 +51,7 @@ class PushtWorld:
         reach = FEASIBILITY.reach
         room = Room(reach.low, reach.high)
         self.arena = Arena(servo_of(inner), room, Room(0.0, SIZE * PIXEL), AGENT_RADIUS)
+        self.tool = ToolPlace()
         self.frames: list[np.ndarray] | None = None
 
     def reset(self, seed: int) -> Scene:
@@ -124,6 +126,7 @@ class PushtWorld:
 
     def _see(self, info: dict[str, Any]) -> None:
         velocity = np.asarray(info["vel_agent"]) * [PIXEL, -PIXEL]
-        self._motion = np.stack([metres(np.asarray(info["pos_agent"])), velocity])
+        self.tool.place = metres(np.asarray(info["pos_agent"]))
+        self._motion = np.stack([self.tool.place, velocity])
         self.scene = scene_of(np.asarray(info["block_pose"]))
         self.coverage = float(info.get("coverage", 0.0))
