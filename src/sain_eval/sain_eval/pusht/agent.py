@@ -78,7 +78,7 @@ FEASIBILITY: Final = RoomFeasibility(
 )
 PLANNER: Final = PlannerConfig(
     samples=256,
-    horizon=3,
+    horizon=2,
     ahead=False,  # time stands still while the agent plans
     progress=ProgressConfig(give_up_after=0),
     weights=CostWeights(effort=5.0),  # travel costs steps

@@ -16,6 +16,7 @@ from sain_eval.pusht.servo import Motion, servo_of
 from sain_eval.pusht.way import Room, way_out
 
 MOST_STEPS: Final = 300  # gym-pusht's own limit
+OVERLAP: Final = 3e-4  # [m], of things that touch: gym-pusht's solver leaves a tenth of this
 STILL: Final = 1e-4  # [m] and [rad], that a block moves by at most in a step once it rests
 LONGEST_REST: Final = 10  # steps to wait for that
 HURRY: Final = 2.0  # how far beyond a place its target is, so that the disk gets there soon
@@ -33,7 +34,7 @@ class PushtWorld:
         over: whether the episode has ended.
         success: whether gym-pusht counts it as a success.
         tool: where the disk is, for `pusht_agent`.
-        moved_before: how far [m] or [rad] the block moved before the last stroke began.
+        moved_before: how far [m] a corner of the block moved, at most, before the last stroke began.
     """
 
     def __init__(
@@ -87,14 +88,15 @@ class PushtWorld:
         start, heading = strokes(self.scene, push, self.limits, self.bodies)
         stroke = Stroke(start, unit(heading), float(push[LENGTH]))
         targets, free = plan_motion(self._motion, stroke, self._outline, self.arena, self._pace)
-        before = self.scene
+        before = self._outline
         for index, target in enumerate(targets):
             self._step(target)
             if index < free:
                 self.free_steps += 1
-                self.moved_before = float(np.abs(self.scene - before).max())
+                self.moved_before = float(np.hypot(*(self._outline - before).T).max())
             if self.over:
-                break
+                return self.scene
+        self._part()
         return self.scene
 
     @property
@@ -102,12 +104,13 @@ class PushtWorld:
         return self.bodies.shapes[0].placed(self.scene[0])
 
     def _part(self) -> None:
-        """Let what overlaps at first part."""
+        """Let what overlaps part: the disk leaves the block, walls push the block out."""
         away = self.arena.radius + self._pace.keep_off
         for _ in range(LONGEST_REST):
             outline, place = self._outline, self._motion[0]
-            apart = self.arena.gaps(place[None], outline)[0] > 0.0
-            inside = bool((outline >= WALLS[0]).all() and (outline <= WALLS[1]).all())
+            apart = self.arena.gaps(place[None], outline)[0] > -OVERLAP
+            low, high = WALLS[0] - OVERLAP, WALLS[1] + OVERLAP
+            inside = bool((outline >= low).all() and (outline <= high).all())
             if self.over or (apart and inside):
                 return
             before = self.scene
