@@ -25,8 +25,8 @@ NEARER: Final = 1e-5  # [m], by which a tool that leaves the block may come near
 class Pace(Config):
     """How fast the disk moves, and how far it keeps off the block on its way."""
 
-    free: float = option(0.08, "longest way in a step without contact", unit="m", minimum=0.001)
-    pushing: float = option(0.03, "longest travel of a stroke in a step", unit="m", minimum=0.001)
+    free: float = option(0.1, "longest way in a step without contact", unit="m", minimum=0.001)
+    pushing: float = option(0.04, "longest travel of a stroke in a step", unit="m", minimum=0.001)
     landing: float = option(0.05, "speed at the start of a stroke", unit="m/s", minimum=0.0)
     keep_off: float = option(
         0.004, "gap to the block for which ways are planned", unit="m", minimum=0.0005

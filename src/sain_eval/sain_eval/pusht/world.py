@@ -34,7 +34,7 @@ class PushtWorld:
         over: whether the episode has ended.
         success: whether gym-pusht counts it as a success.
         tool: where the disk is, for `pusht_agent`.
-        moved_before: how far [m] a corner of the block moved, at most, before the last stroke began.
+        moved_before: how far [m] the block moved before the last stroke began, at its corners.
     """
 
     def __init__(
