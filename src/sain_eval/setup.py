@@ -15,8 +15,17 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "matplotlib", "numpy", "rich", "scipy", "tyro"],
-    extras_require={"pusht": ["gym-pusht==0.1.8"]},
+    install_requires=[
+        "jaxtyping",
+        "matplotlib",
+        "numpy",
+        "pillow",
+        "rich",
+        "scipy",
+        "shapely",
+        "tyro",
+    ],
+    extras_require={"pusht": ["gym-pusht", "gymnasium"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -1,7 +1,7 @@
 """Learns gym-pusht's physics from pushes made there: prior first, then a network on top."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,20 +15,20 @@ from sain_eval.pusht.agent import WALLS, pusht_agent
 from sain_eval.pusht.block import pusht_bodies
 from sain_eval.pusht.collecting import data_set, played_pushes, random_pushes
 from sain_eval.pusht.identification import Identified, identify, textbook
-from sain_eval.pusht.model import GYRATION
+from sain_eval.pusht.model import CHECKPOINT, GYRATION
 from sain_eval.pusht.world import PushtWorld
 from sain_model.data.dataset import Dataset, Split, split_by_episode
 from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import PLANAR_LAB, LossConfig
-from sain_model.network.settings import ANY_SHAPE, WORLD_FRAME, NetworkConfig
+from sain_model.network.settings import ANY_SHAPE, PUSH_FRAME, NetworkConfig
 from sain_model.training.push_training import Trainer
 from sain_model.training.settings import NOTHING, TrainingConfig
 from sain_model.training.training_card import environment
 
 NETWORK: Final = NetworkConfig(
-    features=WORLD_FRAME, members=3, bodies=ANY_SHAPE, hidden=64, message=32, layers=2
+    features=PUSH_FRAME, members=3, bodies=ANY_SHAPE, hidden=64, message=32, layers=2
 )
 LOSS: Final = LossConfig(position_scale=0.0002, heading_scale=0.002)
 FITTED_BY: Final = 600  # pushes that the prior is fitted to
@@ -46,7 +46,10 @@ class Lesson:
 
 
 def learn(lesson: Lesson, out: Path, say: Say) -> SainDynamics:
-    """Collect, identify, train, and write ``pusht.safetensors`` with its card into a folder."""
+    """Collect, identify, train, and write ``pusht.safetensors`` with its card into a folder.
+
+    The network learns from pushes far from the walls: it does not see them.
+    """
     split, known = collect(lesson, say)
     config = TrainingConfig(
         epochs=lesson.epochs,
@@ -56,13 +59,13 @@ def learn(lesson: Lesson, out: Path, say: Say) -> SainDynamics:
         prior=PLANAR_LAB,
         history=NOTHING,
     )
-    trainer = Trainer(split, known.prior, config, out)
+    taught = replace(split, train=_far(split.train), validation=_far(split.validation))
+    trainer = Trainer(taught, known.prior, config, out)
     trainer.run(
         lambda epoch, past: say(f"epoch {epoch}: {past.train[-1]:.3f} {past.validation[-1]:.3f}")
     )
-    sain = SainDynamics(trainer.network, known.prior, PLANAR_LAB).with_bodies(
-        pusht_bodies(known.gyration)
-    )
+    bodies = pusht_bodies(known.gyration)
+    sain = SainDynamics(trainer.network, known.prior, PLANAR_LAB).with_bodies(bodies)
     models: dict[str, Dynamics] = {
         "textbook": textbook().prior,
         "identified": known.prior,
@@ -71,23 +74,30 @@ def learn(lesson: Lesson, out: Path, say: Say) -> SainDynamics:
     report = {name: accuracy(model, split.test) for name, model in models.items()}
     for name, row in report.items():
         say(f"{name}: {row}")
-    card = ModelCard(
+    card = replace(_card(sain, known, report), data=_data(known, taught), training=asdict(config))
+    save_checkpoint(out / CHECKPOINT.name, sain.network, card)
+    return sain
+
+
+def _far(data: Dataset) -> Dataset:
+    return data.select(far_from_walls(data))
+
+
+def _data(known: Identified, split: Split) -> dict[str, Any]:
+    counts = {name: len(part) for name, part in vars(split).items()}
+    return {GYRATION: known.gyration, "transitions": counts, "sha256": split.train.sha256}
+
+
+def _card(sain: SainDynamics, known: Identified, report: dict[str, Any]) -> ModelCard:
+    return ModelCard(
         PLANAR_LAB,
         prior_settings(known.prior),
         {},
         kind=sain.kind,
-        data={
-            GYRATION: known.gyration,
-            "transitions": {name: len(part) for name, part in vars(split).items()},
-            "sha256": split.train.sha256,
-        },
-        training=asdict(config),
         errors=report,
         versions=environment(),
         command=ros2_command("sain_eval", "pusht_learn"),
     )
-    save_checkpoint(out / "pusht.safetensors", sain.network, card)
-    return sain
 
 
 def collect(lesson: Lesson, say: Say) -> tuple[Split, Identified]:

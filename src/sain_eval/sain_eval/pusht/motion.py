@@ -37,7 +37,7 @@ class Pace(Config):
 
 
 @dataclass(frozen=True)
-class Stroke:
+class DiskStroke:
     """A straight travel of the tool.
 
     Attributes:
@@ -78,7 +78,7 @@ class Arena:
 
 
 def plan_motion(
-    motion: Motion, stroke: Stroke, outline: Corners, arena: Arena, pace: Pace
+    motion: Motion, stroke: DiskStroke, outline: Corners, arena: Arena, pace: Pace
 ) -> tuple[Points, int]:
     """Return targets (S, 2) [m] for a stroke, and how many steps lead to where it starts.
 

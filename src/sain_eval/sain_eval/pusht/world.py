@@ -11,12 +11,13 @@ from sain_core.types import PushArray, Scene
 from sain_eval.pusht.agent import AGENT_RADIUS, FEASIBILITY, LIMITS, WALLS, ToolPlace
 from sain_eval.pusht.block import PIXEL, SIZE, Pose, metres, pixels, pusht_bodies, scene_of
 from sain_eval.pusht.extra import make_env
-from sain_eval.pusht.motion import Arena, Pace, Stroke, plan_motion
+from sain_eval.pusht.motion import Arena, DiskStroke, Pace, plan_motion
 from sain_eval.pusht.servo import Motion, servo_of
 from sain_eval.pusht.way import Room, way_out
 
 MOST_STEPS: Final = 300  # gym-pusht's own limit
 OVERLAP: Final = 3e-4  # [m], of things that touch: gym-pusht's solver leaves a tenth of this
+DIGITS: Final = 9  # of coverages: pymunk keeps shapes in a set, whose order changes the last ones
 STILL: Final = 1e-4  # [m] and [rad], that a block moves by at most in a step once it rests
 LONGEST_REST: Final = 10  # steps to wait for that
 HURRY: Final = 2.0  # how far beyond a place its target is, so that the disk gets there soon
@@ -86,7 +87,7 @@ class PushtWorld:
             UnreachableError: the disk cannot get to where the push starts; nothing has moved.
         """
         start, heading = strokes(self.scene, push, self.limits, self.bodies)
-        stroke = Stroke(start, unit(heading), float(push[LENGTH]))
+        stroke = DiskStroke(start, unit(heading), float(push[LENGTH]))
         targets, free = plan_motion(self._motion, stroke, self._outline, self.arena, self._pace)
         before = self._outline
         for index, target in enumerate(targets):
@@ -132,4 +133,4 @@ class PushtWorld:
         self.tool.place = metres(np.asarray(info["pos_agent"]))
         self._motion = np.stack([self.tool.place, velocity])
         self.scene = scene_of(np.asarray(info["block_pose"]))
-        self.coverage = float(info.get("coverage", 0.0))
+        self.coverage = round(float(info.get("coverage", 0.0)), DIGITS)
