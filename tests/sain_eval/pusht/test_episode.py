@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from sain_core.errors import ConfigError
-from sain_eval.pusht.agent import FEASIBILITY, LIMITS, PLANNER
+from sain_eval.pusht.agent import FEASIBILITY, PLANNER, ToolPlace
 from sain_eval.pusht.block import scene_of
 from sain_eval.pusht.evaluation import PushtJob, run_pusht_jobs, summarise_pusht
 from sain_eval.pusht.extra import make_env
@@ -43,15 +43,21 @@ def test_workers_change_nothing() -> None:
     assert summary.steps.estimate == np.mean([record.steps for record in alone])
 
 
-def test_what_a_wall_shuts_off_is_not_planned(world: PushtWorld) -> None:
-    scene = scene_of(np.array([60.0, 40.0, np.pi / 2]))  # the stem points to the left wall
+def test_a_tool_that_is_shut_in_pushes_what_it_reaches(world: PushtWorld) -> None:
+    scene = scene_of(np.array([68.0, 393.5, -1.0268]))  # across a corner of the room
     pushes = np.column_stack([np.linspace(-3.1, 3.1, 400), np.zeros(400), np.full(400, 0.03)])
-    scenes = np.broadcast_to(scene, (400, 1, 8))
-    allowed = FEASIBILITY.mask(scenes, pushes, world.bodies)
-    assert 0 < allowed.sum() < 400
-    middle = np.broadcast_to(scene_of(np.array([256.0, 200.0, 0.0])), (400, 1, 8))
-    assert FEASIBILITY.mask(middle, pushes, world.bodies).mean() > 0.8
-    assert LIMITS.tool_radius == 0.015
+    scenes, corner = np.broadcast_to(scene, (400, 1, 8)), ToolPlace()
+    corner.place = np.array([0.043, 0.040])
+    outside = FEASIBILITY.mask(scenes, pushes, world.bodies)
+    inside = replace(FEASIBILITY, tool=corner).mask(scenes, pushes, world.bodies)
+    assert 100 < inside.sum() < outside.sum() < 300
+    assert not (inside & outside).any()
+
+
+def test_in_the_middle_nothing_is_shut_off(world: PushtWorld) -> None:
+    pushes = np.column_stack([np.linspace(-3.1, 3.1, 400), np.zeros(400), np.full(400, 0.03)])
+    scenes = np.broadcast_to(scene_of(np.array([256.0, 200.0, 0.0])), (400, 1, 8))
+    assert FEASIBILITY.mask(scenes, pushes, world.bodies).mean() > 0.8
 
 
 def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:

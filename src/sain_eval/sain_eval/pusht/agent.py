@@ -16,7 +16,7 @@ from sain_core.scene import Table
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Mask, Points, Pushes, Scenes
 from sain_eval.pusht.block import PIXEL
-from sain_eval.pusht.way import Corners, Room
+from sain_eval.pusht.way import KEEP_OFF, Corners, Room
 from sain_mppi.loop.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.loop.goal_tracker import GoalTrackerConfig
 from sain_mppi.search.config import PlannerConfig, ProgressConfig
@@ -24,7 +24,6 @@ from sain_mppi.search.cost_weights import CostWeights
 
 AGENT_RADIUS: Final = 15 * PIXEL  # [m], gym-pusht's add_circle
 WALLS: Final = (7 * PIXEL, 504 * PIXEL)  # [m], their faces: gym-pusht's add_segment
-KEEP_OFF: Final = 0.004  # [m], gap between tool and block for which ways are planned
 
 
 @dataclass(frozen=True)
@@ -53,9 +52,14 @@ class RoomFeasibility(Feasibility):
     tool: ToolPlace = field(default_factory=ToolPlace, compare=False)
 
     def mask(self, scenes: Scenes, pushes: Pushes, bodies: Bodies | None = None) -> Mask:
-        """Tell which pushes are possible; whether the tool gets there, for pushes of one scene."""
+        """Tell which pushes are possible.
+
+        Whether the tool gets to them counts for pushes that all begin from the scene (1, 8) that
+        there is now. Where it will be later is not known.
+        """
         possible = super().mask(scenes, pushes, bodies)
-        if scenes.ndim == 3 and scenes.strides[0] == 0 and bodies is not None and len(scenes):
+        one_scene = scenes.ndim == 3 and scenes.strides[0] == 0  # `permitted` repeats it
+        if one_scene and bodies is not None and len(scenes):
             starts = tool_start(scenes, pushes, self.limits, bodies)
             possible &= self._accessible(bodies.shapes[0].placed(scenes[0, 0]), starts)
         return possible

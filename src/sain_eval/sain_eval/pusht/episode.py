@@ -80,6 +80,17 @@ def play(
         watch(scene, decision.push, after)
         errors.append(_errors(decision, after))
         scene = after
+    return _record(seed, world, times, errors, refusals, failure)
+
+
+def _record(
+    seed: int,
+    world: PushtWorld,
+    times: list[float],
+    errors: list[tuple[float, float]],
+    refusals: int,
+    failure: str,
+) -> PushtRecord:
     mm, deg = np.array(errors).reshape(-1, 2).T.tolist()
     return PushtRecord(
         seed,

@@ -12,7 +12,7 @@ from sain_core.errors import UnreachableError
 from sain_core.shapes.outline import distance_to_way
 from sain_core.types import Mask, Points, Scalars
 from sain_eval.pusht.servo import Motion, Servo
-from sain_eval.pusht.way import Corners, Room, Way, way_round
+from sain_eval.pusht.way import KEEP_OFF, Corners, Room, Way, way_round
 
 Place = Float[ndarray, "2"]
 
@@ -29,7 +29,7 @@ class Pace(Config):
     pushing: float = option(0.04, "longest travel of a stroke in a step", unit="m", minimum=0.001)
     landing: float = option(0.05, "speed at the start of a stroke", unit="m/s", minimum=0.0)
     keep_off: float = option(
-        0.004, "gap to the block for which ways are planned", unit="m", minimum=0.0005
+        KEEP_OFF, "gap to the block for which ways are planned", unit="m", minimum=0.0005
     )
     least_gap: float = option(
         0.0003, "smallest gap to the block on a way", unit="m", minimum=0.0001

@@ -17,6 +17,7 @@ from sain_core.errors import UnreachableError
 Corners = Float[ndarray, "M 2"]  # of an outline, in order
 Way = Float[ndarray, "P 2"]  # places one after another
 
+KEEP_OFF: Final = 0.004  # [m], gap between tool and block for which ways are planned
 ROUNDING: Final = 1e-5  # [m], a way that enters what it should avoid by less does not enter it
 
 

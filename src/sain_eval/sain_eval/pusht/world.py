@@ -13,7 +13,7 @@ from sain_eval.pusht.block import PIXEL, SIZE, Pose, metres, pixels, pusht_bodie
 from sain_eval.pusht.extra import make_env
 from sain_eval.pusht.motion import Arena, DiskStroke, Pace, plan_motion
 from sain_eval.pusht.servo import Motion, servo_of
-from sain_eval.pusht.way import Room, way_out
+from sain_eval.pusht.way import Corners, Room, way_out
 
 MOST_STEPS: Final = 300  # gym-pusht's own limit
 OVERLAP: Final = 3e-4  # [m], of things that touch: gym-pusht's solver leaves a tenth of this
@@ -88,27 +88,28 @@ class PushtWorld:
         """
         start, heading = strokes(self.scene, push, self.limits, self.bodies)
         stroke = DiskStroke(start, unit(heading), float(push[LENGTH]))
-        targets, free = plan_motion(self._motion, stroke, self._outline, self.arena, self._pace)
-        before = self._outline
+        targets, free = plan_motion(self._motion, stroke, self.outline, self.arena, self._pace)
+        before = self.outline
         for index, target in enumerate(targets):
             self._step(target)
             if index < free:
                 self.free_steps += 1
-                self.moved_before = float(np.hypot(*(self._outline - before).T).max())
+                self.moved_before = float(np.hypot(*(self.outline - before).T).max())
             if self.over:
                 return self.scene
         self._part()
         return self.scene
 
     @property
-    def _outline(self) -> np.ndarray:
+    def outline(self) -> Corners:
+        """The block's corners (8, 2) [m]."""
         return self.bodies.shapes[0].placed(self.scene[0])
 
     def _part(self) -> None:
         """Let what overlaps part: the disk leaves the block, walls push the block out."""
         away = self.arena.radius + self._pace.keep_off
         for _ in range(LONGEST_REST):
-            outline, place = self._outline, self._motion[0]
+            outline, place = self.outline, self._motion[0]
             apart = self.arena.gaps(place[None], outline)[0] > -OVERLAP
             low, high = WALLS[0] - OVERLAP, WALLS[1] + OVERLAP
             inside = bool((outline >= low).all() and (outline <= high).all())
