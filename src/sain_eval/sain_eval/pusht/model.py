@@ -10,9 +10,9 @@ from sain_core.plugins import load_dynamics
 from sain_core.shapes.bodies import Bodies
 from sain_eval.pusht.block import pusht_bodies
 from sain_eval.pusht.oracle import PushtOracle
+from sain_eval.pusht.walls import InsideWalls
 from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import load_sain
-from sain_model.dynamics.sain import SainDynamics
 
 GYRATION: Final = "gyration"  # on cards, of the block [radii]
 SHIPPED: Final = "pusht"
@@ -38,17 +38,15 @@ def load_model(name: str) -> PushtModel:
     """
     shipped = load_sain(CHECKPOINT)
     bodies = learned_bodies(CHECKPOINT)
-    physics = as_rollout(shipped.prior)
-    if name == SHIPPED:
-        return PushtModel(shipped, physics, bodies)
+    physics = as_rollout(InsideWalls(shipped.prior, bodies))
     if name == PRIOR:
         return PushtModel(physics, physics, bodies)
     if name == ORACLE:
         return PushtModel(as_rollout(PushtOracle()), physics, bodies)
-    model = load_dynamics(name)
-    if isinstance(model, SainDynamics) and Path(name).exists():
-        return PushtModel(model, physics, learned_bodies(Path(name)))
-    return PushtModel(as_rollout(model), physics, pusht_bodies())
+    model = shipped if name == SHIPPED else load_dynamics(name)
+    if name != SHIPPED:
+        bodies = learned_bodies(Path(name)) if Path(name).exists() else pusht_bodies()
+    return PushtModel(as_rollout(InsideWalls(model, bodies)), physics, bodies)
 
 
 def learned_bodies(path: Path) -> Bodies:
