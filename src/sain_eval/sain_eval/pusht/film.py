@@ -22,7 +22,7 @@ def write_film(frames: Sequence[ndarray], path: Path) -> Path:
         OutputError: the folder cannot be written.
     """
     pictures = [Image.fromarray(frame) for frame in frames]
-    palette = pictures[-1].quantize(COLOURS)
+    palette = _both(pictures[0], pictures[-1]).quantize(COLOURS)
     indexed = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     times = [round(1000 / RATE)] * len(indexed)
     times[-1] += round(1000 * HOLD)
@@ -31,3 +31,11 @@ def write_film(frames: Sequence[ndarray], path: Path) -> Path:
         memory, format="GIF", save_all=True, append_images=indexed[1:], duration=times, loop=0
     )
     return write_whole(path, memory.getvalue())
+
+
+def _both(first: Image.Image, last: Image.Image) -> Image.Image:
+    """Return two pictures side by side: one of them shows the goal, which the block may cover."""
+    sheet = Image.new("RGB", (first.width + last.width, first.height))
+    sheet.paste(first, (0, 0))
+    sheet.paste(last, (first.width, 0))
+    return sheet
