@@ -22,6 +22,7 @@ SCRIPTS = [(package, name) for package in PYTHON_PACKAGES for name in console_sc
 REQUIRED = {  # arguments without which nothing else is reported
     "play": ["bag"], "info": ["bag"], "recover": ["bag", "--out", "o"], "report": ["bag"],
     "to_dataset": ["bag", "--out", "o"], "record": ["--out", "o"], "calibrate": ["--out", "o"],
+    "pusht_learn": ["--out", "o"],
     "train": ["data", "--out", "o"], "train_correction": ["data", "--out", "o"],
     "learning_curve": ["data", "--out", "o"], "identify": ["data"],
 }  # fmt: skip

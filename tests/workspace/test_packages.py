@@ -24,6 +24,7 @@ SCRIPTS = [
 ]
 DISTRIBUTION_OF = {
     "PIL": "pillow",
+    "gym_pusht": "gym-pusht",
     "mcap_ros2": "mcap-ros2-support",
     "pybullet_data": "pybullet",
     "yaml": "pyyaml",

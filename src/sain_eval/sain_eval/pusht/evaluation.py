@@ -1,0 +1,153 @@
+"""Many episodes of gym-pusht over worker processes, and what they add up to."""
+
+import csv
+import dataclasses
+import io
+import json
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sain_core.provenance import git_commit, processor, system, versions
+from sain_core.seeding import generator
+from sain_core.storage import write_whole
+from sain_eval.loop.evaluation import THREAD_LIMITS
+from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
+from sain_eval.pusht.agent import PLANNER, pusht_agent
+from sain_eval.pusht.episode import PushtRecord, play
+from sain_eval.pusht.film import write_film
+from sain_eval.pusht.model import PushtModel, load_model
+from sain_eval.pusht.motion import Pace
+from sain_eval.pusht.world import PushtWorld
+from sain_mppi.search.config import PlannerConfig
+from sain_sim.collecting.workers import environment
+
+PACKAGES: Final = ("gym-pusht", "pymunk", "gymnasium", "numpy", "numba", "torch")
+RESULTS_FILE: Final = "results.json"
+EPISODES_FILE: Final = "episodes.csv"
+
+
+@dataclass(frozen=True)
+class PushtJob:
+    """One episode to play; `picture` is where to write it as an animation."""
+
+    seed: int
+    model: str
+    planner: PlannerConfig = PLANNER
+    pace: Pace = Pace()
+    picture: Path | None = None
+
+
+def run_pusht_job(job: PushtJob) -> PushtRecord:
+    """Play one episode."""
+    known = _load(job.model)
+    world = _world(job.model, job.pace)
+    world.frames = [] if job.picture else None
+    agent = pusht_agent(known.model, known.physics, job.planner, world.tool)
+    record = play(job.seed, agent, world)
+    if job.picture:
+        write_film(world.frames or [], job.picture)
+    return record
+
+
+def run_pusht_jobs(jobs: Sequence[PushtJob], workers: int) -> Iterator[PushtRecord]:
+    """Yield the records of all jobs as they come; with one worker in this process, in order."""
+    if workers == 1:
+        yield from map(run_pusht_job, jobs)
+        return
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    with environment(dict.fromkeys(THREAD_LIMITS, "1")):  # read once, when a worker starts
+        try:
+            for future in as_completed([pool.submit(run_pusht_job, job) for job in jobs]):
+                yield future.result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+@cache
+def _load(model: str) -> PushtModel:
+    return load_model(model)
+
+
+@cache
+def _world(model: str, pace: Pace) -> PushtWorld:
+    return PushtWorld(pace=pace, bodies=_load(model).bodies)
+
+
+@dataclass(frozen=True)
+class PushtSummary:
+    """What many episodes add up to. Times and errors are over all strokes."""
+
+    episodes: int
+    successes: int
+    success: Interval
+    steps: Interval
+    steps_median: float
+    free_share: float
+    strokes: float
+    best_coverage: float
+    planning_median_s: float
+    planning_p95_s: float
+    error_mm: float
+    error_deg: float
+    refusals: int
+
+
+def summarise_pusht(records: Sequence[PushtRecord]) -> PushtSummary:
+    """Add up episodes; steps count in all of them, solved or not."""
+    steps = np.array([record.steps for record in records], dtype=float)
+    successes = sum(record.success for record in records)
+    times = _joined(records, "planning_s")
+    return PushtSummary(
+        episodes=len(records),
+        successes=successes,
+        success=wilson_interval(successes, len(records)),
+        steps=bootstrap_mean(steps, generator(0, "bootstrap", "pusht")),
+        steps_median=float(np.median(steps)),
+        free_share=float(sum(record.free_steps for record in records) / max(steps.sum(), 1.0)),
+        strokes=float(np.mean([record.pushes for record in records])),
+        best_coverage=float(np.mean([record.best_coverage for record in records])),
+        planning_median_s=float(np.median(times)),
+        planning_p95_s=float(np.quantile(times, 0.95)),
+        error_mm=float(np.median(_joined(records, "error_mm"))),
+        error_deg=float(np.median(_joined(records, "error_deg"))),
+        refusals=sum(record.refusals for record in records),
+    )
+
+
+def _joined(records: Sequence[PushtRecord], column: str) -> np.ndarray:
+    values = [value for record in records for value in getattr(record, column)]
+    return np.array(values or [0.0])
+
+
+def write_pusht_results(
+    folder: Path, records: Sequence[PushtRecord], config: dict[str, Any], command: str
+) -> None:
+    """Write ``results.json``, with all it takes to make it again, and ``episodes.csv``."""
+    content = {
+        "reality": "gym-pusht",
+        "command": command,
+        "config": config,
+        "git_commit": git_commit(),
+        "versions": versions(*PACKAGES),
+        "machine": {"cpu": processor(), "system": system()},
+        "summary": dataclasses.asdict(summarise_pusht(records)),
+        "episodes": [dataclasses.asdict(record) for record in records],
+    }
+    text = json.dumps(content, indent=1, default=str) + "\n"
+    write_whole(folder / RESULTS_FILE, text.encode())
+    table = io.StringIO()
+    rows = csv.writer(table, lineterminator="\n")
+    names = [item.name for item in dataclasses.fields(PushtRecord)]
+    plain = [name for name in names if not isinstance(getattr(records[0], name), tuple)]
+    rows.writerow([*plain, "planning_s"])
+    for record in records:
+        total = round(sum(record.planning_s), 4)
+        rows.writerow([*(getattr(record, name) for name in plain), total])
+    write_whole(folder / EPISODES_FILE, table.getvalue().encode())

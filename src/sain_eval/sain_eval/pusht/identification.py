@@ -1,0 +1,92 @@
+"""The prior of gym-pusht's physics, from pushes: mass distribution, centre of mass, friction.
+
+Nothing slides on there: a block that is not pushed stops at once. The closest that the planar prior
+has is a table with much friction. What is left to find out is how blocks turn.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.optimize import minimize
+
+from sain_core.scene import POSITION, THETA, wrap_angle
+from sain_core.types import Scalars
+from sain_eval.pusht.agent import AGENT_RADIUS
+from sain_eval.pusht.block import BLOCK_RADIUS, pusht_bodies
+from sain_model.data.dataset import Dataset
+from sain_model.dynamics.lab_prior import LabPrior
+from sain_model.physics.planar import PlanarConfig
+
+STICKY: Final = PlanarConfig(
+    tool_radius=AGENT_RADIUS,
+    friction=2.0,
+    gravity=30.0,
+    friction_scale=1.0,
+    tool_restitution=0.0,
+    acceleration=8.0,
+)
+SOFT: Final = 0.5  # [mm], errors far below this hardly count
+LARGE: Final = 10.0  # [mm], errors beyond this count no more: a wall may have been in the way
+SCALE: Final = np.array([0.1, 0.05, 0.05, 0.05])  # of gyration, centre x and y, friction
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What the pushes tell.
+
+    Attributes:
+        gyration: radius of gyration, in units of the block's radius.
+        centre: (x, y) of the centre of mass from the centroid, in the block's frame and radii.
+        tool_friction: between disk and block.
+    """
+
+    gyration: float
+    centre: tuple[float, float]
+    tool_friction: float
+
+    @property
+    def prior(self) -> LabPrior:
+        """The prior with these parameters."""
+        config = replace(STICKY, tool_friction=self.tool_friction)
+        return LabPrior(config, pusht_bodies(self.gyration), centre=self.centre)
+
+
+def textbook() -> Identified:
+    """Return what is assumed before any push: a uniform T, friction as in the planar prior."""
+    even = float(np.sqrt(pusht_bodies().shapes[0].inertia(1.0, 1.0)[2]))
+    return Identified(even, (0.0, 0.0), PlanarConfig().tool_friction)
+
+
+def identify(data: Dataset) -> Identified:
+    """Return the parameters with which the prior predicts pushes best (Nelder and Mead)."""
+    first = textbook()
+    start = np.array([first.gyration, *first.centre, first.tool_friction])
+
+    def known(scaled: Scalars) -> Identified:
+        gyration, x, y, friction = (start + SCALE * scaled).round(6).tolist()
+        return Identified(max(gyration, 0.05), (x, y), max(friction, 0.0))
+
+    def cost(scaled: Scalars) -> float:
+        off = np.minimum(errors(known(scaled).prior, data).sum(axis=1), LARGE)
+        return float(np.sqrt(SOFT**2 + off**2).mean())
+
+    simplex = np.vstack([np.zeros(4), np.diag([1.0, 1.0, -1.0, -1.0])])
+    found = minimize(
+        cost,
+        np.zeros(4),
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": 0.01, "fatol": 1e-4, "maxfev": 300},
+    )
+    return known(found.x)
+
+
+def errors(prior: LabPrior, data: Dataset) -> np.ndarray:
+    """Return how far blocks come to lie from where they are predicted (M, 2).
+
+    In mm: the distance, and the turn at the block's circumscribed circle.
+    """
+    off = prior.step(data.state, data.action) - data.next_state
+    turned = np.abs(wrap_angle(off[:, 0, THETA]))
+    away = np.linalg.norm(off[:, 0, POSITION], axis=-1)
+    return 1e3 * np.stack([away, BLOCK_RADIUS * turned], axis=-1)

@@ -1,0 +1,69 @@
+"""The block and the frame are those of gym-pusht."""
+
+import numpy as np
+import pytest
+
+from sain_core.scene import RADIUS
+from sain_eval.pusht.block import (
+    BLOCK_RADIUS,
+    goal_of,
+    metres,
+    pixels,
+    pose_of,
+    pusht_bodies,
+    scene_of,
+)
+from sain_eval.pusht.world import PushtWorld
+
+
+@pytest.mark.parametrize("seed", [0, 3, 7])
+def test_its_corners_are_those_of_gym_pusht(world: PushtWorld, seed: int) -> None:
+    world.env.reset(seed=seed)
+    pose = world.inner._get_info()["block_pose"]
+    theirs = metres(world.inner.get_keypoints(world.inner._block_shapes))
+    scene = scene_of(pose)
+    ours = pusht_bodies().shapes[0].placed(scene[0])
+    apart = np.linalg.norm(ours[:, None] - theirs, axis=-1)
+    assert apart.min(axis=1).max() < 1e-4
+    assert scene[0, RADIUS] == BLOCK_RADIUS
+    turn = np.angle(np.exp(1j * (pose_of(scene) - pose)[2]))
+    assert np.abs(pose_of(scene) - pose)[:2].max() < 1e-9
+    assert abs(turn) < 1e-9
+
+
+def test_y_points_upwards_and_a_pixel_is_a_millimetre() -> None:
+    assert metres(np.array([10.0, 500.0])) == pytest.approx([0.010, 0.012])
+    places = np.array([[3.0, 4.0], [500.0, 1.0]])
+    assert pixels(metres(places)) == pytest.approx(places)
+
+
+def test_a_block_at_the_goal_is_a_success_there(world: PushtWorld) -> None:
+    world.reset(0)
+    goal = goal_of(world.goal, 0.001, 0.01)
+    scene = goal.placed(world.scene)
+    pose = pose_of(scene)
+    inner = world.inner
+    inner.block.angle = float(pose[2])
+    inner.block.position = tuple(pose[:2].tolist())
+    assert inner._get_coverage() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_what_the_agent_takes_for_reached_is_a_success_there(world: PushtWorld) -> None:
+    from sain_eval.pusht.episode import NEAR, TURNED
+
+    world.reset(0)
+    goal = goal_of(world.goal, NEAR, TURNED).placed(world.scene)
+    for bearing in np.linspace(0.0, 2 * np.pi, 12):
+        for way in (-1.0, 1.0):
+            off = goal.copy()
+            off[0, :3] += [NEAR * np.cos(bearing), NEAR * np.sin(bearing), way * TURNED]
+            pose = pose_of(off)
+            world.inner.block.angle = float(pose[2])
+            world.inner.block.position = tuple(pose[:2].tolist())
+            assert world.inner._get_coverage() > 0.95
+
+
+def test_a_radius_of_gyration_changes_the_inertia_alone() -> None:
+    even, other = pusht_bodies().shapes[0], pusht_bodies(0.7).shapes[0]
+    assert other.inertia(2.0, 0.1)[2] == pytest.approx(2.0 * 0.07**2)
+    assert np.array_equal(even.outline(1.0), other.outline(1.0))

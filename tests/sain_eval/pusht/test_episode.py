@@ -1,0 +1,66 @@
+"""Whole episodes, with few samples."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from sain_core.errors import ConfigError
+from sain_eval.pusht.agent import FEASIBILITY, PLANNER, ToolPlace
+from sain_eval.pusht.block import scene_of
+from sain_eval.pusht.evaluation import PushtJob, run_pusht_jobs, summarise_pusht
+from sain_eval.pusht.extra import make_env
+from sain_eval.pusht.world import PushtWorld
+
+FEW = replace(PLANNER, samples=96)
+
+
+def without_times(records: list) -> list:  # type: ignore[type-arg]
+    ordered = sorted(records, key=lambda record: record.seed)
+    return [replace(record, planning_s=()) for record in ordered]
+
+
+def test_an_episode_is_solved_and_filmed(tmp_path: Path) -> None:
+    film = tmp_path / "episode.gif"
+    (record,) = run_pusht_jobs([PushtJob(2, "pusht", FEW, picture=film)], 1)
+    assert record.success
+    assert record.best_coverage > 0.95
+    assert record.steps < 150
+    assert record.free_steps < record.steps
+    assert np.median(record.error_mm) < 0.5
+    with Image.open(film) as picture:
+        assert picture.n_frames == record.steps  # type: ignore[attr-defined]
+
+
+def test_workers_change_nothing() -> None:
+    jobs = [PushtJob(seed, "prior", FEW) for seed in (2, 4)]
+    alone, together = list(run_pusht_jobs(jobs, 1)), list(run_pusht_jobs(jobs, 2))
+    assert without_times(alone) == without_times(together)
+    summary = summarise_pusht(alone)
+    assert summary.successes == sum(record.success for record in alone)
+    assert summary.steps.estimate == np.mean([record.steps for record in alone])
+
+
+def test_a_tool_that_is_shut_in_pushes_what_it_reaches(world: PushtWorld) -> None:
+    scene = scene_of(np.array([68.0, 393.5, -1.0268]))  # across a corner of the room
+    pushes = np.column_stack([np.linspace(-3.1, 3.1, 400), np.zeros(400), np.full(400, 0.03)])
+    scenes, corner = np.broadcast_to(scene, (400, 1, 8)), ToolPlace()
+    corner.place = np.array([0.043, 0.040])
+    outside = FEASIBILITY.mask(scenes, pushes, world.bodies)
+    inside = replace(FEASIBILITY, tool=corner).mask(scenes, pushes, world.bodies)
+    assert 100 < inside.sum() < outside.sum() < 300
+    assert not (inside & outside).any()
+
+
+def test_in_the_middle_nothing_is_shut_off(world: PushtWorld) -> None:
+    pushes = np.column_stack([np.linspace(-3.1, 3.1, 400), np.zeros(400), np.full(400, 0.03)])
+    scenes = np.broadcast_to(scene_of(np.array([256.0, 200.0, 0.0])), (400, 1, 8))
+    assert FEASIBILITY.mask(scenes, pushes, world.bodies).mean() > 0.8
+
+
+def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "gym_pusht", None)
+    with pytest.raises(ConfigError, match=r"pip install 'sain_eval\[pusht\]'"):
+        make_env(300)

@@ -1,0 +1,22 @@
+"""What pushes tell of gym-pusht's physics."""
+
+import numpy as np
+
+from sain_eval.pusht.block import BLOCK_RADIUS, CENTROID, PIXEL, UNIT, pusht_bodies
+from sain_eval.pusht.collecting import data_set, random_pushes
+from sain_eval.pusht.identification import errors, identify, textbook
+from sain_eval.pusht.world import PushtWorld
+
+
+def test_a_hundred_pushes_tell_the_centre_of_mass_and_how_blocks_turn(world: PushtWorld) -> None:
+    rows = list(random_pushes(14, world, first=900))
+    data = data_set(rows[:100], pusht_bodies())
+    known = identify(data)
+    rest = data_set(rows[100:], pusht_bodies())
+    before, after = (np.median(errors(one.prior, rest), axis=0) for one in (textbook(), known))
+    assert (after < 0.25 * before).all()
+    # gym-pusht: 45 pixels from the middle of the bar's outer side
+    true = (-45.0 - CENTROID[1] * UNIT) * PIXEL / BLOCK_RADIUS
+    assert abs(known.centre[1] - true) < 0.01
+    assert abs(known.centre[0]) < 0.01
+    assert known.tool_friction < 0.02

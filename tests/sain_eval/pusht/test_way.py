@@ -1,0 +1,56 @@
+"""Ways round the block keep off it and inside the walls."""
+
+import numpy as np
+import pytest
+
+from sain_core.errors import UnreachableError
+from sain_core.shapes.outline import distance_to_way
+from sain_eval.pusht.block import pusht_bodies, scene_of
+from sain_eval.pusht.way import Room, way_round
+
+ROOM = Room(0.022, 0.489)
+GAP = 0.019
+
+
+def outline_at(x: float, y: float, angle: float) -> np.ndarray:
+    return pusht_bodies().shapes[0].placed(scene_of(np.array([x, y, angle]))[0])
+
+
+def test_ways_keep_their_gap_and_stay_in_the_room() -> None:
+    random, found = np.random.default_rng(0), 0
+    for _ in range(60):
+        outline = outline_at(*random.uniform(150, 350, 2), random.uniform(-3, 3))
+        start, end = random.uniform(0.03, 0.48, (2, 2))
+        ends = np.stack([start, end])
+        corners = np.broadcast_to(outline, (2, *outline.shape))
+        if distance_to_way(ends, ends, corners).min() < GAP:
+            continue
+        way = way_round(start, end, outline, GAP, ROOM)
+        corners = np.broadcast_to(outline, (len(way) - 1, *outline.shape))
+        assert distance_to_way(way[:-1], way[1:], corners).min() >= GAP - 1e-4
+        assert ROOM.contains(way)
+        assert np.array_equal(way[0], start)
+        assert np.array_equal(way[-1], end)
+        found += 1
+    assert found > 20
+
+
+def test_a_free_line_is_the_way() -> None:
+    outline = outline_at(256, 256, 0.0)
+    way = way_round(np.array([0.05, 0.05]), np.array([0.05, 0.45]), outline, GAP, ROOM)
+    assert len(way) == 2
+
+
+def test_a_tool_that_touches_the_block_first_leaves_it() -> None:
+    outline = outline_at(256, 256, 0.0)
+    top = float(outline[:, 1].max())
+    start = np.array([0.256, top + 0.015])
+    way = way_round(start, np.array([0.256, 0.05]), outline, GAP, ROOM)
+    assert way[1] == pytest.approx([0.256, top + GAP], abs=1e-9)
+
+
+def test_behind_a_block_at_the_wall_nothing_is_reached() -> None:
+    outline = outline_at(60, 30, np.pi / 2)
+    shut = np.array([0.03, float(outline[:, 1].max()) + 0.0])
+    with pytest.raises(UnreachableError, match="no way for the tool"):
+        way_round(np.array([0.4, 0.1]), shut, outline, 0.05, ROOM)
