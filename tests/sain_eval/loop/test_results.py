@@ -153,6 +153,9 @@ def test_the_whole_table_is_the_papers_and_that_of_shapes(tmp_path):
             jobs = played.pop((scenario, name))
             assert len(jobs) == 5
             assert jobs[0].tolerances == tuple(map(Tolerance, (0.05, 0.02, 0.01, 0.005)))
+    for scenario in ("anywhere", "anywhere_cube"):
+        for name in ("straight", "planar", "sain", "oracle"):
+            assert len(played.pop((scenario, name))) == 5
     shapes = ("box", "push_t", "shapes", "shapes_indirect", "rearrange_2", "rearrange_3")
     shapes += ("rearrange_4",)
     poses = (Tolerance(0.02, 0.1), Tolerance(0.01, 0.05), Tolerance(0.005, 0.03))
@@ -195,8 +198,9 @@ def test_a_person_finds_all_of_the_table_in_its_pages(records, tmp_path):
     rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| ")][2:]
     names = list(dict.fromkeys(row[0].removeprefix("| ") for row in rows))
     assert names == [
-        "paper", "paper_shift", "paper_cube", "box", "push_t", "shapes", "shapes_indirect",
-        "rearrange_2", "rearrange_3", "rearrange_4", "blocked", "streak",
+        "paper", "paper_shift", "paper_cube", "anywhere", "anywhere_cube", "box", "push_t",
+        "shapes", "shapes_indirect", "rearrange_2", "rearrange_3", "rearrange_4", "blocked",
+        "streak",
     ]  # fmt: skip
     (row,) = (row for row in rows if row[:3] == ["| rearrange_4", "planar", "1 cm, 0.05 rad"])
     assert row[3:5] == ["2/3", "21-94 %"] and row[5] == "1.0" and row[6].startswith("5.0 mm")
