@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from sain_model.data.dataset import Dataset
-from sain_model.dynamics.physics_gradient import moves, variations
+from sain_model.dynamics.physics_gradient import ToldPushes, moves, variations
 from sain_model.network.feature_kernels import TURN_SCALE
 from sain_model.network.interaction_network import POSITION_UNIT
 from sain_model.physics.corrections import CORRECTIONS, Corrections
@@ -25,11 +25,11 @@ def identify(prior: PlanarPrior, data: Dataset) -> Corrections:
     """
     told = np.zeros((data.state.shape[1], CORRECTIONS))
     truth = moves(data.state, data.action, data.next_state)
+    pushes = ToldPushes(prior, data.state, data.action, data.action)
     for _ in range(STEPS):
         everywhere = np.tile(told, (len(data), 1, 1))
-        after = prior.step_conditioned(data.state, data.action, everywhere)
-        ends = moves(data.state, data.action, after)
-        slopes = variations(everywhere, prior, data.state, data.action, ends) / SCALE
+        ends = pushes.moves(everywhere)
+        slopes = variations(everywhere, pushes, ends) / SCALE
         missing = ((truth - ends) / SCALE).ravel()
         slopes = slopes.reshape(len(data), told.size, -1).transpose(0, 2, 1).reshape(-1, told.size)
         weighted = slopes / np.sqrt(SOFT**2 + missing**2)[:, None]

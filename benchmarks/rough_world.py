@@ -94,7 +94,7 @@ def main() -> None:
     torch.set_num_threads(1)
     command = tyro.cli(Command, description=main.__doc__)
     split = split_by_episode(load_transitions(command.dataset), command.seed, 0.1, command.test)
-    check_held_out(split)
+    check_held_out(split.test)
     errors = physics_errors(split)
     best = min((name for name in errors if name.startswith(("planar", "bullet"))),
                key=lambda name: float(np.nanmean(errors[name])))  # fmt: skip

@@ -6,46 +6,89 @@
         --out runs/shipped
 
 Friction is inferred from the episode's earlier pushes, for the baseline and, without
-`--no-history`, for SAIN. `--baseline` learns nothing, `--model` measures a model.
+`--no-history`, for SAIN. `--baseline` learns nothing, `--model` measures a model. The folders
+`seen` and `unseen` below `--out` are data sets that `ros2 run sain_model train --bodies any` reads.
 """
 
 import argparse
-import hashlib
 import json
 import sys
-from dataclasses import asdict, replace
-from itertools import groupby
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from rich.console import Console
 
-from benchmarks.shapes_errors import Rows, measure, summary, table
-from sain_core.dataset import draw_parts
+from benchmarks.shapes_errors import table
+from sain_core.dataset import Column, Columns, shard_path
 from sain_core.plugins import load_dynamics
-from sain_core.shapes.bodies import Bodies
+from sain_core.push import PUSH_SIZE
+from sain_core.scene import STATE_SIZE
+from sain_core.storage import write_arrays
+from sain_model.cli.train import learn
 from sain_model.compute.threads import settle_threads
-from sain_model.data.dataset import Dataset
 from sain_model.data.friction_noise import make_filter
-from sain_model.data.mixed import MixedDataset, MixedSplit
-from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
-from sain_model.dynamics.priors import load_planar, prior_settings
+from sain_model.data.mixed import load_datasets, split_datasets
+from sain_model.dynamics.checkpoint import save_checkpoint
+from sain_model.dynamics.priors import load_planar
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import PLANAR, PLANAR_LAB, PLANAR_PRIORS, LossConfig
+from sain_model.evaluation.shape_errors import figures, measure_bodies
 from sain_model.network.settings import ANY_SHAPE, PUSH_FRAME, WORLD_FRAME, NetworkConfig
-from sain_model.physics.friction import FrictionFilter
-from sain_model.physics.planar import PlanarPrior
-from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.lab_fit import fit_lab
-from sain_model.training.push_training import Trainer
+from sain_model.training.options import TrainOptions
 from sain_model.training.settings import EPISODE, NOTHING, TrainingConfig
-from sain_model.training.training_card import data_part, environment
+from sain_model.training.training_card import make_card
+from sain_model.training.training_loop import LossHistory
 
+STATES = ("state", "next_state")
 IDENTIFIED_BY = 300  # combinations of shapes with an earlier episode than this fit the prior
 
 
 def main() -> None:
     """Learn and measure; see the module."""
+    arguments = parse()
+    settle_threads()
+    seen, unseen = (load_datasets([path], ANY_SHAPE) for path in as_shards(arguments))
+    split = split_datasets(seen, 0, 0.1, 0.15)
+    usual = prior = load_planar(arguments.prior)
+    if arguments.identify:
+        known = [part for part in split.train.parts if part.episode.min() < IDENTIFIED_BY]
+        prior = fit_lab(known, usual.config)
+        print(prior.centre, prior.config.friction, prior.config.disk_friction, flush=True)
+    baseline, friction = make_filter(usual, split.train), make_filter(prior, split.train)
+    assert friction is not None
+    assert baseline is not None
+    print(friction.config, *(len(part) for part in vars(split).values()), len(unseen), flush=True)
+    infers = None if arguments.no_history else friction
+    sain: SainDynamics | None = None
+    histories: list[LossHistory] = []
+    command = options(arguments, infers is not None)
+    if arguments.model:
+        model = load_dynamics(arguments.model)
+        assert isinstance(model, SainDynamics)
+        sain = model
+    elif not arguments.baseline:
+        sain, histories = learn(command, seen, split, Console(), physics=(prior, infers))
+    report = {}
+    for name, test in {"seen": split.test, "unseen": unseen}.items():
+        asked = (usual, prior, friction) if arguments.identify else (usual,)
+        for physics in asked:
+            title = f"{name}, {type(physics).__name__}"
+            print(f"\n## {title}\n\n{table(measure_bodies(physics, None, test))}")
+        rows = measure_bodies(baseline, sain, test)
+        report[name] = figures({key: values[rows["pushed"]] for key, values in rows.items()})
+        print(f"\n## {arguments.world}, {name} shapes\n\n{table(rows)}", flush=True)
+    (arguments.out / "report.json").write_text(json.dumps(report, indent=1) + "\n")
+    if sain is not None and histories:
+        card = make_card(command, seen, split, sain, histories, report, None)
+        told = " ".join(["python -m benchmarks.shapes_learning", *sys.argv[1:]])
+        path = arguments.out / f"{arguments.name}.safetensors"
+        save_checkpoint(path, sain.network, replace(card, command=told))
+
+
+def parse() -> argparse.Namespace:
+    """Return the options of the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("--out", type=Path, required=True)
@@ -65,121 +108,44 @@ def main() -> None:
     parser.add_argument("--baseline", action="store_true")
     parser.add_argument("--no-history", action="store_true", help="friction is not inferred")
     parser.add_argument("--identify", action="store_true", help="fit the prior to the laboratory")
-    arguments = parser.parse_args()
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    settle_threads()
-    split, unseen = load(arguments.data, arguments.world == "rough", arguments.episodes)
-    usual = prior = load_planar(arguments.prior)
-    if arguments.identify:
-        known = [part for part in split.train.parts if part.episode.min() < IDENTIFIED_BY]
-        prior = fit_lab(known, usual.config)
-        print(prior.centre, prior.config.friction, prior.config.disk_friction, flush=True)
-    baseline, friction = make_filter(usual, split.train), make_filter(prior, split.train)
-    assert friction is not None
-    assert baseline is not None
-    print(friction.config, *(len(part) for part in vars(split).values()), len(unseen), flush=True)
-    tests = {"seen": split.test, "unseen": unseen}
-    sain: SainDynamics | None = None
-    if arguments.model:
-        model = load_dynamics(arguments.model)
-        assert isinstance(model, SainDynamics)
-        sain = model
-    elif not arguments.baseline:
-        sain = learn(arguments, split, prior, None if arguments.no_history else friction)
-    report = {}
-    for name, test in tests.items():
-        if arguments.identify:
-            print(f"\n## {name}, identified prior\n\n{table(measure(friction, None, test))}")
-        for physics in dict.fromkeys((usual, prior)):
-            rows = measure(physics, None, test)
-            print(f"\n## {name}, {type(physics).__name__} without history\n\n{table(rows)}")
-        rows = measure(baseline, sain, test)
-        report[name] = summary(rows)
-        print(f"\n## {arguments.world}, {name} shapes\n\n{table(rows)}", flush=True)
-    (arguments.out / "report.json").write_text(json.dumps(report, indent=1) + "\n")
-    if sain is not None and not arguments.model:
-        save(arguments, split, sain, report)
+    return parser.parse_args()
 
 
-def save(
-    arguments: argparse.Namespace, split: MixedSplit, sain: SainDynamics, errors: dict[str, Any]
-) -> None:
-    """Write the checkpoint and its card."""
-    card = ModelCard(
-        sain.prior_name,
-        prior_settings(sain.prior),
-        {},
-        friction=asdict(sain.friction) if sain.friction else None,
-        intervals=asdict(sain.intervals) if sain.intervals else None,
-        kind=sain.kind,
-        data=data_part([arguments.data], split.train, split),
-        training=asdict(training_config(arguments, sain.friction is not None)),
-        errors=errors,
-        versions=environment(),
-        command=" ".join(["python -m benchmarks.shapes_learning", *sys.argv[1:]]),
-    )
-    save_checkpoint(arguments.out / f"{arguments.name}.safetensors", sain.network, card)
-
-
-def load(folder: Path, rough: bool, episodes: int) -> tuple[MixedSplit, MixedDataset]:
-    """Return the pushes on seen shapes, split by episode, and those on unseen shapes."""
-    chunks = [np.load(path) for path in sorted(folder.glob("chunk-?????.npz"))]
+def as_shards(arguments: argparse.Namespace) -> list[Path]:
+    """Write the pushes of a world as data sets, of seen and unseen shapes; return the folders."""
+    chunks = [np.load(path) for path in sorted(arguments.data.glob("chunk-?????.npz"))]
     columns = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0].files}
-    wanted = (columns["rough"] == rough) & (columns["episode"] < episodes)
-    columns = {name: values[wanted] for name, values in columns.items()}
-    unseen = columns["unseen"]
-    seen = mixed({name: values[~unseen] for name, values in columns.items()})
-    split = MixedSplit(*(seen.select(rows) for rows in draw_parts(seen.episode, 0, 0.1, 0.15)))
-    return split, mixed({name: values[unseen] for name, values in columns.items()})
+    wanted = columns["rough"] == (arguments.world == "rough")
+    wanted &= columns["episode"] < arguments.episodes
+    alone = columns["shapes"][:, 1] == ""
+    folders = []
+    for folder, kind in (("seen", ~columns["unseen"]), ("unseen", columns["unseen"])):
+        path = arguments.out / folder
+        path.mkdir(parents=True, exist_ok=True)
+        for count, some in ((1, alone), (2, ~alone)):
+            rows = {name: values[wanted & kind & some] for name, values in columns.items()}
+            write_arrays(shard_path(path, count), transitions(rows, count))
+        folders.append(path)
+    return folders
 
 
-def mixed(columns: Rows) -> MixedDataset:
-    """Return one part for every combination of shapes."""
-    names = ["|".join(row) for row in columns["shapes"]]
-    order = sorted(range(len(names)), key=lambda index: (names[index], index))
-    parts = []
-    for name, group in groupby(order, key=lambda index: names[index]):
-        rows, shapes = list(group), [shape for shape in name.split("|") if shape]
-        state, after = (columns[key][rows][:, : len(shapes)] for key in ("state", "next_state"))
-        parts.append(
-            Dataset(
-                state=state,
-                action=columns["action"][rows],
-                next_state=after,
-                physics_next=state,
-                episode=columns["episode"][rows],
-                step=columns["step"][rows],
-                friction=columns["friction"][rows],
-                floor_next=np.full_like(state, np.nan),
-                sha256="",
-                bodies=Bodies.named(shapes, ["pushable"] * len(shapes)),
-            )
-        )
-    digest = hashlib.sha256(columns["state"].tobytes() + columns["action"].tobytes())
-    return MixedDataset(tuple(parts), digest.hexdigest(), ())
+def transitions(rows: Columns, count: int) -> Columns:
+    """Return pushes of so many bodies with the columns of a data set."""
+    states = (rows[name][:, :count].reshape(-1, count * STATE_SIZE) for name in STATES)
+    before, after = states
+    kept = (Column.EPISODE, Column.STEP, Column.FRICTION)
+    return {
+        **dict(zip((Column.STATE, Column.NEXT_STATE), (before, after), strict=True)),
+        Column.PHYSICS_NEXT: before,
+        Column.ACTION: rows["action"][:, :PUSH_SIZE],
+        Column.BODY: rows["action"][:, PUSH_SIZE].astype(np.int64),
+        Column.SHAPES: np.array([",".join(names[:count]) for names in rows["shapes"]]),
+        Column.ROLES: np.full(len(before), ",".join(["pushable"] * count)),
+        **{name: rows[name] for name in kept},
+    }
 
 
-def learn(
-    arguments: argparse.Namespace,
-    split: MixedSplit,
-    prior: PlanarPrior,
-    friction: FrictionFilter | None,
-) -> SainDynamics:
-    """Return the trained network on its prior, with the regions of its predictions."""
-    config = training_config(arguments, friction is not None)
-    trainer = Trainer(split, prior, config, arguments.out, friction)
-    trainer.run(
-        lambda epoch, history: print(
-            f"epoch {epoch}: {history.train[-1]:.3f} {history.validation[-1]:.3f}", flush=True
-        )
-    )
-    infers = friction.config if friction else None
-    name = PLANAR_LAB if arguments.identify else arguments.prior
-    sain = SainDynamics(trainer.network, prior, name, friction=infers)
-    return replace(sain, intervals=fit_intervals(sain, *split.validation.parts))
-
-
-def training_config(arguments: argparse.Namespace, infers: bool) -> TrainingConfig:
+def options(arguments: argparse.Namespace, infers: bool) -> TrainOptions:
     """Return the settings of a training; with `infers`, friction is inferred from history."""
     frame = arguments.frame or (WORLD_FRAME if arguments.world == "rough" else PUSH_FRAME)
     network = NetworkConfig(
@@ -192,16 +158,17 @@ def training_config(arguments: argparse.Namespace, infers: bool) -> TrainingConf
     )
     smooth = arguments.world != "rough"
     loss = LossConfig(position_scale=0.0002, heading_scale=0.01) if smooth else LossConfig()
-    return TrainingConfig(
+    training = TrainingConfig(
         epochs=arguments.epochs,
         batch=arguments.batch,
         learning_rate=arguments.rate,
         network=network,
         loss=loss,
         weight_decay=arguments.decay,
-        prior=arguments.prior,
+        prior=PLANAR_LAB if arguments.identify else arguments.prior,
         history=EPISODE if infers else NOTHING,
     )
+    return TrainOptions((arguments.data,), arguments.out, arguments.name, training=training)
 
 
 if __name__ == "__main__":

@@ -34,7 +34,9 @@ def test_the_result_tells_what_was_done(scene, dynamics):
     assert plan.predicted.shape == (CONFIG.horizon, 2, 8)
     assert plan.cost == pytest.approx(sum(plan.terms.values()))
     assert plan.improves and plan.rounds == CONFIG.rounds
-    assert plan.samples == 192 + 96 + 48
+    beam = CONFIG.beam
+    tried = beam.first + (CONFIG.horizon - 1) * beam.width * beam.branch
+    assert plan.samples == tried + 192 + 96 + 48
     assert 1.0 <= plan.effective_samples <= CONFIG.samples
     assert 0.0 < plan.times.rollout <= plan.times.total
     np.testing.assert_allclose(plan.predicted[0], dynamics.step(scene[None], plan.push[None])[0])
@@ -152,6 +154,24 @@ def test_a_plan_that_was_prepared_is_corrected_with_few_samples(scene, dynamics)
     anew = planner(dynamics).plan(expected, GOAL, generator(2))
     assert then.rounds == 1 and then.samples <= CONFIG.correction + 16 < anew.samples
     assert then.cost < 0.1 * then.rest_cost  # `anew` likewise: three times the samples
+
+
+def test_a_correction_asks_the_model_once(scene, dynamics):
+    class Counted(StepwiseRollout):
+        asked = 0
+
+        def rollout(self, scene, pushes):
+            self.asked += 1
+            return super().rollout(scene, pushes)
+
+    model = Counted(dynamics)
+    ahead = Planner(model, CONFIG)
+    expected = ahead.plan(scene, GOAL, generator(0)).predicted[0]
+    ahead.prepare(expected, generator(1))
+    before = model.asked
+    then = ahead.plan(expected, GOAL, generator(2))
+    assert model.asked == before + 1
+    assert CONFIG.correction < then.samples <= CONFIG.correction + 16  # the prepared ones as well
 
 
 def test_what_was_prepared_is_dropped_for_a_wide_plan_a_refusal_or_another_goal(scene, dynamics):

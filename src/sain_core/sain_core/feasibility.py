@@ -53,7 +53,11 @@ def reachable(
     The ring is not convex: the way is checked where it starts, ends and comes nearest the base.
     """
     start, heading = strokes(scenes, pushes, limits, bodies)
-    way, length = unit(heading), pushes[..., LENGTH]
+    return _within_reach(start, unit(heading), pushes[..., LENGTH], reach)
+
+
+def _within_reach(start: Points, way: Points, length: Scalars, reach: Reach) -> Mask:
+    """Tell which ways (...,) from a start (..., 2) in a direction (..., 2) lie in reach."""
     nearest = np.clip(-(start * way).sum(-1), 0.0, length)
     ok = reach.contains(start)
     ok &= reach.contains(start + nearest[..., None] * way)
@@ -70,7 +74,18 @@ def tool_gap(
     Infinite: there is no other body.
     """
     start, heading = strokes(scenes, pushes, limits, bodies)
-    way = unit(heading)
+    return _gap_on_way(start, unit(heading), scenes, pushes, limits, bodies)
+
+
+def _gap_on_way(
+    start: Points,
+    way: Points,
+    scenes: Scenes,
+    pushes: Pushes,
+    limits: PushLimits,
+    bodies: Bodies | None,
+) -> Scalars:
+    """Return the gap of a tool that starts at (..., 2) and travels in the direction (..., 2)."""
     if pushes.shape[-1] == PUSH_SIZE and (bodies is None or bodies.all_round):
         others = scenes[..., MID + 1 :, :]
         offset = others[..., POSITION] - start[..., None, :]  # (..., N - 1, 2)
@@ -81,9 +96,13 @@ def tool_gap(
     end = start + pushes[..., LENGTH, None] * way
     pushed, least = pushed_bodies(pushes), np.full(start.shape[:-1], np.inf)
     for body in range(scenes.shape[-2]):
-        state = np.broadcast_to(scenes[..., body, :], (*least.shape, scenes.shape[-1]))
-        apart = _way_to_body(start, end, state, None if bodies is None else bodies.shapes[body])
-        least = np.where(pushed == body, least, np.minimum(least, apart))
+        passing = np.broadcast_to(pushed != body, least.shape)
+        if not passing.any():
+            continue
+        state = np.broadcast_to(scenes[..., body, :], (*least.shape, scenes.shape[-1]))[passing]
+        shape = None if bodies is None else bodies.shapes[body]
+        apart = _way_to_body(start[passing], end[passing], state, shape)
+        least[passing] = np.minimum(least[passing], apart)
     return np.asarray(least - limits.tool_radius)
 
 
@@ -183,8 +202,12 @@ class Feasibility(Config):
 
         A push must also be against a pushable body, where bodies are given.
         """
-        free = tool_gap(scenes, pushes, self.limits, bodies) >= self.tool_margin
-        possible = free & reachable(scenes, pushes, self.limits, self.reach, bodies)
+        limits = self.limits
+        start, heading = strokes(scenes, pushes, limits, bodies)
+        way = unit(heading)
+        gap = _gap_on_way(start, way, scenes, pushes, limits, bodies)
+        possible = _within_reach(start, way, pushes[..., LENGTH], self.reach)
+        possible &= gap >= self.tool_margin
         if bodies is not None:
             possible &= start_gap(scenes, pushes, self.limits, bodies) >= 0.0
             possible &= np.isin(pushed_bodies(pushes), bodies.pushable)

@@ -110,13 +110,17 @@ class Planner:
             config = config.correcting()
         objective = make_objective(goal, first, config.weights, self.feasibility, bodies)
         search = Search(
-            self.model, config, self.feasibility, scene, objective, refused, deadline, shortest
+            self.model,
+            config,
+            self.feasibility,
+            scene,
+            objective,
+            refused,
+            deadline,
+            ahead,
+            shortest,
         )
-        if ahead is None:
-            known = self._start(scene, goal, search)
-        else:
-            search.probe(ahead)
-            known = search.elites.sequences
+        known = self._start(scene, goal, search) if ahead is None else ahead
         ALGORITHMS[config.algorithm](search, known, generator)
         self._elites, self._scene = search.elites.sequences, scene.copy()
         self._goal = goal if isinstance(goal, PoseGoal) else goal.copy()

@@ -8,7 +8,7 @@ import torch
 
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_SIZE, X, Y
-from sain_model.commands import evaluate, train
+from sain_model.commands import evaluate, train, train_correction
 from sain_model.data.dataset import (
     Dataset,
     Split,
@@ -77,13 +77,15 @@ def test_several_folders_with_as_many_disks_are_one_data_set(folders) -> None:
     assert data.sources == tuple(load_transitions(path).sha256 for path in folders[::2])
 
 
-def test_a_folder_may_mix_numbers_of_disks(folders, tmp_path) -> None:
+def test_a_folder_may_mix_numbers_of_disks(folders, tmp_path, capsys) -> None:
     for name, folder in (("a", folders[0]), ("b", folders[1])):
         shard = next(iter(sorted(folder.glob("*.npz"))))
         (tmp_path / f"{name}.npz").write_bytes(shard.read_bytes())
     data = load_datasets([tmp_path])
     assert [part.disks for part in data.parts] == [2, 4]
     assert not set(data.parts[0].episode) & set(data.parts[1].episode)
+    assert train_correction([str(tmp_path), "--out", str(tmp_path / "out")]) == 1
+    assert "mixes numbers of disks; use one folder for each" in capsys.readouterr().err
 
 
 def test_the_same_push_in_two_data_sets_is_refused(folders, tmp_path) -> None:
@@ -168,9 +170,17 @@ def test_the_command_learns_from_all_of_them(folders, tmp_path, capsys) -> None:
     assert train(arguments) == 0
     card = (tmp_path / "sain.json").read_text()
     assert '"by_disks"' in card and all(str(folder) in card for folder in folders)
-    with pytest.raises(DatasetError, match="needs data with one number of disks"):
-        split_datasets(load_datasets(folders), 0, 0.1, 0.1, 20)
     capsys.readouterr()
+
+
+def test_fewer_transitions_are_first_episodes_of_all_parts(folders) -> None:
+    data = load_datasets(folders)
+    whole, split = split_datasets(data, 0, 0.1, 0.1), split_datasets(data, 0, 0.1, 0.1, 20)
+    assert [len(split.train), len(split.test)] == [20, len(whole.test)]
+    first = sorted(set(whole.train.episode.tolist()))[: len(set(split.train.episode.tolist()))]
+    assert set(split.train.episode.tolist()) == set(first)
+    with pytest.raises(DatasetError, match="9999 transitions to train on are asked for"):
+        split_datasets(data, 0, 0.1, 0.1, 9999)
 
 
 def test_a_select_keeps_the_order_of_the_parts(folders) -> None:

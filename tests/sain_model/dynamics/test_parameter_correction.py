@@ -22,7 +22,7 @@ from sain_model.dynamics.checkpoint import (
 )
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.parameter_correction import ParameterCorrection
-from sain_model.dynamics.physics_gradient import conditioned_moves, moves
+from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves, moves
 from sain_model.dynamics.priors import load_planar
 from sain_model.dynamics.settings import PLANAR_AXES, CorrectionNetworkConfig
 from sain_model.physics import corrections as told
@@ -67,7 +67,9 @@ def test_gradients_are_those_of_simulated_variations(random_pushes) -> None:
     prior, shape = PlanarPrior(), (12, 2, told.CORRECTIONS)
     corrections = torch.zeros(shape, requires_grad=True)
     weights = torch.from_numpy(np.random.default_rng(0).normal(size=(12, 2, 3)).astype(np.float32))
-    (weights * conditioned_moves(corrections, prior, scenes, pushes)).sum().backward()
+    (
+        weights * conditioned_moves(corrections, ToldPushes(prior, scenes, pushes, pushes))
+    ).sum().backward()
     assert corrections.grad is not None
     for disk, column in ((0, told.DRAG), (1, told.PULL_Y), (1, told.MASS_FORE), (0, told.LENGTH)):
         more = np.zeros(shape)

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import pytest
 
-from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.errors import InvalidInputError
 from sain_core.history import PushHistory
 from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits
 from sain_core.scene import (
@@ -349,5 +349,5 @@ def test_what_does_not_fit_the_bodies_is_refused_by_name() -> None:
     pushes[1, BODY] = 2.0
     with pytest.raises(InvalidInputError, match="push 1 is against body 2; the scenes have bod"):
         prior.step(scenes, pushes)
-    with pytest.raises(ConfigError, match="only disks can be corrected"):
-        prior.step_conditioned(scenes, pushes[:, :3], np.zeros((3, 2, CORRECTIONS)))
+    with pytest.raises(InvalidInputError, match=r"corrections\[0, 0, 0\] is nan"):
+        prior.step_conditioned(scenes, pushes[:, :3], np.full((3, 2, CORRECTIONS), np.nan))

@@ -101,7 +101,7 @@ def test_its_disks_cannot_be_corrected() -> None:
         2,
         axis=0,
     )
-    with pytest.raises(ConfigError, match="only disks can be corrected"):
+    with pytest.raises(ConfigError, match="prior of a laboratory cannot be corrected"):
         LabPrior(centre=CENTRE).step_conditioned(
             scenes, np.full((2, 3), 0.05), np.zeros((2, 2, 10))
         )

@@ -39,6 +39,15 @@ def test_rows_state_shapes_roles_and_the_body_of_the_push(collected):
     assert len(set(pushed)) > 1
 
 
+def test_a_disk_alone_is_named_too(tmp_path):
+    alone = EpisodeConfig(pushes=1, shapes="disk,t", bodies="1")
+    collect(CollectConfig(tmp_path, 6, 1, episode=alone))
+    data = load_shards(tmp_path)
+    shapes = [bodies.shapes[0].footprint for bodies in row_bodies(data)]
+    assert set(shapes) == {"disk", "t"}
+    assert data[Column.BODY].tolist() == [0] * len(shapes)
+
+
 def test_a_push_moves_the_body_that_it_names_and_physics_predicts_it(collected):
     for count, data in load_by_count(collected).items():
         rows = np.arange(len(data[Column.BODY]))

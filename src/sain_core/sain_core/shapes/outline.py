@@ -44,10 +44,15 @@ class Outline:
         share = np.mod(locations, 2 * pi) / (2 * pi)
         side = np.searchsorted(self.shares, share, side="right") - 1
         side = np.clip(side, 0, len(self.shares) - 2)
-        start, way = self.corners[side], np.diff(self.corners, axis=0)[side]
+        ways, inward = self._sides
         part = (share - self.shares[side]) / (self.shares[side + 1] - self.shares[side])
-        inward = np.arctan2(way[..., 1], way[..., 0]) + pi / 2
-        return start + part[..., None] * way, wrap_angle(inward)
+        return self.corners[side] + part[..., None] * ways[side], inward[side]
+
+    @cached_property
+    def _sides(self) -> tuple[Points, Angles]:
+        """The way along each side, and the heading of its inward normal."""
+        ways = np.diff(self.corners, axis=0)
+        return ways, wrap_angle(np.arctan2(ways[:, 1], ways[:, 0]) + pi / 2)
 
     def facing(self, headings: Angles) -> tuple[Angles, Angles]:
         """Return where a push straight through the middle in headings (...,) touches the outline.

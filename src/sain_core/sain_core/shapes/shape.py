@@ -87,6 +87,14 @@ class Shape(ABC):
         """The radius of the circumscribed circle, in units of the state's radius."""
         return float(np.hypot(*self.outline(1.0).T).max())
 
+    @cached_property
+    def width(self) -> float:
+        """The smallest distance of two parallel lines about it, in units of the state's radius."""
+        corners = self.outline(1.0)
+        bearings = np.linspace(0.0, np.pi, 180, endpoint=False)
+        across = corners @ np.stack([np.cos(bearings), np.sin(bearings)])
+        return float(np.ptp(across, axis=0).min())
+
     @abstractmethod
     def outline(self, radius: float) -> Points:
         """Return the corners (M, 2) [m] of a body of this radius, counter-clockwise."""

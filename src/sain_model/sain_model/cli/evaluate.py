@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -10,13 +10,14 @@ from rich.console import Console
 
 from sain_core.dataset import draw_parts
 from sain_core.dynamics import Dynamics
-from sain_core.errors import CheckpointError, DatasetError
+from sain_core.errors import CheckpointError, ConfigError, DatasetError
 from sain_core.provenance import ros2_command
 from sain_core.push import LENGTH
 from sain_core.storage import write_json
 from sain_core.types import Mask
 from sain_model.cli.options import EvaluateModelOptions
 from sain_model.data.dataset import Dataset, load_transitions
+from sain_model.data.mixed import MixedDataset, load_datasets
 from sain_model.data.windows import make_windows
 from sain_model.dynamics.checkpoint import ModelCard, parse_card
 from sain_model.dynamics.load import load_sain, shipped_checkpoint
@@ -27,6 +28,10 @@ from sain_model.evaluation.metrics import LEARNED
 from sain_model.evaluation.open_loop import NAMES, RECURRENT_SAIN
 from sain_model.evaluation.open_loop_report import report_open_loop
 from sain_model.evaluation.prediction_errors import evaluate
+from sain_model.evaluation.shape_errors import shape_errors
+from sain_model.network.settings import ANY_SHAPE
+
+AnyData = TypeVar("AnyData", Dataset, MixedDataset)
 
 
 def run(command: EvaluateModelOptions, console: Console) -> None:
@@ -38,18 +43,13 @@ def run(command: EvaluateModelOptions, console: Console) -> None:
     torch.set_num_threads(1)
     path = command.checkpoint or shipped_checkpoint()
     sain = load_sain(path)
-    learned = load_sain(command.learned) if command.learned else None
-    data = load_transitions(command.dataset)
-    with open_models(command.baselines) as named:
-        models = _models(command, sain, learned)
-        models |= {name: model for name, model in named.items() if _card(model)}
-        physics = {name: model for name, model in named.items() if name not in models}
-        texts = {name: _card(model) for name, model in models.items()}
-        cards = [parse_card(Path(name), text) for name, text in texts.items() if text]
-        held_out = unseen(data, *cards)
-        errors = evaluate(held_out, sain, learned, command.seed)
-        if command.open_loop:
-            errors |= _open_loop(command, held_out, models, physics, console)
+    data: Dataset | MixedDataset
+    if sain.network.config.bodies == ANY_SHAPE:
+        data = load_datasets([command.dataset], ANY_SHAPE)
+        errors = _errors_of_shapes(command, data, sain)
+    else:
+        data = load_transitions(command.dataset)
+        errors = _errors_of_disks(command, data, sain, console)
     report = {
         "dataset": {"path": str(command.dataset), "sha256": data.sha256},
         "checkpoint": {"path": str(path), "sha256": sain.model_hash},
@@ -62,6 +62,40 @@ def run(command: EvaluateModelOptions, console: Console) -> None:
     write_json(command.out, report)
     _show(errors, console)
     console.print(f"written to {command.out}")
+
+
+def _errors_of_disks(
+    command: EvaluateModelOptions, data: Dataset, sain: SainDynamics, console: Console
+) -> dict[str, Any]:
+    """Return errors of everything that predicts disks, on pushes that no model has seen."""
+    learned = load_sain(command.learned) if command.learned else None
+    with open_models(command.baselines) as named:
+        models = _models(command, sain, learned)
+        models |= {name: model for name, model in named.items() if _card(model)}
+        physics = {name: model for name, model in named.items() if name not in models}
+        texts = {name: _card(model) for name, model in models.items()}
+        cards = [parse_card(Path(name), text) for name, text in texts.items() if text]
+        held_out = unseen(data, *cards)
+        errors = evaluate(held_out, sain, learned, command.seed)
+        if command.open_loop:
+            errors |= _open_loop(command, held_out, models, physics, console)
+    return errors
+
+
+def _errors_of_shapes(
+    command: EvaluateModelOptions, data: MixedDataset, sain: SainDynamics
+) -> dict[str, Any]:
+    """Return errors of single pushes of any body, on pushes that the model has not seen.
+
+    Raises:
+        ConfigError: there are models to compare with, which are for disks.
+    """
+    if command.learned or command.recurrent or command.baselines:
+        raise ConfigError(
+            "a model for any shape is compared with its own prior alone; leave --learned,"
+            " --recurrent and --baselines out"
+        )
+    return shape_errors(unseen(data, parse_card(Path("the card"), sain.card)), sain, command.seed)
 
 
 def _models(
@@ -101,14 +135,14 @@ def _show(errors: dict[str, Any], console: Console) -> None:
     """Print errors of single pushes as tables."""
     for table in error_tables(errors):
         console.print(table, soft_wrap=True)
-    for name, share in errors["reducible_error_removed"].items():
+    for name, share in errors.get("reducible_error_removed", {}).items():
         console.print(f"{name}: {100 * share:.0f} % of the reducible error removed")
     for name, count in errors.get("refused", {}).items():
         console.print(f"{name}: pushes of its rollouts that could not be carried out: {count}")
     console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")
 
 
-def unseen(data: Dataset, *cards: ModelCard) -> Dataset:
+def unseen(data: AnyData, *cards: ModelCard) -> AnyData:
     """Return what no checkpoint was trained on: their test episodes, or all of other data.
 
     Raises:
@@ -125,7 +159,7 @@ def unseen(data: Dataset, *cards: ModelCard) -> Dataset:
     return data if held_out.all() else data.select(held_out)
 
 
-def _held_out(data: Dataset, card: ModelCard) -> Mask:
+def _held_out(data: Dataset | MixedDataset, card: ModelCard) -> Mask:
     """Tell which pushes (M,) a checkpoint was not trained on."""
     if data.sha256 in card.data.get("sources", ()):
         raise DatasetError(

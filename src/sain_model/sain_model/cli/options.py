@@ -31,7 +31,8 @@ class EvaluateModelOptions(Config):
         " checkpoints",
     )
     open_loop: tuple[int, ...] = option(
-        STEPS, "numbers of pushes after which errors of rollouts are taken; none: no rollouts"
+        STEPS,
+        "numbers of pushes after which errors of rollouts of disks are taken; none: no rollouts",
     )
     out: Path = option(
         Path("evaluation.json"), "file for the errors; a table and a picture go beside it"

@@ -7,6 +7,7 @@ import torch
 from rich.console import Console
 
 from sain_core.drawing.figures import write_png
+from sain_core.dynamics import Dynamics
 from sain_core.errors import ConfigError, DatasetError
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
@@ -15,7 +16,8 @@ from sain_model.dynamics.load import sain_class
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.error_table import error_tables, gain_line
 from sain_model.evaluation.prediction_errors import held_out_errors
-from sain_model.network.settings import ON_STATE
+from sain_model.network.settings import ANY_SHAPE, ON_STATE
+from sain_model.physics.friction import FrictionFilter
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.options import TrainOptions
@@ -23,8 +25,11 @@ from sain_model.training.plots import draw_losses
 from sain_model.training.progress import epoch_bar, event_log
 from sain_model.training.push_training import Trainer, prior_and_filter
 from sain_model.training.rollout_training import RolloutTrainer
+from sain_model.training.settings import TrainingConfig
 from sain_model.training.training_card import make_card, save_settings
 from sain_model.training.training_loop import LossHistory
+
+Physics = tuple[Dynamics, FrictionFilter | None]
 
 
 def run(command: TrainOptions, console: Console) -> None:
@@ -38,7 +43,7 @@ def run(command: TrainOptions, console: Console) -> None:
     parent = Parent.load(command.parent) if command.parent else None
     if parent:
         parent.check_options(command)
-    data = load_datasets(command.dataset)
+    data = load_datasets(command.dataset, config.network.bodies)
     split = split_datasets(data, config.seed, config.validation, config.test, config.transitions)
     if parent:
         parent.check_data(data)
@@ -67,18 +72,19 @@ def learn(
     split: Split | MixedSplit,
     console: Console,
     parent: Parent | None = None,
+    physics: Physics | None = None,
 ) -> tuple[SainDynamics, list[LossHistory]]:
-    """Train on single pushes, then on rollouts if wanted, and fit the regions of predictions."""
+    """Train on single pushes, then on rollouts if wanted, and fit the regions of predictions.
+
+    `physics` is what is corrected, and what infers its friction; None: as the settings say.
+    """
     config = command.training
     rollouts = command.rollout if command.rollout.wanted else None
-    if rollouts and not isinstance(split, Split):
-        raise DatasetError("--steps-ahead needs data with one number of disks")
-    if rollouts and config.network.residual == ON_STATE:
-        raise ConfigError("--steps-ahead learns residuals on physics; leave --residual state out")
+    if rollouts:
+        _check_rollouts(config, split)
     if parent:
-        prior, friction = parent.sain.prior, parent.sain.filter
-    else:
-        prior, friction = prior_and_filter(config, split.train)
+        physics = parent.sain.prior, parent.sain.filter
+    prior, friction = physics or prior_and_filter(config, split.train)
     start = parent.sain if parent else None
     trainer = Trainer(split, prior, config, command.out, friction, start)
     save_settings("train", command, data)
@@ -97,8 +103,19 @@ def learn(
     sain = sain_class(rollouts)(
         trainer.network, prior, config.prior, friction=infers, recurrent=rollouts is not None
     )
-    intervals = fit_intervals(sain, split.validation.parts[0])
+    parts = split.validation.parts
+    intervals = fit_intervals(sain, *(parts[:1] if parts[0].bodies is None else parts))
     return replace(sain, intervals=intervals), histories
+
+
+def _check_rollouts(config: TrainingConfig, split: Split | MixedSplit) -> None:
+    """Raise `ConfigError` or `DatasetError` where rollouts cannot be learned from."""
+    if config.network.bodies == ANY_SHAPE:
+        raise ConfigError("--steps-ahead is for networks for disks; leave --bodies any out")
+    if config.network.residual == ON_STATE:
+        raise ConfigError("--steps-ahead learns residuals on physics; leave --residual state out")
+    if not isinstance(split, Split):
+        raise DatasetError("--steps-ahead needs data with one number of disks")
 
 
 def _run(trainer: Trainer, command: TrainOptions, console: Console) -> None:

@@ -30,6 +30,11 @@ def run_blocks(work: Callable[[int], None], total: int, size: int) -> None:
             helper.result()
 
 
+def even_blocks(total: int, most: int) -> int:
+    """Return a size of blocks, at most `most`, that keeps all threads busy to the end."""
+    return max(min(most, -(-total // (4 * numba.get_num_threads()))), 1)
+
+
 @functools.cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(numba.config.NUMBA_NUM_THREADS, "sain-blocks")  # type: ignore[attr-defined]

@@ -1,6 +1,7 @@
 """Transitions (s, a, f_p(s, a), s') from disk, and their split by episode."""
 
 import hashlib
+from collections.abc import Sized
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
-from sain_core.dataset import NEEDED, Column, Columns, Transitions, draw_parts
+from sain_core.dataset import NEEDED, SHAPED, Column, Columns, Transitions, draw_parts
 from sain_core.errors import DatasetError
 from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
@@ -32,7 +33,7 @@ class Dataset(Transitions):
         floor_next: the same push repeated in a world set to the observed state; NaN likewise.
         sha256: of all columns that are needed.
         sources: SHA-256 of each folder that it was put together from; empty: it is one folder.
-        bodies: of all scenes; None: disks.
+        bodies: of all scenes; None: all are taken for disks.
     """
 
     physics_next: Scenes
@@ -84,18 +85,23 @@ def load_transitions(path: Path) -> Dataset:
     return from_shards(path, list(shards.values()))
 
 
-def read_shards(path: Path) -> dict[str, Columns]:
+def read_shards(path: Path, any_shape: bool = False) -> dict[str, Columns]:
     """Return the arrays of each shard by its name, in the order of names; see `read_shard`."""
     shards = sorted(path.glob("*.npz")) if path.is_dir() else [path]
     if not shards:
         raise DatasetError(f"{path} holds no shards *.npz")
-    return {shard.name: read_shard(shard) for shard in shards}
+    return {shard.name: read_shard(shard, any_shape) for shard in shards}
 
 
 def from_shards(path: Path, shards: list[Columns]) -> Dataset:
-    """Return the transitions of shards with one number of disks; the path is for messages."""
+    """Return the transitions of shards with one number of disks; the path is for messages.
+
+    Shapes and roles, where shards have them, are left out.
+    """
     columns: dict[str, Any] = {
-        name: np.concatenate([shard[name] for shard in shards]) for name in shards[0]
+        name: np.concatenate([shard[name] for shard in shards])
+        for name in shards[0]
+        if name not in SHAPED
     }
     digest = hashlib.sha256()
     for column in NEEDED:
@@ -120,13 +126,13 @@ def split_by_episode(
     return limit_training(split, transitions) if transitions else split
 
 
-def check_held_out(split: Split) -> None:
+def check_held_out(test: Sized) -> None:
     """Check that there are episodes to measure errors on.
 
     Raises:
         DatasetError: none is held out.
     """
-    if not len(split.test):
+    if not len(test):
         raise DatasetError("errors need held-out episodes; give --test above 0")
 
 
@@ -138,17 +144,25 @@ def limit_training(split: Split, transitions: int) -> Split:
     Raises:
         DatasetError: there are not that many.
     """
-    count = len(split.train)
+    validated = validation_share(len(split.train), len(split.validation), transitions)
+    return Split(
+        split.train.select(np.arange(len(split.train)) < transitions),
+        split.validation.select(np.arange(len(split.validation)) < validated),
+        split.test,
+    )
+
+
+def validation_share(count: int, validated: int, transitions: int) -> int:
+    """Return how many transitions validate so many of the `count` that there are to train on.
+
+    Raises:
+        DatasetError: there are not that many.
+    """
     if transitions > count:
         raise DatasetError(
             f"{transitions} transitions to train on are asked for; there are {count}"
         )
-    validated = max(round(len(split.validation) * transitions / count), 1)
-    return Split(
-        split.train.select(np.arange(count) < transitions),
-        split.validation.select(np.arange(len(split.validation)) < validated),
-        split.test,
-    )
+    return max(round(validated * transitions / count), 1)
 
 
 def _steps(path: Path, episodes: ndarray, steps: ndarray) -> Int[ndarray, "M"]:

@@ -1,24 +1,24 @@
-"""Several data sets as one, also with different numbers of disks.
+"""Several data sets as one, also with different numbers of disks or with other bodies.
 
 Scenes of N = 2 and N = 5 fit into no common array: a mixed data set holds one `Dataset` for
-each number of disks. Episodes of different folders never have the same label, and a push that is
-in two of the folders is refused: it could end up on both sides of a split.
+each number of disks, or for all scenes of the same shapes and roles. Episodes of different folders
+never have the same label, and a push that is in two of the folders is refused: it could end up on
+both sides of a split.
 """
 
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
-from operator import attrgetter
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, Self, overload
 
 import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
-from sain_core.dataset import Column, draw_parts
+from sain_core.dataset import SHAPED, Column, Columns, draw_parts
 from sain_core.errors import DatasetError
+from sain_core.shapes.names import bodies_named
 from sain_core.types import Mask
 from sain_model.data.dataset import (
     Dataset,
@@ -26,17 +26,20 @@ from sain_model.data.dataset import (
     from_shards,
     read_shards,
     split_by_episode,
+    validation_share,
 )
+from sain_model.network.settings import ANY_SHAPE, DISKS
 
 
 @dataclass(frozen=True)
 class MixedDataset:
-    """Pushes of scenes with different numbers of disks.
+    """Pushes of scenes with different numbers of disks, or of other bodies.
 
     Attributes:
-        parts: those of one number of disks each, in order of it.
+        parts: those of one number of disks each, in order of it; or those of the same bodies each.
         sha256: of all parts.
-        sources: SHA-256 of each folder and number of disks that it was put together from.
+        sources: SHA-256 of each folder and number of disks that it was put together from; empty:
+            it is one.
     """
 
     parts: tuple[Dataset, ...]
@@ -50,7 +53,16 @@ class MixedDataset:
     @property
     def episode(self) -> Int[ndarray, "M"]:
         """Which episode each push belongs to, part by part; no two parts share one."""
-        return np.concatenate([part.episode for part in self.parts])
+        return self._column(Column.EPISODE)
+
+    @property
+    def step(self) -> Int[ndarray, "M"]:
+        """The place of each push in its episode, part by part."""
+        return self._column(Column.STEP)
+
+    def _column(self, name: str) -> Int[ndarray, "M"]:
+        columns = (getattr(part, name) for part in self.parts)
+        return np.concatenate([np.zeros(0, np.int64), *columns])
 
     def select(self, rows: Mask) -> Self:
         """Return the pushes that a mask (M,) over all parts picks."""
@@ -69,27 +81,36 @@ class MixedSplit:
     test: MixedDataset
 
 
-def load_datasets(paths: Sequence[Path]) -> Dataset | MixedDataset:
+@overload
+def load_datasets(paths: Sequence[Path], bodies: Literal["any"]) -> MixedDataset: ...
+
+
+@overload
+def load_datasets(paths: Sequence[Path], bodies: str = DISKS) -> Dataset | MixedDataset: ...
+
+
+def load_datasets(paths: Sequence[Path], bodies: str = DISKS) -> Dataset | MixedDataset:
     """Read one or more shards or folders of them as one data set.
+
+    `bodies` is what a network sees of them: where it is `ANY_SHAPE`, all parts know their bodies.
 
     Raises:
         DatasetError: see `load_transitions`; or a push that is in two of them.
     """
-    sources = [(path, part) for path in paths for part in _by_count(path)]
-    if len(sources) == 1:
+    any_shape = bodies == ANY_SHAPE
+    sources = [(path, part) for path in paths for part in _by_count(path, any_shape)]
+    if len(sources) == 1 and not any_shape:
         return sources[0][1]
     _check_apart(sources)
-    labelled, first = [], 0
-    for _, part in sources:
-        names, labels = np.unique(part.episode, return_inverse=True)
-        labelled.append(replace(part, episode=first + labels))
-        first += len(names)
-    hashes = tuple(part.sha256 for part in labelled)
-    sha256 = hashlib.sha256(" ".join(hashes).encode()).hexdigest()
-    disks = attrgetter("disks")
-    grouped = groupby(sorted(labelled, key=disks), key=disks)
-    parts = tuple(_joined(list(group), sha256, hashes) for _, group in grouped)
-    return parts[0] if len(parts) == 1 else MixedDataset(parts, sha256, hashes)
+    hashes = tuple(dict.fromkeys(part.sha256 for _, part in sources))
+    found = [part for _, part in sources]
+    labelled = found if any_shape and _labels_differ(found) else _relabelled(found)
+    parts: dict[tuple[int, str, tuple[str, ...]], list[Dataset]] = {}
+    for part in labelled:
+        parts.setdefault(_order(part), []).append(part)
+    identity = (hashes[0], ()) if len(hashes) == 1 else (_digest(hashes), hashes)
+    joined = tuple(_joined(parts[key], *identity) for key in sorted(parts))
+    return joined[0] if len(joined) == 1 and not any_shape else MixedDataset(joined, *identity)
 
 
 def split_datasets(
@@ -98,25 +119,74 @@ def split_datasets(
     """Split a data set so that no episode is in two parts; see `split_by_episode`.
 
     Raises:
-        DatasetError: too few episodes or transitions, or these are limited and numbers of disks
-            differ.
+        DatasetError: too few episodes or transitions.
     """
     if isinstance(data, Dataset):
         return split_by_episode(data, seed, validation, test, transitions)
-    if transitions:
-        raise DatasetError("--transitions needs data with one number of disks")
     parts = draw_parts(data.episode, seed, validation, test)
-    return MixedSplit(*(data.select(rows) for rows in parts))
+    split = MixedSplit(*(data.select(rows) for rows in parts))
+    if not transitions:
+        return split
+    validated = validation_share(len(split.train), len(split.validation), transitions)
+    limited = _first(split.train, transitions), _first(split.validation, validated)
+    return MixedSplit(*limited, split.test)
 
 
-def _by_count(path: Path) -> list[Dataset]:
-    """Return what a folder holds, by the number of disks."""
-    shards = list(read_shards(path).values())
+def _first(data: MixedDataset, count: int) -> MixedDataset:
+    """Return so many pushes: episodes in order, the last one in part."""
+    rows = np.zeros(len(data), dtype=bool)
+    rows[np.lexsort((data.step, data.episode))[:count]] = True
+    return data.select(rows)
+
+
+def _by_count(path: Path, any_shape: bool) -> list[Dataset]:
+    """Return what a folder holds, by the number of disks; with `any_shape`, by its bodies too."""
+    shards = list(read_shards(path, any_shape).values())
     counts = sorted({shard[Column.STATE].shape[1] for shard in shards})
+    found = []
+    for count in counts:
+        alike = [shard for shard in shards if shard[Column.STATE].shape[1] == count]
+        whole = from_shards(path, alike)
+        found += _by_bodies(whole, alike) if any_shape else [whole]
+    return found
+
+
+def _by_bodies(data: Dataset, shards: list[Columns]) -> list[Dataset]:
+    """Return transitions by their bodies; all have the SHA-256 of them together."""
+    columns = (np.concatenate([shard[name] for shard in shards]) for name in SHAPED[1:])
+    names = np.array([";".join(row) for row in zip(*columns, strict=True)])
     return [
-        from_shards(path, [shard for shard in shards if shard[Column.STATE].shape[1] == count])
-        for count in counts
+        replace(data.select(names == name), bodies=bodies_named(*str(name).split(";"), data.disks))
+        for name in np.unique(names)
     ]
+
+
+def _order(part: Dataset) -> tuple[int, str, tuple[str, ...]]:
+    """Return what parts are put together and sorted by: disks by their number."""
+    if part.bodies is None:
+        return part.disks, "", ()
+    first, *others = (shape.name for shape in part.bodies.shapes)
+    return 0, f"{first}|{'|'.join(others)}", part.bodies.roles
+
+
+def _labels_differ(parts: list[Dataset]) -> bool:
+    """Return whether no two parts have an episode of the same label."""
+    labels = [np.unique(part.episode) for part in parts]
+    return len(np.unique(np.concatenate(labels))) == sum(map(len, labels))
+
+
+def _relabelled(parts: list[Dataset]) -> list[Dataset]:
+    """Return parts whose episodes have labels of their own."""
+    labelled, first = [], 0
+    for part in parts:
+        names, labels = np.unique(part.episode, return_inverse=True)
+        labelled.append(replace(part, episode=first + labels))
+        first += len(names)
+    return labelled
+
+
+def _digest(hashes: tuple[str, ...]) -> str:
+    return hashlib.sha256(" ".join(hashes).encode()).hexdigest()
 
 
 def _joined(parts: list[Dataset], sha256: str, sources: tuple[str, ...]) -> Dataset:

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 from sain_core.dynamics import Dynamics, ShapedDynamics, shaped
 from sain_core.shapes.bodies import Bodies
+from sain_core.types import Scalars
+from sain_model.data.dataset import Dataset
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 
@@ -24,3 +26,12 @@ def filter_for(friction: FrictionFilter, bodies: Bodies | None) -> FrictionFilte
     if bodies is None or not isinstance(friction.physics, PlanarPrior):
         return friction
     return replace(friction, physics=friction.physics.with_bodies(bodies))
+
+
+def others_friction(data: Dataset, friction: FrictionFilter | None) -> Scalars | None:
+    """Return the friction (M,) that all other pushes of an episode tell of; None: the nominal."""
+    if friction is None:
+        return None
+    told = filter_for(friction, data.bodies)
+    likelihood = told.log_likelihood(data.state, data.action, data.next_state)
+    return told.others(likelihood, data.episode).mean

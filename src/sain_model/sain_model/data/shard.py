@@ -6,22 +6,29 @@ from typing import Final
 import numpy as np
 from numpy import ndarray
 
-from sain_core.dataset import FLAT, NEEDED, Column, Columns, as_scenes, row_bodies
+from sain_core.dataset import FLAT, NEEDED, SHAPED, Column, Columns, as_scenes, row_bodies
 from sain_core.errors import DatasetError
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
+from sain_core.shapes.names import as_names
 from sain_core.storage import read_arrays
 
 NO_STEP: Final = -1  # where a shard does not tell
 UNKNOWN: Final = {Column.FRICTION: np.nan, Column.FLOOR_NEXT: np.nan, Column.STEP: NO_STEP}
 LOADED: Final = (*NEEDED, *UNKNOWN)
 
+HINT: Final = ", or a model for any shape: train with --bodies any or --from sain_any_shape"
 
-def read_shard(path: Path) -> Columns:
+
+def read_shard(path: Path, any_shape: bool = False) -> Columns:
     """Read and check one shard; states come back as (M, N, 8).
+
+    With `any_shape`, shapes and roles of each row come back too, and the action (M, 4) has the
+    pushed body where the shard names it. Without, all bodies are taken for disks.
 
     Raises:
         DatasetError: a damaged shard, a missing column, no rows, arrays that do not fit together,
-            NaN or Inf, a number that cannot be, or pushes against other bodies than the first.
+            NaN or Inf, a number that cannot be, or pushes against bodies that are not pushable;
+            without `any_shape`, against other bodies than the first.
     """
     arrays = read_arrays(path)
     missing = [column for column in NEEDED if column not in arrays]
@@ -30,8 +37,9 @@ def read_shard(path: Path) -> Columns:
     if arrays[Column.ACTION].ndim == 0 or not len(arrays[Column.ACTION]):
         raise DatasetError(f"{path} holds no transitions")
     count = len(arrays[Column.ACTION])
-    disks = _disks(path, arrays[Column.STATE], count)
-    _check_bodies(path, arrays)
+    disks = _disks(path, arrays[Column.STATE], count, least=1 if any_shape else 2)
+    if not any_shape:
+        _check_bodies(path, arrays)
     columns: Columns = {}
     for column in LOADED:
         shape = (count, *column.row_shape(disks))
@@ -39,16 +47,38 @@ def read_shard(path: Path) -> Columns:
         columns[column] = _checked(path, column, values, shape)
     if (columns[Column.STATE][..., [MASS, RADIUS]] <= 0.0).any():
         raise DatasetError(f"{path}: state has a mass or radius that is not positive")
-    return columns
+    return columns | _shaped(path, arrays, columns[Column.ACTION]) if any_shape else columns
 
 
-def _disks(path: Path, states: ndarray, count: int) -> int:
+def _shaped(path: Path, arrays: Columns, action: ndarray) -> Columns:
+    """Return shapes and roles of each row as text, and the action with the pushed body."""
+    bodies = row_bodies(arrays)
+    if Column.SHAPES in arrays:
+        names: Columns = {column: arrays[column] for column in SHAPED[1:]}
+    else:
+        texts = np.array([as_names(some) for some in bodies])
+        names = dict(zip(SHAPED[1:], texts.T, strict=True))
+    if Column.BODY not in arrays:
+        return names
+    pushed = _checked(path, Column.BODY, arrays[Column.BODY], (len(action),))
+    for row, (body, some) in enumerate(zip(pushed.tolist(), bodies, strict=True)):
+        if body not in some.pushable:
+            raise DatasetError(
+                f"{path}: row {row} pushes body {body}; pushable are"
+                f" {', '.join(map(str, some.pushable))} of {len(some)} bodies"
+            )
+    return {**names, Column.ACTION: np.column_stack([action, pushed])}
+
+
+def _disks(path: Path, states: ndarray, count: int, least: int) -> int:
     """Return the number of disks N of states (M, 8 N) or (M, N, 8)."""
     disks, rest = divmod(states.size, STATE_SIZE * count)
     if states.ndim not in (2, 3) or rest:
         raise DatasetError(f"{path}: state has shape {states.shape}; it should be ({count}, N * 8)")
-    if disks < 2:
-        raise DatasetError(f"{path}: state has {disks} disks; it needs 2 or more")
+    if disks < least:
+        raise DatasetError(
+            f"{path}: state has {disks} disks; it needs {least} or more{HINT if disks else ''}"
+        )
     return disks
 
 
@@ -61,8 +91,7 @@ def _check_bodies(path: Path, arrays: Columns) -> None:
             pairs = zip(bodies.shapes, bodies.roles, strict=True)
             names = ", ".join(f"{shape.name} ({role})" for shape, role in pairs)
             raise DatasetError(
-                f"{path} holds the bodies {names}; only body 0 may be pushable here."
-                " benchmarks.shapes_learning learns from pushes of any body"
+                f"{path} holds the bodies {names}; for disks, only body 0 may be pushable{HINT}"
             )
 
 

@@ -7,18 +7,13 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from sain_model.dynamics.settings import CorrectionNetworkConfig
-from sain_model.network.feature_kernels import (
-    DISK_FEATURES,
-    PLACE_FEATURES,
-    RELATION_FEATURES,
-    TURN_SCALE,
-)
+from sain_model.network.feature_kernels import PLACE_FEATURES, TURN_SCALE
 from sain_model.network.interaction_network import OUTPUTS, POSITION_UNIT, sum_messages
 from sain_model.network.members import make_perceptron, zero_last_layer
 from sain_model.physics.corrections import CORRECTIONS, DRAG
 
-BEFORE: Final = slice(DISK_FEATURES, DISK_FEATURES + 2)  # a disk's place in the world
-AFTER: Final = slice(DISK_FEATURES + 2, DISK_FEATURES + 4)
+BEFORE: Final = slice(-PLACE_FEATURES, 2 - PLACE_FEATURES)  # a body's place in the world
+AFTER: Final = slice(2 - PLACE_FEATURES, 4 - PLACE_FEATURES)
 MAP_SCALE: Final = 2.0  # of the map's part in DRAG
 MAP_FINENESS: Final = 3.0  # its first layer starts out so much steeper than usual
 
@@ -37,9 +32,9 @@ class CorrectionNetwork(nn.Module):
         """Build it so that it starts out by leaving the prior as it is."""
         super().__init__()
         self.config = config
-        inputs = DISK_FEATURES + PLACE_FEATURES + config.message + config.places
+        inputs = config.seen.disk_features + config.message + config.places
         size = config.hidden, config.layers
-        self.relation = make_perceptron(RELATION_FEATURES, config.message, *size)
+        self.relation = make_perceptron(config.seen.relation_features, config.message, *size)
         self.dynamics = make_perceptron(inputs, CORRECTIONS + OUTPUTS, *size)
         zero_last_layer(self.dynamics)
         if config.places:

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
+from sain_core.errors import ConfigError
 from sain_core.push import LENGTH, PushLimits, pushed_bodies, strokes
 from sain_core.scene import POSITION, RADIUS, THETA
 from sain_core.shapes.bodies import Bodies
@@ -14,6 +15,7 @@ from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.compute.batch_checks import check_batch
 from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import run_blocks
+from sain_model.physics.corrections import OF_DISKS, Corrections
 from sain_model.physics.outline_push_kernels import push_bodies_block
 from sain_model.physics.outlines import BodyTable, Touched, body_table, load_shares
 from sain_model.physics.planar import PlanarPrior
@@ -49,15 +51,30 @@ class LabPrior(PlanarPrior):
         order = _nearest_first(moved, pushes)
         touched = np.zeros(scenes.shape[:2], dtype=bool)
         rows = moved, order, ways, plain(friction)
+        told = np.empty((len(scenes), 0, OF_DISKS))
 
         def work(first: int) -> None:
-            push_bodies_block(first, *rows, table, self._physics, touched)
+            push_bodies_block(first, *rows, table, self._physics, touched, told)
 
         run_blocks(work, len(scenes), CHUNK)
         after = self._shifted(moved, -1.0)
         idle = pushes[:, LENGTH] == 0.0
         after[idle] = scenes[idle]
         return after, touched
+
+    def step_conditioned(
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        corrections: Corrections,
+        friction: Scalars | None = None,
+    ) -> Scenes:
+        """Refuse: its centre of mass is given.
+
+        Raises:
+            ConfigError: always.
+        """
+        raise ConfigError("the prior of a laboratory cannot be corrected; take a planar prior")
 
     def _shifted(self, scenes: Scenes, way: float) -> Scenes:
         """Return scenes whose places are those of the centres of mass, or back again."""

@@ -92,8 +92,11 @@ def load_parameter_correction(path: Path) -> ParameterCorrection:
     with naming(str(card_path(path))):
         prior = load_planar(card.prior, card.prior_config)
         networks = CorrectionEnsemble(card_part("network", CorrectionNetworkConfig, card.network))
+        friction = None
+        if card.friction is not None:
+            friction = card_part("friction", FrictionConfig, card.friction)
     fill(path, content, networks)
-    return ParameterCorrection(networks, prior, card.prior, card.weights_sha256, text)
+    return ParameterCorrection(networks, prior, card.prior, card.weights_sha256, text, friction)
 
 
 def sain_class(rollouts: RolloutConfig | None) -> type[SainDynamics]:

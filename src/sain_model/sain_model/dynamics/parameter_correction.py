@@ -7,75 +7,116 @@ parameters of physics (`physics.corrections`), so that physics computes what a s
 the middle does to this push. The network adds a residual to that.
 """
 
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final, Self
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_core.errors import ConfigError
+from sain_core.history import PushHistory
 from sain_core.push import LENGTH
-from sain_core.types import Pushes, Scenes
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.physics_gradient import moves
-from sain_model.network.features import apply_residual, make_features
-from sain_model.network.settings import WORLD_FRAME
+from sain_model.network.features import apply_residual
+from sain_model.network.settings import ANY_SHAPE
+from sain_model.network.shape_features import Strokes, network_inputs, push_frames
 from sain_model.physics.corrections import Corrections
+from sain_model.physics.friction import FrictionConfig, FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 
 PARAMETER_CORRECTION: Final = "parameter_correction"
 
 
+@dataclass(frozen=True, eq=False)
 class ParameterCorrection:
     """Several networks, trained alike from different seeds, on one prior. A `Dynamics`.
 
     What they predict is averaged. Attributes are called as those of `SainDynamics`.
     """
 
-    kind: Final = PARAMETER_CORRECTION
-    device: Final = CPU  # it is small, and its prior runs nowhere else
+    networks: CorrectionEnsemble
+    prior: PlanarPrior
+    prior_name: str = ""
+    model_hash: str = ""
+    card: str = ""
+    friction: FrictionConfig | None = None
+    bodies: Bodies | None = None
+    kind: ClassVar[str] = PARAMETER_CORRECTION
+    device: ClassVar[str] = CPU  # it is small, and its prior runs nowhere else
 
-    def __init__(
-        self,
-        networks: CorrectionEnsemble,
-        prior: PlanarPrior,
-        prior_name: str = "",
-        model_hash: str = "",
-        card: str = "",
-    ) -> None:
-        """Let these networks correct this prior."""
-        self.networks = networks.eval()
-        self.prior = prior
-        self.prior_name = prior_name
-        self.model_hash = model_hash
-        self.card = card
+    def __post_init__(self) -> None:
+        """Stop whatever networks do in training alone."""
+        self.networks.eval()
 
-    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
+    @property
+    def filter(self) -> FrictionFilter | None:
+        """What infers the friction that the prior is told; None: this model learns nothing."""
+        return None if self.friction is None else self.prior.filter(self.friction)
 
-        A push of length 0 leaves the scene unchanged, bit for bit.
+    def with_history(self, history: PushHistory) -> Self:
+        """Return this model on the friction that an episode's earlier pushes tell of.
+
+        It is the model itself without pushes, and where it was not trained to learn from them.
         """
-        physics_next = self.prior.step(scenes, pushes)
-        plain = moves(scenes, pushes, physics_next)
+        friction = self.filter
+        if friction is None or len(history) == 0:
+            return self
+        return replace(self, prior=self.prior.at(friction.infer(history).mean))
+
+    def with_bodies(self, bodies: Bodies) -> Self:
+        """Return the model of scenes of these bodies.
+
+        Networks for disks take cubes for disks.
+
+        Raises:
+            ConfigError: its networks were made for disks, and these are others.
+        """
+        if self.networks.config.bodies == ANY_SHAPE:
+            return replace(self, prior=self.prior.with_bodies(bodies), bodies=bodies)
+        if bodies.stand_in_for_disks:
+            return self
+        names = ", ".join(shape.name for shape in bodies.shapes)
+        raise ConfigError(
+            "these parameter corrections were trained on disks of which only the first is"
+            f" pushable; the bodies are {names}: train with --bodies any"
+        )
+
+    def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, 3 or 4) from scenes (B, N, 8).
+
+        A push of length 0 leaves the scene unchanged, bit for bit; so do fixed bodies. `friction`
+        with the table is (B,); None: the prior's own.
+        """
+        physics_next = self.prior.step(scenes, pushes, friction)
+        frames = push_frames(self.networks.config.seen, scenes, pushes, self.bodies)
+        plain = moves(scenes, frames, physics_next)
         change = np.zeros_like(plain)
-        for corrections, residual in self.corrections(scenes, pushes, physics_next):
-            told = self.prior.step_conditioned(scenes, pushes, corrections)
-            change += moves(scenes, pushes, told) - plain + residual
-        predicted = apply_residual(physics_next, pushes, change / len(self.networks))
+        for corrections, residual in self.corrections(scenes, frames, physics_next):
+            told = self.prior.step_conditioned(scenes, pushes, corrections, friction)
+            change += moves(scenes, frames, told) - plain + residual
+        predicted = apply_residual(physics_next, frames, change / len(self.networks))
         idle = pushes[:, LENGTH] == 0.0
         predicted[idle] = physics_next[idle]
+        fixed = list(self.bodies.fixed) if self.bodies else []
+        predicted[:, fixed] = physics_next[:, fixed]
         return predicted
 
     def corrections(
-        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes
+        self, scenes: Scenes, frames: Strokes, physics_next: Scenes
     ) -> list[tuple[Corrections, Float[ndarray, "B N 3"]]]:
         """Return what each network corrects, and what it adds to the prediction.
 
-        `physics_next` is what the uncorrected prior predicts.
+        `frames` are those of the pushes, `physics_next` is what the uncorrected prior predicts.
         """
-        features = make_features(scenes, pushes, physics_next, WORLD_FRAME)
+        seen = self.networks.config.seen
+        features = network_inputs(seen, scenes, frames, physics_next, self.bodies)
         settle_threads()
         with torch.inference_mode():
             outputs = [network(*features.tensors()) for network in self.networks]

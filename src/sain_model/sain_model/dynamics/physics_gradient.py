@@ -4,7 +4,7 @@ Contacts begin and end, so a push has no derivative everywhere. A difference ove
 correction's unit has one, and is what matters: how the push answers to a correction that large.
 """
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -12,10 +12,11 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
-from sain_core.scene import MID
-from sain_core.types import Pushes, Scenes
+from sain_core.push import pushed_bodies
+from sain_core.types import Indices, Pushes, Scalars, Scenes
 from sain_model.network.feature_kernels import TURN_SCALE
 from sain_model.network.features import true_residual
+from sain_model.network.shape_features import Strokes
 from sain_model.physics.corrections import CORRECTIONS, OF_DISKS, Corrections
 from sain_model.physics.planar import PlanarPrior
 
@@ -23,19 +24,50 @@ VARIATION: Final = 0.1  # of a correction, in its unit
 STEEPEST: Final = np.array([0.1, 0.1, 20 * TURN_SCALE])  # [m, m, rad] a unit; more is a miss
 
 
-def moves(scenes: Scenes, pushes: Pushes, after: Scenes) -> Float[ndarray, "B N 3"]:
-    """Return how far each disk goes along the push and across it [m], and turns [rad]."""
-    return true_residual(after, pushes, scenes)  # that of a prior in which nothing moves
+class ToldPushes(NamedTuple):
+    """Pushes on a prior, as corrections change them.
+
+    Attributes:
+        prior: told the bodies.
+        scenes: before the pushes.
+        pushes: one a scene.
+        frames: of the pushes, as `network.shape_features.push_frames` makes them.
+        friction: with the table (B,); None: the prior's own.
+    """
+
+    prior: PlanarPrior
+    scenes: Scenes
+    pushes: Pushes
+    frames: Strokes
+    friction: Scalars | None = None
+
+    def moves(self, corrections: Corrections) -> Float[ndarray, "B N 3"]:
+        """Return the moves that the prior predicts when told corrections (B, N, C)."""
+        world = self.scenes, self.pushes, corrections, self.friction
+        return moves(self.scenes, self.frames, self.prior.step_conditioned(*world))
+
+    def repeated(self, times: int) -> Self:
+        """Return the pushes so many times, one after the other."""
+        rows = np.tile(np.arange(len(self.pushes)), times)
+        return self.select(rows)
+
+    def select(self, rows: Indices) -> Self:
+        """Return the pushes in these rows."""
+        friction = None if self.friction is None else self.friction[rows]
+        arrays = self.scenes[rows], self.pushes[rows], self.frames[rows]
+        return type(self)(self.prior, *arrays, friction)
+
+
+def moves(scenes: Scenes, frames: Strokes, after: Scenes) -> Float[ndarray, "B N 3"]:
+    """Return how far each body goes along the push and across it [m], and turns [rad]."""
+    return true_residual(after, frames, scenes)  # that of a prior in which nothing moves
 
 
 def conditioned_moves(
-    corrections: Float[Tensor, "B N C"],
-    prior: PlanarPrior,
-    scenes: Scenes,
-    pushes: Pushes,
+    corrections: Float[Tensor, "B N C"], pushes: ToldPushes
 ) -> Float[Tensor, "B N 3"]:
     """Return the moves that a prior predicts when told corrections; gradients flow to those."""
-    result: Tensor = _ConditionedMoves.apply(corrections, prior, scenes, pushes)
+    result: Tensor = _ConditionedMoves.apply(corrections, pushes)
     return result
 
 
@@ -46,41 +78,35 @@ class _ConditionedMoves(torch.autograd.Function):
     def forward(
         context: Any,
         corrections: Tensor,
-        prior: PlanarPrior,
-        scenes: Scenes,
-        pushes: Pushes,
+        pushes: ToldPushes,
     ) -> Tensor:
         told = corrections.detach().numpy().astype(np.float64)
-        after = moves(scenes, pushes, prior.step_conditioned(scenes, pushes, told))
-        context.push = (told, prior, scenes, pushes, after)
+        after = pushes.moves(told)
+        context.push = (told, pushes, after)
         return torch.from_numpy(after.astype(np.float32))
 
     @staticmethod
-    def backward(context: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None]:
+    def backward(context: Any, *gradients: Tensor) -> tuple[Tensor, None]:
         slopes = variations(*context.push)
         total = np.einsum("bncdm,bdm->bnc", slopes, gradients[0].numpy())
-        return torch.from_numpy(total.astype(np.float32)), None, None, None
+        return torch.from_numpy(total.astype(np.float32)), None
 
 
 def variations(
-    told: Corrections,
-    prior: PlanarPrior,
-    scenes: Scenes,
-    pushes: Pushes,
-    after: Float[ndarray, "B N 3"],
+    told: Corrections, pushes: ToldPushes, after: Float[ndarray, "B N 3"]
 ) -> Float[ndarray, "B N C N 3"]:
-    """Return by how much the moves of all disks change with each correction of each disk."""
-    batch, count, _ = scenes.shape
-    slopes = np.zeros((batch, count, CORRECTIONS, count, 3))
-    which = [(d, c) for d in range(count) for c in range(OF_DISKS if d != MID else CORRECTIONS)]
-    varied = np.repeat(told[None], len(which), axis=0)
-    for row, (disk, column) in enumerate(which):
-        varied[row, :, disk, column] += VARIATION
+    """Return by how much the moves of all bodies change with each correction of each body."""
+    batch, count, _ = pushes.scenes.shape
+    rows, pushed = np.arange(batch), pushed_bodies(pushes.pushes)
+    which = [(np.full(batch, body), c) for body in range(count) for c in range(OF_DISKS)]
+    which += [(pushed, c) for c in range(OF_DISKS, CORRECTIONS)]
     many = len(which)
-    scenes, pushes = np.tile(scenes, (many, 1, 1)), np.tile(pushes, (many, 1))
-    flat = varied.reshape(many * batch, count, CORRECTIONS)
-    ends = moves(scenes, pushes, prior.step_conditioned(scenes, pushes, flat))
+    varied = np.repeat(told[None], many, axis=0)
+    for row, (bodies, column) in enumerate(which):
+        varied[row, rows, bodies, column] += VARIATION
+    ends = pushes.repeated(many).moves(varied.reshape(many * batch, count, CORRECTIONS))
     change = (ends.reshape(many, batch, count, 3) - after) / VARIATION
-    for row, (disk, column) in enumerate(which):
-        slopes[:, disk, column] = np.clip(change[row], -STEEPEST, STEEPEST)
+    slopes = np.zeros((batch, count, CORRECTIONS, count, 3))
+    for row, (bodies, column) in enumerate(which):
+        slopes[rows, bodies, column] = np.clip(change[row], -STEEPEST, STEEPEST)
     return slopes

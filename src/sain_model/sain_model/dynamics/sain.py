@@ -117,7 +117,7 @@ class SainDynamics:
         friction = self.filter
         if friction is None or len(history) == 0:
             return self
-        likelihood = friction.likelihood_of(history)
+        likelihood = friction.likelihoods(history)
         belief = friction.believe(likelihood)
         told = replace(
             self.at(belief.mean, belief.spread), learned=Learned(self, history, likelihood)

@@ -4,7 +4,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from sain_core.config import Config, option
-from sain_model.network.settings import PerceptronConfig
+from sain_model.network.settings import (
+    ANY_SHAPE,
+    DISKS,
+    WORLD_FRAME,
+    NetworkConfig,
+    PerceptronConfig,
+)
 
 PLANAR: Final = "planar"
 PLANAR_AXES: Final = "planar_axes"
@@ -74,3 +80,13 @@ class CorrectionNetworkConfig(PerceptronConfig):
         5, "places on a disk's way where the map of the table is read; 0: no map", minimum=0
     )
     members: int = option(1, "number of networks in the ensemble", minimum=1, maximum=32)
+    bodies: str = option(
+        DISKS,
+        "what is seen of bodies: disks by their centres, or any shape by its contacts",
+        choices=(DISKS, ANY_SHAPE),
+    )
+
+    @property
+    def seen(self) -> NetworkConfig:
+        """Which features the network has: those of a network that sees the world."""
+        return NetworkConfig(features=WORLD_FRAME, bodies=self.bodies)

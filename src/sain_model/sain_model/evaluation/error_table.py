@@ -19,7 +19,11 @@ def make_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]])
 
 
 def error_tables(errors: dict[str, Any]) -> Iterator[FittingTable]:
-    """Yield what `prediction_errors.evaluate` returns as tables."""
+    """Yield what `prediction_errors.evaluate` or `shape_errors.shape_errors` returns as tables."""
+    if "bodies" in errors:
+        yield _shape_table("Errors after one push", errors["bodies"])
+        yield _shape_table("Errors of pushed bodies by shape", errors["shapes"])
+        return
     yield from (_error_table(errors, part) for part in PARTS)
     yield _history_table(errors["by_history"])
     yield from map(_interval_table, errors["intervals"].values())
@@ -40,6 +44,22 @@ def _error_table(errors: dict[str, Any], part: str) -> FittingTable:
         for name, row in errors[part].items()
     )
     return make_table(f"Error after one push in mm, {PARTS[part]}", header, rows)
+
+
+def _shape_table(title: str, groups: dict[str, dict[str, Any]]) -> FittingTable:
+    """Return what `shape_errors.figures` found of groups of bodies."""
+    header = ["bodies", "number"]
+    header += [f"{name} {unit}" for unit in ("mm", "deg") for name in ("prior", "SAIN", "ratio")]
+    rows = []
+    for name, row in groups.items():
+        cells = [name, str(row["pushes"])]
+        for unit in ("mm", "deg"):
+            ratio, low, high = row[f"ratio_{unit}"]
+            cells += [f"{row[f'{model}_{unit}']:.2f}" for model in ("prior", "sain")]
+            cells.append(f"{ratio:.2f} {low:.2f}-{high:.2f}")
+        cells.append(f"{100 * row['coverage']:.0f}" if "coverage" in row else "")
+        rows.append(cells)
+    return make_table(title, [*header, "coverage %"], rows)
 
 
 def _history_table(groups: list[dict[str, Any]]) -> FittingTable:
@@ -89,6 +109,6 @@ def gain_line(gain: dict[str, Any], parent: str, part: str) -> str:
     """Return in words what `fine_tuning.Parent.gain` found, on this part of the data."""
     ratio, low, high = gain["ratio"]
     return (
-        f"target's mean error on the {part} episodes: {gain['before']:.2f} mm with {parent},"
-        f" {gain['after']:.2f} mm now; ratio {ratio:.2f} \\[{low:.2f}, {high:.2f}]"
+        f"{gain['bodies']}: mean error on the {part} episodes {gain['before']:.2f} mm"
+        f" with {parent}, {gain['after']:.2f} mm now; ratio {ratio:.2f} \\[{low:.2f}, {high:.2f}]"
     )

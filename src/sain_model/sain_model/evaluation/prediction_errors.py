@@ -31,6 +31,7 @@ from sain_model.evaluation.metrics import (
     target_moved,
 )
 from sain_model.evaluation.open_loop_errors import card_errors
+from sain_model.evaluation.shape_errors import shape_errors
 from sain_model.physics.planar import PlanarPrior
 
 
@@ -90,15 +91,19 @@ def predict_all(
 def held_out_errors(split: Split | MixedSplit, sain: SainDynamics) -> dict[str, Any]:
     """Return what a card says: the errors on what was held out, or else on what chose the epoch.
 
-    Where numbers of disks differ: those with the fewest disks, and all under "by_disks".
+    Where numbers of disks differ: those with the fewest disks, and all under "by_disks". For bodies
+    of any shape see `shape_errors`.
     """
+    told = "test" if len(split.test) else "validation"
+    if any(part.bodies is not None for part in held_out_part(split).parts):
+        return {**shape_errors(held_out_part(split), sain), "held_out": told}
     models = (None, sain) if sain.kind == LEARNED_KIND else (sain, None)
     errors = {
         part.disks: {**evaluate(part, *models), "open_loop": card_errors(part, sain)}
         for part in held_out_part(split).parts
     }
     result = dict(errors[min(errors)])
-    result["held_out"] = "test" if len(split.test) else "validation"
+    result["held_out"] = told
     if len(errors) > 1:
         result["by_disks"] = {str(disks): part for disks, part in errors.items()}
     return result

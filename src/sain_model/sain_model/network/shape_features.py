@@ -26,7 +26,7 @@ from sain_model.network.shape_feature_kernels import (
 from sain_model.network.shape_relation_kernels import SHAPE_RELATION_FEATURES
 from sain_model.physics.outlines import body_table
 
-Strokes = Float[ndarray, "B C"]
+Strokes = Float[ndarray, "B S"]
 LIMITS = PushLimits()
 
 

@@ -8,12 +8,12 @@ slope responds by itself. So the network corrects ten numbers of each disk:
 | --- | --- | --- | --- |
 | DRAG | friction with the table, logarithm of a factor | 0.3 | 1.2 |
 | PULL_X, PULL_Y | acceleration along the world's axes, as on a slope | 0.1 m/s^2 | 0.5 m/s^2 |
-| MASS_FORE, MASS_LEFT | from a disk's middle to its centre of mass | 0.1 radii | 0.35 radii |
-| RIM_GRIP | friction with disks of lower number, logarithm of a factor | 0.5 | 2.0 |
+| MASS_FORE, MASS_LEFT | from a body's centroid to its centre of mass | 0.1 radii | 0.35 radii |
+| RIM_GRIP | friction with bodies nearer to the push, logarithm of a factor | 0.5 | 2.0 |
 | TOOL_GRIP | friction with the tool, likewise | 0.5 | 2.0 |
-| LENGTH | how much further the tool goes; of the mid disk alone | 5 mm | 20 mm |
+| LENGTH | how much further the tool goes; of the pushed body alone | 5 mm | 20 mm |
 | ANGLE | which way it goes, likewise | 0.05 rad | 0.3 rad |
-| LOCATION | where around the mid disk it starts, its way kept, likewise | 0.05 rad | 0.3 rad |
+| LOCATION | where around that body it starts, its way kept, likewise | 0.05 rad | 0.3 rad |
 
 All are 0 for the prior as it is. They saturate smoothly, so that all corrections are
 physically possible: masses stay within a disk's feet, factors above 0.
@@ -29,7 +29,7 @@ from sain_core.errors import InvalidInputError
 from sain_core.push import ANGLE as PUSH_ANGLE
 from sain_core.push import LENGTH as PUSH_LENGTH
 from sain_core.push import LOCATION as PUSH_LOCATION
-from sain_core.scene import MID
+from sain_core.push import pushed_bodies
 from sain_core.types import Pushes
 from sain_model.compute.batch_checks import check_finite
 
@@ -57,11 +57,11 @@ def corrected_disks(corrections: Corrections) -> Float[ndarray, "B N 7"]:
 
 
 def corrected_pushes(pushes: Pushes, corrections: Corrections) -> Pushes:
-    """Return pushes (B, 3) with their length, angle and location corrected.
+    """Return pushes (B, 3 or 4) with their length, angle and location corrected.
 
     A push of no length stays as it is; none becomes shorter than that.
     """
-    told = saturated(corrections)[:, MID]
+    told = saturated(corrections)[np.arange(len(pushes)), pushed_bodies(pushes)]
     corrected = pushes.copy()
     longer = np.maximum(pushes[:, PUSH_LENGTH] + told[:, LENGTH], 0.0)
     corrected[:, PUSH_LENGTH] = np.where(pushes[:, PUSH_LENGTH] == 0.0, 0.0, longer)

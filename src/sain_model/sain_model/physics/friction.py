@@ -1,7 +1,6 @@
 """The friction between disks and table, inferred from an episode's earlier pushes.
 
-No single scene shows it, but every push that moved something does: a prior that is told the right
-friction predicts it well, and one that is told another does not. On a grid of frictions F,
+No single scene shows it. A prior at the right friction predicts a push well. On a grid of F,
 
     p(F | pushes) ~ p(F) prod_i prod_disk t(|predicted_i(F) - seen_i| / scale_i)
 
@@ -9,7 +8,7 @@ with Student's t in the plane, so that one push that no friction explains does n
 scale that grows with how far the disk moved. Mid disk and target are looked at, no others.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final, Protocol, Self, runtime_checkable
 
@@ -21,6 +20,7 @@ from sain_core.config import Config, option
 from sain_core.history import PushHistory
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.types import Pushes, Scalars, Scenes
+from sain_model.compute.latest_pushes import LatestPushes
 
 WATCHED: Final = slice(MID, TARGET + 1)  # the first bodies, one or two
 CHUNK: Final = 32_768  # predictions at a time: bounds memory
@@ -101,17 +101,11 @@ class FrictionBelief:
 
 @dataclass(frozen=True, eq=False)
 class EpisodeFriction:
-    """For each of M pushes, what other pushes of its own episode tell.
+    """For each of M pushes, what other pushes of its own episode tell."""
 
-    Attributes:
-        mean: the friction to reckon with; the nominal one where there is no other push.
-        spread: standard deviation of its logarithm.
-        pushes: how many pushes it rests on.
-    """
-
-    mean: Float[ndarray, "M"]
-    spread: Float[ndarray, "M"]
-    pushes: Int[ndarray, "M"]
+    mean: Float[ndarray, "M"]  # to reckon with; the nominal friction where there is no other push
+    spread: Float[ndarray, "M"]  # standard deviation of its logarithm
+    pushes: Int[ndarray, "M"]  # how many it rests on
 
 
 @dataclass(frozen=True)
@@ -121,6 +115,9 @@ class FrictionFilter:
     physics: FrictionPhysics
     nominal: float  # assumed before the first push
     config: FrictionConfig = FrictionConfig()
+    _latest: LatestPushes = field(
+        default_factory=LatestPushes, init=False, compare=False, repr=False
+    )
 
     @cached_property
     def grid(self) -> Float[ndarray, "F"]:
@@ -142,14 +139,16 @@ class FrictionFilter:
 
     def infer(self, history: PushHistory) -> FrictionBelief:
         """Return what is believed after these pushes."""
-        return self.believe(self.likelihood_of(history))
+        return self.believe(self.likelihoods(history))
 
-    def likelihood_of(self, history: PushHistory) -> Float[ndarray, "M F"]:
-        """Return how well each friction explains each of these pushes, as they were observed."""
-        errors = self.errors(history.state, history.action, history.next_state)
-        moved = ways(history.state, history.next_state)
+    def likelihoods(self, history: PushHistory) -> Float[ndarray, "M F"]:
+        """Return how well each friction explains each of M pushes, as they were observed.
+
+        Those of the last call are not simulated again.
+        """
+        errors = self._latest.rows(history, self.errors)
         noise = None if history.noise is None else history.noise[:, WATCHED]
-        return self.weigh(errors, moved, noise)
+        return self.weigh(errors, ways(history.state, history.next_state), noise)
 
     def believe(self, likelihood: Float[ndarray, "M F"]) -> FrictionBelief:
         """Return what is believed after pushes with these log likelihoods."""
@@ -232,8 +231,7 @@ class FrictionFilter:
     ) -> EpisodeFriction:
         """Return for each of M pushes what all other pushes of its episode tell, later ones too.
 
-        That is hindsight: good to learn from, when the question is what physics gets wrong and
-        not what the friction is.
+        With such hindsight, one learns what physics gets wrong, and not what the friction is.
         """
         _, place, count = np.unique(episodes, return_inverse=True, return_counts=True)
         sums = np.zeros((len(count), log_likelihood.shape[1]))

@@ -13,6 +13,7 @@ from sain_model.physics.outline_kernels import (
     ARM_POINT,
     ARM_SIDE,
     BIAS,
+    BODY_GRIP,
     CORNER_AT_X,
     CORNER_AT_Y,
     END_ARM_POINT,
@@ -41,6 +42,7 @@ from sain_model.physics.outline_kernels import (
     SIDE_BODY,
     SPIN,
     TOOL,
+    TOOL_GRIP,
     TURN,
     VX,
     VY,
@@ -229,11 +231,14 @@ def _note_touched(work):
 @compiled
 def _solve_contact(work, index, physics):
     """Correct the impulse of one contact; return the change of velocity it made [m/s]."""
-    _bodies, contacts = work.bodies, work.contacts
+    bodies, contacts = work.bodies, work.contacts
     point, side = work.features[index, POINT_BODY], work.features[index, SIDE_BODY]
     excess = _leaving(work, index, point, side) + contacts[index, BIAS]
     normal = max(contacts[index, ALONG] - contacts[index, NORMAL_MASS] * excess, 0.0)
-    limit = normal * (physics.tool_friction if point == TOOL else physics.disk_friction)
+    if point == TOOL:
+        limit = normal * physics.tool_friction * bodies[side, TOOL_GRIP]
+    else:
+        limit = normal * physics.disk_friction * bodies[max(point, side), BODY_GRIP]
     rim = contacts[index, ACROSS] - contacts[index, RIM_MASS] * _sliding(work, index, point, side)
     rim = min(max(rim, -limit), limit)
     along, across = normal - contacts[index, ALONG], rim - contacts[index, ACROSS]

@@ -22,9 +22,12 @@ DISK_FEET = 0.7  # radii, where the disks stand that `Physics.foot_radius` is of
 
 # Columns of a body [SI units]. `LIGHTNESS` is 1 / mass and `TURN` 1 / moment of inertia, both 0
 # for what nothing moves. `ROUND` is the radius that its corners are rounded with, `REACH` that of
-# the circumscribed circle, `TWIST` the arm on which friction resists a turn on the spot.
+# the circumscribed circle, `TWIST` the arm on which friction resists a turn on the spot. Columns
+# from `DRAG` on are corrections (`physics.corrections`); `MASS_FORE` and `MASS_LEFT` lead from the
+# centroid to the centre of mass in the body's frame. `X` and `Y` are those of the latter.
 X, Y, VX, VY, SPIN, COS, SIN, TURNED, LIGHTNESS, TURN, ROUND, REACH, TWIST = range(13)
-BODY_SIZE = 13
+DRAG, SLOPE_X, SLOPE_Y, MASS_FORE, MASS_LEFT, BODY_GRIP, TOOL_GRIP = range(13, 20)
+BODY_SIZE = 20
 # Columns of a corner in its body's frame, with the side to the next one: its direction and length.
 CORNER_X, CORNER_Y, SIDE_X, SIDE_Y, LENGTH, CONVEX = range(6)
 CORNER_SIZE = 6
@@ -133,6 +136,9 @@ def _load_body(bodies, row, state, table, body, physics):
     lightness = 0.0 if table.fixed[body] else 1.0 / state[STATE_MASS]
     inertia = physics.inertia / DISK_INERTIA * table.inertia[body] * radius * radius
     bodies[row, LIGHTNESS], bodies[row, TURN] = lightness, lightness / inertia
+    bodies[row, SLOPE_X] = bodies[row, SLOPE_Y] = 0.0
+    bodies[row, MASS_FORE] = bodies[row, MASS_LEFT] = 0.0
+    bodies[row, DRAG] = bodies[row, BODY_GRIP] = bodies[row, TOOL_GRIP] = 1.0
 
 
 @compiled
@@ -209,12 +215,29 @@ def unload_bodies(states, order, work, touched):
     for index in range(states.shape[0]):
         row, body = index + 1, order[index]
         touched[body] = work.touched[row]
-        states[body, STATE_X], states[body, STATE_Y] = bodies[row, X], bodies[row, Y]
+        _unload_place(bodies, row, states[body])
         if bodies[row, TURNED] != 0.0:
             heading = states[body, STATE_THETA] + bodies[row, TURNED]
             states[body, STATE_THETA] = np.pi - (np.pi - heading) % (2.0 * np.pi)
         for column in range(STATE_VX, STATE_OMEGA + 1):
             states[body, column] = 0.0
+
+
+@compiled
+def _unload_place(bodies, row, state):
+    """Write the centroid's place; a body that did not move stays where it is, to the last bit."""
+    x, y = mass_offset(bodies, row, np.cos(state[STATE_THETA]), np.sin(state[STATE_THETA]))
+    moved = bodies[row, X] != state[STATE_X] + x or bodies[row, Y] != state[STATE_Y] + y
+    if moved or bodies[row, TURNED] != 0.0:
+        x, y = mass_offset(bodies, row, bodies[row, COS], bodies[row, SIN])
+        state[STATE_X], state[STATE_Y] = bodies[row, X] - x, bodies[row, Y] - y
+
+
+@compiled
+def mass_offset(bodies, row, cos, sin):
+    """Return the way from a body's centroid to its centre of mass at a heading [m]."""
+    fore, left = bodies[row, MASS_FORE], bodies[row, MASS_LEFT]
+    return cos * fore - sin * left, sin * fore + cos * left
 
 
 @compiled

@@ -15,8 +15,11 @@ from sain_model.physics.impulse_kernels import (
 )
 from sain_model.physics.outline_kernels import (
     COS,
+    DRAG,
     LIGHTNESS,
     SIN,
+    SLOPE_X,
+    SLOPE_Y,
     SPIN,
     TOOL,
     TURNED,
@@ -33,7 +36,7 @@ from sain_model.physics.outline_kernels import (
     unload_bodies,
 )
 from sain_model.physics.planar_kernels import CHUNK, COLLISION, MOST_STEPS, SHORTEST_STEP, STILL
-from sain_model.physics.support_kernels import brake, note_lean
+from sain_model.physics.support_kernels import brake, correct_bodies, note_lean
 from sain_model.physics.tool_kernels import (
     first_touch_of,
     make_profile,
@@ -94,7 +97,6 @@ def advance(work, slowing, physics, step):
         step: duration [s].
     """
     bodies, before, change = work.bodies, work.before, work.change
-    less = slowing * step
     for row in range(1, bodies.shape[0]):
         before[row, 0], before[row, 1] = bodies[row, VX], bodies[row, VY]
         before[row, 2] = bodies[row, SPIN]
@@ -102,6 +104,9 @@ def advance(work, slowing, physics, step):
         work.stuck[row] = False
         if bodies[row, LIGHTNESS] == 0.0:
             continue
+        bodies[row, VX] += step * bodies[row, SLOPE_X]
+        bodies[row, VY] += step * bodies[row, SLOPE_Y]
+        less = slowing * bodies[row, DRAG] * step
         if outer_speed(bodies, row) > 2.0 * less:
             brake(work, row, less, physics, step)
         else:
@@ -151,7 +156,7 @@ def plan_step(work, slowing, physics, rest):
 
 
 @compiled_apart
-def push_bodies(states, order, push, friction, table, physics, work, touched):
+def push_bodies(states, order, push, friction, table, physics, work, touched, corrections):
     """Carry out one push in place.
 
     Args:
@@ -163,8 +168,11 @@ def push_bodies(states, order, push, friction, table, physics, work, touched):
         physics: the rest.
         work: scratch memory.
         touched: (N,) bool, receives which bodies the tool touched.
+        corrections: of the bodies, (N, 7); (0, 7): none.
     """
     load_bodies(states, order, table, push[0], push[1], physics, work)
+    if corrections.shape[0] > 0:
+        correct_bodies(order, corrections, table, work)
     bodies = work.bodies
     way_x, way_y, length = np.cos(push[2]), np.sin(push[2]), push[3]
     distance = first_touch_of(work, way_x, way_y)
@@ -189,7 +197,7 @@ def push_bodies(states, order, push, friction, table, physics, work, touched):
 
 
 @compiled
-def push_bodies_block(first, scenes, order, pushes, friction, table, physics, touched):
+def push_bodies_block(first, scenes, order, pushes, friction, table, physics, touched, corrections):
     """Carry out up to `CHUNK` pushes, from the one numbered `first` on, in place.
 
     Args:
@@ -201,6 +209,7 @@ def push_bodies_block(first, scenes, order, pushes, friction, table, physics, to
         table: of the bodies.
         physics: the rest.
         touched: (B, N) bool, receives which bodies the tool touched.
+        corrections: of the bodies, (B, N, 7); (B, 0, 7): none.
     """
     work = make_outline_workspace(table)
     for index in range(first, min(first + CHUNK, scenes.shape[0])):
@@ -214,4 +223,5 @@ def push_bodies_block(first, scenes, order, pushes, friction, table, physics, to
                 physics,
                 work,
                 touched[index],
+                corrections[index],
             )

@@ -18,8 +18,16 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import REGULAR_FEET, Shape, feet_places
 from sain_core.types import Indices, Points, Pushes, Scalars, Scenes
 from sain_model.compute.compiling import plain
-from sain_model.compute.thread_pool import run_blocks
+from sain_model.compute.thread_pool import even_blocks, run_blocks
 from sain_model.physics.body_kernels import Physics
+from sain_model.physics.corrections import (
+    ANGLE,
+    OF_DISKS,
+    Corrections,
+    corrected_disks,
+    corrected_pushes,
+    saturated,
+)
 from sain_model.physics.outline_push_kernels import push_bodies_block
 from sain_model.physics.planar_kernels import CHUNK
 
@@ -52,6 +60,7 @@ def push_bodies(
     bodies: Bodies,
     limits: PushLimits,
     physics: Physics,
+    corrections: Corrections | None = None,
 ) -> tuple[Scenes, Touched]:
     """Simulate pushes of bodies of any shape.
 
@@ -62,21 +71,45 @@ def push_bodies(
         bodies: N of them.
         limits: where the tool starts.
         physics: the rest.
+        corrections: of each body; None: there are none.
 
     Returns:
         The settled scenes, and which bodies the tool touched (B, N).
     """
-    start, heading = strokes(scenes, pushes, limits, bodies)
-    ways = np.column_stack([start, heading, pushes[:, LENGTH]])
+    told = np.empty((len(scenes), 0, OF_DISKS))
+    if corrections is None:
+        start, heading = strokes(scenes, pushes, limits, bodies)
+        ways = np.column_stack([start, heading, pushes[:, LENGTH]])
+    else:
+        told = plain(corrected_disks(corrections))
+        ways = _corrected_ways(scenes, pushes, limits, bodies, corrections)
     order = _canonical_order(scenes, pushed_bodies(pushes))
     after, table = plain(scenes.copy()), body_table(bodies)
     touched = np.zeros(scenes.shape[:2], dtype=bool)
 
-    def work(first: int) -> None:
-        push_bodies_block(first, after, order, ways, plain(friction), table, physics, touched)
+    friction, size = plain(friction), even_blocks(len(scenes), CHUNK)
 
-    run_blocks(work, len(scenes), CHUNK)
+    def work(first: int) -> None:
+        rows = slice(first, first + size)
+        known = ways[rows], friction[rows], table, physics
+        push_bodies_block(0, after[rows], order[rows], *known, touched[rows], told[rows])
+
+    run_blocks(work, len(scenes), size)
     return after, touched
+
+
+def _corrected_ways(
+    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies, corrections: Corrections
+) -> Float[ndarray, "B 4"]:
+    """Return where the tool's axis starts, its heading and its way, as corrected.
+
+    A corrected location keeps the heading, as with disks.
+    """
+    _, heading = strokes(scenes, pushes, limits, bodies)
+    corrected = corrected_pushes(pushes, corrections)
+    start, _ = strokes(scenes, corrected, limits, bodies)
+    told = saturated(corrections)[np.arange(len(pushes)), pushed_bodies(pushes)]
+    return np.column_stack([start, heading + told[:, ANGLE], corrected[:, LENGTH]])
 
 
 def _canonical_order(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
@@ -91,7 +124,7 @@ def _canonical_order(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
     return np.argsort(apart, axis=1, kind="stable")
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=4096)  # a data set may have a thousand combinations of shapes
 def body_table(bodies: Bodies) -> BodyTable:
     """Return the table of some bodies; made once, since a plan asks for it a dozen times."""
     corners = [_corners(shape) for shape in bodies.shapes]

@@ -5,7 +5,7 @@ mass and radius that the scene states and, unless told better, the nominal frict
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final, Self
 
 import numpy as np
@@ -13,7 +13,6 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.dynamics import Dynamics, IdentityPrior
-from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
 from sain_core.model_checks.response_check import answering, check_step
 from sain_core.push import PushLimits, pushed_bodies
@@ -65,7 +64,7 @@ class PlanarPrior:
 
     def filter(self, config: FrictionConfig = FrictionConfig()) -> FrictionFilter:
         """Return what infers friction with this prior, about the one that it assumes."""
-        return FrictionFilter(self, self.config.friction, config)
+        return _filter(self, config)
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3 or 4) from scenes (B, N, 8).
@@ -91,12 +90,11 @@ class PlanarPrior:
 
         Raises:
             InvalidInputError: wrong shapes, NaN or Inf.
-            ConfigError: some body is no disk.
         """
-        check_batch(scenes, pushes, friction)
+        check_batch(scenes, pushes, friction, self.bodies)
         check_corrections(corrections, scenes)
         if not self._of_disks:
-            raise ConfigError("only disks can be corrected; take a model without corrections")
+            return self._push_bodies(scenes, pushes, friction, corrections)[0]
         start = self._tool_distance(scenes, pushes)
         pushes, told = corrected_pushes(pushes, corrections), corrected_disks(corrections)
         return self._simulate(scenes, pushes, friction, start, told)[0]
@@ -135,14 +133,19 @@ class PlanarPrior:
         return self.bodies is None or (self.bodies.all_round and not self.bodies.fixed)
 
     def _push_bodies(
-        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        friction: Scalars | None,
+        corrections: Corrections | None = None,
     ) -> tuple[Scenes, Touched]:
         """Run the kernels for bodies of any shape."""
         assert self.bodies is not None
         if friction is None:
             friction = np.full(len(scenes), self.config.friction)
         limits = PushLimits(tool_radius=self.config.tool_radius, clearance=self.config.clearance)
-        return push_bodies(scenes, pushes, friction, self.bodies, limits, self._physics)
+        world = self.bodies, limits, self._physics
+        return push_bodies(scenes, pushes, friction, *world, corrections)
 
     def _tool_distance(self, scenes: Scenes, pushes: Pushes) -> Scalars:
         """Return how far from the pushed disk's centre the tool's axis starts, (B,) [m]."""
@@ -178,6 +181,11 @@ class PlanarPrior:
         np.put_along_axis(predicted, order, after, axis=1)
         np.put_along_axis(pressed, order[..., 0], touched, axis=1)
         return predicted, pressed
+
+
+@lru_cache(maxsize=16)  # a filter remembers pushes, also those of the episode before
+def _filter(prior: PlanarPrior, config: FrictionConfig) -> FrictionFilter:
+    return FrictionFilter(prior, prior.config.friction, config)
 
 
 def step_knowing(

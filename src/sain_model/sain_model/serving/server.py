@@ -96,7 +96,7 @@ class ModelServer:
             return shaped(self._usual, bodies)
         self._check_work(len(history) * self._frictions(), history.disks)
         kept = self._learned
-        if kept is None or kept[1] != bodies or not kept[0].equals(history):
+        if kept is None or not (kept[0] is history or kept[0].equals(history)) or kept[1] != bodies:
             self._learned = history, bodies, informed(shaped(self._usual, bodies), history)
             return self._learned[2]
         return kept[2]
@@ -194,7 +194,7 @@ class ModelServer:
         """Return how many predictions a past push costs: one at each friction looked at."""
         if isinstance(self._usual, PlanarPrior):
             return len(self._usual.filter().grid)
-        friction = self._usual.filter if is_residual(self._usual) else None
+        friction = self._usual.filter if is_learned(self._usual) else None
         return 1 if friction is None else len(friction.grid)
 
     def _check_work(self, predictions: int, disks: int) -> None:

@@ -13,13 +13,15 @@ from typing import Any, Final, Self
 import numpy as np
 
 from sain_core.errors import CheckpointError, ConfigError, DatasetError
-from sain_core.scene import TARGET
+from sain_core.push import pushed_bodies
+from sain_core.scene import POSITION, TARGET
+from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, parse_card
 from sain_model.dynamics.load import card_part, load_sain, shipped_checkpoint
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
-from sain_model.dynamics.settings import SHIPPED, LossConfig
+from sain_model.dynamics.settings import SHIPPED, SHIPPED_ANY_SHAPE, LossConfig
 from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
 from sain_model.evaluation.prediction_errors import held_out_part
@@ -47,11 +49,13 @@ class Parent:
         Raises:
             CheckpointError: it is not sound, or of a kind that does not learn from single pushes.
         """
-        if name != SHIPPED and not name.endswith(SUFFIX):
+        shipped = (SHIPPED, SHIPPED_ANY_SHAPE)
+        if name not in shipped and not name.endswith(SUFFIX):
             raise CheckpointError(
-                f"--from is {name!r}; it must be {SHIPPED}, or the path of a checkpoint *{SUFFIX}"
+                f"--from is {name!r}; it must be {' or '.join(shipped)}, or the path of a"
+                f" checkpoint *{SUFFIX}"
             )
-        path = shipped_checkpoint() if name == SHIPPED else Path(name)
+        path = shipped_checkpoint(name) if name in shipped else Path(name)
         sain = load_sain(path)
         if sain.kind == RECURRENT:
             raise CheckpointError(
@@ -126,27 +130,32 @@ class Parent:
                 )
 
     def gain(self, sain: SainDynamics, split: Split | MixedSplit) -> dict[str, Any]:
-        """Return the target's mean errors on held-out episodes [mm], before and after.
+        """Return mean errors on held-out episodes [mm], before and after.
 
-        Friction is told as in deployment. "ratio" is the one over the other with its 95 %
-        interval over episodes.
+        They are those of the target; of the pushed body, where bodies have any shape. Friction is
+        told as in deployment. "ratio" is the one over the other with its 95 % interval over
+        episodes.
         """
         parts = held_out_part(split).parts
         before, after = (
-            np.concatenate(
-                [
-                    position_errors(predict_with_history(m, p).mean, p.next_state, TARGET)
-                    for p in parts
-                ]
-            )
-            for m in (self.sain, sain)
+            np.concatenate([_errors(model, part) for part in parts]) for model in (self.sain, sain)
         )
         episodes = np.concatenate([part.episode for part in parts])
         return {
+            "bodies": "target" if parts[0].bodies is None else "pushed bodies",
             "before": float(before.mean()),
             "after": float(after.mean()),
             "ratio": ratio_over_episodes(after, before, episodes, seed=0),
         }
+
+
+def _errors(sain: SainDynamics, part: Dataset) -> Scalars:
+    """Return how far off the target, or the pushed body, is predicted (M,) [mm]."""
+    after = predict_with_history(sain, part).mean
+    if part.bodies is None:
+        return position_errors(after, part.next_state, TARGET)
+    off = np.linalg.norm((after - part.next_state)[..., POSITION], axis=-1)
+    return np.asarray(1e3 * off[np.arange(len(part)), pushed_bodies(part.action)])
 
 
 def _data_hashes(card: ModelCard) -> list[str]:

@@ -58,7 +58,7 @@ def learning_curve(
         DatasetError: a size that there are not so many transitions for, or nothing is held out.
         CheckpointError: the folder's state is damaged or of other settings or data.
     """
-    check_held_out(split)
+    check_held_out(split.test)
     points: dict[tuple[str, int], Point] = {}
     for size, part in [(size, limit_training(split, size)) for size in sizes]:
         for prior in (IDENTITY, config.prior):

@@ -62,12 +62,14 @@ class TrainOptions(Config):
     """
 
     dataset: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
-        "shards *.npz or folders of them, one or more, also with different numbers of disks"
+        "shards *.npz or folders of them, one or more, also with different numbers of disks, or"
+        " with --bodies any of any shapes"
     )
     out: Path = required("folder for checkpoint, card, loss curve and settings")
     name: str = option("sain", "name of the checkpoint")
     parent: Annotated[str | None, tyro.conf.arg(name="from", metavar="CHECKPOINT")] = option(
-        None, "go on with a checkpoint: sain (the shipped one), or a path; its settings stay"
+        None,
+        "go on with a checkpoint: sain or sain_any_shape (shipped), or a path; its settings stay",
     )
     preset: Literal["default", "paper", "paper-epochs", "paper-steps"] = option(
         "default", "settings to start from: ours, or the paper's in one reading (docs/training.md)"

@@ -11,7 +11,8 @@ from sain_core.dynamics import Dynamics
 from sain_core.seeding import generator
 from sain_core.types import Scalars
 from sain_model.compute.threads import one_numba_thread
-from sain_model.data.dataset import Dataset, Split
+from sain_model.data.dataset import Split
+from sain_model.data.shaped_physics import others_friction
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.loss import rollout_loss
 from sain_model.dynamics.rollouts import roll
@@ -55,8 +56,8 @@ class RolloutTrainer(TrainingLoop):
             image = make_windows(split.train.mirrored(), config.steps_ahead)
             self._train = self._train.and_then(image)
         self._validation = make_windows(split.validation, config.steps_ahead)
-        self._train_friction = _others_friction(split.train, friction)
-        self._validation_friction = _others_friction(split.validation, friction)
+        self._train_friction = others_friction(split.train, friction)
+        self._validation_friction = others_friction(split.validation, friction)
         about = f"{friction.config} {friction.nominal}" if friction else ""
         identity = f"{config} {training} {split.train.sha256} {about}"
         optimizer = torch.optim.AdamW(
@@ -90,11 +91,3 @@ class RolloutTrainer(TrainingLoop):
         told = None if friction is None else friction[windows.rows]
         poses = roll(self.network, windows, self._prior, self.config, told)
         return rollout_loss(poses, windows, self._training.loss)
-
-
-def _others_friction(data: Dataset, friction: FrictionFilter | None) -> Scalars | None:
-    """Return the friction (M,) that all other pushes of an episode tell of; None: the nominal."""
-    if friction is None:
-        return None
-    likelihood = friction.log_likelihood(data.state, data.action, data.next_state)
-    return friction.others(likelihood, data.episode).mean

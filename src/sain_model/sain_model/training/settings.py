@@ -141,5 +141,11 @@ class CorrectionTrainingConfig(DataConfig):
     epochs: int = option(
         20, "parts of the steps; validation after each chooses the best weights", minimum=1
     )
+    history: str = option(
+        NOTHING,
+        "pushes that the friction is inferred from: none, or in training the episode's others and"
+        " later its earlier ones",
+        choices=(NOTHING, EPISODE),
+    )
     network: CorrectionNetworkConfig = CorrectionNetworkConfig()
     loss: LossConfig = LossConfig()

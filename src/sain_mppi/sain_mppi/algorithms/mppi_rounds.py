@@ -1,10 +1,14 @@
-"""MPPI with several rounds: each draws nearer the mean of the last, and fewer."""
+"""MPPI with several rounds: each draws nearer the mean of the last, and fewer.
+
+A beam search finds the first mean.
+"""
 
 from functools import partial
 
 import numpy as np
 
 from sain_core.types import PushSequences
+from sain_mppi.algorithms.beam import beam
 from sain_mppi.search.config import MEAN
 from sain_mppi.search.proposals import draw_permitted, propose
 from sain_mppi.search.sampling import Sequence, weighted_mean
@@ -18,9 +22,13 @@ def mppi_rounds(search: Search, start: PushSequences, generator: np.random.Gener
     follow when nothing was found that is better than doing nothing.
     """
     config, mean = search.config, start[0] if len(start) else None
+    if config.beam.first:
+        beam(search, start, generator)
+        mean = search.elites.sequences[0] if search.improves else mean
     for round_number in range(config.rounds + config.stuck_rounds):
         stuck = round_number >= config.rounds
-        if round_number and (search.over or (stuck and search.improves)):
+        found = len(search.elites.sequences) > 0
+        if found and (search.over or (stuck and search.improves)):
             break
         wide = 0 if stuck else round_number
         draw = partial(propose, search, mean, wide, generator)

@@ -73,6 +73,19 @@ class GradientConfig(Config):
 
 
 @dataclass(frozen=True)
+class BeamConfig(Config):
+    """What the beam search tries before the rounds of `mppi_rounds`."""
+
+    first: int = option(
+        256, "single pushes to begin with; 0: no beam search", minimum=0, maximum=1_000_000
+    )
+    width: int = option(16, "sequences that are kept after each push", minimum=1, maximum=10_000)
+    branch: int = option(
+        12, "next pushes that are tried after each of them", minimum=1, maximum=10_000
+    )
+
+
+@dataclass(frozen=True)
 class ProgressConfig(Config):
     """When plans are made wider, and when there is no point in going on."""
 
@@ -101,7 +114,7 @@ class PlannerConfig(Config):
         choices=(MPPI_ROUNDS, MPPI, ICEM, EXHAUSTIVE, GRADIENT),
     )
     samples: int = option(
-        512, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
+        256, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
     )
     horizon: int = option(4, "H, pushes in a sequence", minimum=1, maximum=50)
     rounds: int = option(3, "number of sampling rounds", minimum=1)
@@ -157,6 +170,7 @@ class PlannerConfig(Config):
         24, "number of other sequences published with a plan", minimum=0, maximum=1000
     )
     noise: NoiseConfig = NoiseConfig()
+    beam: BeamConfig = BeamConfig()
     icem: IcemConfig = IcemConfig()
     gradient: GradientConfig = GradientConfig()
     grid: PaperGrid = PaperGrid()
@@ -178,6 +192,7 @@ class PlannerConfig(Config):
             self,
             samples=self.correction,
             rounds=1,
+            beam=replace(self.beam, first=0),
             noise=self.noise.scaled(self.noise.shrink),
             uniform_share=0.0,
         )

@@ -15,8 +15,9 @@ from numpy import ndarray
 from sain_core.dynamics import Radii, scenes_before
 from sain_core.feasibility import Feasibility, tool_gap
 from sain_core.push import LENGTH
-from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table, unit
 from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.shape import Shape
 from sain_core.types import Mask, Points, PredictedScenes, PushSequences, Scalars, Scene
 from sain_mppi.search.cost_weights import CostWeights
 from sain_mppi.search.goal import Goal
@@ -78,6 +79,7 @@ def cost_terms(
         "edge": weights.edge * edge_nearness(rollout, {TARGET: rollout.goal}, weights, feasibility),
         "overhang": weights.overhang
         * overhang(rollout, {TARGET: rollout.goal}, feasibility, bodies),
+        "stranded": weights.stranded * remaining * stranded(rollout, feasibility, bodies),
         "blocked": weights.blocked * blocked_pushes(rollout, feasibility, bodies),
         "risk": weights.risk * target_regions(rollout),
         "effort": weights.effort * rollout.pushes[..., LENGTH].sum(axis=1),
@@ -196,6 +198,32 @@ def overhang(
     return total
 
 
+def stranded(rollout: TargetRollout, feasibility: Feasibility, bodies: Bodies | None) -> Scalars:
+    """Return by how much [m] there is no room, at the end, to push the target straight to its goal.
+
+    Room for body 0 behind the target, on the table, and for the tool behind that, in reach. Disks
+    count by `overshoot_risk` and `reach_excess`.
+    """
+    if bodies is None or bodies.all_round:
+        return np.zeros(len(rollout.after))
+    last, limits, reach = rollout.after[:, -1], feasibility.limits, feasibility.reach
+    behind = rollout.error[:, -1] / np.maximum(rollout.distance[:, -1:], 1e-9)
+    rear = _extent(bodies.shapes[TARGET], last[:, TARGET], behind)
+    width = bodies.shapes[MID].width * float(last[0, MID, RADIUS])
+    middle = last[:, TARGET, POSITION] + (rear + width / 2)[:, None] * behind
+    away = rear + width + limits.tool_radius + limits.clearance
+    apart = np.linalg.norm(last[:, TARGET, POSITION] + away[:, None] * behind, axis=-1)
+    out_of_reach = np.maximum(np.maximum(reach.inner - apart, apart - reach.outer), 0.0)
+    off = np.maximum(width / 2 - _table_room(middle, feasibility.table), 0.0)
+    return np.asarray(out_of_reach + off)
+
+
+def _extent(shape: Shape, states: Float[ndarray, "K 8"], way: Points) -> Scalars:
+    """Return how far [m] bodies in these states reach from their middles in directions (K, 2)."""
+    heading = np.arctan2(way[:, 1], way[:, 0]) - states[:, THETA]
+    return np.asarray((unit(heading) @ shape.outline(1.0).T).max(axis=-1) * states[:, RADIUS])
+
+
 def _table_room(points: Points, table: Table) -> Scalars:
     """Return the distance [m] of points (..., 2) to the nearest edge; negative off the table."""
     x, y = points[..., 0], points[..., 1]
@@ -207,8 +235,9 @@ def blocked_pushes(
     rollout: Rollout, feasibility: Feasibility, bodies: Bodies | None = None
 ) -> Scalars:
     """Return how many pushes of a sequence could not be carried out when their turn comes."""
-    allowed = feasibility.mask(rollout.before, rollout.pushes, bodies)
-    return np.asarray((~allowed).sum(axis=1).astype(np.float64))
+    blocked, moving = np.zeros(rollout.moving.shape), rollout.moving
+    blocked[moving] = ~feasibility.mask(rollout.before[moving], rollout.pushes[moving], bodies)
+    return np.asarray(blocked.sum(axis=1))
 
 
 def target_regions(rollout: TargetRollout) -> Scalars:

@@ -101,6 +101,12 @@ class CostWeights(Config):
         unit="1/m",
         minimum=0.0,
     )
+    stranded: float = option(
+        20.0,
+        "shapes: weight of lacking room for body 0 and the tool behind the target",
+        unit="1/m",
+        minimum=0.0,
+    )
     keep: float = option(
         200.0, "pose goals: weight of moving a body that is to be kept", unit="1/m", minimum=0.0
     )

@@ -75,8 +75,11 @@ def propose(
     ]
     if mean is not None:
         deviations = config.noise.deviations(round_number)
+        about = mean
+        if len(search.known):  # about each in turn
+            about = search.known[np.arange(about_mean) % len(search.known)]
         near = gaussian_sequences(
-            mean, deviations, config.noise.spread, limits, generator, about_mean
+            about, deviations, config.noise.spread, limits, generator, about_mean
         )
         parts.append(stop_early(near, config.stop_share, generator))
     drawn = generator.permutation(without_idle(np.concatenate(parts), limits))

@@ -65,17 +65,20 @@ def inside_limits(pushes: PushSequences, limits: PushLimits) -> PushSequences:
 
 
 def gaussian_sequences(
-    mean: Sequence,
+    mean: Sequence | PushSequences,
     deviations: Float[ndarray, "3"],
     spread: float,
     limits: PushLimits,
     generator: np.random.Generator,
     count: int,
 ) -> PushSequences:
-    """Draw sequences (count, H, 3) about a mean (H, 3), each with its own scale of noise."""
+    """Draw sequences (count, H, A) about a mean (H, A), or each about its own (count, H, A).
+
+    Each has its own scale of noise.
+    """
     scale = np.exp(generator.uniform(np.log(spread), 0.0, (count, 1, 1)))
-    noise = generator.standard_normal((count, len(mean), PUSH_SIZE)) * deviations * scale
-    drawn = np.broadcast_to(mean, (count, *mean.shape)).copy()
+    drawn = np.broadcast_to(mean, (count, *mean.shape[-2:])).copy()
+    noise = generator.standard_normal((*drawn.shape[:2], PUSH_SIZE)) * deviations * scale
     drawn[..., :PUSH_SIZE] += noise
     return inside_limits(drawn, limits)
 

@@ -40,12 +40,15 @@ class Search:
         objective: Objective,
         refused: Sequence[PushArray] = (),
         deadline: float | None = None,
+        known: PushSequences | None = None,
         shortest: float = 0.0,
     ) -> None:
         """Begin with nothing found, in a scene (N, 8) from which some pushes (3,) were refused.
 
-        The plan is wanted at the deadline, a `time.monotonic`; None: whenever. Pushes that move
-        their body by less than the `shortest` way [m] are not permitted as the first.
+        The plan is wanted at the deadline, a `time.monotonic`; None: whenever. `known` (E, H, A)
+        are what was found for about this scene. They are rolled out in one batch with the first
+        sequences that an algorithm tries. First pushes that move their body by less than the
+        `shortest` way [m] are not permitted.
         """
         self.model, self.config, self.feasibility = model, config, feasibility
         self.scene, self.objective, self.refused = scene, objective, refused
@@ -57,6 +60,10 @@ class Search:
         self._rollout_time = self._cost_time = 0.0
         self._began = perf_counter()
         self.rest_cost = objective.rest_cost(scene, config.horizon)
+        self.known: PushSequences = np.empty((0, config.horizon, objective.push_size))
+        if known is not None:
+            self.known = known[self.permitted(known[:, 0])]
+        self._waiting = self.known
 
     @property
     def improves(self) -> bool:
@@ -91,7 +98,9 @@ class Search:
         Raises:
             ModelUnavailableError: no cost is finite, or the answer is not one to this question.
         """
-        costs = self._try(sequences)
+        waiting, self._waiting = self._waiting, self._waiting[:0]
+        every = np.concatenate([waiting, sequences]) if len(waiting) else sequences
+        costs = self._try(every)[len(waiting) :]
         self.rounds += 1
         if not np.isfinite(costs).any():
             raise ModelUnavailableError(

@@ -209,7 +209,8 @@ class EpisodeRunner:
             Column.DURATION: outcome.duration,
         }
         rough = {f"{ROUGH}{name}": v for name, v in parameters.roughness.arrays().items()}
-        return {**row, **about_bodies(parameters.bodies, push), **rough}
+        named = self._config.shapes or not parameters.bodies.are_paper_disks
+        return {**row, **(about_bodies(parameters.bodies, push) if named else {}), **rough}
 
     def close(self) -> None:
         """Let go of the worlds."""
@@ -218,9 +219,7 @@ class EpisodeRunner:
 
 
 def about_bodies(bodies: Bodies, push: PushArray) -> dict[str, Any]:
-    """Return the columns of a push against bodies that are not all disks as in the paper."""
-    if bodies.are_paper_disks:
-        return {}
+    """Return the columns of a push that name the bodies of its scene and the pushed one."""
     return {Column.BODY: int(pushed_bodies(push)), **describe_bodies(bodies)}
 
 

@@ -1,0 +1,140 @@
+"""Training, fine-tuning and evaluation on pushes of any body of scenes of any shapes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sain_core.dataset import Column
+from sain_core.errors import DatasetError
+from sain_core.scene import make_scene
+from sain_core.shapes.bodies import Bodies
+from sain_model import commands
+from sain_model.data.dataset import load_transitions
+from sain_model.data.mixed import load_datasets, split_datasets
+from sain_model.dynamics.checkpoint import read_card
+from sain_model.dynamics.load import load_sain
+from sain_model.network.settings import ANY_SHAPE
+from sain_model.serving.server import load_server
+from sain_model.serving.settings import ServingConfig
+from sain_model.training.fine_tuning import Parent
+
+SMALL = ("--hidden", "8", "--message", "4", "--members", "2", "--epochs", "2", "--batch", "16")
+OWN = ("--bodies", "any", "--prior", "planar_axes", "--validation", "0.2", "--test", "0.2")
+
+
+@pytest.fixture(scope="module")
+def trained(any_bodies: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("trained")
+    assert commands.train([str(any_bodies), "--out", str(out), *SMALL, *OWN]) == 0
+    return out / "sain.safetensors"
+
+
+def test_all_parts_know_their_bodies_and_pushes_name_theirs(any_bodies: Path) -> None:
+    data = load_datasets([any_bodies], ANY_SHAPE)
+    assert {part.disks for part in data.parts} == {1, 2, 3, 4}
+    assert len({part.bodies for part in data.parts}) == len(data.parts)
+    rows = 0
+    for path in any_bodies.glob("shard-*.npz"):
+        with np.load(path) as shard:
+            rows += len(shard[Column.BODY])
+            for row, names in enumerate(shard[Column.SHAPES]):
+                bodies = Bodies.named(names.split(","), ["pushable"] * (names.count(",") + 1))
+                part = next(part for part in data.parts if part.bodies == bodies)
+                own = part.episode == shard[Column.EPISODE][row]
+                assert shard[Column.BODY][row] in part.action[own, 3]
+    assert rows == len(data)
+
+
+def test_no_episode_is_in_two_parts_of_a_split_and_fewer_pushes_can_be_asked_for(
+    any_bodies: Path,
+) -> None:
+    data = load_datasets([any_bodies], ANY_SHAPE)
+    split = split_datasets(data, 0, 0.2, 0.2, transitions=20)
+    episodes = [set(part.episode) for part in (split.train, split.validation, split.test)]
+    assert not episodes[0] & episodes[1]
+    assert not episodes[1] & episodes[2]
+    assert len(split.train) == 20
+    assert len(split.test) > 0
+
+
+def test_the_card_states_errors_by_group_and_by_shape(trained: Path) -> None:
+    card = read_card(trained)
+    assert card.network["bodies"] == ANY_SHAPE
+    assert card.prior == "planar_axes"
+    assert card.friction is not None
+    assert card.intervals is not None
+    pushed = card.errors["bodies"]["pushed"]
+    assert pushed["pushes"] == card.errors["transitions"] == card.data["transitions"]["test"]
+    assert 0.0 < pushed["prior_mm"] < 10.0
+    low, high = pushed["ratio_mm"][1:]
+    assert low <= pushed["sain_mm"] / pushed["prior_mm"] <= high
+    assert 0.5 < pushed["coverage"] <= 1.0
+    shapes = card.errors["shapes"]
+    assert set(shapes) <= {"t", "bar", "three_feet"}
+    assert sum(shape["pushes"] for shape in shapes.values()) == pushed["pushes"]
+
+
+def test_the_checkpoint_serves_these_shapes(trained: Path) -> None:
+    server = load_server(ServingConfig(model=str(trained)))
+    bodies = Bodies.named(["bar", "t", "disk"], ["pushable"] * 3)
+    places = np.array([(0.4, 0.0), (0.6, 0.0), (0.5, 0.25)])
+    scene = make_scene(places, np.full(3, 8.0), np.full(3, 0.07), np.zeros(3))
+    pushes = np.array([[[0.5, 0.1, 0.05, 1.0], [2.0, 0.0, 0.05, 2.0]]])
+    told = server.rollout(scene, pushes, bodies=bodies)
+    assert told.shape == (1, 2, 3, 8)
+    assert np.abs(told[0, 0, 1] - scene[1]).max() > 1e-3
+    regions = server.regions(scene, pushes, told, bodies=bodies)
+    assert regions is not None
+    assert (regions > 0.0).all()
+
+
+def test_fine_tuning_goes_on_with_pushes_of_any_body(
+    any_bodies: Path,
+    more_bodies: Path,
+    trained: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    short = ("--epochs", "1", "--test", "0.3", "--validation", "0.3")
+    tuned = [str(more_bodies), "--from", str(trained), "--out", str(tmp_path / "tuned"), *short]
+    assert commands.train(tuned) == 0
+    assert "pushed bodies: mean error on the test episodes" in capsys.readouterr().out
+    card = read_card(tmp_path / "tuned" / "sain.safetensors")
+    assert card.errors["fine_tuning"]["bodies"] == "pushed bodies"
+    assert load_sain(tmp_path / "tuned" / "sain.safetensors").network.config.bodies == ANY_SHAPE
+    again = [str(any_bodies), "--from", str(trained), "--out", str(tmp_path / "again")]
+    assert commands.train(again) == 1
+    assert "has learned from this data set already" in " ".join(capsys.readouterr().err.split())
+    assert Parent.load("sain_any_shape").settings.network.bodies == ANY_SHAPE
+
+
+def test_evaluate_measures_what_it_has_not_seen(
+    any_bodies: Path, trained: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "errors.json"
+    told = [str(any_bodies), "--checkpoint", str(trained), "--out", str(out)]
+    assert commands.evaluate(told) == 0
+    report = json.loads(out.read_text())
+    assert report["bodies"] == read_card(trained).errors["bodies"]
+
+
+def test_a_network_for_disks_and_rollouts_refuse_them(
+    any_bodies: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(DatasetError, match="train with --bodies any or --from sain_any_shape"):
+        load_transitions(any_bodies)
+    arguments = [str(any_bodies), "--out", str(tmp_path), *OWN, "--steps-ahead", "2"]
+    assert commands.train(arguments) == 1
+    assert "--steps-ahead is for networks for disks" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_push_of_a_body_that_is_not_there_is_refused(any_bodies: Path, tmp_path: Path) -> None:
+    path = sorted(any_bodies.glob("shard-*.npz"))[0]
+    with np.load(path) as shard:
+        content = dict(shard)
+    content["body"][1] = 7
+    np.savez(tmp_path / "shard-00000.npz", **content)
+    with pytest.raises(DatasetError, match="row 1 pushes body 7; pushable are 0"):
+        load_datasets([tmp_path], ANY_SHAPE)
