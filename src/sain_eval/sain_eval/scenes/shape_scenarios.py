@@ -22,7 +22,7 @@ from sain_core.shapes.registry import get_shape
 from sain_core.types import Points, Scene
 from sain_eval.scenes.disk_scenarios import AnywhereScenario
 from sain_eval.scenes.placement import draw_goal
-from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.scenario_scene import MAX_PUSHES, ScenarioScene
 from sain_eval.scenes.tool_room import draw_blockers, draw_places, has_tool_room
 from sain_mppi.search.poses import BodyPose, PoseGoal
 from sain_sim.world.parameters import FRICTION_RANGE, MASS_RANGE
@@ -147,7 +147,7 @@ class IndirectScenario:
             goal = draw_goal(circles, self.goal_distance, feasibility, random)
             if goal is None or not has_tool_room(goal, drawn.sizes[TARGET], feasibility):
                 continue
-            return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, goal, POSE_PUSHES)
+            return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, goal, MAX_PUSHES)
 
 
 @dataclass(frozen=True)
