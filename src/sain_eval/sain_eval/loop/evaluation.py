@@ -1,10 +1,13 @@
 """Many episodes over worker processes, paired seeds for all controllers, in any order."""
 
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
+from threading import Thread
+from typing import TypeVar
 
 from sain_core.drawing.figures import write_png
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
@@ -20,6 +23,9 @@ from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.camera import WorldCameraConfig
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+Job = TypeVar("Job")
+Done = TypeVar("Done")
 
 
 @dataclass(frozen=True)
@@ -61,16 +67,37 @@ def run_job(job: EpisodeJob) -> list[SceneRecord]:
 def run_jobs(jobs: Sequence[EpisodeJob], workers: int) -> Iterator[list[SceneRecord]]:
     """Run all jobs over worker processes and yield their records as they come.
 
-    With one worker they run in this process, in order.
+    See `run_on_workers`.
+    """
+    yield from run_on_workers(run_job, jobs, workers)
+
+
+def run_on_workers(
+    work: Callable[[Job], Done], jobs: Sequence[Job], workers: int
+) -> Iterator[Done]:
+    """Do work for all jobs over worker processes; yield what it returns as it comes.
+
+    With one worker it is done in this process, in order. A worker ends when this process does.
     """
     if workers == 1:
-        yield from map(run_job, jobs)
+        yield from map(work, jobs)
         return
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_end_with_parent)
     with environment(dict.fromkeys(THREAD_LIMITS, "1")):  # read once, when a worker starts
         try:
-            futures = [pool.submit(run_job, job) for job in jobs]
-            for future in as_completed(futures):
+            for future in as_completed([pool.submit(work, job) for job in jobs]):
                 yield future.result()
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _end_with_parent() -> None:
+    """End this process as soon as the one that started it has ended, killed or not."""
+    parent = parent_process()
+
+    def follow() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    Thread(target=follow, daemon=True).start()

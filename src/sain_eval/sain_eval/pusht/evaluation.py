@@ -5,10 +5,8 @@ import dataclasses
 import io
 import json
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,7 +15,7 @@ import numpy as np
 from sain_core.provenance import git_commit, processor, system, versions
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
-from sain_eval.loop.evaluation import THREAD_LIMITS
+from sain_eval.loop.evaluation import run_on_workers
 from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
 from sain_eval.pusht.agent import PLANNER, pusht_agent
 from sain_eval.pusht.episode import PushtRecord, play
@@ -26,7 +24,6 @@ from sain_eval.pusht.model import PushtModel, load_model
 from sain_eval.pusht.motion import Pace
 from sain_eval.pusht.world import PushtWorld
 from sain_mppi.search.config import PlannerConfig
-from sain_sim.collecting.workers import environment
 
 PACKAGES: Final = ("gym-pusht", "pymunk", "gymnasium", "numpy", "numba", "torch")
 RESULTS_FILE: Final = "results.json"
@@ -58,16 +55,7 @@ def run_pusht_job(job: PushtJob) -> PushtRecord:
 
 def run_pusht_jobs(jobs: Sequence[PushtJob], workers: int) -> Iterator[PushtRecord]:
     """Yield the records of all jobs as they come; with one worker in this process, in order."""
-    if workers == 1:
-        yield from map(run_pusht_job, jobs)
-        return
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    with environment(dict.fromkeys(THREAD_LIMITS, "1")):  # read once, when a worker starts
-        try:
-            for future in as_completed([pool.submit(run_pusht_job, job) for job in jobs]):
-                yield future.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    yield from run_on_workers(run_pusht_job, jobs, workers)
 
 
 @cache
