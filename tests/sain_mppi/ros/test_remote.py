@@ -108,7 +108,7 @@ def test_the_service_gets_the_episode_s_earlier_pushes_and_no_others(graph, stra
         (refuse, "the model refused: too much"),
         (nan, "is nan; must be finite"),
         (elsewhere, "predicted disks of other masses or radii"),
-        (short, "the model answered wrongly: predicted has 8191 numbers; 8192"),
+        (short, "the model answered wrongly: predicted has 2047 numbers; 2048"),
     ],
 )
 def test_when_the_model_fails_physics_takes_over_and_says_so(graph, straw, answer, text):

@@ -1,6 +1,6 @@
 """MPPI with several rounds: each draws nearer the mean of the last, and fewer.
 
-A beam search finds the first mean.
+Where the tool pushes bodies with corners, a beam search finds the first mean.
 """
 
 from functools import partial
@@ -22,7 +22,9 @@ def mppi_rounds(search: Search, start: PushSequences, generator: np.random.Gener
     follow when nothing was found that is better than doing nothing.
     """
     config, mean = search.config, start[0] if len(start) else None
-    if config.beam.first:
+    share = 1.0
+    if config.beam.first and search.objective.has_corners:
+        share = config.beam.samples
         beam(search, start, generator)
         mean = search.elites.sequences[0] if search.improves else mean
     for round_number in range(config.rounds + config.stuck_rounds):
@@ -32,7 +34,8 @@ def mppi_rounds(search: Search, start: PushSequences, generator: np.random.Gener
             break
         wide = 0 if stuck else round_number
         draw = partial(propose, search, mean, wide, generator)
-        sequences = draw_permitted(search, draw, config.samples_in(wide), generator)
+        count = max(round(share * config.samples_in(wide)), 1)
+        sequences = draw_permitted(search, draw, count, generator)
         costs = search.evaluate(sequences)
         mean = _updated(mean, weighted_mean(sequences, search.weights(costs)), config.smoothing)
     if config.selection == MEAN and mean is not None:

@@ -74,7 +74,7 @@ class GradientConfig(Config):
 
 @dataclass(frozen=True)
 class BeamConfig(Config):
-    """What the beam search tries before the rounds of `mppi_rounds`."""
+    """What the beam search tries before the rounds of `mppi_rounds`, where bodies have corners."""
 
     first: int = option(
         256, "single pushes to begin with; 0: no beam search", minimum=0, maximum=1_000_000
@@ -82,6 +82,9 @@ class BeamConfig(Config):
     width: int = option(16, "sequences that are kept after each push", minimum=1, maximum=10_000)
     branch: int = option(
         12, "next pushes that are tried after each of them", minimum=1, maximum=10_000
+    )
+    samples: float = option(
+        0.5, "factor on the samples of the rounds that follow", minimum=0.01, maximum=1.0
     )
 
 
@@ -114,7 +117,7 @@ class PlannerConfig(Config):
         choices=(MPPI_ROUNDS, MPPI, ICEM, EXHAUSTIVE, GRADIENT),
     )
     samples: int = option(
-        256, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
+        512, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
     )
     horizon: int = option(4, "H, pushes in a sequence", minimum=1, maximum=50)
     rounds: int = option(3, "number of sampling rounds", minimum=1)

@@ -36,6 +36,13 @@ class Objective(ABC):
         self.pushable = (0,) if bodies is None else bodies.pushable
         self.push_size = PUSH_SIZE if self.pushable == (0,) else PUSH_SIZE + 1
 
+    @property
+    def has_corners(self) -> bool:
+        """Whether the tool may push a body that is not round: such a body turns."""
+        if self.bodies is None:
+            return False
+        return any(not self.bodies.shapes[body].is_round for body in self.pushable)
+
     @abstractmethod
     def terms(
         self,
