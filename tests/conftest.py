@@ -29,10 +29,13 @@ def ros_domain() -> Iterator[int]:
     """A ROS domain that no other test session on this machine uses, and no graph outside it."""
     import domain_coordinator
 
-    names = ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE")
-    before = {name: os.environ.get(name) for name in names}
+    from sain_core.ros import network
+
+    before = {name: os.environ.get(name) for name in ("ROS_DOMAIN_ID", network.RANGE, *network.PROFILES)}
     with domain_coordinator.domain_id() as domain:
-        os.environ.update(dict(zip(names, (str(domain), "LOCALHOST"), strict=True)))
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        os.environ[network.RANGE] = "LOCALHOST"
+        network.stay_on_this_host()
         yield int(domain)
     for name, value in before.items():
         if value is None:

@@ -32,10 +32,7 @@ def without_interfaces(domain: int) -> dict[str, str]:
         )
         for name in paths
     }
-    # Tests before this one kill recorders. Fast DDS then leaves ports in shared memory that
-    # nobody reads, and a recorder that takes one over hears nothing. Over UDP there are none.
-    udp = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-    return {**os.environ, **stripped, **udp, "ROS_DOMAIN_ID": str(domain)}
+    return {**os.environ, **stripped, "ROS_DOMAIN_ID": str(domain)}
 
 
 @pytest.fixture

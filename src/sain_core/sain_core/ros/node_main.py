@@ -18,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import ok, try_shutdown
 
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
+from sain_core.ros.network import stay_on_this_host
 
 NAMESPACE = "sain"
 """Where nodes live unless ``--ros-args -r __ns:=/other`` says otherwise."""
@@ -97,9 +98,12 @@ def ros_context(
 ) -> Iterator[None]:
     """Initialise rclpy with these arguments, or the process's, and shut it down at the end.
 
+    Only this computer can send to its nodes; see `stay_on_this_host`.
+
     Raises:
         ConfigError: the arguments for ROS cannot be read.
     """
+    stay_on_this_host()
     try:
         rclpy.init(args=args, signal_handler_options=signals)
     except RuntimeError as error:  # the base of rcl's own errors, which rclpy does not export

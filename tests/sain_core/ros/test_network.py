@@ -1,0 +1,149 @@
+"""Sockets, as the system lists them: what other computers can send to."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+
+from sain_core.ros.network import PROFILES, RANGE, stay_on_this_host
+
+pytestmark = pytest.mark.ros
+
+ROOT = Path(__file__).resolve().parents[3]
+WATCH = "exec ros2 run sain_bringup watch scene"
+SPEAK = """
+import sys, time
+import rclpy
+from std_msgs.msg import String
+from sain_core.ros.node_main import ros_context
+with ros_context():
+    publisher = rclpy.create_node("speaker").create_publisher(String, "words", 10)
+    while True:
+        publisher.publish(String(data="heard"))
+        time.sleep(0.05)
+"""
+IDLE = """
+import time
+import rclpy
+from rclpy.context import Context
+from sain_core.ros.network import stay_on_this_host
+stay_on_this_host()
+kept = []
+for number in range({count}):
+    context = Context()
+    rclpy.init(context=context)
+    kept.append(rclpy.create_node(f"idle_{{number}}", context=context))
+print("up", flush=True)
+time.sleep(600)
+"""
+LISTEN = """
+import rclpy
+from std_msgs.msg import String
+{begin}
+node = rclpy.create_node("listener")
+node.create_subscription(String, "words", lambda message: print(message.data, flush=True), 10)
+rclpy.spin(node)
+"""
+OURS = "from sain_core.ros.network import stay_on_this_host; stay_on_this_host(); rclpy.init()"
+
+
+@contextmanager
+def running(*command: str, **environment: str | None) -> Iterator[subprocess.Popen[str]]:
+    """A process of its own, without what these tests set for the others."""
+    variables = {k: v for k, v in os.environ.items() if k not in (RANGE, *PROFILES)}
+    for name, value in environment.items():
+        if value is None:
+            variables.pop(name, None)
+        else:
+            variables[name] = value
+    process = subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, text=True)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def python(code: str) -> tuple[str, ...]:
+    return (sys.executable, "-c", code)
+
+
+def addresses(pid: int, at_least: int = 2) -> set[str]:
+    """The local addresses of a process's UDP sockets, once it has so many."""
+    end = time.monotonic() + 30.0
+    while time.monotonic() < end:
+        found = [one.laddr.ip for one in psutil.Process(pid).net_connections("udp") if one.laddr]
+        if len(found) >= at_least:
+            time.sleep(0.5)  # for sockets that come later
+            found = psutil.Process(pid).net_connections("udp")
+            return {one.laddr.ip for one in found if one.laddr}
+        time.sleep(0.05)
+    raise AssertionError(f"process {pid} has fewer than {at_least} sockets")
+
+
+def test_all_sockets_of_a_node_are_on_this_computer(ros_domain: int) -> None:
+    with running(*python(SPEAK)) as process:
+        assert addresses(process.pid) == {"127.0.0.1"}
+
+
+def test_so_are_those_of_a_node_that_starts_from_the_workspace_alone(ros_domain: int) -> None:
+    """Nobody needs ./env: what a ROS 2 engineer sources is enough."""
+    source = f'. "{ROOT}/ros2_ws/install/setup.bash"; {WATCH}'
+    with running("bash", "-c", source, ROS_AUTOMATIC_DISCOVERY_RANGE=None) as process:
+        assert addresses(process.pid) == {"127.0.0.1"}
+
+
+def test_the_usual_variable_opens_the_network(ros_domain: int) -> None:
+    with running(*python(SPEAK), ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET") as process:
+        assert "0.0.0.0" in addresses(process.pid)
+
+
+def test_a_user_s_own_profile_and_other_middleware_are_left_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in (RANGE, *PROFILES):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(PROFILES[1], "/home/me/mine.xml")
+    stay_on_this_host()
+    assert RANGE not in os.environ and PROFILES[0] not in os.environ
+    monkeypatch.delenv(PROFILES[1])
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
+    stay_on_this_host()
+    assert os.environ[RANGE] == "LOCALHOST" and PROFILES[0] not in os.environ
+
+
+def test_nothing_of_a_node_is_in_shared_memory(ros_domain: int) -> None:
+    """So a killed node leaves nothing there that deafens the next one."""
+    with running(*python(SPEAK)) as process:
+        addresses(process.pid)
+        assert "/dev/shm/fastrtps" not in Path(f"/proc/{process.pid}/maps").read_text()
+
+
+@pytest.mark.parametrize("discovery", [None, "LOCALHOST", "SUBNET"])
+def test_the_usual_tools_of_ros_hear_our_nodes(ros_domain: int, discovery: str | None) -> None:
+    """These have shared memory and all network cards, as nobody told them otherwise."""
+    listen = LISTEN.format(begin="rclpy.init()")
+    with (
+        running(*python(SPEAK)),
+        running(*python(listen), ROS_AUTOMATIC_DISCOVERY_RANGE=discovery) as listener,
+    ):
+        assert listener.stdout is not None
+        assert listener.stdout.readline() == "heard\n"
+
+
+def test_a_process_that_comes_late_hears_behind_forty_others(ros_domain: int) -> None:
+    """ROS's own LOCALHOST finds 32."""
+    with running(*python(IDLE.format(count=40))) as idle:
+        assert idle.stdout is not None and idle.stdout.readline() == "up\n"
+        with (
+            running(*python(SPEAK)),
+            running(*python(LISTEN.format(begin=OURS))) as listener,
+        ):
+            assert listener.stdout is not None
+            assert listener.stdout.readline() == "heard\n"
