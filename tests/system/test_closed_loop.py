@@ -170,6 +170,18 @@ def test_simulated_time_never_goes_back(played: Run) -> None:
     assert stamps[-1] > stamps[0]
 
 
+def test_all_headers_have_the_simulator_s_time(played: Run) -> None:
+    """Wall time, of which there are 10^9 seconds, would stand out."""
+    bag = Bag(played.out / "bag")
+    last = max(received.message.clock.sec for received in bag.messages(["/clock"])) + 1
+    stamps: dict[str, set[int]] = {}
+    for received in bag.messages():
+        if header := getattr(received.message, "header", None):
+            stamps.setdefault(received.topic, set()).add(header.stamp.sec)
+    assert {"/diagnostics", "/sain/push", "/sain/plan", "/sain/goal"} <= set(stamps)
+    assert {topic: max(seen) for topic, seen in stamps.items() if max(seen) > last} == {}
+
+
 def test_the_pictures_are_pictures(played: Run) -> None:
     assert "anywhere 1" in (played.out / "report.html").read_text(encoding="utf-8")
     for name in ("episode_1.png", "overview.png"):

@@ -35,6 +35,7 @@ def generate_launch_description() -> LaunchDescription:
     """Return the nodes and their arguments."""
     value = {name: LaunchConfiguration(name) for name in ARGUMENTS}
     seed = {"seed": ParameterValue(value["seed"], value_type=int)}
+    simulated = {"use_sim_time": True}  # the simulator's time is in all headers
     gui = {"gui": ParameterValue(value["gui"], value_type=bool)}
     model = {name: ParameterValue(value[name], value_type=str) for name in ("model", "belief")}
 
@@ -61,8 +62,8 @@ def generate_launch_description() -> LaunchDescription:
     ]
     nodes = [
         node("sain_sim", "sim_node", seed, gui),
-        node("sain_model", "model_node", model),
-        node("sain_mppi", "mppi_node", seed),
+        node("sain_model", "model_node", model, simulated),
+        node("sain_mppi", "mppi_node", seed, simulated),
         recorder,
     ]
     return LaunchDescription([*declared, *nodes])

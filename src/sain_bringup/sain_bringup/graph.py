@@ -44,13 +44,19 @@ def graph_commands(
         given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
         return [str(executable(package, name)), *to_namespace, *files, *given]
 
+    simulated = {"use_sim_time": "true"}  # the simulator's time is in all headers
     to_namespace = ["--ros-args", "-r", f"__ns:={namespace}"]
     return {
-        MODEL: node("sain_model", "model_node", model=options.model, **belief),
+        MODEL: node("sain_model", "model_node", model=options.model, **belief, **simulated),
         RECORDER: [*recorder, *to_namespace],
         SIMULATOR: node("sain_sim", "sim_node", **simulator),
         PLANNER: node(
-            "sain_mppi", "mppi_node", dynamics="service", seed=str(options.seed), **planner
+            "sain_mppi",
+            "mppi_node",
+            dynamics="service",
+            seed=str(options.seed),
+            **planner,
+            **simulated,
         ),
     }
 

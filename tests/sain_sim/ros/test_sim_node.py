@@ -241,6 +241,25 @@ def test_a_second_simulator_is_refused(graph, simulator):
         SimNode(context=graph.context)
 
 
+def test_its_own_clock_does_not_freeze_it(graph):
+    """Its time stands still between pushes, so no timer may wait for it."""
+    graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, use_sim_time=True)
+    graph.wait(lambda: len(graph.find("scene", settled=True)) > 5, "scenes at rest")
+    graph.push(graph.reset(seed=9), 3, AHEAD)
+    assert graph.result(3).error_code == ErrorCode.OK
+
+
+def test_scenes_at_rest_have_the_time_at_which_they_were_observed(graph):
+    graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, real_time_factor=1.0)
+
+    def stamps():
+        return [seconds(one.header.stamp) for one in graph.find("scene", settled=True)]
+
+    graph.wait(lambda: len(stamps()) > 10, "scenes at rest")
+    assert np.all(np.diff(stamps())[1:] > 0.0)
+    assert np.mean(np.diff(stamps())) == pytest.approx(0.05, abs=0.02)
+
+
 def test_two_simulators_repeat_each_other_to_the_last_bit(graph):
     def play(push_id):
         node = graph.start(SimNode, peer_wait=0.0, seed=1)

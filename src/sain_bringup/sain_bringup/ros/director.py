@@ -18,6 +18,7 @@ from sain_core.ros.codec import encode_disks, encode_goal
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.peers import refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_core.ros.steady import SIMULATED
 from sain_core.scene import target_distance
 from sain_core.shapes.bodies import Bodies
 from sain_core.wire import decode_disks
@@ -46,7 +47,7 @@ class Director(Node):
 
         While waiting, `check` is called again and again; it raises when the graph is broken.
         """
-        super().__init__("closed_loop", namespace=NAMESPACE)
+        super().__init__("closed_loop", namespace=NAMESPACE, parameter_overrides=[SIMULATED])
         self._joined = time.monotonic()
         self._next_look = self._joined
         self._check = check

@@ -57,7 +57,7 @@ class PushSender(Node):
         assert self._scene is not None
         message = encode_push(
             push,
-            stamp=self.get_clock().now().to_msg(),
+            stamp=self._scene.header.stamp,
             push_id=self._push_id,
             episode_id=self._scene.episode_id,
             scene_id=self._scene.scene_id,

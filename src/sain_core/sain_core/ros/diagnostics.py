@@ -1,9 +1,13 @@
 """How a node is doing, on ``/diagnostics``: once a second, and at once when that changes."""
 
+from collections.abc import Callable
+
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from sain_core.ros.qos import RELIABLE
+from sain_core.ros.steady import steady_timer
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -11,14 +15,16 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 class Diagnostics:
     """Publishes the state of one node. Make and call it from the executor's thread."""
 
-    def __init__(self, node: Node, period_s: float = 1.0) -> None:
-        """Report for this node, first as starting."""
-        self._node = node
+    def __init__(
+        self, node: Node, period_s: float = 1.0, now: Callable[[], Time] | None = None
+    ) -> None:
+        """Report for this node, first as starting; `now` replaces its clock for the stamps."""
+        self._now = now or (lambda: node.get_clock().now().to_msg())
         self._status = DiagnosticStatus(
             level=OK, name=node.get_fully_qualified_name(), message="starting", hardware_id="sain"
         )
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
-        node.create_timer(period_s, self.publish)
+        steady_timer(node, period_s, self.publish)
 
     def set(self, level: bytes, message: str, **values: object) -> None:
         """Say how the node is doing, with figures of interest."""
@@ -32,5 +38,5 @@ class Diagnostics:
     def publish(self) -> None:
         """Publish the state as it was last set."""
         message = DiagnosticArray(status=[self._status])
-        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.header.stamp = self._now()
         self._publisher.publish(message)

@@ -20,6 +20,7 @@ from sain_core.ros.introspection import introspect
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import SERVICE
+from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
 from sain_core.shapes.received import decode_request_bodies
 from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
@@ -53,7 +54,7 @@ class ModelNode(Node):
         self.prepared: ModelServer | None = None
         self.record = ServiceRecord()
         self.status, self.message = OK, "serving"
-        self.create_timer(REPORT_PERIOD, self._report)
+        steady_timer(self, REPORT_PERIOD, self._report)
         self.diagnostics = Diagnostics(self)
         self._offer(config.service_introspection)
         self.get_logger().info(f"ready: serves {config.model}")

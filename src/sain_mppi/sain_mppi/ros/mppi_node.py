@@ -5,7 +5,6 @@ from functools import partial
 from itertools import count
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
@@ -18,6 +17,7 @@ from sain_core.ros.diagnostics import OK, WARN, Diagnostics
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
 from sain_core.scene import is_settled
 from sain_core.shapes.bodies import Bodies as CoreBodies
@@ -59,8 +59,7 @@ class MppiNode(Node):
         self._offer()
         self.starting = True
         self.diagnostics.set(WARN, "no model serves rollout yet: plans rest on the prior")
-        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
-        self.create_timer(LOOK_AGAIN, self._look_again, clock=steady)
+        steady_timer(self, LOOK_AGAIN, self._look_again)
         where = "a service" if self.remote else config.model
         self.ready = f"plans with {where}, or else with {config.prior}"
 

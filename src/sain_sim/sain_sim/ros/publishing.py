@@ -1,6 +1,6 @@
 """The simulator's topics: encodes and publishes its messages."""
 
-
+from builtin_interfaces.msg import Time
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -38,15 +38,19 @@ class Publishing:
         self._markers = node.create_publisher(MarkerArray, "markers", RELIABLE)
         self._world = node.create_publisher(WorldParameters, "world_parameters", LATCHED)
 
+    def now(self) -> Time:
+        """Return the simulated time."""
+        return codec.encode_time(self._simulator.pacer.now_ns)
+
     def clock(self) -> None:
         """Publish the simulated time."""
-        self._clock.publish(Clock(clock=codec.encode_time(self._simulator.pacer.now_ns)))
+        self._clock.publish(Clock(clock=self.now()))
 
     def scene_message(self, sample: Sample, moving: bool) -> SceneMessage:
         """Return the scene with the ids of this moment."""
         return codec.encode_scene(
             sample.scene,
-            stamp=codec.encode_time(self._simulator.pacer.now_ns),
+            stamp=self.now(),
             episode_id=self._session.episode_id,
             scene_id=self._session.scene_id,
             settled=not moving and bool(is_settled(sample.scene)),
@@ -88,7 +92,7 @@ class Publishing:
         message = codec.encode_bodies(
             parameters.bodies,
             self._simulator.radii,
-            stamp=codec.encode_time(self._simulator.pacer.now_ns),
+            stamp=self.now(),
             episode_id=self._session.episode_id,
         )
         self._shapes.publish(message)
@@ -153,4 +157,4 @@ class Publishing:
         self._prediction.publish(message)
 
     def _header(self) -> Header:
-        return codec.header(codec.encode_time(self._simulator.pacer.now_ns))
+        return codec.header(self.now())

@@ -14,6 +14,7 @@ from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.peers import publisher_count, refuse_peers
 from sain_core.ros.qos import RELIABLE
+from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Push
 from sain_interfaces.srv import ResetScene
@@ -45,15 +46,15 @@ class SimNode(Node):
         if (camera := self.simulator.camera) is not None:
             factor, rate = config.real_time_factor, config.idle_rate
             self.looking = Looking(camera, self.pacer, factor, rate)
-        self.diagnostics = Diagnostics(self)
+        self.diagnostics = Diagnostics(self, now=self.publishing.now)
         self.counts = {"executed": 0, "refused": 0}
         self._reset(ResetScene.Request(seed=config.seed))
         self.create_subscription(Push, "push", self._on_push, RELIABLE)
         resetting = self.create_service(ResetScene, "reset_scene", self._on_reset)
         introspect(self, resetting, config.service_introspection)
-        self.create_timer(1 / config.idle_rate, self._on_idle)
+        steady_timer(self, 1 / config.idle_rate, self._on_idle)
         if self.looking is not None:
-            self.create_timer(self.looking.timer_period, self._on_look)
+            steady_timer(self, self.looking.timer_period, self._on_look)
         self.ready = (
             f"a {config.world} world{self.simulator.within} with {len(self.settled.disks)} disks"
         )
@@ -150,6 +151,7 @@ class SimNode(Node):
         self._report()
         if not self.session.busy:
             self.pacer.idle()
+            self.settled = self.publishing.scene_message(self.sample, moving=False)
             self.publishing.state(self.sample, self.settled)
 
     def _report(self) -> None:
