@@ -26,7 +26,7 @@ workspace_recipe() {
   { echo "$root $(ros_kind)" && cat "$root"/requirements/ros.in "$root"/requirements/lock-*-ros.txt; } | cksum
   cd "$root/src" || return
   find . -type f \( -name package.xml -o -name setup.py -o -name setup.cfg -o -name CMakeLists.txt \
-    -o -path './*/resource/*' -o -name '*.msg' -o -name '*.srv' \) -exec sha256sum {} + | sort -k 2
+    -o -path './*/resource/*' -o -name '*.msg' -o -name '*.srv' -o -name '*.action' \) -exec sha256sum {} + | sort -k 2
   # Of a launch or configuration file only its being there matters: the installed one is a link to it.
   find . -type f \( -path './*/launch/*.py' -o -path './*/config/*.yaml' \) -printf 'linked  %p\n' | sort
 }

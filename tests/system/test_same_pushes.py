@@ -59,7 +59,7 @@ def play_on_graph(graph, number, case):
 def test_the_graph_and_evaluate_play_the_same_pushes(graph, full_motion):
     graph.start(SimNode, shadow=False, peer_wait=0.0, bullet__full_motion=full_motion)
     graph.start(MppiNode, dynamics="in_process", model="sain")
-    graph.wait(lambda: graph.aiming.get_subscription_count() == 1, "the planner")
+    graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
     played = PLAYED[:2] if full_motion else PLAYED
     counts = []
     for number, (scenario, seed, truth) in enumerate(played, start=1):
@@ -87,7 +87,7 @@ def test_noisy_and_late_frames_lead_to_the_same_pushes_too(graph, delay):
         model="sain",
         **{f"estimator__{k}": v for k, v in told.items()},
     )
-    graph.wait(lambda: graph.aiming.get_subscription_count() == 1, "the planner")
+    graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
     agent = AgentConfig(estimator=EstimatorConfig(**told))
     for number, seed in enumerate((0, 3), start=1):
         job = EpisodeJob("anywhere", seed, "sain", (TOLERANCE,), agent, camera=camera)

@@ -43,7 +43,7 @@ def planner(graph, straw, shapes):
     node = graph.start(MppiNode, dynamics="in_process", model="planar", **SMALL)
     graph.listen("/diagnostics", DiagnosticArray)
     graph.wait(lambda: straw.scenes.get_subscription_count() == 2, "the planner")
-    graph.wait(lambda: graph.aiming.get_subscription_count() == 1, "the planner")
+    graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
     graph.wait(lambda: shapes.publisher.get_subscription_count() == 2, "the planner")
     graph.wait(lambda: node.count_publishers("shapes") == 1, "who sends shapes")
     return node

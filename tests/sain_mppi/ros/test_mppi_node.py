@@ -17,7 +17,7 @@ from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
 def planner(graph, straw):
     node = graph.start(MppiNode, dynamics="in_process", model="planar", **SMALL)
     graph.wait(lambda: straw.scenes.get_subscription_count() == 2, "the planner")
-    graph.wait(lambda: graph.aiming.get_subscription_count() == 1, "the planner")
+    graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
     return node
 
 

@@ -8,6 +8,9 @@ RELIABLE = QoSProfile(depth=10)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Goals: who joins late gets the last one."""
 
+LATCHED_QUEUE = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""For who must hear each of some latched messages in turn, and not the last alone."""
+
 SERVICE = QoSProfile(depth=100)
 """Requests and answers of a service that may be asked faster than it answers: at ROS's own depth of
 10 the middleware drops what more comes in a burst, in silence."""

@@ -96,6 +96,11 @@ class Agent:
             return Stop(task, StopReason.FAILED, error=error)
         return None
 
+    def drop(self) -> Task | None:
+        """Follow no goal any more; return the one that was followed."""
+        task, self._tracker.task = self._tracker.task, None
+        return task
+
     def see(
         self, scene: Scene, episode_id: int, scene_id: int, settled: bool, observed: float = 0.0
     ) -> None:

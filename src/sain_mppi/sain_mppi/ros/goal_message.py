@@ -1,5 +1,7 @@
 """A goal as a message, and back."""
 
+from typing import Final
+
 import numpy as np
 from builtin_interfaces.msg import Time
 
@@ -8,6 +10,11 @@ from sain_core.ros import codec
 from sain_interfaces.msg import Goal, GoalPose
 from sain_mppi.loop.decision import Task
 from sain_mppi.search.poses import BodyPose, PoseGoal
+
+TOLERANCE: Final = 0.02
+"""[m], where a goal says 0."""
+TURN_PER_METRE: Final = 5.0
+"""[rad/m], where a pose says 0: half of the distance at the rim of a body of 0.1 m."""
 
 
 def decode_task(message: Goal) -> Task:
@@ -20,10 +27,12 @@ def decode_task(message: Goal) -> Task:
     ids = message.goal_id, message.episode_id
     if not len(bodies):
         place = np.array([message.x, message.y])
-        return Task(*ids, place, message.tolerance, message.max_pushes)
+        return Task(*ids, place, message.tolerance or TOLERANCE, message.max_pushes)
     poses = []
     for body, row in zip(bodies.tolist(), values.tolist(), strict=True):
         x, y, heading, tolerance, turn = row
+        tolerance = tolerance or TOLERANCE
+        turn = turn or TURN_PER_METRE * tolerance
         if np.isnan(heading):
             poses.append(BodyPose(body, x, y, tolerance=tolerance))
         else:

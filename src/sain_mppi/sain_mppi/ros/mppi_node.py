@@ -25,8 +25,9 @@ from sain_core.shapes.received import check_unchanged, decode_bodies
 from sain_interfaces.msg import Bodies, Goal, Plan, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_mppi.loop.agent import SERVICE, MppiConfig, planning_agent
-from sain_mppi.loop.decision import PlanJob, PushDecision, Stop
+from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, StopReason
 from sain_mppi.ros.goal_message import decode_task
+from sain_mppi.ros.goals import Goals
 from sain_mppi.ros.markers import plan_markers
 from sain_mppi.ros.plan_message import (
     plan_of_bad_goal,
@@ -71,7 +72,9 @@ class MppiNode(Node):
         self.create_subscription(SceneMessage, "scene", self._on_scene, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
         self.create_subscription(Bodies, "shapes", self._on_bodies, LATCHED)
-        self.create_subscription(Goal, "goal", self._on_goal, LATCHED)
+        self.goals = Goals(
+            self, self._on_goal, self._drop, lambda: None if self.bodies is None else self.bodies[1]
+        )
 
     def _look_again(self) -> None:
         """Look for the model at the start, and go on where a message that was waited for fails."""
@@ -87,6 +90,12 @@ class MppiNode(Node):
             self._publish(plan_of_bad_goal(message, error))
             return
         self._tell(self.agent.aim(task))
+        self._go_on()
+
+    def _drop(self, error: SainError) -> None:
+        """Follow no goal any more; a push that is under way is executed to its end."""
+        if (task := self.agent.drop()) is not None:
+            self._tell(Stop(task, StopReason.FAILED, error=error))
         self._go_on()
 
     def _on_bodies(self, message: Bodies) -> None:
@@ -191,6 +200,7 @@ class MppiNode(Node):
         plan.plan_id = next(self.plan_ids)
         plan.header = codec.header(self.get_clock().now().to_msg())
         self.plan_publisher.publish(plan)
+        self.goals.follow(plan, self.agent.pushes)
         self.starting = False  # what became of a plan says more
         well = plan.error_code == ErrorCode.OK
         self.diagnostics.set(OK if well else WARN, **summary(plan), pushes=self.agent.pushes)
@@ -200,5 +210,6 @@ class MppiNode(Node):
         self.agent.cancel()
         if self.remote is not None:
             self.remote.close()
+        self.goals.close()
         self.worker.close()
         super().destroy_node()

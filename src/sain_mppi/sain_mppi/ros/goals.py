@@ -1,0 +1,179 @@
+"""Goals as ROS users send them: messages of any durability, poses from RViz, an action."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import atan2
+from typing import Any, Final, cast
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.task import Future
+
+from sain_core import wire
+from sain_core.errors import CancelledError, error_reply
+from sain_core.push import push_ids
+from sain_core.ros.codec import WORLD_FRAME, encode_disks, header
+from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, RELIABLE
+from sain_core.shapes.bodies import Bodies
+from sain_interfaces.action import Reach
+from sain_interfaces.msg import DiskState, Goal, GoalPose, Plan
+
+REMEMBERED: Final = 100  # messages, so that none counts twice
+
+
+@dataclass
+class Followed:
+    """An action's goal that is being followed."""
+
+    handle: ServerGoalHandle
+    goal_id: int
+    pushes: int
+    ended: Future  # with the last plan, or with the error that ended it
+    latest: Plan
+
+
+class Goals:
+    """Listens for goals. Poses and actions become messages on ``goal``, so recordings have them."""
+
+    def __init__(
+        self,
+        node: Node,
+        aim: Callable[[Goal], None],
+        drop: Callable[[CancelledError], None],
+        bodies: Callable[[], Bodies | None],
+    ) -> None:
+        """Call `aim` for each goal, and `drop` when an action is cancelled.
+
+        `bodies` are those of the scene, as far as known.
+        """
+        self._node = node
+        self._aim = aim
+        self._drop = drop
+        self._bodies = bodies
+        self._seen: deque[int] = deque(maxlen=REMEMBERED)
+        self._ids = push_ids()  # far from those that people count from 1
+        self._publisher: Any = None  # only with a goal of our own: `goal` has one owner in a graph
+        self._followed: Followed | None = None
+        # Latched goals are heard by who comes late; `ros2 topic pub` offers none that are latched.
+        # With queues of one length, what is heard first is never older than what was heard before.
+        for qos in (LATCHED_QUEUE, RELIABLE):
+            node.create_subscription(Goal, "goal", cast(Any, self._on_goal), qos)
+        node.create_subscription(PoseStamped, "goal_pose", self._on_pose, RELIABLE)
+        self._server = ActionServer(
+            node,
+            Reach,
+            "reach",
+            self._execute,
+            cancel_callback=self._on_cancel,
+            callback_group=ReentrantCallbackGroup(),
+        )
+
+    def follow(self, plan: Plan, pushes: int) -> None:
+        """Tell the action's client of a plan that was published, and how many pushes were sent."""
+        followed = self._followed
+        if followed is None or plan.goal_id != followed.goal_id:
+            return
+        followed.latest, followed.pushes = plan, pushes
+        if plan.status != Plan.PUSH:
+            self._end(None)
+            return
+        followed.handle.publish_feedback(
+            Reach.Feedback(
+                pushes=pushes,
+                goal_distance=plan.goal_distance,
+                goal_turn=plan.goal_turn,
+                predicted=predicted_disks(plan),
+            )
+        )
+
+    def close(self) -> None:
+        """Stop listening for actions."""
+        self._server.destroy()
+
+    def _on_goal(self, message: Goal, info: Any) -> None:
+        sent = info["source_timestamp"]
+        if sent in self._seen:  # both subscriptions hear a latched goal
+            return
+        self._seen.append(sent)
+        if self._followed is not None and self._followed.goal_id != message.goal_id:
+            self._end(CancelledError(f"goal {message.goal_id} was given"))
+        self._aim(message)
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        if message.header.frame_id not in ("", WORLD_FRAME):
+            self._node.get_logger().error(
+                f"the goal pose is in frame {message.header.frame_id!r}; allowed: {WORLD_FRAME!r}"
+            )
+            return
+        goal = Goal(goal_id=next(self._ids), x=message.pose.position.x, y=message.pose.position.y)
+        body, turns = self._target()
+        if turns:
+            turn = message.pose.orientation
+            heading = 2.0 * atan2(turn.z, turn.w)
+            pose = GoalPose(body=body, x=goal.x, y=goal.y, heading=heading, has_heading=True)
+            goal.poses = [pose]
+        self._publish(goal)
+
+    def _target(self) -> tuple[int, bool]:
+        """The body that a single pose is for, and whether its heading can be seen."""
+        bodies = self._bodies()
+        if bodies is None:
+            return 1, False
+        body = min(1, len(bodies) - 1)
+        return body, not bodies.shapes[body].is_round
+
+    def _publish(self, goal: Goal) -> None:
+        if self._publisher is None:
+            self._publisher = self._node.create_publisher(Goal, "goal", LATCHED)
+        goal.header = header(self._node.get_clock().now().to_msg())
+        self._publisher.publish(goal)  # and is heard here, as by all others
+
+    async def _execute(self, handle: ServerGoalHandle) -> Reach.Result:
+        goal = handle.request.goal
+        goal.goal_id = goal.goal_id or next(self._ids)
+        self._end(CancelledError(f"goal {goal.goal_id} was given"))
+        followed = Followed(handle, goal.goal_id, 0, Future(), Plan())
+        self._followed = followed
+        self._publish(goal)
+        error = await followed.ended
+        plan = followed.latest
+        result = Reach.Result(
+            status=plan.status,
+            error_code=plan.error_code,
+            error_message=plan.error_message,
+            pushes=followed.pushes,
+            goal_distance=plan.goal_distance,
+            goal_turn=plan.goal_turn,
+        )
+        if error is not None:
+            result.error_code, result.error_message = error_reply(error)
+        if handle.is_cancel_requested:
+            handle.canceled()
+        elif plan.status == Plan.REACHED:
+            handle.succeed()
+        else:
+            handle.abort()
+        return result
+
+    def _on_cancel(self, handle: ServerGoalHandle) -> CancelResponse:
+        followed = self._followed
+        if followed is not None and followed.handle == handle:
+            error = CancelledError(f"goal {followed.goal_id} was cancelled")
+            self._end(error)
+            self._drop(error)  # the client has its result by then
+        return CancelResponse.ACCEPT
+
+    def _end(self, error: CancelledError | None) -> None:
+        followed, self._followed = self._followed, None
+        if followed is not None:
+            followed.ended.set_result(error)
+
+
+def predicted_disks(plan: Plan) -> list[DiskState]:
+    """Return where the push of a plan should lead the bodies; without a prediction, none."""
+    predicted = wire.decode_plan(plan)[1]
+    return encode_disks(predicted[0]) if len(predicted) else []

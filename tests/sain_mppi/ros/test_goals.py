@@ -1,0 +1,165 @@
+"""Goals as ROS users send them, each seen in the push that follows."""
+
+import numpy as np
+import pytest
+from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from rclpy.action import ActionClient
+from rclpy.qos import QoSProfile
+
+from sain_core.errors import ErrorCode
+from sain_core.scene import POSITION
+from sain_core.shapes.bodies import Bodies
+from sain_interfaces.action import Reach
+from sain_interfaces.msg import Goal, Plan
+from sain_mppi.ros.mppi_node import MppiNode
+from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
+
+THERE = START.copy()
+THERE[1, POSITION] = GOAL
+
+
+@pytest.fixture
+def planner(graph, straw):
+    node = graph.start(MppiNode, dynamics="in_process", model="planar", **SMALL)
+    graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
+    return node
+
+
+@pytest.fixture
+def client(graph):
+    made = ActionClient(graph.bystander, Reach, "reach")
+    yield made
+    made.destroy()
+
+
+def send(graph, client, feedback=None, **fields):
+    """Send a goal by the action; return its handle once it is accepted."""
+    graph.wait(client.server_is_ready, "the action")
+    request = Reach.Goal(goal=Goal(x=GOAL[0], y=GOAL[1], **fields))
+    sent = client.send_goal_async(request, feedback_callback=feedback)
+    graph.wait(sent.done, "an answer of the action")
+    assert sent.result().accepted
+    return sent.result()
+
+
+def result_of(graph, handle):
+    """Wait for the result of an action."""
+    future = handle.get_result_async()
+    graph.wait(future.done, "the result")
+    return future.result()
+
+
+def test_a_publisher_with_the_defaults_of_ros_is_heard(graph, straw, planner):
+    """`ros2 topic pub --once` keeps nothing for who comes late, and gives no id."""
+    publisher = graph.bystander.create_publisher(Goal, "goal", QoSProfile(depth=10))
+    graph.wait(lambda: publisher.get_subscription_count() == 1, "who listens to it")
+    publisher.publish(Goal(x=GOAL[0], y=GOAL[1]))
+    straw.show()
+    nth_push(graph, 1)
+    assert plan(graph, status=Plan.PUSH).goal_distance == pytest.approx(np.hypot(0.159, 0.05))
+
+
+def test_a_goal_that_both_subscriptions_hear_counts_once(graph, straw, planner):
+    straw.show()
+    graph.aim(GOAL, 1)
+    push = nth_push(graph, 1)
+    plan(graph, push_id=push.push_id)
+    straw.answer(push, ErrorCode.OK, before=START, after=THERE)
+    straw.show(scene_id=2, disks=THERE)
+    plan(graph, status=Plan.REACHED)
+    assert [one.status for one in graph.heard["plan"]] == [Plan.PUSH, Plan.REACHED]
+
+
+def test_two_goals_of_one_id_are_two_goals(graph, straw, planner):
+    straw.show()
+    graph.aim(GOAL, 5)
+    graph.aim((0.45, 0.2), 5)
+    graph.wait(lambda: len(graph.heard["push"]) >= 1, "a push")
+    expected = np.hypot(0.541 - 0.45, 0.2)
+    graph.wait(
+        lambda: [p for p in graph.heard["plan"] if p.goal_distance == pytest.approx(expected)],
+        "a plan for the second",
+    )
+
+
+def test_a_pose_from_rviz_moves_the_target(graph, straw, planner):
+    publisher = graph.bystander.create_publisher(PoseStamped, "goal_pose", 10)
+    graph.wait(publisher.get_subscription_count, "who listens to poses")
+    straw.show()
+    pose = Pose(position=Point(x=GOAL[0], y=GOAL[1]), orientation=Quaternion(z=0.5, w=0.866))
+    message = PoseStamped(pose=pose)
+    message.header.frame_id = "map"
+    publisher.publish(message)
+    message.header.frame_id = "world"
+    publisher.publish(message)
+    nth_push(graph, 1)
+    made = plan(graph, status=Plan.PUSH)
+    assert made.goal_distance == pytest.approx(np.hypot(0.159, 0.05))
+    assert made.goal_turn == 0.0  # a disk has no heading
+
+
+def test_the_heading_of_a_pose_counts_for_a_body_that_has_one(graph, straw, planner):
+    publisher = graph.bystander.create_publisher(PoseStamped, "goal_pose", 10)
+    graph.wait(publisher.get_subscription_count, "who listens to poses")
+    planner.bodies = 1, Bodies.named(("box_3x2",))
+    planner.agent.meet(*planner.bodies)
+    alone = START[:1].copy()
+    straw.show(disks=alone)
+    pose = Pose(position=Point(x=0.5, y=0.1), orientation=Quaternion(z=np.sin(0.2), w=np.cos(0.2)))
+    publisher.publish(PoseStamped(pose=pose))
+    made = plan(graph, status=Plan.PUSH)
+    assert made.goal_distance == pytest.approx(np.hypot(0.1, 0.1))
+    assert made.goal_turn == pytest.approx(0.4)
+
+
+def test_the_action_tells_how_it_goes_and_how_it_ended(graph, straw, planner, client):
+    told = []
+    straw.show()
+    handle = send(graph, client, feedback=told.append, tolerance=0.01, max_pushes=5)
+    push = nth_push(graph, 1)
+    graph.wait(lambda: told, "feedback")
+    feedback = told[0].feedback
+    assert feedback.pushes == 1
+    assert feedback.goal_distance == pytest.approx(np.hypot(0.159, 0.05))
+    assert len(feedback.predicted) == 2 and feedback.predicted[1].x > 0.55
+    assert plan(graph, push_id=push.push_id).goal_id != 0
+    straw.answer(push, ErrorCode.OK, before=START, after=THERE)
+    straw.show(scene_id=2, disks=THERE)
+    answer = result_of(graph, handle)
+    assert answer.status == GoalStatus.STATUS_SUCCEEDED
+    assert (answer.result.status, answer.result.pushes) == (Plan.REACHED, 1)
+    assert answer.result.goal_distance == pytest.approx(0.0)
+
+
+def test_a_cancelled_action_sends_no_more_pushes(graph, straw, planner, client):
+    straw.show()
+    handle = send(graph, client)
+    push = nth_push(graph, 1)
+    cancelled = handle.cancel_goal_async()
+    graph.wait(cancelled.done, "the cancellation")
+    answer = result_of(graph, handle)
+    assert answer.status == GoalStatus.STATUS_CANCELED
+    assert answer.result.error_code == ErrorCode.CANCELLED
+    straw.answer(push, ErrorCode.OK, before=START, after=START)
+    straw.show(scene_id=2)
+    for _ in range(20):
+        graph.executor.spin_once(timeout_sec=0.05)
+    assert len(graph.heard["push"]) == 1
+
+
+def test_a_newer_goal_ends_the_action(graph, straw, planner, client):
+    straw.show()
+    handle = send(graph, client)
+    nth_push(graph, 1)
+    graph.aim((0.45, 0.2), 7)
+    answer = result_of(graph, handle)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert answer.result.error_message == "goal 7 was given"
+
+
+def test_an_action_that_cannot_be_served_says_why(graph, straw, planner, client):
+    straw.show()
+    answer = result_of(graph, send(graph, client, tolerance=-1.0))
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert "tolerance" in answer.result.error_message
