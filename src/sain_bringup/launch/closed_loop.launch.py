@@ -10,8 +10,8 @@ from datetime import datetime
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
@@ -26,6 +26,7 @@ ARGUMENTS = {
     "params_file": (str(DEFAULT_PARAMETERS), "ROS parameters on top of the nodes' defaults"),
     "gui": ("false", "show the simulator's window"),
     "seed": ("0", "of the first scene and of the planner"),
+    "goal": ("", "goal to begin with, as 'X Y' in metres; empty: none"),
     "record": ("true", "record all topics"),
     "bag": (f"bags/{datetime.now():%Y%m%d-%H%M%S}", "folder to make for the recording"),
 }
@@ -56,6 +57,12 @@ def generate_launch_description() -> LaunchDescription:
         condition=IfCondition(value["record"]),
         output="screen",
     )
+
+    def goal(context: LaunchContext) -> list[Node]:
+        words = value["goal"].perform(context).split()
+        given = {"package": "sain_bringup", "executable": "goal", "namespace": value["namespace"]}
+        return [Node(**given, arguments=words, output="screen")] if words else []
+
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=description)
         for name, (default, description) in ARGUMENTS.items()
@@ -65,5 +72,6 @@ def generate_launch_description() -> LaunchDescription:
         node("sain_model", "model_node", model, simulated),
         node("sain_mppi", "mppi_node", seed, simulated),
         recorder,
+        OpaqueFunction(function=goal),
     ]
     return LaunchDescription([*declared, *nodes])

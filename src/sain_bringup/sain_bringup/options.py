@@ -107,6 +107,27 @@ class PushOptions(Config):
 
 
 @dataclass(frozen=True)
+class GoalOptions(Config):
+    """Give the planner a goal, print each push on the way, and how it ended.
+
+    The place is that of the target, body 1, or that of `--body`. Ctrl-C cancels the goal. Exits
+    with 0 when it was reached, and otherwise with the error code or 1.
+    """
+
+    x: Annotated[float, tyro.conf.Positional, tyro.conf.arg(metavar="X")] = option(0.6, "where to, along +x", unit="m")
+    y: Annotated[float, tyro.conf.Positional, tyro.conf.arg(metavar="Y")] = option(0.0, "where to, along +y", unit="m")
+    heading: float | None = option(None, "of the body; by default any will do", unit="rad")
+    body: int | None = option(
+        None, "body to bring there, as counted in the scene", minimum=0, maximum=2**32 - 1
+    )
+    tolerance: float = option(
+        0.02, "largest distance that counts as reached", unit="m", minimum=1e-4, maximum=0.2
+    )
+    max_pushes: int = option(30, "pushes after which to give up; 0: never", minimum=0)
+    timeout: float = option(10.0, "longest wait for the planner", unit="s", minimum=0.0)
+
+
+@dataclass(frozen=True)
 class WatchOptions(Config):
     """Print the messages of a topic, or list the topics when none is given."""
 

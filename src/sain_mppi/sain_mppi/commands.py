@@ -11,7 +11,8 @@ mppi_node: Final = NodeCommand(
     node="ros.mppi_node:MppiNode",
     settings="loop.agent:MppiConfig",
     publishes=("push", "plan", "plan_markers", "/diagnostics"),
-    subscribes=("scene", "shapes", "push_result", "goal"),
+    subscribes=("scene", "shapes", "push_result", "goal", "goal_pose"),
+    offers=("reach (action)",),
     calls=("rollout",),
     example="planner.samples:=512",
 )
