@@ -114,8 +114,12 @@ class GoalOptions(Config):
     with 0 when it was reached, and otherwise with the error code or 1.
     """
 
-    x: Annotated[float, tyro.conf.Positional, tyro.conf.arg(metavar="X")] = option(0.6, "where to, along +x", unit="m")
-    y: Annotated[float, tyro.conf.Positional, tyro.conf.arg(metavar="Y")] = option(0.0, "where to, along +y", unit="m")
+    x: Annotated[float, tyro.conf.Positional, tyro.conf.arg(metavar="X")] = option(
+        0.6, "where to, along +x", unit="m"
+    )
+    y: Annotated[float, tyro.conf.Positional, tyro.conf.arg(metavar="Y")] = option(
+        0.0, "where to, along +y", unit="m"
+    )
     heading: float | None = option(None, "of the body; by default any will do", unit="rad")
     body: int | None = option(
         None, "body to bring there, as counted in the scene", minimum=0, maximum=2**32 - 1

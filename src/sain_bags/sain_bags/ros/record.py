@@ -1,5 +1,6 @@
 """``ros2 run sain_bags record``: records topics to a bag, those that appear late too."""
 
+import json
 import time
 from typing import Final
 
@@ -8,7 +9,7 @@ from rich.console import Console
 from sain_bags.cli.options import RecordOptions
 from sain_bags.ros.recorder import Recorder
 from sain_bags.ros.stop_signal import StopSignal
-from sain_bags.writing.gaps import MISSING_KEY, describe_gaps
+from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, describe_gaps
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
 from sain_bags.writing.selection import Selection
 from sain_bags.writing.writer import BagWriter
@@ -57,7 +58,9 @@ def record(options: RecordOptions, console: Console) -> None:
 
         def status() -> RecordingStatus:
             elapsed = time.monotonic() - started
-            return RecordingStatus.of(writer, recorder.gaps, len(recorder.unusable), elapsed)
+            return RecordingStatus.of(
+                writer, recorder.gaps, len(recorder.unusable), elapsed, recorder.awaited
+            )
 
         try:
             with StatusDisplay(console, options.status_period) as display:
@@ -68,6 +71,8 @@ def record(options: RecordOptions, console: Console) -> None:
         finally:
             writer.custom_data[MISSING_KEY] = describe_gaps(recorder.gaps)
             last = status()
+            if last.silent:
+                writer.custom_data[SILENT_KEY] = json.dumps(last.silent)
             recorder.destroy_node()
     size = sum(path.stat().st_size for path in options.out.iterdir())
     console.print(last.final(options.out, size), highlight=False, markup=False)

@@ -73,6 +73,11 @@ class Recorder(Node):
         """What is missing, by topic."""
         return {name: recorded.gaps for name, recorded in self._recorded.items()}
 
+    @property
+    def awaited(self) -> set[str]:
+        """Topics that were asked for by name, and that nobody publishes yet."""
+        return set(self._selection.chosen) - {*self._recorded, *self.unusable}
+
     def work(self) -> int:
         """Look for topics if it is time, write what has come, flush if it is time.
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 MISSING_KEY: Final = "missing_messages"  # in a bag's custom data
+SILENT_KEY: Final = "silent_topics"  # likewise: those published or asked for, and never heard
 
 
 class Gaps:

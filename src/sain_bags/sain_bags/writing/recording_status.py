@@ -1,7 +1,7 @@
 """The status that a recorder prints while it records and at the end."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -13,6 +13,7 @@ from rich.text import Text
 from sain_bags.writing.gaps import Gaps
 from sain_bags.writing.writer import BagWriter
 
+HOUSEKEEPING: Final = frozenset({"/rosout", "/parameter_events"})  # silent where all is well
 LIVE_PERIOD: Final = 0.5  # [s] between looks on a terminal
 
 
@@ -27,13 +28,20 @@ class RecordingStatus:
     size: int  # [bytes]
     files: int
     missing: tuple[tuple[str, str], ...]  # topics of which something is, and how much
+    silent: tuple[str, ...] = ()  # topics that are published or were asked for, without a message
 
     @classmethod
     def of(
-        cls, writer: BagWriter, gaps: Mapping[str, Gaps], unusable: int, seconds: float
+        cls,
+        writer: BagWriter,
+        gaps: Mapping[str, Gaps],
+        unusable: int,
+        seconds: float,
+        awaited: Collection[str] = (),
     ) -> "RecordingStatus":
-        """Return the status of a recording."""
+        """Return the status of a recording; `awaited` are topics that nobody publishes yet."""
         counts = writer.counts
+        heard = {name for name, count in counts.items() if count}
         missing = tuple((name, gap.text()) for name, gap in gaps.items() if gap.missing)
         return cls(
             seconds,
@@ -43,6 +51,7 @@ class RecordingStatus:
             writer.split_files.size,
             len(writer.split_files),
             missing,
+            tuple(sorted({*gaps, *awaited} - heard - HOUSEKEEPING)),
         )
 
     def line(self, rate: float) -> str:
@@ -53,7 +62,9 @@ class RecordingStatus:
             f"{self.messages:,} messages",
             f"{rate:,.0f}/s",
             f"{self.size / 1e6:,.2f} MB" + (f" in {self.files} files" if self.files > 1 else ""),
-            f"{self.topics} topics" + (f", {self.unusable} unusable" if self.unusable else ""),
+            f"{self.topics} topics"
+            + (f", {self.unusable} unusable" if self.unusable else "")
+            + (f", {len(self.silent)} silent" if self.silent else ""),
             self.gaps(),
         ]
         return "  ".join(parts)
@@ -61,16 +72,17 @@ class RecordingStatus:
     def gaps(self) -> str:
         """Return the missing messages as text."""
         if not self.missing:
-            return "none missing"
+            return "none missing since the first" if self.messages else "nothing heard"
         return "missing: " + ", ".join(f"{count} of {name}" for name, count in self.missing)
 
     def final(self, out: Path, size: int) -> str:
         """Return the last line for a recording of this size [bytes]."""
         files = f" in {self.files} files" if self.files > 1 else ""
         unusable = f"; {self.unusable} topics could not be" if self.unusable else ""
+        silent = f"\nNo message came on {', '.join(self.silent)}" if self.silent else ""
         return (
             f"Recorded {self.messages:,} messages on {self.topics} topics{unusable}"
-            f" in {self.seconds:.1f} s, {self.gaps()}: {out} ({size / 1e6:.2f} MB{files})"
+            f" in {self.seconds:.1f} s, {self.gaps()}: {out} ({size / 1e6:.2f} MB{files}){silent}"
         )
 
 
