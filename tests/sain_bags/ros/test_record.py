@@ -106,7 +106,7 @@ def test_a_signal_makes_the_bag_whole(
     assert words == ["the goal"] * len(bag.files)
     *status, last = said.strip().splitlines()
     assert "messages" in status[0]
-    assert "none missing" in status[0]
+    assert "none missing" in status[-1]
     assert last.startswith("Recorded ")
     assert f"in {len(bag.files)} files" in last
 
