@@ -34,7 +34,9 @@ def believe(path: Path, log_odds: float = 0.0) -> Path:
     return write_belief(path, Belief((axes, lab)))
 
 
-@pytest.mark.parametrize(("odds", "name", "config"), [(1, "planar", LAB), (-1, "planar_axes", AXES)])
+@pytest.mark.parametrize(
+    ("odds", "name", "config"), [(1, "planar", LAB), (-1, "planar_axes", AXES)]
+)
 def test_the_likeliest_physics_is_the_prior(
     odds: float, name: str, config: object, dataset: Path, tmp_path: Path
 ) -> None:
