@@ -2,6 +2,7 @@
 
 from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 
 import torch
 from rich.console import Console
@@ -19,6 +20,7 @@ from sain_model.evaluation.prediction_errors import held_out_errors
 from sain_model.network.settings import ANY_SHAPE, ON_STATE
 from sain_model.physics.friction import FrictionFilter
 from sain_model.training.fine_tuning import Parent
+from sain_model.training.identified import identified_physics
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.options import TrainOptions
 from sain_model.training.plots import draw_losses
@@ -39,15 +41,19 @@ def run(command: TrainOptions, console: Console) -> None:
         DatasetError, CheckpointError, OutputError: see `sain_core.errors`.
     """
     torch.set_num_threads(1)
-    config = command.training
     parent = Parent.load(command.parent) if command.parent else None
     if parent:
         parent.check_options(command)
+    physics = None
+    if command.belief:
+        config, physics = identified_physics(Path(command.belief), command.training)
+        command = replace(command, training=config)
+    config = command.training
     data = load_datasets(command.dataset, config.network.bodies)
     split = split_datasets(data, config.seed, config.validation, config.test, config.transitions)
     if parent:
         parent.check_data(data)
-    sain, histories = learn(command, data, split, console, parent)
+    sain, histories = learn(command, data, split, console, parent, physics)
     errors = held_out_errors(split, sain)
     if parent:
         errors["fine_tuning"] = parent.gain(sain, split)

@@ -107,7 +107,9 @@ class Parent:
                     f"{option} is {asked[name]!r}; {self.name} has {kept[name]!r}, and its weights"
                     f" fit nothing else: leave {option} or --from out"
                 )
-        if options.preset != DEFAULT:
+        if options.belief:
+            asked_for = "--belief"
+        elif options.preset != DEFAULT:
             asked_for = f"--preset {options.preset}"
         elif options.rollout.wanted:
             asked_for = "--steps-ahead"

@@ -74,6 +74,11 @@ class TrainOptions(Config):
     preset: Literal["default", "paper", "paper-epochs", "paper-steps"] = option(
         "default", "settings to start from: ours, or the paper's in one reading (docs/training.md)"
     )
+    belief: str = option(
+        "",
+        "file of `sain_model identify`: the network corrects the physics found there, not --prior;"
+        " empty: none",
+    )
     tensorboard: bool = option(
         False, "write the losses for TensorBoard too; needs the extra sain_model[tensorboard]"
     )

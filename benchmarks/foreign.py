@@ -1,0 +1,174 @@
+"""What is learned in a reality that nobody here made, from N pushes of it.
+
+    collect() { nice ./env ros2 run sain_sim collect --engine mujoco --out data/foreign/"$@"; }
+    collect train --episodes 480 --seed 301
+    collect test --episodes 250 --seed 302
+    nice ./env python -m benchmarks.foreign data/foreign/{train,test} --sizes 100 500 3000
+
+Folders may also come from bags. Of the first pushes of the one, `identify` finds the physics, and
+a network learns what that leaves. Errors are those of the target after one push of the other
+folder, with the earlier pushes of its episode. Ratios have 95 % intervals over episodes. A sixth of
+the episodes to learn from chooses the best epoch and fits the regions.
+"""
+
+import argparse
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import torch
+
+from sain_core.dynamics import Dynamics
+from sain_core.scene import TARGET
+from sain_core.types import Scalars, Scenes
+from sain_model.data.dataset import Dataset, Split, load_transitions, split_by_episode
+from sain_model.data.recordings import first_pushes, load_recording
+from sain_model.dynamics.identify import identify
+from sain_model.dynamics.load import load_shipped
+from sain_model.dynamics.priors import load_prior
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.settings import IDENTITY, PLANAR, PLANAR_AXES, LossConfig
+from sain_model.evaluation.coverage import measure_intervals
+from sain_model.evaluation.history_errors import earlier_friction, predict_with_history
+from sain_model.evaluation.markdown import markdown_table
+from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.network.settings import NetworkConfig
+from sain_model.physics.friction import FrictionFilter
+from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import TEXTBOOK
+from sain_model.training.interval_fit import fit_intervals
+from sain_model.training.push_training import Trainer
+from sain_model.training.settings import NOTHING, TrainingConfig
+
+STEPS: Final = 5000  # of the optimizer, whatever the number of pushes
+CONFIG: Final = TrainingConfig(
+    batch=64,
+    weight_decay=0.01,
+    validation=1 / 6,
+    test=0.0,
+    network=NetworkConfig(members=3),
+    loss=LossConfig(position_scale=0.0002, heading_scale=0.01),
+)
+COLUMNS: Final = ("pushes", "mean, mm", "to planar", "to textbook", "median", "regions hold")
+
+
+@dataclass(frozen=True)
+class Judge:
+    """Held-out pushes, and the errors of physics that is fitted to nothing there."""
+
+    test: Dataset
+    planar: Scalars
+    textbook: Scalars
+
+    @classmethod
+    def of(cls, test: Dataset) -> "Judge":
+        """Return what judges by these pushes."""
+        planar, textbook = (_physics(prior, test) for prior in (PlanarPrior(), _textbook()))
+        return cls(test, planar, textbook)
+
+    def row(self, name: str, errors: Scalars, pushes: int = 0, regions: str = "") -> list[str]:
+        """Return a row of the table."""
+        ones, episodes = np.ones(len(errors)), self.test.episode
+        ratios = (
+            ratio_over_episodes(errors, below, episodes, seed=0)
+            for below in (ones, self.planar, self.textbook)
+        )
+        cells = ["{:.2f} [{:.2f}, {:.2f}]".format(*ratio) for ratio in ratios]
+        return [name, f"{pushes or ''}", *cells, f"{np.median(errors):.2f}", regions]
+
+    def model(self, name: str, model: SainDynamics, pushes: int = 0) -> list[str]:
+        """Return the row of a model, with its regions."""
+        part = measure_intervals(model, self.test, seed=0)["target"]["parts"]["all"]
+        errors = _off(predict_with_history(model, self.test).mean, self.test)
+        return self.row(name, errors, pushes, f"{100 * part['coverage']:.0f} %")
+
+
+def main() -> None:
+    """Learn from more and more pushes; print a table."""
+    torch.set_num_threads(1)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("train", type=Path)
+    parser.add_argument("test", type=Path)
+    parser.add_argument("--sizes", type=int, nargs="+", default=[3000])
+    arguments = parser.parse_args()
+    judge = Judge.of(load_transitions(arguments.test))
+    rows = _unlearned(judge)
+    for size in arguments.sizes:
+        rows += _learned(judge, arguments.train, size)
+    print(markdown_table(["prediction", *COLUMNS], rows), end="", flush=True)
+
+
+def _unlearned(judge: Judge) -> list[list[str]]:
+    """Return the rows of what has seen nothing of this reality but earlier pushes."""
+    test, plain = judge.test, PlanarPrior()
+    axes = load_prior(PLANAR_AXES)
+    assert isinstance(axes, PlanarPrior)
+    return [
+        judge.row("planar, no history", _off(plain.step(test.state, test.action), test)),
+        judge.row("planar", judge.planar),
+        judge.row("planar_axes", _physics(axes, test)),
+        judge.row("textbook", judge.textbook),
+        judge.model("SAIN as shipped", load_shipped()),
+    ]
+
+
+def _learned(judge: Judge, folder: Path, size: int) -> list[list[str]]:
+    """Return the rows of what is learned from the first pushes of a folder."""
+    parts = first_pushes(load_recording(folder), size)
+    pushes = sum(map(len, parts))
+    data = load_transitions(folder)
+    first = np.unique(data.episode)[: 1 + max(int(part.episode.max()) for part in parts)]
+    split = split_by_episode(
+        data.select(np.isin(data.episode, first)), CONFIG.seed, CONFIG.validation, CONFIG.test
+    )
+    structure = identify(load_shipped(), {str(folder): parts}).likeliest
+    prior = PlanarPrior(structure.config)
+    friction = prior.filter(structure.friction)
+    sain = _train(split, prior, friction)
+    alone = _train(split, load_prior(IDENTITY), None)
+    test = judge.test
+    truth = _off(sain.step(test.state, test.action, test.friction), test)
+    return [
+        judge.row(f"identified, {structure.name}", _physics(prior, test, friction), pushes),
+        judge.model("SAIN, learned there", sain, pushes),
+        judge.row("the same, true friction", truth, pushes),
+        judge.model("learned only", alone, pushes),
+    ]
+
+
+def _train(split: Split, prior: Dynamics, friction: FrictionFilter | None) -> SainDynamics:
+    """Return a network on a prior, with its regions."""
+    per_epoch = max(2 * len(split.train) // CONFIG.batch, 1)
+    named = PLANAR if friction else IDENTITY
+    config = replace(
+        CONFIG,
+        prior=named,
+        epochs=max(STEPS // per_epoch, 1),
+        history=CONFIG.history if friction else NOTHING,
+    )
+    with tempfile.TemporaryDirectory() as out:
+        trainer = Trainer(split, prior, config, Path(out), friction)
+        trainer.run()
+    infers = friction.config if friction else None
+    model = SainDynamics(trainer.network, prior, named, friction=infers)
+    return replace(model, intervals=fit_intervals(model, split.validation))
+
+
+def _textbook() -> PlanarPrior:
+    return PlanarPrior(replace(TEXTBOOK, friction=PlanarPrior().config.friction))
+
+
+def _physics(prior: PlanarPrior, test: Dataset, friction: FrictionFilter | None = None) -> Scalars:
+    """Return errors of physics with the friction that earlier pushes tell of."""
+    known = earlier_friction(friction or prior.filter(), test)
+    return _off(prior.step(test.state, test.action, known.mean), test)
+
+
+def _off(predicted: Scenes, test: Dataset) -> Scalars:
+    return position_errors(predicted, test.next_state, TARGET)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""A network learns on the physics that was identified: what becomes of it, what is refused."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sain_model import commands
+from sain_model.dynamics.checkpoint import read_card
+from sain_model.dynamics.load import load_sain
+from sain_model.identification.belief_file import write_belief
+from sain_model.identification.beliefs import Belief
+from sain_model.identification.parameters import COUNT
+from sain_model.identification.structures import Structure
+from sain_model.physics.friction import FrictionConfig
+from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import AXES, TEXTBOOK
+
+SMALL = ("--hidden", "8", "--message", "4", "--epochs", "2")
+LAB = replace(TEXTBOOK, friction=0.15, tool_friction=0.2)
+NARROW = FrictionConfig(width=0.2)
+
+
+def run(*arguments: object) -> int:
+    return commands.train([str(argument) for argument in arguments])
+
+
+def believe(path: Path, log_odds: float = 0.0) -> Path:
+    """Write a belief in a laboratory; negative odds: in a solver's axes."""
+    spread = 0.01 * np.eye(COUNT)
+    lab = Structure("textbook", LAB, spread, NARROW, log_odds)
+    axes = Structure("solver axes", AXES, spread, FrictionConfig(), corrected=True)
+    return write_belief(path, Belief((axes, lab)))
+
+
+@pytest.mark.parametrize(
+    ("odds", "name", "config"), [(1, "planar", LAB), (-1, "planar_axes", AXES)]
+)
+def test_the_likeliest_physics_is_the_prior(
+    odds: float, name: str, config: object, dataset: Path, tmp_path: Path
+) -> None:
+    belief = believe(tmp_path / "belief.json", odds)
+    assert run(dataset, "--belief", belief, "--out", tmp_path / "out", *SMALL) == 0
+    path = tmp_path / "out" / "sain.safetensors"
+    model, card = load_sain(path), read_card(path)
+    assert isinstance(model.prior, PlanarPrior)
+    assert (model.prior.config, model.prior_name) == (config, name)
+    assert card.training["prior"] == name
+    assert model.friction == (NARROW if odds > 0 else FrictionConfig())
+    assert model.intervals is not None
+
+
+def test_without_history_friction_is_not_inferred(dataset: Path, tmp_path: Path) -> None:
+    belief, out = believe(tmp_path / "belief.json", 1.0), tmp_path / "out"
+    assert run(dataset, "--belief", belief, "--history", "none", "--out", out, *SMALL) == 0
+    assert load_sain(out / "sain.safetensors").friction is None
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--prior", "identity"], "--prior is 'identity'; the physics of"),
+        (["--prior", "planar_axes"], "is a 'planar': leave --prior out"),
+        (["--from", "sain"], "--belief is for new weights"),
+    ],
+)
+def test_what_contradicts_the_belief_is_refused(
+    options: list[str],
+    message: str,
+    dataset: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    belief = believe(tmp_path / "belief.json", 1.0)
+    assert run(dataset, "--belief", belief, "--out", tmp_path / "out", *options) == 1
+    assert message in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_file_that_is_no_belief_is_refused(
+    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missing = tmp_path / "missing.json"
+    assert run(dataset, "--belief", missing, "--out", tmp_path / "out") == 1
+    assert "sain_model identify makes one" in " ".join(capsys.readouterr().err.split())
