@@ -131,16 +131,16 @@ def test_the_command_goes_on_and_reports_only_what_was_asked(tmp_path):
     assert len(run(tmp_path, scenes=1)["scenes"]) == 2
 
 
-def test_workers_find_the_same_as_one_process(tmp_path):
-    alone, together = (
-        run(tmp_path / str(workers), workers=workers, controllers="straight")["scenes"]
-        for workers in (1, 2)
-    )
-    by_seed = [
-        sorted(records, key=lambda record: (record["seed"], record["tolerance"]))
-        for records in (alone, together)
-    ]
-    assert by_seed[0] == by_seed[1]
+@pytest.mark.parametrize("ray", ["", "local"])
+def test_workers_find_the_same_as_one_process(tmp_path, ray):
+    alone, together = tmp_path / "alone", tmp_path / "together"
+    wanted = {"controllers": "straight", "pictures": 2}
+    records = [run(alone, **wanted), run(together, workers=2, ray=ray, **wanted)]
+    assert records[0]["scenes"] == records[1]["scenes"]
+    pictures = sorted(path.name for path in alone.glob("*.png"))
+    assert pictures == ["paper_0_straight.png", "paper_1_straight.png"]
+    for name in pictures:
+        assert (alone / name).read_bytes() == (together / name).read_bytes()
 
 
 def test_the_whole_table_is_the_papers_and_that_of_shapes(tmp_path):

@@ -73,10 +73,13 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     )
     with Progress("episodes", *columns, console=console) as progress:
         task = progress.add_task("episodes", total=len(jobs))
-        for records in run_jobs(jobs, options.workers):
+        for records in run_jobs(jobs, options):
             journal.add(records)
             progress.advance(task)
-    kept = [record for record in journal.records if wants(options, record)]
+    kept = sorted(
+        (record for record in journal.records if wants(options, record)),
+        key=lambda record: (record.place, record.seed, record.controller),  # whoever was first
+    )
     config = {**dataclasses.asdict(options), "out": str(options.out)}
     write_results(options.out, kept, config, command)
     write_whole(options.out / TABLE_FILE, table_page(options, kept).encode())

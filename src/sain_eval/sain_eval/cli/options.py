@@ -10,6 +10,7 @@ import tyro
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
 from sain_core.observation import observation_settings
+from sain_core.workers.options import WorkerOptions
 from sain_eval.cli.table_parts import TABLE_PARTS, TablePart
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.tolerance import Tolerance
@@ -23,7 +24,7 @@ LARGEST_TURN: Final = 5.0  # [rad]; any heading is nearer than pi
 
 
 @dataclass(frozen=True)
-class EvaluateOptions(Config):
+class EvaluateOptions(WorkerOptions):
     """Run controllers in seeded simulated scenes and report their success rates.
 
     All controllers get the same scenes. After a stop, the same command continues.
@@ -48,12 +49,6 @@ class EvaluateOptions(Config):
     )
     history: bool = option(True, "models infer the friction from earlier pushes of the episode")
     belief: str = option("", "file of `sain_model identify`, for models that take one; empty: none")
-    workers: int = option(
-        1,
-        "processes that run episodes; planning times grow when there are more than cores",
-        minimum=1,
-        maximum=256,
-    )
     pictures: int = option(0, "episodes of each scenario and controller to draw", minimum=0)
     table: bool = option(
         False,

@@ -1,4 +1,4 @@
-"""Many episodes of gym-pusht over worker processes, and what they add up to."""
+"""Many episodes of gym-pusht on workers, and what they add up to."""
 
 import csv
 import dataclasses
@@ -6,20 +6,23 @@ import io
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from sain_core.provenance import git_commit, processor, system, versions
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
-from sain_eval.loop.evaluation import run_on_workers
+from sain_core.workers.options import WorkerOptions
+from sain_core.workers.running import run_on_workers
+from sain_core.workers.work import FunctionRunner, Software, Work
+from sain_eval.loop.evaluation import SOURCES
 from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
 from sain_eval.pusht.agent import PLANNER, pusht_agent
 from sain_eval.pusht.episode import PushtRecord, play
-from sain_eval.pusht.film import write_film
+from sain_eval.pusht.film import gif_of
 from sain_eval.pusht.model import PushtModel, load_model
 from sain_eval.pusht.motion import Pace
 from sain_eval.pusht.world import PushtWorld
@@ -41,21 +44,40 @@ class PushtJob:
     picture: Path | None = None
 
 
-def run_pusht_job(job: PushtJob) -> PushtRecord:
+class PushtDone(NamedTuple):
+    """An episode that was played: its record, and its animation where one was wanted."""
+
+    record: PushtRecord
+    picture: Path | None = None
+    gif: bytes = b""
+
+
+def run_pusht_job(job: PushtJob) -> PushtDone:
     """Play one episode."""
     known = _load(job.model)
     world = _world(job.model, job.pace)
     world.frames = [] if job.picture else None
     agent = pusht_agent(known.model, known.physics, job.planner, world.tool)
     record = play(job.seed, agent, world)
-    if job.picture:
-        write_film(world.frames or [], job.picture)
-    return record
+    if not job.picture:
+        return PushtDone(record)
+    return PushtDone(record, job.picture, gif_of(world.frames or []))
 
 
-def run_pusht_jobs(jobs: Sequence[PushtJob], workers: int) -> Iterator[PushtRecord]:
-    """Yield the records of all jobs as they come; with one worker in this process, in order."""
-    yield from run_on_workers(run_pusht_job, jobs, workers)
+def run_pusht_jobs(
+    jobs: Sequence[PushtJob], options: WorkerOptions = WorkerOptions()
+) -> Iterator[PushtRecord]:
+    """Play all jobs on workers, write their animations, and yield their records in order."""
+    work = Work(
+        partial(FunctionRunner, run_pusht_job),
+        Software(SOURCES, PACKAGES),
+        lambda job: f"episode {job.seed}",
+        goes_on=False,
+    )
+    for done in run_on_workers(work, jobs, options):
+        if done.picture is not None:
+            write_whole(done.picture, done.gif)
+        yield done.record
 
 
 @cache
