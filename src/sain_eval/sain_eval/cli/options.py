@@ -55,6 +55,9 @@ class EvaluateOptions(WorkerOptions):
         "make the whole table: the paper's scenarios with all baselines, and those of shapes and"
         " poses; --scenario, --controllers and --tolerances have no effect",
     )
+    models: str = option(
+        "", "with --table, models beside its own, with commas: names, or paths of checkpoints"
+    )
     truth: Annotated[TruthConfig, tyro.conf.arg(name="")] = RANDOMISED_TRUTH
     camera: Annotated[WorldCameraConfig, tyro.conf.arg(name="")] = WorldCameraConfig()
     planner: Annotated[PlannerConfig, tyro.conf.arg(help="How MPPI plans.")] = field(
@@ -64,6 +67,10 @@ class EvaluateOptions(WorkerOptions):
     def __post_init__(self) -> None:
         """Check the fields, and that every scenario and tolerance is one."""
         super().__post_init__()
+        if self.models and not self.table:
+            raise ConfigError(
+                f"--models is {self.models!r} without --table; give models as --controllers"
+            )
         for name in self.scenario_names:
             if name not in SCENARIOS:
                 raise ConfigError(f"--scenario is {name!r}; allowed: {', '.join(SCENARIOS)}")
@@ -82,7 +89,7 @@ class EvaluateOptions(WorkerOptions):
     def parts(self) -> tuple[TablePart, ...]:
         """What to play, in order."""
         if self.table:
-            return TABLE_PARTS
+            return tuple(part.with_models(_words(self.models)) for part in TABLE_PARTS)
         return (TablePart(self.scenario_names, self.controller_names, self.tolerance_values),)
 
     @property

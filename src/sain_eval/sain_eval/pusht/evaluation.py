@@ -19,6 +19,7 @@ from sain_core.workers.options import WorkerOptions
 from sain_core.workers.running import run_on_workers
 from sain_core.workers.work import FunctionRunner, Software, Work
 from sain_eval.loop.evaluation import SOURCES
+from sain_eval.loop.results import RESULTS_FILE, SCHEMA, interval_row
 from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
 from sain_eval.pusht.agent import PLANNER, pusht_agent
 from sain_eval.pusht.episode import PushtRecord, play
@@ -29,7 +30,8 @@ from sain_eval.pusht.world import PushtWorld
 from sain_mppi.search.config import PlannerConfig
 
 PACKAGES: Final = ("gym-pusht", "pymunk", "gymnasium", "numpy", "numba", "torch")
-RESULTS_FILE: Final = "results.json"
+REALITY: Final = "gym-pusht"
+SUCCESS: Final = "95 % covered"
 EPISODES_FILE: Final = "episodes.csv"
 
 
@@ -131,6 +133,33 @@ def summarise_pusht(records: Sequence[PushtRecord]) -> PushtSummary:
     )
 
 
+def results_row(model: str, records: Sequence[PushtRecord]) -> dict[str, Any]:
+    """Return the row of these episodes in results; see `sain_eval.loop.results.summarise`.
+
+    Pushes are strokes of the solved episodes, steps are over all of them.
+    """
+    summary = summarise_pusht(records)
+    strokes = np.array([record.pushes for record in records if record.success], dtype=float)
+    pushes = bootstrap_mean(strokes, generator(0, "bootstrap", "pusht", "strokes"))
+    errors = _joined(records, "error_mm")
+    return {
+        "scenario": REALITY,
+        "controller": model,
+        "tolerance": 0.0,
+        "heading_tolerance": 0.0,
+        "within": SUCCESS,
+        "scenes": summary.episodes,
+        "successes": summary.successes,
+        "rate": interval_row(summary.success),
+        "pushes": interval_row(pushes),
+        "steps": summary.steps.estimate,
+        "target_error": 1e-3 * float(errors.mean()) if np.isfinite(errors).all() else None,
+        "refusals": summary.refusals,
+        "goals_in_a_row": [],
+        "most_goals": 1,
+    }
+
+
 def _joined(records: Sequence[PushtRecord], column: str) -> np.ndarray:
     values = [value for record in records for value in getattr(record, column)]
     return np.array(values or [0.0])
@@ -141,13 +170,15 @@ def write_pusht_results(
 ) -> None:
     """Write ``results.json``, with all it takes to make it again, and ``episodes.csv``."""
     content = {
-        "reality": "gym-pusht",
+        "schema": SCHEMA,
+        "reality": REALITY,
         "command": command,
         "config": config,
         "git_commit": git_commit(),
         "versions": versions(*PACKAGES),
         "machine": {"cpu": processor(), "system": system()},
-        "summary": dataclasses.asdict(summarise_pusht(records)),
+        "summary": [results_row(config["model"], records)],
+        "gym_pusht": dataclasses.asdict(summarise_pusht(records)),
         "episodes": [dataclasses.asdict(record) for record in records],
     }
     text = json.dumps(content, indent=1, default=str) + "\n"
