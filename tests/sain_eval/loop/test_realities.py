@@ -41,7 +41,7 @@ def evaluated(
 def page(tmp_path, *folders, names=""):
     out = tmp_path / "docs" / "results.md"
     run(ResultsOptions(folders=folders, out=out, names=names), Console(file=StringIO()))
-    return out.read_text()
+    return out.read_text().replace("\u00a0", " ")
 
 
 def test_realities_are_columns_and_models_rows(tmp_path):
@@ -59,7 +59,7 @@ def test_realities_are_columns_and_models_rows(tmp_path):
         " **3/4** (30-95 %), 5.0 pushes, 2.0 mm |"
     ) in lines
     assert "| 0.5 cm | SAIN trained here |  | **2/4** (15-85 %), 4.5 pushes, 2.0 mm |" in lines
-    assert "* MuJoCo: `evaluate --engine mujoco`, commit 0123456789ab" in lines
+    assert lines[lines.index("# MuJoCo, commit 0123456789ab") + 1] == "evaluate --engine mujoco"
 
 
 def test_an_overview_of_each_reality_has_scenarios_in_rows_and_models_in_columns(tmp_path):
@@ -113,7 +113,7 @@ def test_an_evaluation_of_which_nothing_is_shown_is_no_source(tmp_path):
     )
     text = page(tmp_path, before, after)
     assert "**2/4**" in text and "**1/4**" not in text
-    assert text.count("* Bullet: `evaluate") == 1
+    assert text.count("# Bullet, commit") == 1
 
 
 def test_gym_pusht_is_a_reality(tmp_path):
@@ -130,7 +130,7 @@ def test_gym_pusht_is_a_reality(tmp_path):
     assert "| `gym-pusht` | 95 % covered | 2/3, 5.5 | 2/3, 5.5 |" in lines
     cell = "**2/3** (21-94 %), 5.5 pushes, 41.0 steps, 2.0 mm"
     assert f"| 95 % covered | SAIN trained there | {cell} |" in lines
-    assert any(line.startswith("* gym-pusht: `pusht --model oracle`") for line in lines)
+    assert "pusht --model oracle" in lines
 
 
 def test_noisy_observations_are_another_reality(tmp_path):

@@ -102,7 +102,7 @@ def _overview(cells: Cells, reality: str, order: Sequence[str]) -> str:
         found = {line.model: _short(cells[line][reality]) for line in lines}
         paper = [PAPER.get(scenario, "")] if with_paper else []
         scenes = [lines[0].within, *paper, *(found.get(model, "") for model in models)]
-        rows.append([f"`{scenario}`", *scenes])
+        rows.append([f"`{scenario}`", *map(_unbroken, scenes)])
     header = ("scenario", "within", *([PAPER_COLUMN] if with_paper else []), *models)
     return f"### {reality}\n\n{markdown_table(header, rows)}"
 
@@ -125,6 +125,11 @@ def _details(cells: Cells, scenario: str, realities: Sequence[str], order: Seque
     return f"## `{scenario}`\n\n{markdown_table(header, rows)}"
 
 
+def _unbroken(cell: str) -> str:
+    """Return a cell that stays on one line where a screen is narrow."""
+    return cell.replace(" ", "\u00a0")
+
+
 def _papers(line: Line) -> str:
     """Return the paper's number in a line, where it has one."""
     same = line.model == SHIPPED and line.tolerance == PAPER_TOLERANCE
@@ -132,8 +137,8 @@ def _papers(line: Line) -> str:
 
 
 def _sources(results: Sequence[Results]) -> str:
-    lines = [f"* {one.reality}: `{one.command}`, commit {one.commit[:12]}\n" for one in results]
-    return f"## Commands\n\n{''.join(lines)}"
+    lines = [f"# {one.reality}, commit {one.commit[:12]}\n{one.command}\n" for one in results]
+    return f"## Commands\n\n```\n{''.join(lines)}```\n"
 
 
 def _short(row: dict[str, Any]) -> str:
