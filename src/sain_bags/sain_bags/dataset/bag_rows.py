@@ -116,9 +116,10 @@ def rows_of(
         for source in sources
     ]
     work = Work(partial(BagRunner, config), SOFTWARE, lambda job: str(job.path))
-    for source, parts in zip(sources, run_on_workers(work, jobs, workers), strict=True):
-        for part in parts:
-            yield source, part
+    with closing(run_on_workers(work, jobs, workers)) as results:
+        for source, parts in zip(sources, results, strict=True):
+            for part in parts:
+                yield source, part
 
 
 @contextmanager

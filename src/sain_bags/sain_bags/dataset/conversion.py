@@ -75,7 +75,7 @@ def convert(
     """Convert recordings, going on where an earlier run of the same conversion stopped.
 
     Args:
-        paths: bags, MCAP files, or folders with bags below them; rows come in this order.
+        paths: bags, MCAP files, or folders with bags; rows come in this order.
         out: a new or empty folder, or that of a conversion.
         config: what becomes of them.
         overwrite: make anew what a conversion made there.
@@ -84,19 +84,17 @@ def convert(
         workers: who reads; each of several holds the rows of one recording in memory.
 
     Raises:
-        DatasetError: a recording is no bag, is damaged, or holds nothing to learn from; a shard
-            of an earlier run is damaged.
-        ConfigError: there is no such prior or Ray cluster, or the format's library is not
-            installed.
+        DatasetError: a recording or an earlier shard is damaged, or holds nothing to learn from.
+        ConfigError: no such prior or Ray cluster; the format's library is not installed.
         OutputError: the folder holds something else, or cannot be written.
     """
     sources = find_sources(paths, config.namespace or None)
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
-    card, numbering, parameters = DatasetCard(), Numbering(), KnownParameters(sources)
-    known = KnownBodies(sources)
-    settings = RowsConfig(config.prior, config.moved_only, config.keep_unsettled)
-    with closing(rows_of(sources, known.of_bag, settings, workers)) as rows:
+    card, numbering = DatasetCard(), Numbering()
+    parameters, known = KnownParameters(sources), KnownBodies(sources)
+    how = RowsConfig(config.prior, config.moved_only, config.keep_unsettled)
+    with closing(rows_of(sources, known.of_bag, how, workers)) as rows:
         shards = map(known.added_to, _shards(sources, rows, numbering, card, progress))
         for shard in _stored(folder, map(parameters.added_to, shards)):
             card.add(shard)

@@ -1,6 +1,7 @@
 """Many episodes on workers, paired seeds for all controllers, in any order."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -71,7 +72,9 @@ def run_job(job: EpisodeJob) -> EpisodeDone:
     return EpisodeDone(records, job.picture, png_of(draw_episode(outcome.record, title)))
 
 
-def run_jobs(jobs: Sequence[EpisodeJob], options: WorkerOptions) -> Iterator[list[SceneRecord]]:
+def run_jobs(
+    jobs: Sequence[EpisodeJob], options: WorkerOptions
+) -> Generator[list[SceneRecord], None, None]:
     """Run all jobs on workers, write their pictures, and yield their records as they come."""
     engines = {ENGINES[job.truth.engine].module for job in jobs} - {""}
     work = Work(
@@ -79,7 +82,8 @@ def run_jobs(jobs: Sequence[EpisodeJob], options: WorkerOptions) -> Iterator[lis
         Software(SOURCES, (*PACKAGES, *sorted(engines))),
         lambda job: f"scene {job.seed} of {job.scenario} with {job.controller}",
     )
-    for done in run_on_workers(work, jobs, options, ordered=False):
-        if done.picture is not None:
-            write_whole(done.picture, done.png)
-        yield done.records
+    with closing(run_on_workers(work, jobs, options, ordered=False)) as results:
+        for done in results:
+            if done.picture is not None:
+                write_whole(done.picture, done.png)
+            yield done.records

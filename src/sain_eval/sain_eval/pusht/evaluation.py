@@ -4,7 +4,8 @@ import csv
 import dataclasses
 import io
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -68,7 +69,7 @@ def run_pusht_job(job: PushtJob) -> PushtDone:
 
 def run_pusht_jobs(
     jobs: Sequence[PushtJob], options: WorkerOptions = WorkerOptions()
-) -> Iterator[PushtRecord]:
+) -> Generator[PushtRecord, None, None]:
     """Play all jobs on workers, write their animations, and yield their records in order."""
     work = Work(
         partial(FunctionRunner, run_pusht_job),
@@ -76,10 +77,11 @@ def run_pusht_jobs(
         lambda job: f"episode {job.seed}",
         goes_on=False,
     )
-    for done in run_on_workers(work, jobs, options):
-        if done.picture is not None:
-            write_whole(done.picture, done.gif)
-        yield done.record
+    with closing(run_on_workers(work, jobs, options)) as results:
+        for done in results:
+            if done.picture is not None:
+                write_whole(done.picture, done.gif)
+            yield done.record
 
 
 @cache
