@@ -37,11 +37,15 @@ format: ## rewrites the Python code in the project's format
 bench: ## timings beside those of peers
 	@./env python -m benchmarks $(ARGS)
 
-table: ## docs/results.md: all scenarios in Bullet, its rough world and MuJoCo; fewer with ARGS="--scenes 5"
-	@./env ros2 run sain_eval evaluate --table --out results/table/bullet $(ARGS)
-	@./env ros2 run sain_eval evaluate --table --world rough --out results/table/rough $(ARGS)
-	@./env ros2 run sain_eval evaluate --table --engine mujoco --out results/table/mujoco $(ARGS)
-	@./env ros2 run sain_eval results results/table/bullet results/table/rough results/table/mujoco
+# Of one world: BULLET="--models runs/learned/sain.safetensors", ROUGH=..., MUJOCO=..., PUSHT="--episodes 20".
+# In the page: NAMES="--names 'runs/learned/sain.safetensors=learned only'".
+table: ## docs/results.md: all scenarios in Bullet, its rough world, MuJoCo and gym-pusht; fewer with ARGS="--scenes 5"
+	@./env ros2 run sain_eval evaluate --table --out results/table/bullet $(ARGS) $(BULLET)
+	@./env ros2 run sain_eval evaluate --table --world rough --out results/table/rough $(ARGS) $(ROUGH)
+	@./env ros2 run sain_eval evaluate --table --engine mujoco --out results/table/mujoco $(ARGS) $(MUJOCO)
+	@./env ros2 run sain_eval pusht --out results/table/pusht $(PUSHT)
+	@./env ros2 run sain_eval results results/table/bullet results/table/rough results/table/mujoco \
+		results/table/pusht $(NAMES)
 
 clean: ## removes the environment and all that was built; bags stay
 	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log

@@ -185,7 +185,7 @@ def rates(settings: tuple[int, EpisodeConfig], episodes: int, workers: int) -> t
     """
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "data"
-        config = CollectConfig(out, episodes, settings[0], workers, episode=settings[1])
+        config = CollectConfig(out, episodes, *settings, workers=workers)
         begun, spent = time.perf_counter(), cpu_time()
         made = 60.0 * collect(config).transitions
         return made / (time.perf_counter() - begun), made * workers / (cpu_time() - spent)

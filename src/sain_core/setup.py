@@ -16,5 +16,6 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=["jaxtyping", "matplotlib", "numpy", "rich", "shapely", "tyro"],
+    extras_require={"ray": ["ray"]},
     zip_safe=False,
 )

@@ -15,7 +15,7 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=["jaxtyping", "numpy", "pybullet", "rich", "shapely"],
-    extras_require={"mujoco": ["mujoco"], "ray": ["ray"]},
+    extras_require={"mujoco": ["mujoco"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [

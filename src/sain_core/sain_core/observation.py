@@ -74,7 +74,7 @@ class ObservationConfig(Config):
             if not (isfinite(value) and 0.0 <= value <= most):
                 raise ConfigError(
                     f"{name} has a standard deviation of {value:g} {unit}; allowed: 0 to"
-                    f" {most:g} {unit}"
+                    f" {most:g} {unit}, with which a body is still where it is seen"
                 )
         return place, turn
 

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sain_bags.dataset.bag_rows import BagJob, BagRunner, RowsConfig
 from sain_bags.dataset.card_picture import histograms
 from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
 from sain_core.dataset import RECORDED, Column
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.plugins import load_dynamics
+from sain_core.workers.options import WorkerOptions
 from sain_model.data.dataset import load_transitions
 from sain_model.data.mixed import MixedDataset, load_datasets
 from tests.sain_bags.driven import BLOCKED, DUPLICATE, Drive, Parts
@@ -267,3 +269,37 @@ def test_the_picture_draws_what_the_card_says(record: Start) -> None:
         assert axes.get_xlabel().startswith(f"[{spread['unit']}]")
         (stairs,) = axes.patches
         assert stairs.get_data().values.tolist() == spread["histogram"]["counts"]
+
+
+@pytest.mark.parametrize("ray", ["", "local"])
+def test_workers_change_no_byte(ray: str, record: Start, tmp_path: Path) -> None:
+    """Also of pushes that are dropped or predicted, and of two numbers of disks."""
+    parts = [Parts(predictions=False), Parts(disks=3), Parts(unsettled=(1,)), Parts(still=(0,))]
+    bags = [drive(record, f"bag{index}", part, index) for index, part in enumerate(parts)]
+    config = ConversionConfig(moved_only=True)
+    alone = convert(bags, tmp_path / "alone", config)
+    two = WorkerOptions(workers=2, ray=ray)
+    assert convert(bags, tmp_path / "workers", config, workers=two) == alone
+    assert alone.dropped
+    files = [sorted((tmp_path / name).iterdir()) for name in ("alone", "workers")]
+    assert len(files[0]) > 2 and len(files[0]) == len(files[1])
+    for one, other in zip(*files, strict=True):
+        assert one.name == other.name and one.read_bytes() == other.read_bytes(), one
+
+
+def test_a_recording_that_changes_meanwhile_is_refused(record: Start) -> None:
+    bag = drive(record)
+    job = BagJob(bag, "/sain", "0" * 64, {}.get)
+    with pytest.raises(DatasetError, match=r"another recording where a worker reads it.* 0000"):
+        BagRunner(RowsConfig("planar", False, False)).run(job)
+
+
+def test_a_damaged_recording_of_several_is_named(record: Start, tmp_path: Path) -> None:
+    bags = [drive(record), drive(record, "broken")]
+    file = bags[1] / "broken_0.mcap"
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
+    for workers in (1, 2):
+        with pytest.raises(DatasetError, match="broken"):
+            convert(bags, tmp_path / str(workers), workers=WorkerOptions(workers=workers))

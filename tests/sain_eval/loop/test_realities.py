@@ -10,14 +10,19 @@ from sain_core.errors import ConfigError, DatasetError
 from sain_eval.cli.options import ResultsOptions
 from sain_eval.cli.results import run
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA, SceneRecord, summarise
+from sain_eval.pusht.episode import PushtRecord
+from sain_eval.pusht.evaluation import write_pusht_results
 
 
-def evaluated(folder, engine, solved, controller="planar", camera=None):
+def evaluated(
+    folder, engine, solved, controller="planar", camera=None, scenario="anywhere", within=0.005
+):
     """Write results of four scenes, of which so many are solved."""
+    fallbacks = int(controller == "sain")
     records = [
         SceneRecord(
-            "anywhere", seed, controller, 0.005, seed < solved, 4 + seed, 0.01, 0.03,
-            (0.001, 0.003), (), 0, "" if seed < solved else "too far",
+            scenario, seed, controller, within, seed < solved, 4 + seed, 0.01, 0.03,
+            (0.001, 0.003), (), 0, "" if seed < solved else "too far", fallbacks,
         )
         for seed in range(4)
     ]  # fmt: skip
@@ -36,7 +41,7 @@ def evaluated(folder, engine, solved, controller="planar", camera=None):
 def page(tmp_path, *folders, names=""):
     out = tmp_path / "docs" / "results.md"
     run(ResultsOptions(folders=folders, out=out, names=names), Console(file=StringIO()))
-    return out.read_text()
+    return out.read_text().replace("\u00a0", " ")
 
 
 def test_realities_are_columns_and_models_rows(tmp_path):
@@ -48,20 +53,91 @@ def test_realities_are_columns_and_models_rows(tmp_path):
         names="runs/x/sain.safetensors=SAIN trained here",
     )
     lines = text.splitlines()
-    assert "| within | controller | Bullet | MuJoCo |" in lines
+    assert "| within | model | Bullet | MuJoCo |" in lines
     assert (
         "| 0.5 cm | planar prior, history | **4/4** (51-100 %), 5.5 pushes, 2.0 mm |"
         " **3/4** (30-95 %), 5.0 pushes, 2.0 mm |"
     ) in lines
     assert "| 0.5 cm | SAIN trained here |  | **2/4** (15-85 %), 4.5 pushes, 2.0 mm |" in lines
-    assert "* MuJoCo: `evaluate --engine mujoco`, commit 0123456789ab" in lines
+    assert lines[lines.index("# MuJoCo, commit 0123456789ab") + 1] == "evaluate --engine mujoco"
+
+
+def test_an_overview_of_each_reality_has_scenarios_in_rows_and_models_in_columns(tmp_path):
+    lines = page(
+        tmp_path,
+        evaluated(tmp_path / "a", "bullet", 4, within=0.02),
+        evaluated(tmp_path / "b", "bullet", 3),
+        evaluated(tmp_path / "c", "bullet", 2, "oracle"),
+        evaluated(tmp_path / "d", "mujoco", 1, "sain", scenario="paper"),
+    ).splitlines()
+    bullet = lines.index("### Bullet")
+    assert lines[bullet + 2] == "| scenario | within | planar prior, history | oracle |"
+    assert lines[bullet + 4 : bullet + 6] == ["| `anywhere` | 0.5 cm | 3/4, 5.0 | 2/4, 4.5 |", ""]
+    mujoco = lines.index("### MuJoCo")
+    assert lines[mujoco + 4] == "| `paper` | 0.5 cm | 1/4, 4.0 |"
+
+
+def test_the_papers_numbers_are_beside_those_of_sain(tmp_path):
+    lines = page(
+        tmp_path,
+        *(
+            evaluated(tmp_path / f"{name}{within}", "bullet", 4, name, None, "paper", within)
+            for name in ("sain", "planar")
+            for within in (0.05, 0.02)
+        ),
+        evaluated(tmp_path / "mujoco", "mujoco", 4, "sain", None, "paper", 0.05),
+    ).splitlines()
+    assert "| within | model | the paper, to 5 cm | Bullet | MuJoCo |" in lines
+    (sain,) = [line for line in lines if line.startswith("| 5 cm | SAIN as shipped |")]
+    assert "| 40/40 (91-100 %) | **4/4** (51-100 %), 5.5 pushes, 2.0 mm, 4 by physics |" in sain
+    (planar,) = [line for line in lines if line.startswith("| 5 cm | planar prior, history |")]
+    assert "40/40" not in planar
+    assert "| `paper` | 2 cm | 40/40 (91-100 %) | 4/4, 5.5 | 4/4, 5.5 |" in lines
+    assert "| `paper` | 5 cm | 4/4, 5.5 |" in lines  # the paper has no MuJoCo
+
+
+def test_models_trained_in_two_realities_share_a_row(tmp_path):
+    text = page(
+        tmp_path,
+        evaluated(tmp_path / "a", "bullet", 4, "runs/a"),
+        evaluated(tmp_path / "b", "mujoco", 3, "runs/b"),
+        names="runs/a=SAIN trained there,runs/b=SAIN trained there",
+    )
+    (row,) = [line for line in text.splitlines() if "| SAIN trained there | **" in line]
+    assert "**4/4**" in row and "**3/4**" in row
+
+
+def test_an_evaluation_of_which_nothing_is_shown_is_no_source(tmp_path):
+    before, after = (
+        evaluated(tmp_path / name, "bullet", solved) for name, solved in (("a", 1), ("b", 2))
+    )
+    text = page(tmp_path, before, after)
+    assert "**2/4**" in text and "**1/4**" not in text
+    assert text.count("# Bullet, commit") == 1
+
+
+def test_gym_pusht_is_a_reality(tmp_path):
+    error = {"planning_s": (0.1,), "error_mm": (1.0, 3.0), "error_deg": (0.0, 0.0)}
+    records = [
+        PushtRecord(seed, seed > 0, 40 + seed, 10, 4 + seed, 0, 0.9, **error) for seed in range(3)
+    ]
+    for model in ("pusht", "oracle"):
+        folder = tmp_path / model
+        folder.mkdir()
+        write_pusht_results(folder, records, {"model": model}, f"pusht --model {model}")
+    lines = page(tmp_path, tmp_path / "pusht", tmp_path / "oracle").splitlines()
+    assert "| scenario | within | SAIN trained there | oracle |" in lines
+    assert "| `gym-pusht` | 95 % covered | 2/3, 5.5 | 2/3, 5.5 |" in lines
+    cell = "**2/3** (21-94 %), 5.5 pushes, 41.0 steps, 2.0 mm"
+    assert f"| 95 % covered | SAIN trained there | {cell} |" in lines
+    assert "pusht --model oracle" in lines
 
 
 def test_noisy_observations_are_another_reality(tmp_path):
     noisy = {"noise": "0.005,0.035", "delay": 0.1, "frame_rate": 30.0}
     seen = evaluated(tmp_path / "b", "bullet", 3, camera=noisy)
     text = page(tmp_path, evaluated(tmp_path / "a", "bullet", 4), seen)
-    title = "| within | controller | Bullet | Bullet, noise 0.005,0.035, delay 0.1 |"
+    title = "| within | model | Bullet | Bullet, noise 0.005,0.035, delay 0.1 |"
     assert title in text.splitlines()
 
 
@@ -72,6 +148,10 @@ def test_a_folder_without_results_is_named(tmp_path):
     (tmp_path / "other" / RESULTS_FILE).write_text('{"schema": "else"}')
     with pytest.raises(DatasetError, match="schema 'else'; allowed: 'sain-results-1'"):
         page(tmp_path, tmp_path / "other")
+    earlier = evaluated(tmp_path / "earlier", "bullet", 4) / RESULTS_FILE
+    earlier.write_text(earlier.read_text().replace('"heading_tolerance"', '"turn"'))
+    with pytest.raises(DatasetError, match="is of an earlier version, without heading_tolerance"):
+        page(tmp_path, tmp_path / "earlier")
     (tmp_path / "other" / RESULTS_FILE).write_text("[" * 100_000)
     with pytest.raises(DatasetError, match="holds no results"):
         page(tmp_path, tmp_path / "other")

@@ -131,36 +131,37 @@ def test_the_command_goes_on_and_reports_only_what_was_asked(tmp_path):
     assert len(run(tmp_path, scenes=1)["scenes"]) == 2
 
 
-def test_workers_find_the_same_as_one_process(tmp_path):
-    alone, together = (
-        run(tmp_path / str(workers), workers=workers, controllers="straight")["scenes"]
-        for workers in (1, 2)
-    )
-    by_seed = [
-        sorted(records, key=lambda record: (record["seed"], record["tolerance"]))
-        for records in (alone, together)
-    ]
-    assert by_seed[0] == by_seed[1]
+@pytest.mark.parametrize("ray", ["", "local"])
+def test_workers_find_the_same_as_one_process(tmp_path, ray):
+    alone, together = tmp_path / "alone", tmp_path / "together"
+    wanted = {"controllers": "straight", "pictures": 2}
+    records = [run(alone, **wanted), run(together, workers=2, ray=ray, **wanted)]
+    assert records[0]["scenes"] == records[1]["scenes"]
+    pictures = sorted(path.name for path in alone.glob("*.png"))
+    assert pictures == ["paper_0_straight.png", "paper_1_straight.png"]
+    for name in pictures:
+        assert (alone / name).read_bytes() == (together / name).read_bytes()
 
 
 def test_the_whole_table_is_the_papers_and_that_of_shapes(tmp_path):
-    options = Evaluate(out=tmp_path, table=True, scenes=5)
+    options = Evaluate(out=tmp_path, table=True, scenes=5, models="runs/mine")
     played = {}
     for job in jobs_of(options, set()):
         played.setdefault((job.scenario, job.controller), []).append(job)
     for scenario in ("paper", "paper_shift", "paper_cube"):
-        for name in ("null", "straight", "random", "planar", "sain"):
+        for name in ("null", "straight", "random", "planar", "sain", "oracle", "runs/mine"):
             jobs = played.pop((scenario, name))
             assert len(jobs) == 5
             assert jobs[0].tolerances == tuple(map(Tolerance, (0.05, 0.02, 0.01, 0.005)))
     for scenario in ("anywhere", "anywhere_cube"):
-        for name in ("straight", "planar", "sain", "oracle"):
+        for name in ("straight", "planar", "sain", "oracle", "runs/mine"):
             assert len(played.pop((scenario, name))) == 5
     shapes = ("box", "push_t", "shapes", "shapes_indirect", "rearrange_2", "rearrange_3")
     shapes += ("rearrange_4",)
     poses = (Tolerance(0.02, 0.1), Tolerance(0.01, 0.05), Tolerance(0.005, 0.03))
     for scenario in (*shapes, "blocked"):
-        for name in ("planar", "sain", "straight" if scenario == "blocked" else "random"):
+        baseline = "straight" if scenario == "blocked" else "random"
+        for name in ("planar", "sain", "oracle", "runs/mine", baseline):
             jobs = played.pop((scenario, name))
             assert len(jobs) == 5 and jobs[0].tolerances == poses
     (jobs,) = played.values()
@@ -207,7 +208,7 @@ def test_a_person_finds_all_of_the_table_in_its_pages(records, tmp_path):
     (row,) = (row for row in rows if row[:3] == ["| streak", "planar", "2 cm, 0.1 rad"])
     assert row[3] == "3/3; 30, 31, 32 of 100 goals in a row"
     assert [row[1] for row in rows if row[0] == "| blocked"] == [
-        name for name in ("planar", "sain", "straight") for _ in range(3)
+        name for name in ("oracle", "planar", "sain", "straight") for _ in range(3)
     ]
     assert "played without `null` and `straight`: these" in page
     assert "* rearrange_4 1 (t), planar, not within 2 cm, 0.1 rad: 80 pushes left body 2" in page
@@ -236,6 +237,10 @@ def test_the_summary_is_shown(records):
         ({"tolerances": "0.02:-1"}, "--tolerances has -1.0 rad; allowed: above 0, at most 5.0 rad"),
         ({"tolerances": "nan"}, "--tolerances has nan m; allowed"),
         ({"controllers": ","}, "controllers is empty"),
+        (
+            {"models": "runs/mine"},
+            "--models is 'runs/mine' without --table; give",
+        ),
         ({"scenes": 0}, r"EvaluateOptions\.scenes is 0; it must be at least 1"),
     ],
 )

@@ -12,6 +12,7 @@ from sain_core.dynamics import Dynamics
 from sain_core.errors import CheckpointError, ConfigError, DatasetError
 from sain_core.plugins import load_dynamics, with_belief
 from sain_core.types import Pushes, Scenes
+from sain_model import commands
 from sain_model.cli.identify import load_recordings, run
 from sain_model.cli.options import IdentifyOptions
 from sain_model.data.recordings import load_recording
@@ -101,7 +102,7 @@ def test_identify_writes_a_belief_that_models_begin_with(recording: Path, tmp_pa
 
 
 def test_recordings_of_two_laboratories_are_an_error(
-    recording: Path, tmp_path: Path, random_pushes: Draw
+    recording: Path, tmp_path: Path, random_pushes: Draw, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = record(tmp_path / "other", random_pushes, replace(LAB, tool_friction=0.08), 12)
     options = IdentifyOptions((recording, other), tmp_path / "belief.json")
@@ -109,6 +110,11 @@ def test_recordings_of_two_laboratories_are_an_error(
     with pytest.raises(DatasetError, match=message):
         run(options, Console(quiet=True))
     assert not options.out.exists()
+    arguments = [str(recording), str(other), "--out", str(options.out)]
+    assert commands.identify(arguments) == 1
+    error = " ".join(capsys.readouterr().err.split())
+    assert error.startswith(f"identify: {message}")
+    assert error.endswith("standard deviations apart; identify each laboratory by itself")
 
 
 def test_two_recordings_of_one_laboratory_are_taken_together(

@@ -3,6 +3,7 @@ import signal
 import subprocess
 import time
 from dataclasses import replace
+from functools import partial
 from multiprocessing import active_children
 from pathlib import Path
 
@@ -11,13 +12,16 @@ import pytest
 
 from sain_bringup.graph import executable
 from sain_core.errors import SainError
+from sain_core.workers.pool import AHEAD, WorkerPool, in_order
+from sain_core.workers.processes import LIVES, ProcessPool
+from sain_core.workers.work import FunctionRunner, Software, Work
 from sain_sim.collecting.collect import CollectConfig, collect
-from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult
+from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.push_counts import JOURNAL_FILE, PushCounts
-from sain_sim.collecting.workers import AHEAD, LIVES, ProcessPool, WorkerPool, in_order
 from sain_sim.commands import collect as main
 
 SHORT = EpisodeConfig(pushes=3)
+NO_SOFTWARE = Software((), ())
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -32,11 +36,11 @@ def whole(tmp_path_factory) -> tuple[CollectConfig, dict[str, bytes]]:
     return config, content(config.out)
 
 
-class ShuffledPool(WorkerPool):
+class ShuffledPool(WorkerPool[int, EpisodeResult]):
     """Ends episodes in any order."""
 
     def __init__(self, size: int) -> None:
-        super().__init__(size)
+        super().__init__(size, Work(lambda: FunctionRunner(_no_room), NO_SOFTWARE, str))
         self.begun: list[int] = []
         self._running: list[int] = []
         self._random = np.random.default_rng(0)
@@ -45,10 +49,10 @@ class ShuffledPool(WorkerPool):
     def free(self) -> int:
         return self.size - len(self._running)
 
-    def begin(self, episode: int) -> None:
-        assert self.free
-        self.begun.append(episode)
-        self._running.append(episode)
+    def begin(self, number: int, job: int) -> None:
+        assert self.free and number == job
+        self.begun.append(job)
+        self._running.append(job)
 
     def finished(self) -> list[tuple[int, EpisodeResult]]:
         late = [episode for episode in self._running if episode]  # the first one ends last
@@ -89,8 +93,9 @@ def test_an_episode_that_ends_every_worker_is_named() -> None:
             worker.process.kill()
             return worker
 
-    pool = Doomed(1, 0, SHORT)
-    pool.begin(7)
+    work = Work(partial(EpisodeRunner, 0, SHORT), NO_SOFTWARE, lambda job: f"episode {job}")
+    pool = Doomed(1, work)
+    pool.begin(0, 7)
     with pytest.raises(SainError, match=rf"episode 7 ended {LIVES} workers, .* exit code -9"):
         while True:
             pool.finished()
@@ -103,7 +108,7 @@ def test_an_episode_that_cannot_be_run_is_an_error_of_the_collection(tmp_path) -
     errors = []
     for workers in (1, 2):
         with pytest.MonkeyPatch.context() as patch, pytest.raises(SainError) as caught:
-            patch.setattr("sain_sim.collecting.workers._serve", _refuse)
+            patch.setattr("sain_core.workers.processes._serve", _refuse)
             patch.setattr("sain_sim.collecting.episode.EpisodeRunner.run", _no_room)
             collect(CollectConfig(tmp_path, episodes=3, workers=workers, episode=crowded))
         errors.append(str(caught.value))

@@ -11,6 +11,7 @@ from sain_bags.playing import PassageConfig
 from sain_bags.report.gathering import Limits
 from sain_bags.writing.writer import BagConfig
 from sain_core.config import Config, option, required
+from sain_core.workers.options import WorkerOptions
 
 BAG = "a bag's folder, or its MCAP file"
 
@@ -106,7 +107,7 @@ class ReportOptions(Config):
 
 
 @dataclass(frozen=True)
-class ToDatasetOptions(Config):
+class ToDatasetOptions(WorkerOptions):
     """Convert recordings to transitions to train on; the same command continues after a stop."""
 
     bags: tyro.conf.Positional[tuple[Path, ...]] = required(

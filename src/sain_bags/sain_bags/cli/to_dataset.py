@@ -49,5 +49,11 @@ def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
             bar.update(writing, total=of, completed=rows, visible=True)
 
         return convert(
-            options.bags, options.out, options.conversion, options.overwrite, read, write
+            options.bags,
+            options.out,
+            options.conversion,
+            options.overwrite,
+            read,
+            write,
+            options,
         )

@@ -7,28 +7,25 @@ stop, and ends with the same bytes.
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from sain_bags.dataset.bag_rows import BagPart, RowsConfig, rows_of
 from sain_bags.dataset.card import DatasetCard
 from sain_bags.dataset.dataset_folder import DatasetFolder
 from sain_bags.dataset.formats import FormatName
 from sain_bags.dataset.formats.sharding import Sharding
 from sain_bags.dataset.known_bodies import KnownBodies
 from sain_bags.dataset.known_parameters import KnownParameters
-from sain_bags.transitions.messages import MessageReader
 from sain_bags.transitions.numbering import Numbering
-from sain_bags.transitions.pairing import Paired, Pairing
-from sain_bags.transitions.rows import RowMaker
 from sain_bags.transitions.sources import Source, find_sources
 from sain_core.config import Config, option
 from sain_core.dataset import SHARD_SIZE, Column, Columns
-from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError
-from sain_core.plugins import load_dynamics
+from sain_core.workers.options import WorkerOptions
 
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
 
@@ -73,37 +70,32 @@ def convert(
     overwrite: bool = False,
     progress: ConversionProgress = lambda read, messages, rows: None,
     writing: Writing = lambda rows, of: None,
+    workers: WorkerOptions = WorkerOptions(),
 ) -> Converted:
     """Convert recordings, going on where an earlier run of the same conversion stopped.
 
     Args:
-        paths: bags, MCAP files, or folders with bags below them; rows come in this order.
+        paths: bags, MCAP files, or folders with bags; rows come in this order.
         out: a new or empty folder, or that of a conversion.
         config: what becomes of them.
         overwrite: make anew what a conversion made there.
         progress: called as messages are read and shards written.
         writing: called as rows are written in a format other than npz, after all messages.
+        workers: who reads; each of several holds the rows of one recording in memory.
 
     Raises:
-        DatasetError: a recording is no bag, is damaged, or holds nothing to learn from; a shard
-            of an earlier run is damaged.
-        ConfigError: there is no such prior, or the format's library is not installed.
+        DatasetError: a recording or an earlier shard is damaged, or holds nothing to learn from.
+        ConfigError: no such prior or Ray cluster; the format's library is not installed.
         OutputError: the folder holds something else, or cannot be written.
     """
     sources = find_sources(paths, config.namespace or None)
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
-    card, numbering, parameters = DatasetCard(), Numbering(), KnownParameters(sources)
-    known = KnownBodies(sources)
-    with ExitStack() as stack:
-
-        def prior() -> Dynamics:
-            dynamics = load_dynamics(config.prior)
-            stack.callback(getattr(dynamics, "close", lambda: None))
-            return dynamics
-
-        maker = RowMaker(prior, config.prior, config.moved_only, config.keep_unsettled)
-        shards = map(known.added_to, _shards(sources, maker, known, numbering, card, progress))
+    card, numbering = DatasetCard(), Numbering()
+    parameters, known = KnownParameters(sources), KnownBodies(sources)
+    how = RowsConfig(config.prior, config.moved_only, config.keep_unsettled)
+    with closing(rows_of(sources, known.of_bag, how, workers)) as rows:
+        shards = map(known.added_to, _shards(sources, rows, numbering, card, progress))
         for shard in _stored(folder, map(parameters.added_to, shards)):
             card.add(shard)
     if not card.transitions:
@@ -130,8 +122,7 @@ def _stored(folder: DatasetFolder, shards: Iterable[Columns]) -> Iterator[Column
 
 def _shards(
     sources: Sequence[Source],
-    maker: RowMaker,
-    known: KnownBodies,
+    rows_of_bags: Iterable[tuple[Source, BagPart]],
     numbering: Numbering,
     card: DatasetCard,
     progress: ConversionProgress,
@@ -148,39 +139,15 @@ def _shards(
             rows += len(shard[Column.PUSH_ID])
             progress(read, messages, rows)
 
-    for source in sources:
-        for count, paired in _pushes(source, card):
-            for pushes in paired:
-                blocks, dropped = maker.rows(pushes, known.of_bag(source.sha256))
-                for push in dropped:
-                    card.drop(source.bag.path, push)
-                yield from passed_on(sharding.add(numbering.number(blocks, source.sha256)))
-            read += count
-            progress(read, messages, rows)
+    for source, part in rows_of_bags:
+        for blocks, dropped in part.rows:
+            for push in dropped:
+                card.drop(source.bag.path, push)
+            yield from passed_on(sharding.add(numbering.number(blocks, source.sha256)))
+        card.late_predictions += part.late_predictions
+        read += part.messages
+        progress(read, messages, rows)
     yield from passed_on(sharding.rest())
-
-
-def _pushes(source: Source, card: DatasetCard) -> Iterator[tuple[int, list[Paired]]]:
-    """Stream the pushes of one recording, each time with how many messages were read for them."""
-    pairing = Pairing(source.has_results, source.has_predictions)
-    reader = MessageReader(source.bag.channels)
-    for batch in source.bag.batches(source.topics):
-        with naming(source.bag.path):
-            pairing.read(reader.read(batch), len(batch))
-        yield len(batch), pairing.ready()
-    yield 0, pairing.rest()
-    card.late_predictions += pairing.late_predictions
-
-
-@contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Name the bag in the error when a message in it is not as it should be."""
-    try:
-        yield
-    except DatasetError as error:
-        raise DatasetError(
-            f"{path} holds messages of another definition than this graph's: {error}"
-        ) from error
 
 
 def _versions() -> dict[str, str]:

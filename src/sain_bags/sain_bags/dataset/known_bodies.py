@@ -40,8 +40,12 @@ class KnownBodies:
         self._shaped = bool(self._poses) or not plain
 
     def of_bag(self, sha256: str) -> Callable[[int], Bodies | None]:
-        """Return what tells the bodies of an episode of a recording; None: the paper's disks."""
-        return lambda episode: self._bodies.get((sha256, episode))
+        """Return what tells the bodies of an episode of a recording; None: the paper's disks.
+
+        It can be pickled.
+        """
+        found = {episode: known for (bag, episode), known in self._bodies.items() if bag == sha256}
+        return found.get
 
     def added_to(self, columns: Columns) -> Columns:
         """Return columns with those of bodies and poses; without, where no recording has any."""

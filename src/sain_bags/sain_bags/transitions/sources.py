@@ -87,7 +87,7 @@ def find_sources(paths: Sequence[Path], namespace: str | None = None) -> tuple[S
         raise DatasetError("no recording is given; name bags, MCAP files or folders with bags")
     sources: list[Source] = []
     for path in paths:
-        sources += [_open(bag, namespace) for bag in find_bags(path)]
+        sources += [open_source(bag, namespace) for bag in find_bags(path)]
     seen: dict[str, Path] = {}
     for source in sources:
         if source.sha256 in seen:
@@ -107,7 +107,8 @@ def find_bags(path: Path) -> tuple[Path, ...]:
     return tuple(sorted({file.parent for file in files})) or (path,)
 
 
-def _open(path: Path, namespace: str | None) -> Source:
+def open_source(path: Path, namespace: str | None) -> Source:
+    """Open one recording; see `find_sources`."""
     bag = Bag(path)
     found = namespaces(bag, PUSH, PUSH_RESULT) or namespaces(bag)
     chosen = _choose(bag, found, namespace)

@@ -42,6 +42,11 @@ def write_png(figure: Figure, path: Path) -> Path:
     Raises:
         OutputError: the folder cannot be written.
     """
+    return write_whole(path, png_of(figure))
+
+
+def png_of(figure: Figure) -> bytes:
+    """Return a figure as a PNG. The same figure gives the same bytes."""
     memory = BytesIO()
     figure.savefig(memory, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
-    return write_whole(path, memory.getvalue())
+    return memory.getvalue()

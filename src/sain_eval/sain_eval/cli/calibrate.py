@@ -73,7 +73,7 @@ def _data(command: CalibrateOptions, console: Console) -> Dataset:
     folder = command.out / "data"
     episode = EpisodeConfig(floor_episodes=command.episodes)
     config = CollectConfig(
-        folder, command.episodes, command.collection_seed, command.workers, episode=episode
+        folder, command.episodes, command.collection_seed, episode, workers=command.workers
     )
     with _bar(console) as bar:
         task = bar.add_task("collect", total=command.episodes, cost=float("nan"))

@@ -1,6 +1,7 @@
 """`ros2 run sain_eval evaluate`: controllers on seeded scenes, with the real arm, without ROS."""
 
 import dataclasses
+from contextlib import closing
 from pathlib import Path
 from typing import Final
 
@@ -64,19 +65,20 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     jobs = jobs_of(options, journal.done)
     if len(jobs) < len(journal.done):
         console.print(f"{len(journal.done)} episodes are done already", highlight=False)
-    columns = (
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        "left",
-        TimeRemainingColumn(),
-    )
-    with Progress("episodes", *columns, console=console) as progress:
+    times = (TimeElapsedColumn(), "left", TimeRemainingColumn())
+    columns = ("episodes", BarColumn(), MofNCompleteColumn(), *times)
+    with (
+        Progress(*columns, console=console) as progress,
+        closing(run_jobs(jobs, options)) as results,
+    ):
         task = progress.add_task("episodes", total=len(jobs))
-        for records in run_jobs(jobs, options.workers):
+        for records in results:
             journal.add(records)
             progress.advance(task)
-    kept = [record for record in journal.records if wants(options, record)]
+    kept = sorted(
+        (record for record in journal.records if wants(options, record)),
+        key=lambda record: (record.place, record.seed, record.controller),  # whoever was first
+    )
     config = {**dataclasses.asdict(options), "out": str(options.out)}
     write_results(options.out, kept, config, command)
     write_whole(options.out / TABLE_FILE, table_page(options, kept).encode())

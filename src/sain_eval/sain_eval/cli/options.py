@@ -10,6 +10,7 @@ import tyro
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
 from sain_core.observation import observation_settings
+from sain_core.workers.options import WorkerOptions
 from sain_eval.cli.table_parts import TABLE_PARTS, TablePart
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.tolerance import Tolerance
@@ -23,7 +24,7 @@ LARGEST_TURN: Final = 5.0  # [rad]; any heading is nearer than pi
 
 
 @dataclass(frozen=True)
-class EvaluateOptions(Config):
+class EvaluateOptions(WorkerOptions):
     """Run controllers in seeded simulated scenes and report their success rates.
 
     All controllers get the same scenes. After a stop, the same command continues.
@@ -48,17 +49,14 @@ class EvaluateOptions(Config):
     )
     history: bool = option(True, "models infer the friction from earlier pushes of the episode")
     belief: str = option("", "file of `sain_model identify`, for models that take one; empty: none")
-    workers: int = option(
-        1,
-        "processes that run episodes; planning times grow when there are more than cores",
-        minimum=1,
-        maximum=256,
-    )
     pictures: int = option(0, "episodes of each scenario and controller to draw", minimum=0)
     table: bool = option(
         False,
         "make the whole table: the paper's scenarios with all baselines, and those of shapes and"
         " poses; --scenario, --controllers and --tolerances have no effect",
+    )
+    models: str = option(
+        "", "with --table, models beside its own, with commas: names, or paths of checkpoints"
     )
     truth: Annotated[TruthConfig, tyro.conf.arg(name="")] = RANDOMISED_TRUTH
     camera: Annotated[WorldCameraConfig, tyro.conf.arg(name="")] = WorldCameraConfig()
@@ -69,6 +67,10 @@ class EvaluateOptions(Config):
     def __post_init__(self) -> None:
         """Check the fields, and that every scenario and tolerance is one."""
         super().__post_init__()
+        if self.models and not self.table:
+            raise ConfigError(
+                f"--models is {self.models!r} without --table; give models as --controllers"
+            )
         for name in self.scenario_names:
             if name not in SCENARIOS:
                 raise ConfigError(f"--scenario is {name!r}; allowed: {', '.join(SCENARIOS)}")
@@ -87,7 +89,7 @@ class EvaluateOptions(Config):
     def parts(self) -> tuple[TablePart, ...]:
         """What to play, in order."""
         if self.table:
-            return TABLE_PARTS
+            return tuple(part.with_models(_words(self.models)) for part in TABLE_PARTS)
         return (TablePart(self.scenario_names, self.controller_names, self.tolerance_values),)
 
     @property

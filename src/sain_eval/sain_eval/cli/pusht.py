@@ -1,6 +1,7 @@
 """`ros2 run sain_eval pusht`: the agent in gym-pusht."""
 
 import dataclasses
+from contextlib import closing
 from typing import Final
 
 from rich.console import Console
@@ -41,7 +42,7 @@ def run(options: PushtOptions, console: Console) -> None:
         make_env(MOST_STEPS)
         load_model(options.model)
     folder = make_folder(options.out)
-    records = sorted(_play(options), key=lambda record: record.seed)
+    records = _play(options)
     config = {**dataclasses.asdict(options), "out": str(options.out)}
     write_pusht_results(folder, records, config, ros2_command("sain_eval", "pusht"))
     rows = table_rows(options.model, summarise_pusht(records))
@@ -66,9 +67,12 @@ def _play(options: PushtOptions) -> list[PushtRecord]:
     ]
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     records = []
-    with Progress("episodes", *columns, console=Console(stderr=True, soft_wrap=True)) as progress:
+    with (
+        Progress("episodes", *columns, console=Console(stderr=True, soft_wrap=True)) as progress,
+        closing(run_pusht_jobs(jobs, options)) as results,
+    ):
         task = progress.add_task("episodes", total=len(jobs))
-        for record in run_pusht_jobs(jobs, options.workers):
+        for record in results:
             records.append(record)
             progress.advance(task)
     return records

@@ -7,12 +7,13 @@ from typing import Annotated
 import tyro
 
 from sain_core.config import Config, option, required
+from sain_core.workers.options import WorkerOptions
 from sain_eval.pusht.agent import PLANNER
 from sain_mppi.search.config import PlannerConfig
 
 
 @dataclass(frozen=True)
-class PushtOptions(Config):
+class PushtOptions(WorkerOptions):
     """Play Push-T in gym-pusht: its physics, seeds, steps and measure of success.
 
     The agent is the one that evaluate and mppi_node run. An episode ends when gym-pusht says so,
@@ -30,7 +31,6 @@ class PushtOptions(Config):
         "pusht: the shipped one; prior: its prior alone; oracle: gym-pusht's own physics; or a name"
         " or path as in evaluate",
     )
-    workers: int = option(1, "processes that play", minimum=1, maximum=256)
     film: bool = option(True, "write the first episode as episode.gif")
     planner: Annotated[PlannerConfig, tyro.conf.arg(help="How the agent plans.")] = field(
         default_factory=lambda: PLANNER

@@ -1,7 +1,8 @@
 """What an evaluation plays: parts, each with its scenarios, controllers and tolerances."""
 
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Self
 
 from sain_eval.tolerance import Tolerance
 
@@ -26,6 +27,12 @@ class TablePart:
         """Return how many scenes of each scenario are played where so many are asked for."""
         return asked if self.most_scenes is None else min(asked, self.most_scenes)
 
+    def with_models(self, names: Sequence[str]) -> Self:
+        """Return the part with more controllers, unless it is played on few scenes only."""
+        if self.most_scenes is not None:
+            return self
+        return replace(self, controllers=tuple(dict.fromkeys([*self.controllers, *names])))
+
 
 # The paper gives 5 cm. The tolerances of poses are those of docs/shapes.md.
 PAPER_TOLERANCES: Final = tuple(map(Tolerance, (0.05, 0.02, 0.01, 0.005)))
@@ -35,7 +42,7 @@ STREAKS: Final = 3  # each takes up to 100 goals
 TABLE_PARTS: Final = (
     TablePart(
         ("paper", "paper_shift", "paper_cube"),
-        ("null", "straight", "random", "planar", "sain"),
+        ("null", "straight", "random", "planar", "sain", "oracle"),
         PAPER_TOLERANCES,
     ),
     TablePart(
@@ -43,10 +50,10 @@ TABLE_PARTS: Final = (
     ),
     TablePart(
         ("box", "push_t", "shapes", "shapes_indirect", "rearrange_2", "rearrange_3", "rearrange_4"),
-        ("random", "planar", "sain"),
+        ("random", "planar", "sain", "oracle"),
         POSE_TOLERANCES,
     ),
-    TablePart(("blocked",), ("straight", "planar", "sain"), POSE_TOLERANCES),
+    TablePart(("blocked",), ("straight", "planar", "sain", "oracle"), POSE_TOLERANCES),
     TablePart(("streak",), ("planar",), POSE_TOLERANCES, STREAKS),
 )
 TABLE_NOTE: Final = (

@@ -1,31 +1,30 @@
-"""Many episodes over worker processes, paired seeds for all controllers, in any order."""
+"""Many episodes on workers, paired seeds for all controllers, in any order."""
 
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Generator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
+from functools import partial
 from pathlib import Path
-from threading import Thread
-from typing import TypeVar
+from typing import Final, NamedTuple
 
-from sain_core.drawing.figures import write_png
+from sain_core.drawing.figures import png_of
+from sain_core.storage import write_whole
+from sain_core.workers.options import WorkerOptions
+from sain_core.workers.running import run_on_workers
+from sain_core.workers.work import FunctionRunner, Software, Work
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import agent_maker
-from sain_eval.loop.results import SceneRecord, scene_records
+from sain_eval.loop.results import PACKAGES, SceneRecord, scene_records
 from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.tolerance import Tolerance, tightest
 from sain_mppi.loop.agent import AgentConfig
-from sain_sim.collecting.workers import environment
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.camera import WorldCameraConfig
+from sain_sim.world.engines import ENGINES
 
-THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-
-Job = TypeVar("Job")
-Done = TypeVar("Done")
+SOURCES: Final = ("sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_eval")
 
 
 @dataclass(frozen=True)
@@ -54,50 +53,37 @@ def play_job(job: EpisodeJob) -> EpisodeOutcome:
     return run_episode(case, agent, tightest(job.tolerances), camera=job.camera)
 
 
-def run_job(job: EpisodeJob) -> list[SceneRecord]:
+class EpisodeDone(NamedTuple):
+    """An episode that was run: its records, and its picture where one was wanted."""
+
+    records: list[SceneRecord]
+    picture: Path | None = None
+    png: bytes = b""
+
+
+def run_job(job: EpisodeJob) -> EpisodeDone:
     """Run one episode and judge it at each tolerance."""
     outcome = play_job(job)
-    if job.picture is not None:
-        goal = f", goal {len(outcome.records)}" if len(outcome.records) > 1 else ""
-        title = f"{job.scenario}, scene {job.seed}{goal}, {job.controller}"
-        write_png(draw_episode(outcome.record, title), job.picture)
-    return scene_records(job.case(), job.controller, outcome, job.tolerances)
+    records = scene_records(job.case(), job.controller, outcome, job.tolerances)
+    if job.picture is None:
+        return EpisodeDone(records)
+    goal = f", goal {len(outcome.records)}" if len(outcome.records) > 1 else ""
+    title = f"{job.scenario}, scene {job.seed}{goal}, {job.controller}"
+    return EpisodeDone(records, job.picture, png_of(draw_episode(outcome.record, title)))
 
 
-def run_jobs(jobs: Sequence[EpisodeJob], workers: int) -> Iterator[list[SceneRecord]]:
-    """Run all jobs over worker processes and yield their records as they come.
-
-    See `run_on_workers`.
-    """
-    yield from run_on_workers(run_job, jobs, workers)
-
-
-def run_on_workers(
-    work: Callable[[Job], Done], jobs: Sequence[Job], workers: int
-) -> Iterator[Done]:
-    """Do work for all jobs over worker processes; yield what it returns as it comes.
-
-    With one worker it is done in this process, in order. A worker ends when this process does.
-    """
-    if workers == 1:
-        yield from map(work, jobs)
-        return
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_end_with_parent)
-    with environment(dict.fromkeys(THREAD_LIMITS, "1")):  # read once, when a worker starts
-        try:
-            for future in as_completed([pool.submit(work, job) for job in jobs]):
-                yield future.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _end_with_parent() -> None:
-    """End this process as soon as the one that started it has ended, killed or not."""
-    parent = parent_process()
-
-    def follow() -> None:
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    Thread(target=follow, daemon=True).start()
+def run_jobs(
+    jobs: Sequence[EpisodeJob], options: WorkerOptions
+) -> Generator[list[SceneRecord], None, None]:
+    """Run all jobs on workers, write their pictures, and yield their records as they come."""
+    engines = {ENGINES[job.truth.engine].module for job in jobs} - {""}
+    work = Work(
+        partial(FunctionRunner, run_job),
+        Software(SOURCES, (*PACKAGES, *sorted(engines))),
+        lambda job: f"scene {job.seed} of {job.scenario} with {job.controller}",
+    )
+    with closing(run_on_workers(work, jobs, options, ordered=False)) as results:
+        for done in results:
+            if done.picture is not None:
+                write_whole(done.picture, done.png)
+            yield done.records

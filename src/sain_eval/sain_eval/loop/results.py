@@ -159,8 +159,8 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
         "heading_tolerance": first.heading_tolerance,
         "scenes": len(records),
         "successes": len(solved),
-        "rate": _interval(wilson_interval(len(solved), len(records))),
-        "pushes": _interval(bootstrap_mean(np.array([float(r.pushes) for r in solved]), random)),
+        "rate": interval_row(wilson_interval(len(solved), len(records))),
+        "pushes": interval_row(bootstrap_mean(np.array([float(r.pushes) for r in solved]), random)),
         "final_distance": _mean([record.final_distance for record in records]),
         "final_turn": _mean([record.final_turn for record in records]),
         "planning_seconds": _mean([record.planning_seconds for record in records]),
@@ -177,7 +177,7 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
     }
 
 
-def _interval(interval: Interval) -> dict[str, float | None]:
+def interval_row(interval: Interval) -> dict[str, float | None]:
     """Return an interval with None for NaN, which JSON does not have."""
     return {name: None if isnan(v) else v for name, v in dataclasses.asdict(interval).items()}
 

@@ -1,32 +1,38 @@
-"""Many episodes of gym-pusht over worker processes, and what they add up to."""
+"""Many episodes of gym-pusht on workers, and what they add up to."""
 
 import csv
 import dataclasses
 import io
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from sain_core.provenance import git_commit, processor, system, versions
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
-from sain_eval.loop.evaluation import run_on_workers
+from sain_core.workers.options import WorkerOptions
+from sain_core.workers.running import run_on_workers
+from sain_core.workers.work import FunctionRunner, Software, Work
+from sain_eval.loop.evaluation import SOURCES
+from sain_eval.loop.results import RESULTS_FILE, SCHEMA, interval_row
 from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
 from sain_eval.pusht.agent import PLANNER, pusht_agent
 from sain_eval.pusht.episode import PushtRecord, play
-from sain_eval.pusht.film import write_film
+from sain_eval.pusht.film import gif_of
 from sain_eval.pusht.model import PushtModel, load_model
 from sain_eval.pusht.motion import Pace
 from sain_eval.pusht.world import PushtWorld
 from sain_mppi.search.config import PlannerConfig
 
 PACKAGES: Final = ("gym-pusht", "pymunk", "gymnasium", "numpy", "numba", "torch")
-RESULTS_FILE: Final = "results.json"
+REALITY: Final = "gym-pusht"
+SUCCESS: Final = "95 % covered"
 EPISODES_FILE: Final = "episodes.csv"
 
 
@@ -41,21 +47,41 @@ class PushtJob:
     picture: Path | None = None
 
 
-def run_pusht_job(job: PushtJob) -> PushtRecord:
+class PushtDone(NamedTuple):
+    """An episode that was played: its record, and its animation where one was wanted."""
+
+    record: PushtRecord
+    picture: Path | None = None
+    gif: bytes = b""
+
+
+def run_pusht_job(job: PushtJob) -> PushtDone:
     """Play one episode."""
     known = _load(job.model)
     world = _world(job.model, job.pace)
     world.frames = [] if job.picture else None
     agent = pusht_agent(known.model, known.physics, job.planner, world.tool)
     record = play(job.seed, agent, world)
-    if job.picture:
-        write_film(world.frames or [], job.picture)
-    return record
+    if not job.picture:
+        return PushtDone(record)
+    return PushtDone(record, job.picture, gif_of(world.frames or []))
 
 
-def run_pusht_jobs(jobs: Sequence[PushtJob], workers: int) -> Iterator[PushtRecord]:
-    """Yield the records of all jobs as they come; with one worker in this process, in order."""
-    yield from run_on_workers(run_pusht_job, jobs, workers)
+def run_pusht_jobs(
+    jobs: Sequence[PushtJob], options: WorkerOptions = WorkerOptions()
+) -> Generator[PushtRecord, None, None]:
+    """Play all jobs on workers, write their animations, and yield their records in order."""
+    work = Work(
+        partial(FunctionRunner, run_pusht_job),
+        Software(SOURCES, PACKAGES),
+        lambda job: f"episode {job.seed}",
+        goes_on=False,
+    )
+    with closing(run_on_workers(work, jobs, options)) as results:
+        for done in results:
+            if done.picture is not None:
+                write_whole(done.picture, done.gif)
+            yield done.record
 
 
 @cache
@@ -109,6 +135,33 @@ def summarise_pusht(records: Sequence[PushtRecord]) -> PushtSummary:
     )
 
 
+def results_row(model: str, records: Sequence[PushtRecord]) -> dict[str, Any]:
+    """Return the row of these episodes in results; see `sain_eval.loop.results.summarise`.
+
+    Pushes are strokes of the solved episodes, steps are over all of them.
+    """
+    summary = summarise_pusht(records)
+    strokes = np.array([record.pushes for record in records if record.success], dtype=float)
+    pushes = bootstrap_mean(strokes, generator(0, "bootstrap", "pusht", "strokes"))
+    errors = _joined(records, "error_mm")
+    return {
+        "scenario": REALITY,
+        "controller": model,
+        "tolerance": 0.0,
+        "heading_tolerance": 0.0,
+        "within": SUCCESS,
+        "scenes": summary.episodes,
+        "successes": summary.successes,
+        "rate": interval_row(summary.success),
+        "pushes": interval_row(pushes),
+        "steps": summary.steps.estimate,
+        "target_error": 1e-3 * float(errors.mean()) if np.isfinite(errors).all() else None,
+        "refusals": summary.refusals,
+        "goals_in_a_row": [],
+        "most_goals": 1,
+    }
+
+
 def _joined(records: Sequence[PushtRecord], column: str) -> np.ndarray:
     values = [value for record in records for value in getattr(record, column)]
     return np.array(values or [0.0])
@@ -119,13 +172,15 @@ def write_pusht_results(
 ) -> None:
     """Write ``results.json``, with all it takes to make it again, and ``episodes.csv``."""
     content = {
-        "reality": "gym-pusht",
+        "schema": SCHEMA,
+        "reality": REALITY,
         "command": command,
         "config": config,
         "git_commit": git_commit(),
         "versions": versions(*PACKAGES),
         "machine": {"cpu": processor(), "system": system()},
-        "summary": dataclasses.asdict(summarise_pusht(records)),
+        "summary": [results_row(config["model"], records)],
+        "gym_pusht": dataclasses.asdict(summarise_pusht(records)),
         "episodes": [dataclasses.asdict(record) for record in records],
     }
     text = json.dumps(content, indent=1, default=str) + "\n"

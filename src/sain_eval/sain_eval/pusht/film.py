@@ -2,25 +2,18 @@
 
 from collections.abc import Sequence
 from io import BytesIO
-from pathlib import Path
 from typing import Final
 
 from numpy import ndarray
 from PIL import Image
-
-from sain_core.storage import write_whole
 
 RATE: Final = 10  # [1/s], as fast as it happens
 HOLD: Final = 1.5  # [s], of the last picture
 COLOURS: Final = 48
 
 
-def write_film(frames: Sequence[ndarray], path: Path) -> Path:
-    """Write pictures (height, width, 3) as a GIF and return its path.
-
-    Raises:
-        OutputError: the folder cannot be written.
-    """
+def gif_of(frames: Sequence[ndarray]) -> bytes:
+    """Return pictures (height, width, 3) as a GIF."""
     pictures = [Image.fromarray(frame) for frame in frames]
     palette = _both(pictures[0], pictures[-1]).quantize(COLOURS)
     indexed = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
@@ -30,7 +23,7 @@ def write_film(frames: Sequence[ndarray], path: Path) -> Path:
     indexed[0].save(
         memory, format="GIF", save_all=True, append_images=indexed[1:], duration=times, loop=0
     )
-    return write_whole(path, memory.getvalue())
+    return memory.getvalue()
 
 
 def _both(first: Image.Image, last: Image.Image) -> Image.Image:

@@ -8,18 +8,21 @@ import json
 from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from sain_core.config import Config, option
+from sain_core.config import option
 from sain_core.dataset import SHARD_SIZE, Column, describe_fields
 from sain_core.errors import DatasetError
 from sain_core.storage import write_json
+from sain_core.workers.options import WorkerOptions
+from sain_core.workers.running import run_on_workers
+from sain_core.workers.work import Software, Work
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.push_counts import CollectionJournal, PushCounts
-from sain_sim.collecting.ray_workers import RayPool, ray_cluster
 from sain_sim.collecting.shards import ShardWriter, load_by_count, remove_leftovers
-from sain_sim.collecting.workers import ProcessPool, in_order
+from sain_sim.world.engines import ENGINES
 
 IDENTITY_FILE: Final = "collection.json"
 CARD_FILE: Final = "card.json"
@@ -36,7 +39,7 @@ CollectionProgress = Callable[[int, int], None]  # episodes done, transitions so
 
 
 @dataclass(frozen=True)
-class CollectConfig(Config):
+class CollectConfig(WorkerOptions):
     """Collect transitions from the randomised or the rough world into a folder of shards.
 
     The same command continues after a stop, and ends with the same bytes.
@@ -45,12 +48,6 @@ class CollectConfig(Config):
     out: Path = option(Path("data"), "folder for the shards")
     episodes: int = option(5000, "number of episodes", minimum=1)
     seed: int = option(0, "seed; the same seed gives the same bytes", minimum=0)
-    workers: int = option(1, "processes that run episodes", minimum=1, maximum=4096)
-    ray: str = option(
-        "",
-        "Ray cluster of the workers: HOST:PORT; auto: this machine's; local: a "
-        "new one on this machine",
-    )
     episode: EpisodeConfig = EpisodeConfig()
 
 
@@ -97,22 +94,13 @@ def collect(
 
 def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, None]:
     """Run episodes from the first on and yield what they gave in order."""
-    episodes = range(first, config.episodes)
-    settings = (config.seed, config.episode)
-    if not episodes:
-        return
-    if config.ray:
-        with (
-            ray_cluster(config.ray, config.workers) as ray,
-            closing(RayPool(ray, config.workers, *settings)) as actors,
-        ):
-            yield from in_order(actors, episodes)
-    elif config.workers > 1:
-        with closing(ProcessPool(config.workers, *settings)) as processes:
-            yield from in_order(processes, episodes)
-    else:
-        with closing(EpisodeRunner(*settings)) as runner:
-            yield from map(runner.run, episodes)
+    engine = ENGINES[config.episode.truth.engine].module
+    work = Work(
+        partial(EpisodeRunner, config.seed, config.episode),
+        Software(("sain_core", "sain_sim"), ("numpy", "pybullet", *filter(None, [engine]))),
+        lambda episode: f"episode {episode}",
+    )
+    return run_on_workers(work, range(first, config.episodes), config)
 
 
 def _identity(config: CollectConfig) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from sain_sim.arm.controlled import ControlledArm
 from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.motion import MotionConfig
 from sain_sim.arm.panda import ArmConfig
-from sain_sim.world.outcome import Observer, Sample
+from sain_sim.world.outcome import Observer, Sample, check_possible
 from sain_sim.world.parameters import WorldParameters
 
 GRAVITY: Final = 9.81  # [m/s^2]
@@ -168,13 +168,14 @@ class Workcell(ABC):
         Raises:
             BlockedError: at the step in which the tool touches another body than the pushed one;
                 never without one.
-            DivergedError: as `advance`.
+            DivergedError: as `advance`, or bodies end where they cannot be.
         """
         if self._config.full_motion:
             self._show(np.concatenate([route.approach, route.lower]), "approach", watches)
         self.arm.place(route.stroke[0])
         self._follow(route.stroke, "push", watches, pushed)
         self.settle("settle", watches, pushed)
+        check_possible(self.scene(self.origin.states), self.observe())
         if self._config.full_motion:
             self._show(route.lift, "lift", watches)
         self.arm.place(route.lift[-1])

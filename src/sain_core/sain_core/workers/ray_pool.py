@@ -1,31 +1,27 @@
-"""Episodes on a Ray cluster. Ray is an optional extra: nothing else imports it."""
+"""Workers of a Ray cluster. Ray is an optional extra: nothing else imports it."""
 
 import functools
-import hashlib
 import logging
+import os
 import secrets
 import socket
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-import sain_core
-import sain_sim
 from sain_core.errors import ConfigError, SainError
-from sain_core.provenance import versions
-from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
-from sain_sim.collecting.workers import WorkerPool, environment
-from sain_sim.world.engines import ENGINES
+from sain_core.workers.pool import THREAD_LIMITS, WorkerPool, environment
+from sain_core.workers.work import Done, Job, Runner, Software, Work
 
 LOCAL: Final = "local"
 AUTO: Final = "auto"
 KNOCK_SECONDS: Final = 10.0
-RETRIES: Final = 2  # of an episode whose worker died
-STORE_BYTES: Final = 100_000_000  # for results on their way; an episode has a few thousand
-INSTALL: Final = 'pip install "sain_sim[ray]", or pip install ray'
+RETRIES: Final = 2  # of a job whose worker died
+STORE_BYTES: Final = 100_000_000  # for results on their way
+INSTALL: Final = 'pip install "sain_core[ray]", or pip install ray'
 
 
 @contextmanager
@@ -96,7 +92,8 @@ def _environment(address: str, folder: str) -> dict[str, str]:
     # The first is, in spite of its name, what keeps any system's Ray on the loopback address;
     # without a token of ours Ray would write one to ~/.ray.
     alone = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0", "RAY_AUTH_MODE": "token"}
-    return {**silent, **alone, "RAY_AUTH_TOKEN": _token(), "TMPDIR": folder}
+    limits = dict.fromkeys(THREAD_LIMITS, "1")
+    return {**silent, **alone, **limits, "RAY_AUTH_TOKEN": _token(), "TMPDIR": folder}
 
 
 @functools.cache
@@ -120,58 +117,58 @@ def _settings(address: str, workers: int, folder: str) -> dict[str, Any]:
     }
 
 
-def software(engine: str) -> dict[str, str]:
-    """Return what decides about the bytes of an episode in an engine."""
-    sources = hashlib.sha256()
-    used = [name for name in (ENGINES[engine].module,) if name]
-    for package in (sain_core, sain_sim):
-        assert package.__file__ is not None
-        for path in sorted(Path(package.__file__).parent.rglob("*.py")):
-            sources.update(path.read_bytes())
-    return {**versions("numpy", "pybullet", *used), "sain": sources.hexdigest()[:12]}
+class RayWorker:
+    """A `Runner` on a machine of the cluster, which also tells which software it runs on."""
+
+    def __init__(self, start: Callable[[], Runner[Any, Any]], folder: str) -> None:
+        """Start it, in the folder that paths are relative to where there is one."""
+        with suppress(OSError):
+            os.chdir(folder)
+        self._runner = start()
+
+    def run(self, job: Any) -> Any:
+        """Do a job."""
+        return self._runner.run(job)
+
+    def software(self, software: Software) -> dict[str, str]:
+        """Return what decides about the bytes of results."""
+        return software.found()
 
 
-class RayRunner(EpisodeRunner):
-    """An `EpisodeRunner` that also tells which software it runs on."""
+class RayPool(WorkerPool[Job, Done]):
+    """Actors of a cluster, one CPU each; one that dies is replaced and its job done again."""
 
-    def software(self) -> dict[str, str]:
-        """Return what decides about the bytes of an episode."""
-        return software(self._config.truth.engine)
-
-
-class RayPool(WorkerPool):
-    """Actors of a cluster, one CPU each; one that dies is replaced and its episode run again."""
-
-    def __init__(self, ray: ModuleType, size: int, seed: int, config: EpisodeConfig) -> None:
+    def __init__(self, ray: ModuleType, size: int, work: Work[Job, Done]) -> None:
         """Start the actors.
 
         Raises:
             ConfigError: a machine of the cluster has other software, whose bytes could differ.
         """
-        super().__init__(size)
+        super().__init__(size, work)
         self._ray = ray
-        remote = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=RETRIES)(RayRunner)
-        self._idle += [remote.remote(seed, config) for _ in range(size)]
-        own = software(config.truth.engine)
-        for found in self._get([actor.software.remote() for actor in self._idle]):
+        remote = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=RETRIES)(RayWorker)
+        self._idle += [remote.remote(work.start, str(Path.cwd())) for _ in range(size)]
+        own = work.software.found()
+        asked = [actor.software.remote(work.software) for actor in self._idle]
+        for found in self._get(asked):
             if found != own:
                 raise ConfigError(
                     f"a machine of the cluster has {found}, this one {own}; with other"
                     " software the same seed may give other bytes"
                 )
 
-    def begin(self, episode: int) -> None:
-        """Give an episode to an actor that is free."""
+    def begin(self, number: int, job: Job) -> None:
+        """Give a job to an actor that is free."""
         actor = self._idle.pop()
-        self._busy[actor.run.remote(episode)] = (actor, episode)
+        self._busy[actor.run.remote(job)] = (actor, number, job)
 
-    def finished(self) -> list[tuple[int, EpisodeResult]]:
-        """Wait for an actor that has ended its episode; see `WorkerPool`."""
+    def finished(self) -> list[tuple[int, Done]]:
+        """Wait for an actor that has ended its job; see `WorkerPool`."""
         ready, _ = self._ray.wait(list(self._busy), num_returns=1)
         results = []
         for reference in ready:
-            actor, episode = self._busy.pop(reference)
-            results.append((episode, self._get(reference)))
+            actor, number, _ = self._busy.pop(reference)
+            results.append((number, self._get(reference)))
             self._idle.append(actor)
         return results
 
@@ -182,11 +179,9 @@ class RayPool(WorkerPool):
             cause = error.cause
             raise cause if isinstance(cause, SainError) else SainError(f"Ray: {error}") from error
         except self._ray.exceptions.RayError as error:
-            raise SainError(
-                f"Ray: {error}; what is in the folder is whole, and the same command goes on"
-            ) from error
+            raise SainError(f"Ray: {error}{self._work.after_a_stop}") from error
 
     def close(self) -> None:
-        """End the actors, also in the middle of an episode."""
+        """End the actors, also in the middle of a job."""
         for actor in self._workers:
             self._ray.kill(actor)

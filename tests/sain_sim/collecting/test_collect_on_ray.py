@@ -15,9 +15,10 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from sain_core.errors import ConfigError
+from sain_core.workers.ray_pool import RayPool
+from sain_core.workers.work import FunctionRunner, Software, Work
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
-from sain_sim.collecting.ray_workers import RayPool
 from sain_sim.commands import collect as main
 
 CONFIG = CollectConfig(episodes=4, seed=6, workers=2, ray="local", episode=EpisodeConfig(pushes=3))
@@ -46,6 +47,16 @@ def processes(word: str) -> list[int]:
     return found
 
 
+def own_worker(folder: Path) -> int:
+    """A Ray worker of the cluster in a folder: other tests may have clusters, too."""
+    own = {str(pid) for pid in processes(str(folder))}
+    for pid in processes("ray::RayWorker"):
+        parent = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1]
+        if parent in own:
+            return pid
+    raise AssertionError("no worker")
+
+
 def entries(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
@@ -70,7 +81,7 @@ def test_a_cluster_writes_the_same_bytes_and_leaves_nothing(elsewhere, tmp_path)
     def kill(episodes: int, transitions: int) -> None:
         if episodes == 1:
             assert processes(str(elsewhere))  # Ray is here, and nowhere else
-            killed.append(processes("ray::RayRunner")[0])
+            killed.append(own_worker(elsewhere))
             os.kill(killed[0], signal.SIGKILL)
 
     done = collect(replace(CONFIG, out=tmp_path / "cluster"), kill)
@@ -87,7 +98,7 @@ def test_without_ray_there_is_one_clear_line(tmp_path, monkeypatch, capsys) -> N
     assert main(["--out", str(tmp_path), "--episodes", "1", "--ray", "local"]) == 1
     error = capsys.readouterr().err
     assert "collect: --ray needs Ray, which is not installed: pip install" in error
-    assert "sain_sim[ray]" in error  # brackets are no markup
+    assert "sain_core[ray]" in error  # brackets are no markup
     assert "Traceback" not in error
 
 
@@ -98,10 +109,10 @@ def test_an_address_without_a_cluster_is_refused_at_once(tmp_path, address, caps
 
 
 def test_machines_with_other_software_are_refused(monkeypatch) -> None:
-    actor = SimpleNamespace(software=SimpleNamespace(remote=lambda: None))
+    actor = SimpleNamespace(software=SimpleNamespace(remote=lambda _: None))
     cluster = ModuleType("ray")
     cluster.remote = lambda **_: lambda runner: SimpleNamespace(remote=lambda *_: actor)
     cluster.get = lambda references: [{"numpy": "0.1"} for _ in references]
     cluster.exceptions = SimpleNamespace(RayTaskError=KeyError, RayError=KeyError)
     with pytest.raises(ConfigError, match="other software the same seed may give other bytes"):
-        RayPool(cluster, 1, 0, EpisodeConfig())
+        RayPool(cluster, 1, Work(FunctionRunner, Software((), ("numpy",)), str))

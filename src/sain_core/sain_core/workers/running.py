@@ -1,0 +1,43 @@
+"""Work done by this process, by others, or by a Ray cluster."""
+
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack, closing
+
+from sain_core.workers.options import WorkerOptions
+from sain_core.workers.pool import WorkerPool, as_finished, in_order
+from sain_core.workers.processes import ProcessPool
+from sain_core.workers.ray_pool import RayPool, ray_cluster
+from sain_core.workers.work import Done, Job, Work
+
+
+def run_on_workers(
+    work: Work[Job, Done], jobs: Sequence[Job], options: WorkerOptions, ordered: bool = True
+) -> Generator[Done, None, None]:
+    """Do all jobs and yield their results; workers end with this process, killed or not.
+
+    One worker without Ray is this process.
+
+    Args:
+        work: what to do.
+        jobs: to be done, each by one worker.
+        options: who does them.
+        ordered: yield in the order of the jobs, else as they come.
+
+    Raises:
+        ConfigError: there is no such Ray cluster.
+        SainError: a job cannot be done.
+    """
+    size = min(options.workers, len(jobs))
+    if not jobs:
+        return
+    with ExitStack() as stack:
+        if size == 1 and not options.ray:
+            yield from map(stack.enter_context(closing(work.start())).run, jobs)
+            return
+        pool: WorkerPool[Job, Done]
+        if options.ray:
+            ray = stack.enter_context(ray_cluster(options.ray, size))
+            pool = stack.enter_context(closing(RayPool(ray, size, work)))
+        else:
+            pool = stack.enter_context(closing(ProcessPool(size, work)))
+        yield from (in_order if ordered else as_finished)(pool, jobs)

@@ -1,0 +1,102 @@
+"""What cannot be is an error of one line: what was wrong, what is allowed, what to do."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sain_bags import commands as bags
+from sain_core.scene import POSITION, TARGET
+from sain_eval import commands
+from sain_sim.world import engines
+from sain_sim.world.workcell import Workcell
+
+
+def said(run, arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """What a command says about an error."""
+    assert run(arguments) in (1, 2)  # 2: of options
+    error = capsys.readouterr().err
+    assert "Traceback" not in error
+    return " ".join(error.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (
+            "--noise 0.2,0",
+            "evaluate: noise has a standard deviation of 0.2 m; allowed: 0 to 0.02 m, with which"
+            " a body is still where it is seen",
+        ),
+        (
+            "--bias 0,1",
+            "evaluate: bias has a standard deviation of 1 rad; allowed: 0 to 0.35 rad, with which"
+            " a body is still where it is seen",
+        ),
+        (
+            "--delay 2",
+            "evaluate: WorldCameraConfig.delay is 2.0 s; it must be at most 0.5 s",
+        ),
+    ],
+)
+def test_noise_and_delay_that_cannot_be(words, error, tmp_path: Path, capsys) -> None:
+    assert said(commands.evaluate, [*words.split(), "--out", str(tmp_path)], capsys) == error
+
+
+def test_noise_that_hides_the_tolerance_is_the_reason_of_the_failure(tmp_path, capsys) -> None:
+    arguments = ["--scenario", "paper", "--scenes", "1", "--controllers", "planar"]
+    arguments += ["--noise", "0.02,0.35", "--bias", "0.02,0.35", "--out", str(tmp_path)]
+    assert commands.evaluate(arguments) == 0
+    shown = capsys.readouterr().out
+    assert "the tolerances are too small for what is observed: poses have standard dev" in shown
+    assert "choose wider tolerances" in shown
+
+
+def test_an_engine_that_explodes_is_the_reason_of_the_failure(tmp_path, capsys, monkeypatch):
+    true_scene = Workcell.observe
+
+    def exploded(cell: Workcell) -> np.ndarray:
+        scene = true_scene(cell)
+        if not cell.unmoved:
+            scene[TARGET, POSITION] += 1e6
+        return scene
+
+    monkeypatch.setattr(Workcell, "observe", exploded)
+    arguments = ["--scenario", "paper", "--scenes", "1", "--controllers", "straight"]
+    assert commands.evaluate([*arguments, "--out", str(tmp_path)]) == 0
+    shown = capsys.readouterr().out
+    assert "DivergedError: the engine found no solution of the push: body 1 would end" in shown
+    assert "possible are 2 m; 0 pushes" in shown
+
+
+def test_mujoco_that_is_not_installed(tmp_path: Path, capsys, monkeypatch) -> None:
+    def find(name: str) -> object:
+        return None if name == "mujoco" else importlib.util.find_spec(name)
+
+    monkeypatch.setattr(engines, "find_spec", find)
+    arguments = ["--engine", "mujoco", "--out", str(tmp_path)]
+    assert said(commands.evaluate, arguments, capsys) == (
+        "evaluate: engine mujoco needs the package mujoco, which is not installed: pip install"
+        ' "sain_sim[mujoco]", or pip install mujoco'
+    )
+
+
+def test_gym_pusht_that_is_not_installed(tmp_path: Path, capsys, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "gym_pusht", None)
+    error = said(commands.pusht, ["--out", str(tmp_path)], capsys)
+    assert error.startswith("pusht: gym-pusht cannot be imported (")
+    assert error.endswith("; pip install 'sain_eval[pusht]'")
+
+
+@pytest.mark.parametrize("name", ["evaluate", "pusht"])
+def test_ray_that_is_not_installed(name: str, tmp_path: Path, capsys, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    error = said(getattr(commands, name), ["--ray", "local", "--out", str(tmp_path)], capsys)
+    assert f'{name}: --ray needs Ray, which is not installed: pip install "sain_core[ray]"' in error
+
+
+def test_an_empty_folder_is_no_recording_also_for_workers(tmp_path: Path, capsys) -> None:
+    arguments = [str(tmp_path), "--workers", "2", "--out", str(tmp_path / "out")]
+    assert str(tmp_path) in said(bags.to_dataset, arguments, capsys)
