@@ -1,5 +1,6 @@
 """The simulator's topics: encodes and publishes its messages."""
 
+
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
