@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, partial
 from time import perf_counter
 
 import numpy as np
 
 from sain_core.config import option
+from sain_core.errors import SainError
 from sain_core.scene import RADIUS
 from sain_core.shapes.disk import DISK_SHAPES, THREE_FEET
 from sain_core.types import PushArray, Scene
@@ -63,11 +65,19 @@ class SimulatorConfig(TruthConfig):
 
 @dataclass(frozen=True)
 class Pushed:
-    """An executed push: its outcome, the world after it, and its wall time [s]."""
+    """An executed push.
+
+    Attributes:
+        outcome: what it led to.
+        sample: the world after it.
+        wall_time: [s]
+        predicted: (N, 8) by the shadow world, or why it could not; None without a shadow world.
+    """
 
     outcome: StrokeOutcome
     sample: Sample
     wall_time: float
+    predicted: Scene | SainError | None
 
 
 class Simulator:
@@ -138,19 +148,24 @@ class Simulator:
         seen: Scene | None = None,
     ) -> Pushed:
         """Execute a push with samples at the state rate; see `World.push` for `seen` and errors."""
+        predict = cache(partial(self._predict, self.world.observe(), push))
 
         def show(sample: Sample) -> None:
+            predict()  # while the arm moves: afterwards a planner needs the processor
             self.pacer.follow(sample.time)
             on_sample(sample)
 
         begun = perf_counter()
         outcome = self.world.push(push, on_step=show, every=self._every, seen=seen)
-        return Pushed(outcome, self._look(), perf_counter() - begun)
+        return Pushed(outcome, self._look(), perf_counter() - begun, predict())
 
-    def predict(self, scene: Scene, push: PushArray) -> Scene:
-        """Return the nominal world's prediction for a push from a scene (N, 8)."""
-        assert self.shadow is not None
-        return self.shadow.step(scene[None], push[None])[0]
+    def _predict(self, scene: Scene, push: PushArray) -> Scene | SainError | None:
+        if self.shadow is None:
+            return None
+        try:
+            return self.shadow.step(scene[None], push[None])[0]
+        except SainError as error:
+            return error
 
     def close(self) -> None:
         """Close the worlds."""

@@ -1,6 +1,5 @@
 """The simulator's topics: encodes and publishes its messages."""
 
-from concurrent.futures import Future
 
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
@@ -135,20 +134,22 @@ class Publishing:
             push=push,
         )
 
-    def prediction(self, push: Push, done: "Future[Scene]") -> None:
-        """Publish the nominal world's prediction of a push, or its error."""
+    def prediction(self, push: Push, predicted: Scene | SainError | None) -> None:
+        """Publish the shadow world's prediction of a push, or its error; nothing for None."""
+        if predicted is None:
+            return
         message = PushPrediction(
             header=self._header(),
             push_id=push.push_id,
             episode_id=push.episode_id,
             scene_id=push.scene_id,
             model=SHADOW_MODEL,
+            error_code=int(ErrorCode.OK),
         )
-        try:
-            message.disks = codec.encode_disks(done.result())
-            message.error_code = int(ErrorCode.OK)
-        except SainError as error:
-            message.error_code, message.error_message = error_reply(error)
+        if isinstance(predicted, SainError):
+            message.error_code, message.error_message = error_reply(predicted)
+        else:
+            message.disks = codec.encode_disks(predicted)
         self._prediction.publish(message)
 
     def _header(self) -> Header:

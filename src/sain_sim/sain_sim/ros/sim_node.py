@@ -15,7 +15,6 @@ from sain_core.ros.parameters import read_parameters
 from sain_core.ros.peers import publisher_count, refuse_peers
 from sain_core.ros.qos import RELIABLE
 from sain_core.ros.worker import Worker
-from sain_core.types import PushArray, Scene
 from sain_interfaces.msg import Push
 from sain_interfaces.srv import ResetScene
 from sain_sim.node.looking import Looking
@@ -106,7 +105,7 @@ class SimNode(Node):
         self.pacer.idle()
         self.worker.submit(
             lambda: self.simulator.push(push, self._on_sample, seen),
-            lambda done: self._on_pushed(message, push, done),
+            lambda done: self._on_pushed(message, done),
         )
 
     def _on_sample(self, sample: Sample) -> None:
@@ -118,7 +117,7 @@ class SimNode(Node):
             self.looking.watch(sample)
             self.publishing.frames(moving=True)
 
-    def _on_pushed(self, message: Push, push: PushArray, done: "Future[Pushed]") -> None:
+    def _on_pushed(self, message: Push, done: "Future[Pushed]") -> None:
         try:
             pushed = done.result()
         except SainError as error:
@@ -133,15 +132,7 @@ class SimNode(Node):
         after = self.publishing.scene_message(pushed.sample, moving=False)
         self.publishing.result(message, before, after, pushed)
         self._settle(pushed.sample)
-        if self.simulator.shadow is not None:
-            self._predict(message, push, pushed.outcome.before)
-
-    def _predict(self, message: Push, push: PushArray, before: Scene) -> None:
-        """Predict the push with the shadow world, while the planner plans the next one."""
-        self.worker.submit(
-            lambda: self.simulator.predict(before, push),
-            lambda done: self.publishing.prediction(message, done),
-        )
+        self.publishing.prediction(message, pushed.predicted)
 
     def _refuse(self, message: Push, error: SainError) -> None:
         self.counts["refused"] += 1
