@@ -149,12 +149,14 @@ def row(name: str, records: Sequence[CylinderRecord], step: float) -> list[str]:
         done = [record.time_to(near, step) for record in records if record.reached(near)]
         rate = wilson_interval(len(done), len(records))
         mean = bootstrap_mean(np.array(done), generator(0, "cylinder push", name))
-        cells.append(f"{len(done)} ({100 * rate.low:.0f} to {100 * rate.high:.0f} %)")
+        share = f"{100 * rate.low:.0f} to {100 * rate.high:.0f} %"
+        cells.append(f"{len(done)} of {len(records)}, {share}")
         cells.append(f"{mean.estimate:.1f} [{mean.low:.1f}, {mean.high:.1f}]" if done else "")
+    ever = sum(bool((record.trace < NEAR).any()) for record in records)
     last = np.median([1e3 * record.trace[-1] for record in records])
     plans = np.concatenate([record.seconds for record in records])
     busy = np.mean([record.seconds.sum() for record in records])
-    return [*cells, f"{last:.1f}", f"{1e3 * plans.mean():.1f}", f"{busy:.2f}"]
+    return [*cells, str(ever), f"{last:.1f}", f"{1e3 * plans.mean():.1f}", f"{busy:.2f}"]
 
 
 def learned_model(world: CylinderWorld, episodes: int, console: Console) -> RolloutModel:
@@ -188,7 +190,7 @@ def main() -> None:
         rows.append(row(name, [players[name](seed) for seed in track(seeds, name)], step))
         console.print(" | ".join(rows[-1]), markup=False)
     head = ["planner", f"within {OWN} m", "s until then", f"within {NEAR} m", "s until then"]
-    head += ["mm left, median", "ms a plan", "s of planning"]
+    head += ["ever", "mm left, median", "ms a plan", "s of planning"]
     console.print(markdown_table(head, rows), markup=False)
 
 

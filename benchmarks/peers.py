@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+import numba
 import torch
 import tyro
 from rich.console import Console
@@ -96,6 +97,7 @@ class PeerJob:
 def play(job: PeerJob) -> dict[str, Any]:
     """Play an episode; return its line of the journal."""
     torch.set_num_threads(1)
+    numba.set_num_threads(1)
     case = SCENARIOS["anywhere"].scene(job.seed)
     model, physics = (as_rollout(load_dynamics(name)) for name in (job.model, "planar"))
     planner = ours_with(job.samples)
