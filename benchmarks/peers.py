@@ -4,7 +4,8 @@ Scenes of `anywhere` in Bullet, the shipped model, at most 15 pushes, 0.5 cm. Al
 same model, costs, feasibility and agent. Times are processor seconds of a plan in a process with
 one thread, so that other jobs on the machine hardly count. Nothing is planned ahead.
 
-A run that was stopped goes on where it was. judo is optional:
+A run that was stopped goes on where it was. Table and picture have all that the journal has: dear
+settings can play fewer scenes. judo is optional:
 
     {install}
 """
@@ -62,7 +63,7 @@ class Options:
     samples: tuple[int, ...] = COUNTS
     """K, in a plan, all iterations or rounds together."""
     scenes: int = 100
-    """How many, from the first seed on."""
+    """How many, from the first seed on; 0: only table and picture."""
     seed: int = 0
     """Of the first scene."""
     model: str = "sain"
@@ -149,18 +150,17 @@ def main() -> None:
     journal.parent.mkdir(parents=True, exist_ok=True)
     lines = journal.read_text().splitlines() if journal.exists() else []
     done = {json.dumps(line["key"]): line for line in map(json.loads, lines)}
-    jobs = jobs_of(options)
-    left = [job for job in jobs if json.dumps(job.key) not in done]
+    left = [job for job in jobs_of(options) if json.dumps(job.key) not in done]
     with Progress(transient=True) as progress:
         task = progress.add_task("episodes", total=len(left))
         for line in run_on_workers(play, left, options.workers):
             append_json(journal, line)
             done[json.dumps(line["key"])] = line
             progress.advance(task)
-    chosen = [done[json.dumps(job.key)] for job in jobs]
-    Console(width=160, highlight=False).print(table(chosen, OURS), markup=False)
+    played = list(done.values())
+    Console(width=160, highlight=False).print(table(played, OURS), markup=False)
     if options.picture is not None:
-        write_png(draw(chosen, OURS), options.picture)
+        write_png(draw(played, OURS), options.picture)
 
 
 if __name__ == "__main__":
