@@ -12,8 +12,13 @@ import benchmarks
 
 HELPERS = {
     "__main__",
+    "cylinder_planning",
+    "cylinder_world",
     "identification",
     "made_bags",
+    "peer_figure",
+    "peer_optimizers",
+    "peer_planning",
     "recorder_parts",
     "report",
     "timing",
@@ -21,12 +26,14 @@ HELPERS = {
 }
 ON_DATA = {
     "ablations",
+    "cylinder_push",
     "ensembles",
     "fine_tuning",
     "gradients",
     "open_loop",
     "paired_pushes",
     "paper_training",
+    "peers",
     "recovery",
     "rollout_designs",
     "rough_figure",
