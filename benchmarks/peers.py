@@ -12,6 +12,7 @@ settings can play fewer scenes. judo is optional:
 
 import json
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -35,8 +36,10 @@ from sain_core.drawing.figures import write_png
 from sain_core.dynamics import as_rollout
 from sain_core.plugins import load_dynamics
 from sain_core.storage import append_json
+from sain_core.workers.options import WorkerOptions
+from sain_core.workers.running import run_on_workers
+from sain_core.workers.work import FunctionRunner, Software, Work
 from sain_eval.loop.closed_loop import run_episode
-from sain_eval.loop.evaluation import run_on_workers
 from sain_eval.loop.results import scene_records
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.loop.agent import Agent, AgentConfig
@@ -151,9 +154,11 @@ def main() -> None:
     lines = journal.read_text().splitlines() if journal.exists() else []
     done = {json.dumps(line["key"]): line for line in map(json.loads, lines)}
     left = [job for job in jobs_of(options) if json.dumps(job.key) not in done]
+    work = Work(partial(FunctionRunner, play), Software(("benchmarks",), ("torch",)), str)
+    workers = WorkerOptions(workers=options.workers)
     with Progress(transient=True) as progress:
         task = progress.add_task("episodes", total=len(left))
-        for line in run_on_workers(play, left, options.workers):
+        for line in run_on_workers(work, left, workers, ordered=False):
             append_json(journal, line)
             done[json.dumps(line["key"])] = line
             progress.advance(task)
