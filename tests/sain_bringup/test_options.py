@@ -117,7 +117,9 @@ def test_commands_say_it_all(prefix: Path, tmp_path: Path) -> None:
     for command in commands.values():
         assert "__ns:=/lab" in command
         assert command.count("--ros-args") == 1
-    assert commands["model"][-2:] == ["-p", "model:=planar"]
+    assert "model:=planar" in commands["model"]
+    for name in ("model", "planner"):  # all headers have the simulator's time
+        assert "use_sim_time:=true" in commands[name]
     assert "a=b c" in commands["recorder"]
     assert str(parameters) not in commands["recorder"]
     assert str(parameters) in commands["planner"]

@@ -98,6 +98,7 @@ def test_message_packages_are_declared_where_they_are_built():
     definitions = [
         *SOURCE.glob("sain_interfaces/msg/*.msg"),
         *SOURCE.glob("sain_interfaces/srv/*.srv"),
+        *SOURCE.glob("sain_interfaces/action/*.action"),
     ]
     assert len(definitions) >= 11
     used = {
@@ -108,6 +109,7 @@ def test_message_packages_are_declared_where_they_are_built():
         if any("Time " in path.read_text() for path in definitions)
         else set()
     )
+    used |= {"action_msgs"} if any(path.suffix == ".action" for path in definitions) else set()
     listed = re.search(
         r"DEPENDENCIES ([^)]*)\)", (SOURCE / "sain_interfaces/CMakeLists.txt").read_text()
     )

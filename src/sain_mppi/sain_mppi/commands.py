@@ -12,7 +12,7 @@ mppi_node: Final = NodeCommand(
     settings="loop.agent:MppiConfig",
     publishes=("push", "plan", "plan_markers", "/diagnostics"),
     subscribes=("scene", "shapes", "push_result", "goal", "goal_pose"),
-    offers=("reach (action)",),
+    actions=("reach",),
     calls=("rollout",),
     example="planner.samples:=512",
 )

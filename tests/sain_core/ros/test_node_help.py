@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.node import Node
 
 from sain_core.cli.node_command import NodeCommand
@@ -13,7 +14,7 @@ from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.commands import sim_node
 from sain_sim.ros.sim_node import SimNode
 
-ROS_OWN = re.compile(r"/rosout|/parameter_events|/sain/\w+_node/\w+")
+ROS_OWN = re.compile(r"/rosout|/parameter_events|/sain/\w+_node/\w+|.*/_action/\w+")
 PARAMETERS = {SimNode: {"peer_wait": 0.0}, ModelNode: {"model": "planar"}, MppiNode: {}}
 
 
@@ -32,5 +33,7 @@ def test_the_help_names_every_topic_and_service(graph, command: NodeCommand, kin
     assert names(node.get_subscriber_names_and_types_by_node(*here)) == set(command.subscribes)
     assert names(node.get_service_names_and_types_by_node(*here)) == set(command.offers)
     assert names(node.get_client_names_and_types_by_node(*here)) == set(command.calls)
+    actions = get_action_server_names_and_types_by_node(node, *here)
+    assert names(actions) == set(command.actions)
     text = "\n".join(command.help())
-    assert all(name in text for name in (*command.publishes, *command.offers))
+    assert all(name in text for name in (*command.publishes, *command.offers, *command.actions))

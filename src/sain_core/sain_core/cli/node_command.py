@@ -27,7 +27,7 @@ class NodeCommand:
         about: what the node does.
         node: ``module:name``, in the package, of its class.
         settings: likewise, of the `Config` that its parameters are made from.
-        publishes, subscribes, offers, calls: names of its topics and services.
+        publishes, subscribes, offers, calls, actions: names of its topics, services and actions.
         example: a parameter in the help's example, as ``name:=value``.
     """
 
@@ -39,6 +39,7 @@ class NodeCommand:
     subscribes: tuple[str, ...] = ()
     offers: tuple[str, ...] = ()
     calls: tuple[str, ...] = ()
+    actions: tuple[str, ...] = ()
     example: str = ""
 
     def __call__(self, arguments: list[str] | None = None) -> int:
@@ -67,7 +68,7 @@ class NodeCommand:
         yield ""
         yield from textwrap.wrap(self.about, width)
         yield ""
-        for title in ("publishes", "subscribes", "offers", "calls"):
+        for title in ("publishes", "subscribes", "offers", "calls", "actions"):
             if names := getattr(self, title):
                 start = f"{title + ':':12}"
                 yield from textwrap.wrap(

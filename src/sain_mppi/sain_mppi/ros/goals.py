@@ -26,7 +26,7 @@ REMEMBERED: Final = 100  # messages, so that none counts twice
 
 
 @dataclass
-class Followed:
+class ActionGoal:
     """An action's goal that is being followed."""
 
     handle: ServerGoalHandle
@@ -57,7 +57,7 @@ class Goals:
         self._seen: deque[int] = deque(maxlen=REMEMBERED)
         self._ids = push_ids()  # far from those that people count from 1
         self._publisher: Any = None  # only with a goal of our own: `goal` has one owner in a graph
-        self._followed: Followed | None = None
+        self._followed: ActionGoal | None = None
         # Latched goals are heard by who comes late; `ros2 topic pub` offers none that are latched.
         # With queues of one length, what is heard first is never older than what was heard before.
         for qos in (LATCHED_QUEUE, RELIABLE):
@@ -136,7 +136,7 @@ class Goals:
         goal = handle.request.goal
         goal.goal_id = goal.goal_id or next(self._ids)
         self._end(CancelledError(f"goal {goal.goal_id} was given"))
-        followed = Followed(handle, goal.goal_id, 0, Future(), Plan())
+        followed = ActionGoal(handle, goal.goal_id, 0, Future(), Plan())
         self._followed = followed
         self._publish(goal)
         error = await followed.ended
