@@ -9,17 +9,13 @@ from sain_core.errors import ConfigError, DatasetError
 from sain_core.plugins import load_dynamics
 from sain_core.provenance import ros2_command
 from sain_model.cli.options import IdentifyOptions
-from sain_model.data.recordings import (
-    after,
-    count_episodes,
-    first_pushes,
-    load_recording,
-)
+from sain_model.data.recordings import first_pushes, load_recording
 from sain_model.dynamics.identify import Recording, believing_model, identify
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.error_table import make_table
 from sain_model.identification.belief_file import write_belief
 from sain_model.identification.beliefs import Belief
+from sain_model.identification.laboratory import count_episodes, shifted
 from sain_model.identification.parameters import parameters_of
 
 
@@ -65,7 +61,7 @@ def load_recordings(options: IdentifyOptions) -> dict[str, Recording]:
                 f"the first episode of {path} has more than {options.pushes} pushes; give a larger"
                 " --pushes"
             )
-        found[str(path)] = after(parts, episodes)
+        found[str(path)] = shifted(parts, episodes)
         episodes += count_episodes(parts)
     return found
 

@@ -10,7 +10,7 @@ from sain_core.push import PUSH_SIZE
 from sain_core.shapes.bodies import Bodies
 from sain_model.data.dataset import shard_paths
 from sain_model.data.shard import read_shard
-from sain_model.identification.laboratory import RecordedPushes
+from sain_model.identification.laboratory import RecordedPushes, count_episodes
 
 
 def load_recording(path: Path) -> list[RecordedPushes]:
@@ -42,19 +42,6 @@ def first_pushes(parts: Sequence[RecordedPushes], most: int) -> list[RecordedPus
     keep = int(np.searchsorted(np.cumsum(counts), most, side="right"))
     chosen = (part.select(part.episode < keep) for part in parts)
     return [part for part in chosen if len(part)]
-
-
-def count_episodes(parts: Sequence[RecordedPushes]) -> int:
-    """Return the number of episodes of all parts together."""
-    return 1 + max(int(part.episode.max()) for part in parts)
-
-
-def after(parts: Sequence[RecordedPushes], episodes: int) -> list[RecordedPushes]:
-    """Return the same pushes with episodes counted on from a number."""
-    return [
-        RecordedPushes(p.state, p.action, p.next_state, p.episode + episodes, p.bodies)
-        for p in parts
-    ]
 
 
 def _rows(columns: Columns) -> int:

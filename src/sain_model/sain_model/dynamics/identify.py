@@ -13,7 +13,12 @@ from sain_model.identification.agreement import check_frictions, check_kinds
 from sain_model.identification.beliefs import KEEP, Belief, usual_belief
 from sain_model.identification.evidence import errors_of, log_density, scales_of
 from sain_model.identification.fitting import step_at
-from sain_model.identification.laboratory import LaboratoryFit, RecordedPushes, fit_laboratory
+from sain_model.identification.laboratory import (
+    LaboratoryFit,
+    RecordedPushes,
+    fit_laboratory,
+    shifted,
+)
 from sain_model.identification.parameters import COUNT, FRICTION, config_at, parameters_of
 from sain_model.identification.structures import Structure
 from sain_model.physics.planar import PlanarPrior
@@ -91,14 +96,13 @@ def _network_odds(
 
 
 def _density(part: RecordedPushes, predicted: Scenes) -> float:
-    squared = (errors_of(predicted, part.next_state) ** 2).sum(axis=-1)
-    scale = scales_of(part, part.bodies)
-    return float(log_density(squared, scale).sum(axis=0).max())
+    errors, scale = errors_of(predicted, part.next_state), scales_of(part, part.bodies)
+    return float(log_density(errors, scale).sum(axis=0).max())
 
 
 def _numbered_anew(parts: Recording) -> list[RecordedPushes]:
     first = min(int(part.episode.min()) for part in parts)
-    return [replace(part, episode=part.episode - first) for part in parts]
+    return shifted(parts, -first)
 
 
 def _card(recordings: Mapping[str, Recording], fits: Sequence[LaboratoryFit]) -> dict[str, Any]:

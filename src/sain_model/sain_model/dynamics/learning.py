@@ -89,8 +89,8 @@ def before_pushes(model: "SainDynamics", belief: Belief) -> dict[str, Any]:
         ConfigError: it is for another prior.
     """
     assert isinstance(model.prior, PlanarPrior)
-    has_axes = model.prior.config.axes_yield > 0.0
-    if not any(s.corrected and s.has_axes == has_axes for s in belief.structures):
+    has_axes = model.prior.config.has_axes
+    if not any(s.corrected and s.config.has_axes == has_axes for s in belief.structures):
         raise ConfigError(
             f"the belief is for a network on another prior than {model.prior_name!r}; identify"
             " with this model"
@@ -136,9 +136,7 @@ def _correction_odds(
     physics_next = _step(model, told, posterior.of_rows(rows[known.row]))
     corrected = model.network_correct(told.state, told.action, physics_next)
     plain, better = (
-        over_factors(
-            known.gather(log_density((errors_of(some, told.next_state) ** 2).sum(axis=-1), scale))
-        )
+        over_factors(known.gather(log_density(errors_of(some, told.next_state), scale)))
         for some in (physics_next, corrected)
     )
     return np.asarray(better - plain)

@@ -50,7 +50,7 @@ def usual_belief(config: PlanarConfig, friction: FrictionConfig) -> Belief:
         friction: how that prior infers friction.
     """
     wide = np.eye(COUNT)
-    name = SOLVER_AXES if config.axes_yield > 0.0 else FITTED
+    name = SOLVER_AXES if config.has_axes else FITTED
     first = Structure(name, config, wide, friction, TRAINED, corrected=True)
     textbook = replace(TEXTBOOK, friction=config.friction)
     return Belief((first, Structure(NO_AXES, textbook, wide, FrictionConfig())))

@@ -77,7 +77,7 @@ def curves_of(structure: Structure, bodies: Bodies | None, pushes: Transitions) 
         parts.append(
             (
                 friction.weigh(watched, moved[rows]),
-                log_density((off**2).sum(axis=-1), scale[rows, None]),
+                log_density(off, scale[rows, None]),
             )
         )
     return Curves(*(np.concatenate(some) for some in zip(*parts, strict=True)))

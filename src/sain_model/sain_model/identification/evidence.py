@@ -101,14 +101,14 @@ def scales_of(pushes: Transitions, bodies: Bodies | None) -> Float[ndarray, "M N
     return np.asarray((NOISE if bodies is None else SHAPE_NOISE) + SHARE * way)
 
 
-def log_density(squared: ndarray, scale: ndarray) -> Float[ndarray, "*B K"]:
+def log_density(errors: ndarray, scale: ndarray) -> Float[ndarray, "*B K"]:
     """Return the logarithm of the density of errors for each factor, (*B, K).
 
     Args:
-        squared: errors, squared and summed [m^2], (*B, N).
-        scale: for a factor of 1 [m], broadcast to these.
+        errors: of bodies [m], (*B, N, 3).
+        scale: for a factor of 1 [m], broadcast to (*B, N).
     """
-    wide = scale[..., None] * FACTORS
+    squared, wide = (errors**2).sum(axis=-1), scale[..., None] * FACTORS
     terms = -0.5 * (TAIL + SIZE) * np.log1p(squared[..., None] / wide**2 / TAIL)
     return np.asarray((terms - SIZE * np.log(wide)).sum(axis=-2))
 

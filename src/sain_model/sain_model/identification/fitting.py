@@ -63,22 +63,18 @@ def fit(
     """
     told = picked(pushes, known.push)
     scale = scales_of(told, bodies)  # (P, N)
-    believed = np.linalg.inv(structure.covariance)
+    believed = structure.precision
     places, count = start.copy(), start.shape[1]
     information = np.zeros((len(start), count, count))
     for _ in range(STEPS):
-        errors, slopes = slopes_of(structure, bodies, told, places[known.row])
-        errors, slopes = errors / scale[..., None], slopes / scale[..., None, None]
-        weight = (TAIL + SIZE) / (TAIL + (errors**2).sum(axis=-1))  # (P, N)
-        weighted = weight[..., None, None] * slopes
-        information = known.gather(np.einsum("pnid,pnie->pde", weighted, slopes))
-        pull = known.gather(np.einsum("pnid,pni->pd", weighted, errors))
+        terms = normal_terms(*slopes_of(structure, bodies, told, places[known.row]), scale)
+        information, pull = map(known.gather, terms)
         pull += places @ believed
         step = -np.linalg.solve(information + believed, pull[..., None])[..., 0]
         longest = np.maximum(np.abs(step).max(axis=1, keepdims=True), LONGEST)
         places = places + step * (LONGEST / longest)
     errors = errors_at(structure, bodies, told, places[known.row])
-    density = known.gather(log_density((errors**2).sum(axis=-1), scale))  # (R, K)
+    density = known.gather(log_density(errors, scale))  # (R, K)
     log_evidence = over_factors(density + _laplace(structure, places, information))
     return EpisodeFits(places, information, log_evidence)
 
@@ -113,12 +109,22 @@ def slopes_of(
     return errors[:, 0], np.moveaxis(slopes, 1, -1)
 
 
+def normal_terms(
+    errors: Float[ndarray, "P N 3"], slopes: Float[ndarray, "P N 3 D"], scale: Float[ndarray, "P N"]
+) -> tuple[Float[ndarray, "P D D"], Float[ndarray, "P D"]]:
+    """Return what each push adds to the normal equations: information, and pull."""
+    errors, slopes = errors / scale[..., None], slopes / scale[..., None, None]
+    weight = (TAIL + SIZE) / (TAIL + (errors**2).sum(axis=-1))  # (P, N), of Student's t
+    weighted = weight[..., None, None] * slopes
+    information = np.einsum("pnid,pnie->pde", weighted, slopes)
+    return information, np.einsum("pnid,pni->pd", weighted, errors)
+
+
 def _laplace(
     structure: Structure, places: Places, information: Float[ndarray, "R D D"]
 ) -> Float[ndarray, "R K"]:
     """Return what is believed of parameters, and the room that pushes leave, by noise factor."""
-    believed = np.linalg.inv(structure.covariance)
-    far = np.einsum("rd,de,re->r", places, believed, places)
+    far = np.einsum("rd,de,re->r", places, structure.precision, places)
     tightened = structure.covariance @ information
     room = [
         np.linalg.slogdet(np.eye(places.shape[1]) + tightened / factor**2)[1] for factor in FACTORS

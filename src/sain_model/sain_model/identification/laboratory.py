@@ -4,7 +4,7 @@ All episodes share the parameters but the friction with the table, of which each
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,8 +14,8 @@ from numpy import ndarray
 from sain_core.dataset import Transitions
 from sain_core.shapes.bodies import Bodies
 from sain_model.identification.curves import curves_of, filter_of
-from sain_model.identification.evidence import FACTORS, SIZE, TAIL, log_density, scales_of
-from sain_model.identification.fitting import errors_at, slopes_of
+from sain_model.identification.evidence import FACTORS, log_density, scales_of
+from sain_model.identification.fitting import errors_at, normal_terms, slopes_of
 from sain_model.identification.parameters import COUNT, FRICTION, Places, parameters_of
 from sain_model.identification.structures import Structure
 
@@ -32,6 +32,16 @@ class RecordedPushes(Transitions):
 
     episode: Int[ndarray, "M"]
     bodies: Bodies | None = None
+
+
+def count_episodes(parts: Sequence[RecordedPushes]) -> int:
+    """Return the number of episodes of all parts together."""
+    return 1 + max(int(part.episode.max()) for part in parts)
+
+
+def shifted(parts: Sequence[RecordedPushes], by: int) -> list[RecordedPushes]:
+    """Return the same pushes with other numbers of episodes."""
+    return [replace(part, episode=part.episode + by) for part in parts]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +78,9 @@ def fit_laboratory(structure: Structure, parts: Sequence[RecordedPushes]) -> Lab
 
     `structure` states what is believed of them beforehand.
     """
-    count = 1 + max(int(part.episode.max()) for part in parts)
+    count = count_episodes(parts)
     shared, frictions = np.zeros(COUNT), _first_frictions(structure, parts, count)
-    believed = np.linalg.inv(structure.covariance)
+    believed = structure.precision
     score, factor = _score(structure, parts, believed, shared, frictions)
     for _ in range(STEPS):
         normal = _normal(structure, parts, shared, frictions, factor, count)
@@ -124,7 +134,7 @@ def _score(
     for part in parts:
         errors = errors_at(structure, part.bodies, part, _places(shared, frictions[part.episode]))
         scale = scales_of(part, part.bodies)
-        total += log_density((errors**2).sum(axis=-1), scale).sum(axis=0)
+        total += log_density(errors, scale).sum(axis=0)
     far = _without_friction(shared) @ believed @ _without_friction(shared)
     far += believed[FRICTION, FRICTION] * (frictions**2).sum()
     total[FACTORS < LEAST_FACTOR] = -np.inf
@@ -147,12 +157,9 @@ def _normal(
     for part in parts:
         scale = factor * scales_of(part, part.bodies)
         places = _places(shared, frictions[part.episode])
-        errors, slopes = slopes_of(structure, part.bodies, part, places)
-        errors, slopes = errors / scale[..., None], slopes / scale[..., None, None]
-        weight = (TAIL + SIZE) / (TAIL + (errors**2).sum(axis=-1))
-        weighted = weight[..., None, None] * slopes
-        np.add.at(information, part.episode, np.einsum("pnid,pnie->pde", weighted, slopes))
-        np.add.at(pull, part.episode, np.einsum("pnid,pni->pd", weighted, errors))
+        terms = normal_terms(*slopes_of(structure, part.bodies, part, places), scale)
+        np.add.at(information, part.episode, terms[0])
+        np.add.at(pull, part.episode, terms[1])
     return _Normal(information, pull)
 
 
@@ -162,9 +169,13 @@ def _reduced(
     """Return the information about each friction, its ties to the rest, and that about the rest."""
     own = normal.information[:, FRICTION, FRICTION] + believed[FRICTION, FRICTION]
     ties = np.delete(normal.information[:, FRICTION], FRICTION, axis=1)
-    rest = normal.information.sum(axis=0) + believed
-    rest = np.delete(np.delete(rest, FRICTION, 0), FRICTION, 1)
+    rest = _others(normal.information.sum(axis=0) + believed)
     return own, ties, rest - (ties / own[:, None]).T @ ties
+
+
+def _others(matrix: Float[ndarray, "D D"]) -> Float[ndarray, "S S"]:
+    """Return a matrix of parameters without the friction."""
+    return np.delete(np.delete(matrix, FRICTION, 0), FRICTION, 1)
 
 
 def _step(
@@ -199,6 +210,5 @@ def _covariance(
     covariance = np.zeros((COUNT, COUNT))
     others = np.arange(COUNT) != FRICTION
     covariance[np.ix_(others, others)] = inverse + inverse @ (scores.T @ scores) @ inverse
-    prior = np.delete(np.delete(believed, FRICTION, 0), FRICTION, 1)
-    room = np.linalg.slogdet(rest)[1] - np.linalg.slogdet(prior)[1]
+    room = np.linalg.slogdet(rest)[1] - np.linalg.slogdet(_others(believed))[1]
     return covariance, float(room + np.log(own / believed[FRICTION, FRICTION]).sum())

@@ -64,7 +64,7 @@ ALONG_AXES: Final = Parameter(
 
 def parameters_of(config: PlanarConfig) -> tuple[Parameter, ...]:
     """Return the D parameters of a prior; one with a solver's axes has another last one."""
-    return (*COMMON, ALONG_AXES if config.axes_yield > 0.0 else ACROSS)
+    return (*COMMON, ALONG_AXES if config.has_axes else ACROSS)
 
 
 COUNT: Final = len(COMMON) + 1  # D

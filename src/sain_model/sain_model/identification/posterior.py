@@ -17,7 +17,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scalars, Scenes
 from sain_model.identification.beliefs import Belief
 from sain_model.identification.curves import Curves, filter_of
-from sain_model.identification.evidence import Known, log_sum, over_factors
+from sain_model.identification.evidence import Known, log_sum, over_factors, picked
 from sain_model.identification.fitting import EpisodeFits, fit, step_at
 from sain_model.identification.parameters import COUNT, FRICTION, Places, parameters_of
 from sain_model.identification.structures import Structure
@@ -101,9 +101,9 @@ def step_rows(
     """Predict push i (M, N, 8) with the physics of row i."""
     predicted = np.empty_like(pushes.state)
     for number, structure in enumerate(belief.structures):
-        rows = posterior.structure == number
-        if rows.any():
-            some = Transitions(pushes.state[rows], pushes.action[rows], pushes.next_state[rows])
+        rows = np.flatnonzero(posterior.structure == number)
+        if len(rows):
+            some = picked(pushes, rows)
             predicted[rows] = step_at(structure, bodies, some, posterior.places[rows])
     return predicted
 
@@ -129,8 +129,7 @@ def _usual_spreads(belief: Belief) -> Float[ndarray, "D"]:
 
 def _spreads(structure: Structure, found: EpisodeFits) -> Places:
     """Return standard deviations of parameters (R, D) after pushes."""
-    believed = np.linalg.inv(structure.covariance)
-    after = np.linalg.inv(found.information + believed)
+    after = np.linalg.inv(found.information + structure.precision)
     return np.sqrt(np.diagonal(after, axis1=1, axis2=2))
 
 

@@ -1,7 +1,9 @@
 """Kinds of physics, each with what is believed of its parameters."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
+import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -29,7 +31,7 @@ class Structure:
     log_odds: float = 0.0
     corrected: bool = False
 
-    @property
-    def has_axes(self) -> bool:
-        """Whether friction is solved along the world's axes."""
-        return self.config.axes_yield > 0.0
+    @cached_property
+    def precision(self) -> Float[ndarray, "D D"]:
+        """The inverse of the covariance."""
+        return np.linalg.inv(self.covariance)

@@ -85,6 +85,11 @@ class PlanarConfig(Config):
         maximum=0.3,
     )
 
+    @property
+    def has_axes(self) -> bool:
+        """Whether friction is solved along the world's axes."""
+        return self.axes_yield > 0.0
+
     def physics(self) -> Physics:
         """Return the numbers that the compiled kernels take."""
         return Physics(*(float(getattr(self, name)) for name in Physics._fields))

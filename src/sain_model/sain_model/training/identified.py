@@ -25,7 +25,7 @@ def identified_physics(
         ConfigError: the settings ask for another prior.
     """
     structure = read_belief(path).likeliest
-    name = PLANAR_AXES if structure.has_axes else PLANAR
+    name = PLANAR_AXES if structure.config.has_axes else PLANAR
     if config.prior not in (PLANAR, name):
         raise ConfigError(
             f"--prior is {config.prior!r}; the physics of {path} is a {name!r}: leave --prior out"
