@@ -31,7 +31,7 @@ from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
 from sain_model.data.dataset import Dataset
-from sain_model.data.recordings import count_episodes, first_pushes, load_recording
+from sain_model.data.recordings import first_pushes, load_recording
 from sain_model.dynamics.identify import identify
 from sain_model.dynamics.load import load_shipped
 from sain_model.dynamics.sain import SainDynamics
@@ -40,7 +40,7 @@ from sain_model.evaluation.history_errors import (
     earlier_pushes,
     predict_with_history,
 )
-from sain_model.identification.laboratory import RecordedPushes
+from sain_model.identification.laboratory import RecordedPushes, count_episodes
 from sain_model.physics.planar import PlanarPrior
 
 RESAMPLED = 2000

@@ -19,7 +19,7 @@ import tyro
 from benchmarks.report import Figure, report
 from sain_core.ros.network import PROFILES, RANGE
 
-SPEAK = """
+BEGIN = """
 import array, json, sys, time
 import rclpy
 from std_msgs.msg import UInt64MultiArray
@@ -28,6 +28,8 @@ topics, rate, count, padding, ours = json.loads(sys.argv[1])
 if ours:
     stay_on_this_host()
 rclpy.init()
+"""
+SPEAK = """
 node = rclpy.create_node("speaker")
 publishers = [node.create_publisher(UInt64MultiArray, f"t{k}", 10) for k in range(topics)]
 end = time.monotonic() + 30.0
@@ -44,14 +46,6 @@ print(json.dumps({"used": time.process_time() - used}))
 time.sleep(2.0)
 """
 LISTEN = """
-import json, sys, time
-import rclpy
-from std_msgs.msg import UInt64MultiArray
-from sain_core.ros.network import stay_on_this_host
-topics, rate, count, padding, ours = json.loads(sys.argv[1])
-if ours:
-    stay_on_this_host()
-rclpy.init()
 node = rclpy.create_node("listener")
 heard = [0] * topics
 def count_one(topic):
@@ -91,7 +85,7 @@ def sent(case: tuple[int, float, int, int], ours: bool) -> tuple[int, float]:
         words = json.dumps([*case, ours])
         processes = [
             subprocess.Popen(
-                [sys.executable, "-c", code, words], env=variables, stdout=subprocess.PIPE
+                [sys.executable, "-c", BEGIN + code, words], env=variables, stdout=subprocess.PIPE
             )
             for code in (LISTEN, SPEAK)
         ]

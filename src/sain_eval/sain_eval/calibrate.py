@@ -18,6 +18,7 @@ from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.evaluation.metrics import position_errors, target_moved
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
+from sain_model.physics.planar_config import TEXTBOOK
 
 FreeParameters = dict[str, tuple[float, float, float]]  # a step that matters, least, most
 
@@ -41,20 +42,7 @@ AXES_FREE: Final[FreeParameters] = {
 SMALL: Final = 1.0  # [mm], below which an error hardly counts
 LARGE: Final = 15.0  # [mm], beyond which it counts no more
 
-# What the parameters are before anything is fitted: textbook values of a uniform disk.
-START: Final = PlanarConfig(
-    friction_scale=1.0,
-    yield_across=1.0,
-    tool_friction=0.12,
-    disk_friction=0.12,
-    tool_restitution=0.0,
-    disk_restitution=0.0,
-    foot_radius=0.7,
-    inertia=0.5,
-    middle_height=0.02,
-    tool_height=0.02,
-    disk_height=0.02,
-)
+START: Final = TEXTBOOK  # what the parameters are before anything is fitted
 AXES_START: Final = replace(START, axes_yield=0.7)
 
 Progress = Callable[[int, float], None]  # evaluations so far, lowest cost

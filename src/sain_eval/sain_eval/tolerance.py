@@ -2,12 +2,10 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Self
 
 from sain_mppi.search.goal import Goal
-from sain_mppi.search.poses import PoseGoal
-
-TURN_PER_METRE: Final = 5.0  # [rad/m]: half of the distance at the rim of a body of 0.1 m
+from sain_mppi.search.poses import TURN_PER_METRE, PoseGoal
 
 
 @dataclass(frozen=True, order=True)

@@ -3,10 +3,8 @@
 import math
 from typing import Any, Final
 
-import rclpy
 from rclpy.action import ActionClient
 from rclpy.node import Node
-from rclpy.task import Future
 from rich.console import Console
 from rich.markup import escape
 
@@ -16,7 +14,6 @@ from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import Goal, GoalPose, Plan
 
-SPIN: Final = 0.05
 NOT_REACHED: Final = 1
 ENDINGS: Final = {Plan.EXHAUSTED: "all pushes were sent", Plan.NO_PUSH: "no push is left to try"}
 
@@ -53,16 +50,12 @@ class GoalSender(Node):
         """Wait for the end of a goal; Ctrl-C cancels it."""
         ended = handle.get_result_async()
         try:
-            self._spin(ended)
+            spin_until(self, ended.done, math.inf)
         except KeyboardInterrupt:
             self._console.print("cancelled; a push that is under way is executed to its end")
             handle.cancel_goal_async()
-            self._spin(ended)
+            spin_until(self, ended.done, math.inf)
         return ended.result().result
-
-    def _spin(self, future: Future) -> None:
-        while not future.done():
-            rclpy.spin_once(self, timeout_sec=SPIN)
 
     def _tell(self, message: Any) -> None:
         told = message.feedback

@@ -5,13 +5,13 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, Generic, TypeVar
 
 from sain_core.drawing.figures import png_of
 from sain_core.storage import write_whole
 from sain_core.workers.options import WorkerOptions
 from sain_core.workers.running import run_on_workers
-from sain_core.workers.work import FunctionRunner, Software, Work
+from sain_core.workers.work import FunctionRunner, Job, Software, Work
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.results import PACKAGES, SceneRecord, scene_records
@@ -23,6 +23,8 @@ from sain_mppi.loop.agent import AgentConfig
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.camera import WorldCameraConfig
 from sain_sim.world.engines import ENGINES
+
+Kept = TypeVar("Kept")
 
 SOURCES: Final = ("sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_eval")
 
@@ -53,15 +55,16 @@ def play_job(job: EpisodeJob) -> EpisodeOutcome:
     return run_episode(case, agent, tightest(job.tolerances), camera=job.camera)
 
 
-class EpisodeDone(NamedTuple):
-    """An episode that was run: its records, and its picture where one was wanted."""
+@dataclass(frozen=True)
+class EpisodeDone(Generic[Kept]):
+    """An episode that was played: what is kept of it, and its picture where one was wanted."""
 
-    records: list[SceneRecord]
-    picture: Path | None = None
-    png: bytes = b""
+    kept: Kept
+    picture: Path | None = None  # where to write it
+    drawn: bytes = b""
 
 
-def run_job(job: EpisodeJob) -> EpisodeDone:
+def run_job(job: EpisodeJob) -> EpisodeDone[list[SceneRecord]]:
     """Run one episode and judge it at each tolerance."""
     outcome = play_job(job)
     records = scene_records(job.case(), job.controller, outcome, job.tolerances)
@@ -82,8 +85,15 @@ def run_jobs(
         Software(SOURCES, (*PACKAGES, *sorted(engines))),
         lambda job: f"scene {job.seed} of {job.scenario} with {job.controller}",
     )
-    with closing(run_on_workers(work, jobs, options, ordered=False)) as results:
-        for done in results:
-            if done.picture is not None:
-                write_whole(done.picture, done.png)
-            yield done.records
+    return play_on_workers(work, jobs, options, ordered=False)
+
+
+def play_on_workers(
+    work: Work[Job, EpisodeDone[Kept]], jobs: Sequence[Job], options: WorkerOptions, ordered: bool
+) -> Generator[Kept, None, None]:
+    """Play episodes on workers, write their pictures, and yield what is kept of them."""
+    with closing(run_on_workers(work, jobs, options, ordered)) as results:
+        for played in results:
+            if played.picture is not None:
+                write_whole(played.picture, played.drawn)
+            yield played.kept

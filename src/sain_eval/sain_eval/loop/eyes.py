@@ -44,7 +44,7 @@ class Eyes:
         if camera is None:
             return self._world.push(push)
         watched = camera.config.delay > 0.0  # else frames of moving bodies are never of use
-        every = max(1, round(camera.period / self._world.config.motion.time_step))
+        every = self._world.config.steps_of(camera.period)
         outcome = self._world.push(push, self._watch if watched else None, every, seen)
         camera.count_push()
         return outcome

@@ -190,17 +190,26 @@ def _quantile(values: list[float], share: float) -> float | None:
     return float(np.quantile(values, share)) if values else None
 
 
+def how_it_was_made(
+    config: dict[str, Any], command: str, packages: Sequence[str]
+) -> dict[str, Any]:
+    """Return the beginning of results: all it takes to make them again."""
+    return {
+        "schema": SCHEMA,
+        "command": command,
+        "config": config,
+        "git_commit": git_commit(),
+        "versions": versions(*packages),
+        "machine": {"cpu": processor(), "system": system()},
+    }
+
+
 def write_results(
     folder: Path, records: Sequence[SceneRecord], config: dict[str, Any], command: str
 ) -> Path:
     """Write `results.json`: records, summary, and what it takes to make them again."""
     content = {
-        "schema": SCHEMA,
-        "command": command,
-        "config": config,
-        "git_commit": git_commit(),
-        "versions": versions(*PACKAGES),
-        "machine": {"cpu": processor(), "system": system()},
+        **how_it_was_made(config, command, PACKAGES),
         "summary": summarise(records),
         "scenes": [dataclasses.asdict(record) for record in records],
     }

@@ -5,22 +5,19 @@ import dataclasses
 import io
 import json
 from collections.abc import Generator, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
-from sain_core.provenance import git_commit, processor, system, versions
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
 from sain_core.workers.options import WorkerOptions
-from sain_core.workers.running import run_on_workers
 from sain_core.workers.work import FunctionRunner, Software, Work
-from sain_eval.loop.evaluation import SOURCES
-from sain_eval.loop.results import RESULTS_FILE, SCHEMA, interval_row
+from sain_eval.loop.evaluation import SOURCES, EpisodeDone, play_on_workers
+from sain_eval.loop.results import RESULTS_FILE, how_it_was_made, interval_row
 from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
 from sain_eval.pusht.agent import PLANNER, pusht_agent
 from sain_eval.pusht.episode import PushtRecord, play
@@ -47,15 +44,7 @@ class PushtJob:
     picture: Path | None = None
 
 
-class PushtDone(NamedTuple):
-    """An episode that was played: its record, and its animation where one was wanted."""
-
-    record: PushtRecord
-    picture: Path | None = None
-    gif: bytes = b""
-
-
-def run_pusht_job(job: PushtJob) -> PushtDone:
+def run_pusht_job(job: PushtJob) -> EpisodeDone[PushtRecord]:
     """Play one episode."""
     known = _load(job.model)
     world = _world(job.model, job.pace)
@@ -63,8 +52,8 @@ def run_pusht_job(job: PushtJob) -> PushtDone:
     agent = pusht_agent(known.model, known.physics, job.planner, world.tool)
     record = play(job.seed, agent, world)
     if not job.picture:
-        return PushtDone(record)
-    return PushtDone(record, job.picture, gif_of(world.frames or []))
+        return EpisodeDone(record)
+    return EpisodeDone(record, job.picture, gif_of(world.frames or []))
 
 
 def run_pusht_jobs(
@@ -77,11 +66,7 @@ def run_pusht_jobs(
         lambda job: f"episode {job.seed}",
         goes_on=False,
     )
-    with closing(run_on_workers(work, jobs, options)) as results:
-        for done in results:
-            if done.picture is not None:
-                write_whole(done.picture, done.gif)
-            yield done.record
+    return play_on_workers(work, jobs, options, ordered=True)
 
 
 @cache
@@ -172,13 +157,8 @@ def write_pusht_results(
 ) -> None:
     """Write ``results.json``, with all it takes to make it again, and ``episodes.csv``."""
     content = {
-        "schema": SCHEMA,
+        **how_it_was_made(config, command, PACKAGES),
         "reality": REALITY,
-        "command": command,
-        "config": config,
-        "git_commit": git_commit(),
-        "versions": versions(*PACKAGES),
-        "machine": {"cpu": processor(), "system": system()},
         "summary": [results_row(config["model"], records)],
         "gym_pusht": dataclasses.asdict(summarise_pusht(records)),
         "episodes": [dataclasses.asdict(record) for record in records],

@@ -111,6 +111,11 @@ class PlanJob:
         return float(self._errors[0].max())
 
     @property
+    def turn(self) -> float:
+        """The largest turn [rad] of a body from the heading asked for; 0: none is."""
+        return float(np.abs(self._errors[1]).max())
+
+    @property
     def _errors(self) -> tuple[Errors, Errors]:
         """Distances [m] and turns [rad] of the bodies to the goal."""
         goal, scene = self.task.goal, self.view.scene

@@ -1,7 +1,5 @@
 """A goal as a message, and back."""
 
-from typing import Final
-
 import numpy as np
 from builtin_interfaces.msg import Time
 
@@ -9,12 +7,7 @@ from sain_core import wire
 from sain_core.ros import codec
 from sain_interfaces.msg import Goal, GoalPose
 from sain_mppi.loop.decision import Task
-from sain_mppi.search.poses import BodyPose, PoseGoal
-
-TOLERANCE: Final = 0.02
-"""[m], where a goal says 0."""
-TURN_PER_METRE: Final = 5.0
-"""[rad/m], where a pose says 0: half of the distance at the rim of a body of 0.1 m."""
+from sain_mppi.search.poses import TOLERANCE, TURN_PER_METRE, BodyPose, PoseGoal
 
 
 def decode_task(message: Goal) -> Task:

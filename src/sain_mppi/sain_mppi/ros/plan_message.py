@@ -13,7 +13,6 @@ from sain_core.scene import POSITION
 from sain_interfaces.msg import Goal, Plan, Push
 from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, StopReason, Task
 from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.poses import PoseGoal
 from sain_mppi.search.result import PlanResult
 
 STATUS: Final = {
@@ -86,19 +85,11 @@ def _fill_job(plan: Plan, job: PlanJob) -> None:
     plan.episode_id, plan.scene_id = job.view.key
     plan.disks = len(job.view.scene)
     plan.goal_distance = job.distance
-    plan.goal_turn = goal_turn(job)
+    plan.goal_turn = job.turn
     plan.planning_time = monotonic() - job.view.received
     sure = job.view.sure
     if sure is not None:
         plan.estimate = codec.encode_poses(job.view.scene, sure.places, sure.turns)
-
-
-def goal_turn(job: PlanJob) -> float:
-    """Return the largest turn [rad] of a body from the heading asked for; 0: none is."""
-    goal = job.task.goal
-    if not isinstance(goal, PoseGoal):
-        return 0.0
-    return float(np.abs(goal.errors(job.view.scene, job.known_bodies)[1]).max())
 
 
 def _fill_result(plan: Plan, result: PlanResult) -> None:

@@ -17,6 +17,10 @@ from sain_core.types import Angles, Scene, Scenes
 
 Errors = Float[ndarray, "*B P"]  # of P poses
 
+TOLERANCE: Final = 0.02
+"""[m], of a pose that states none."""
+TURN_PER_METRE: Final = 5.0
+"""[rad/m], of a heading that states none: half of the distance at the rim of a body of 0.1 m."""
 MOST_SHARED: Final = 1e-3  # [m], by which the bodies of two goals may overlap
 
 
@@ -37,8 +41,8 @@ class BodyPose:
     x: float
     y: float
     heading: float | None = None
-    tolerance: float = 0.02
-    heading_tolerance: float = 0.1
+    tolerance: float = TOLERANCE
+    heading_tolerance: float = TURN_PER_METRE * TOLERANCE
 
     def __post_init__(self) -> None:
         """Check the numbers."""

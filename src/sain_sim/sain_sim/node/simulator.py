@@ -92,7 +92,7 @@ class Simulator:
         self.shadow = NominalShadow("nominal", config.bullet) if config.shadow else None
         self.camera = None if config.camera.is_exact else Camera(config.camera)
         rate = config.state_rate if self.camera is None else config.camera.frame_rate
-        self._every = max(1, round(1 / (config.bullet.motion.time_step * rate)))
+        self._every = config.bullet.steps_of(1.0 / rate)
 
     @property
     def parameters(self) -> WorldParameters:

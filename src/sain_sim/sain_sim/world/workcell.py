@@ -42,6 +42,10 @@ class WorldConfig(Config):
         3.0, "longest wait for disks to settle", unit="s", minimum=0.1, maximum=60.0
     )
 
+    def steps_of(self, duration: float) -> int:
+        """Return the control steps, at least one, that come nearest to a duration [s]."""
+        return max(1, round(duration / self.motion.time_step))
+
     @property
     def kinematics(self) -> Kinematics:
         """The arm's kinematics, its base below the table top."""
