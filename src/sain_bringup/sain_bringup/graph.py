@@ -1,7 +1,7 @@
 """The processes of the graph: which executables, with which arguments."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +14,7 @@ SIMULATOR: Final = "simulator"
 MODEL: Final = "model"
 PLANNER: Final = "planner"
 RECORDER: Final = "recorder"
+STATES: Final = "state"  # folder, beside the bag, of files that nodes go on from after a crash
 
 
 def graph_commands(
@@ -41,6 +42,7 @@ def graph_commands(
 
     def node(package: str, name: str, **parameters: str) -> list[str]:
         files = [] if options.params_file is None else ["--params-file", str(options.params_file)]
+        parameters["state_file"] = str(bag.absolute().with_name(STATES) / f"{name}.json")
         given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
         return [str(executable(package, name)), *to_namespace, *files, *given]
 
@@ -59,6 +61,13 @@ def graph_commands(
             **simulated,
         ),
     }
+
+
+def restart_command(name: str, command: Sequence[str]) -> list[str]:
+    """Return what starts a process of the graph anew after a crash."""
+    if name == SIMULATOR:  # what it may find is the one that crashed
+        return [*command, "-p", "peer_wait:=0.0"]
+    return list(command)
 
 
 def executable(package: str, name: str) -> Path:

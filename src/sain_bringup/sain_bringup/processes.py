@@ -1,4 +1,4 @@
-"""Starts the processes of a graph, notices when one dies, and leaves none behind.
+"""Starts the processes of a graph, restarts one that dies or hangs, and leaves none behind.
 
 Every process leads a session of its own: a Ctrl-C in the terminal reaches only the supervisor,
 which then ends all of them in order; and whatever a process started itself ends with it.
@@ -10,22 +10,37 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from sain_bringup.heartbeats import HeartbeatConfig, Heartbeats
 from sain_core.config import Config, option
-from sain_core.errors import OutputError, SainError
+from sain_core.errors import INTERRUPTED, OutputError, SainError
 
 CHILD: Final = Path(__file__).with_name("child.py")
 POLL: Final = 0.02  # [s]
 LAST_LINES: Final = 12
-READY: Final = b": ready: "  # in the log line of a node that has started
+ASKED_TO_END: Final = (0, INTERRUPTED, -signal.SIGINT)  # codes of a process that did not crash
 
 
 class ProcessDiedError(SainError):
-    """A process of the graph ended though nobody asked it to."""
+    """A process of the graph ended though nobody asked it to; ``exit_code`` is a shell's."""
+
+    def __init__(self, text: str, exit_code: int) -> None:
+        """Say what happened."""
+        super().__init__(text)
+        self.exit_code = exit_code
+
+
+@dataclass(frozen=True)
+class RestartConfig(HeartbeatConfig):
+    """When a process is restarted, and when no more."""
+
+    crashes: int = option(3, "crashes in a row of short time that end the graph", minimum=1)
+    window: float = option(60.0, "that time", unit="s", minimum=0.0)
 
 
 @dataclass(frozen=True)
@@ -40,23 +55,34 @@ class StopConfig(Config):
 
 @dataclass(frozen=True)
 class Child:
-    """One process, its name and where it logs to."""
+    """One process, its name and where it logs to.
+
+    Attributes:
+        patient: it has a file to close, and is not hurried before the others are gone.
+        again: what restarts it; nothing: its end is the graph's.
+        fault: why it was restarted, and when.
+    """
 
     name: str
     process: "subprocess.Popen[bytes]"
     log: Path
-    patient: bool  # it has a file to close: not hurried before the others are gone
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether a node has logged that it is."""
-        return READY in self.log.read_bytes()
+    heartbeats: Heartbeats
+    environment: dict[str, str]
+    patient: bool = False
+    again: tuple[str, ...] = ()
+    fault: tuple[str, float] | None = None
 
     def last_lines(self, count: int = LAST_LINES) -> str:
         """Return the end of its log."""
         text = self.log.read_text(encoding="utf-8", errors="replace")
         lines = [line for line in text.splitlines() if line.strip()]
         return "\n".join(lines[-count:])
+
+    @property
+    def exit_code(self) -> int:
+        """Its exit code as a shell has it."""
+        code = self.process.returncode or 0
+        return code if code >= 0 else 128 - code
 
     def describe_end(self) -> str:
         """Return in words how it ended."""
@@ -65,15 +91,33 @@ class Child:
             return f"was killed by {signal.Signals(-code).name}"
         return f"ended with exit code {code}"
 
+    def trouble(self) -> str:
+        """Return in words what is wrong with it; empty: nothing."""
+        if self.process.poll() is not None:
+            return self.describe_end()
+        self.heartbeats.hear(self.process.pid)
+        started = self.heartbeats.ready or self.fault is not None  # the first start has its time
+        return self.heartbeats.fault(self.process.pid) if started else ""
+
 
 class Supervisor:
     """Owns a set of processes. Use it as a context manager: leaving it ends all of them."""
 
-    def __init__(self, log_folder: Path, config: StopConfig = StopConfig()) -> None:
-        """Log to ``<log_folder>/<name>.log``, one file a process."""
+    def __init__(
+        self,
+        log_folder: Path,
+        config: StopConfig = StopConfig(),
+        restarts: RestartConfig = RestartConfig(),
+        tell: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        """Log to ``<log_folder>/<name>.log``, one file a process; `tell` hears of restarts."""
         self._log_folder = log_folder
         self._config = config
+        self._restarts = restarts
+        self._tell = tell
         self._children: list[Child] = []
+        self._crashes: deque[float] = deque()
+        self.restarts = 0  # of processes that are back
 
     @property
     def children(self) -> tuple[Child, ...]:
@@ -86,47 +130,93 @@ class Supervisor:
         command: Sequence[str],
         environment: dict[str, str] | None = None,
         patient: bool = False,
+        again: Sequence[str] = (),
     ) -> None:
-        """Start a process, with more variables than this one has; `patient`: see `Child`.
+        """Start a process, with more variables than this one has; for the rest see `Child`.
 
         Raises:
             OutputError: its log cannot be written.
         """
         log = self._log_folder / f"{name}.log"
-        wrapped = [sys.executable, "-IS", str(CHILD), str(os.getpid()), *command]
         try:
             self._log_folder.mkdir(parents=True, exist_ok=True)
-            with log.open("wb") as stream:
+            log.write_bytes(b"")
+        except OSError as error:
+            raise OutputError(f"cannot start {name} with its log {log}: {error}") from error
+        given = environment or {}
+        process, heartbeats = self._run(name, command, log, given)
+        child = Child(name, process, log, heartbeats, given, patient, tuple(again))
+        self._children.append(child)
+
+    def _run(
+        self, name: str, command: Sequence[str], log: Path, environment: dict[str, str]
+    ) -> tuple["subprocess.Popen[bytes]", Heartbeats]:
+        heartbeats = Heartbeats(self._restarts)
+        more = {"PYTHONUNBUFFERED": "1", **heartbeats.environment, **environment}
+        try:
+            with log.open("ab") as stream:
                 process = subprocess.Popen(
-                    wrapped,
+                    [sys.executable, "-IS", str(CHILD), str(os.getpid()), *command],
                     stdin=subprocess.DEVNULL,
                     stdout=stream,
                     stderr=subprocess.STDOUT,
-                    env={**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})},
+                    env={**os.environ, **more},
                     start_new_session=True,
                 )
         except OSError as error:
             raise OutputError(f"cannot start {name} with its log {log}: {error}") from error
-        self._children.append(Child(name, process, log, patient))
+        return process, heartbeats
 
     def starting(self, names: Collection[str]) -> list[str]:
-        """Return which of these processes have not logged that they are ready."""
-        return [one.name for one in self._children if one.name in names and not one.is_ready]
+        """Return which of these processes have not said that they are ready."""
+        for child in self._children:
+            child.heartbeats.hear(child.process.pid)
+        return [c.name for c in self._children if c.name in names and not c.heartbeats.ready]
 
     def check(self) -> None:
-        """Raise when a process has died.
+        """Restart what has died or hangs. Call it often.
 
         Raises:
-            ProcessDiedError: naming it, how it ended, its log and that log's last lines.
+            ProcessDiedError: a process died that is not to be restarted, was not ready yet, ended
+                as if asked to, or is one of too many within a short time. It names the process,
+                how it ended, its log and that log's last lines.
         """
-        for child in self._children:
-            if child.process.poll() is not None:
-                lines = child.last_lines()
-                raise ProcessDiedError(
-                    f"{child.name} {child.describe_end()}; the end of {child.log}:\n{lines}"
-                    if lines
-                    else f"{child.name} {child.describe_end()} and said nothing"
+        for place, child in enumerate(self._children):
+            if trouble := child.trouble():
+                self._children[place] = self._mended(child, trouble)
+            elif child.fault is not None and child.heartbeats.ready:
+                why, since = child.fault
+                seconds = time.monotonic() - since
+                self._tell(
+                    f"{child.name} {why}; it was restarted, and is back after {seconds:.1f} s"
                 )
+                self._children[place] = replace(child, fault=None)
+
+    def _mended(self, child: Child, trouble: str) -> Child:
+        """Return a child anew that died or hangs."""
+        code = child.process.poll()
+        started = child.heartbeats.ready or child.fault is not None
+        if not child.again or code in ASKED_TO_END or not started:
+            raise self._death(child, trouble, "")
+        now = time.monotonic()
+        self._crashes.append(now)
+        while now - self._crashes[0] > self._restarts.window:
+            self._crashes.popleft()
+        if (count := len(self._crashes)) >= self._restarts.crashes:
+            within = f", the last of {count} crashes within {self._restarts.window:g} s"
+            raise self._death(child, trouble, within if count > 1 else "")
+        _signal_group(child, signal.SIGKILL)  # what hangs, and what it left behind
+        child.process.wait()
+        child.heartbeats.close()
+        since = now if child.fault is None else child.fault[1]
+        process, heartbeats = self._run(child.name, child.again, child.log, child.environment)
+        return replace(child, process=process, heartbeats=heartbeats, fault=(trouble, since))
+
+    def _death(self, child: Child, trouble: str, more: str) -> ProcessDiedError:
+        said = child.last_lines()
+        text = f"{child.name} {trouble}{more}"
+        text += f"; the end of {child.log}:\n{said}" if said else " and said nothing"
+        return ProcessDiedError(text, child.exit_code)
 
     def close_files(self, patience: float) -> None:
         """Let those end that have a file to close, while those that they listen to still live.
@@ -158,6 +248,7 @@ class Supervisor:
             self._wait(patience, self._children)
         for child in self._children:
             _signal_group(child, signal.SIGKILL)  # what a process may have left behind
+            child.heartbeats.close()
         self._children.clear()
         return killed
 

@@ -13,6 +13,7 @@ from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, describe_gaps
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
 from sain_bags.writing.selection import Selection
 from sain_bags.writing.writer import BagWriter
+from sain_core import notify
 from sain_core.errors import ConfigError
 from sain_core.ros.node_main import ros_context
 
@@ -55,6 +56,7 @@ def record(options: RecordOptions, console: Console) -> None:
     stop = StopSignal()
     with BagWriter(options.out, options.bag, custom_data) as writer:
         recorder = Recorder(writer, selection)
+        notify.ready()
 
         def status() -> RecordingStatus:
             elapsed = time.monotonic() - started
@@ -65,6 +67,7 @@ def record(options: RecordOptions, console: Console) -> None:
         try:
             with StatusDisplay(console, options.status_period) as display:
                 while not stop.wait(PASS_PERIOD):
+                    notify.alive()
                     recorder.work()
                     display.show(status)
                 drain(recorder)

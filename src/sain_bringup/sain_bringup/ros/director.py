@@ -32,6 +32,7 @@ SPIN: Final = 0.02  # [s], also how soon a signal or a dead process is noticed
 LOOK: Final = 0.1  # [s] between looks at the graph: each costs some ms
 EARLY: Final = 0.5  # [s] in which no simulator that was just started can publish
 OWNED: Final = ("scene", "push", "goal", "/clock")  # topics with one publisher in a graph
+REUNION: Final = 0.5  # [s] in which nodes find one that is back after a crash
 PREDICTION_TIME: Final = 5.0  # [s] for the nominal world to predict the last push
 
 
@@ -42,17 +43,22 @@ class GraphTimeoutError(SainError):
 class Director(Node):
     """Plays episodes. All waiting is done in `wait`, which looks after the graph meanwhile."""
 
-    def __init__(self, check: Callable[[], None], timeout: float) -> None:
+    def __init__(
+        self, check: Callable[[], None], timeout: float, restarts: Callable[[], int] = lambda: 0
+    ) -> None:
         """Join the graph. Wait for any one thing no longer than the timeout [s].
 
         While waiting, `check` is called again and again; it raises when the graph is broken.
+        `restarts` counts the processes that are back after a crash.
         """
         super().__init__("closed_loop", namespace=NAMESPACE, parameter_overrides=[SIMULATED])
         self._joined = time.monotonic()
         self._next_look = self._joined
         self._check = check
+        self._restarts = restarts
         self._timeout = timeout
         self._events: deque[Plan | PushResult] = deque()
+        self._last_sent = 0
         self._sent: set[int] = set()  # ids of pushes: those planned, ...
         self._answered: set[int] = set()  # ... those with a result, ...
         self._executed: set[int] = set()  # ... those carried out, ...
@@ -155,14 +161,24 @@ class Director(Node):
                 raise GraphTimeoutError(f"waited {self._timeout:g} s for the graph; {problem()}")
 
     def call(self, name: str, request: Any) -> Any:
-        """Call a service and return its reply.
+        """Call a service and return its reply; a request that a crash swallowed is sent again.
 
         Raises:
             SainError: what the server reported.
             GraphTimeoutError: it did not answer.
         """
-        future = self._servers[name].call_async(request)
-        self.wait(future.done, lambda: f"{name} did not answer")
+        future, known, since = self._servers[name].call_async(request), self._restarts(), 0.0
+
+        def answered() -> bool:
+            nonlocal future, known, since
+            now = time.monotonic()
+            if self._restarts() != known:
+                known, since = self._restarts(), now
+            if not future.done() and since and now - since > REUNION:
+                future, since = self._servers[name].call_async(request), 0.0
+            return bool(future.done())
+
+        self.wait(answered, lambda: f"{name} did not answer")
         reply = future.result()
         if reply is None:
             raise ModelUnavailableError(f"{name} gave no answer")
@@ -185,6 +201,7 @@ class Director(Node):
     def _give_goal(self, case: ScenarioScene, episode_id: int, tolerance: float) -> None:
         self._goals += 1
         self._sent.clear()
+        self._last_sent = 0
         named = {"goal_id": self._goals, "episode_id": episode_id, "max_pushes": case.max_pushes}
         stamp = self.get_clock().now().to_msg()
         if isinstance(case.goal, PoseGoal):
@@ -194,8 +211,11 @@ class Director(Node):
         self._goal.publish(message)
 
     def _is_over(self, view: EpisodeView) -> bool:
-        """Tell whether the planner is done, and so is every push it sent: news may overtake."""
-        return bool(view.ending) and self._sent <= self._answered
+        """Tell whether the planner is done, and so is the last push it sent: news may overtake.
+
+        One before it that has no answer was lost with the process that should have given it.
+        """
+        return bool(view.ending) and self._last_sent in (0, *self._answered)
 
     def _follow(self, event: Plan | PushResult, case: ScenarioScene, view: EpisodeView) -> None:
         if isinstance(event, Plan):
@@ -213,6 +233,7 @@ class Director(Node):
             return
         if plan.status == Plan.PUSH:
             self._sent.add(plan.push_id)
+            self._last_sent = plan.push_id
             view.planned(plan.planning_time, plan.fallback, plan.error_message)
         elif plan.status == Plan.REACHED:
             view.end(reached=True)

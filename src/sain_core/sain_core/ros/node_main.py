@@ -17,8 +17,10 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import ok, try_shutdown
 
+from sain_core import notify
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
 from sain_core.ros.network import stay_on_this_host
+from sain_core.ros.steady import steady_timer
 
 NAMESPACE = "sain"
 """Where nodes live unless ``--ros-args -r __ns:=/other`` says otherwise."""
@@ -52,6 +54,9 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
                 code = 0
                 if ready := getattr(node, "ready", ""):
                     node.get_logger().info(f"ready: {ready}")
+                notify.ready()
+                if (period := notify.heartbeat_period()) > 0.0:
+                    steady_timer(node, period, notify.alive)
                 executor.spin()
             except Exception as error:
                 if ok() and not isinstance(error, INTERRUPTS):

@@ -3,10 +3,15 @@
 from collections.abc import Callable, Generator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from queue import SimpleQueue
-from typing import Any, TypeVar
+from time import monotonic
+from typing import Any, Final, TypeVar
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
+
+from sain_core import notify
+
+PATIENCE: Final = 60.0  # [s] that a job may take while the executor waits for it
 
 T = TypeVar("T")
 Outcome = tuple["Future[Any]", Callable[["Future[Any]"], None]]
@@ -62,7 +67,10 @@ class Worker:
     def wait(self, job: Callable[[], T]) -> "Future[T]":
         """Run a job and wait for it, as `call`; return its future, done, whether well or not."""
         future = self._pool.submit(job)
-        wait([future])
+        enough = monotonic() + PATIENCE
+        while not wait([future], notify.heartbeat_period() or None).done:
+            if monotonic() < enough:  # the executor waits, and lives
+                notify.alive()
         return future
 
     def close(self, last: Callable[[], None] | None = None) -> None:

@@ -20,6 +20,7 @@ from sain_core.ros.introspection import introspect
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import SERVICE
+from sain_core.ros.state_file import StateFile
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
 from sain_core.shapes.received import decode_request_bodies
@@ -57,6 +58,10 @@ class ModelNode(Node):
         steady_timer(self, REPORT_PERIOD, self._report)
         self.diagnostics = Diagnostics(self)
         self._offer(config.service_introspection)
+        self.state_file = StateFile(self, config.state_file)
+        served = self.state_file.read().get("model", config.model)
+        if served != config.model:  # it was changed before a crash
+            self.set_parameters([Parameter("model", value=str(served))])
         self.get_logger().info(f"ready: serves {config.model}")
 
     def _offer(self, introspection: str) -> None:
@@ -144,6 +149,7 @@ class ModelNode(Node):
         if self.prepared is not None:
             self.server, self.prepared = self.prepared, None
             described = self.server.description
+            self.state_file.write(model=self.server.config.model)
             self.get_logger().info(f"serves {described.model} now, {described.model_hash[:16]}")
             self._report()
 

@@ -26,6 +26,9 @@ class ServingConfig(Config):
     max_queue: int = option(
         1000, "largest number of waiting requests; others are refused", minimum=1
     )
+    state_file: str = option(
+        "", "file that keeps the model served last, and is gone on from; empty: none"
+    )
     service_introspection: str = option(
         "disabled",
         "published service events: none, metadata, or requests and replies too",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from sain_core.config import Config, option
 from sain_core.dynamics import RolloutModel
-from sain_core.errors import CancelledError, InvalidInputError, SainError
+from sain_core.errors import CancelledError, ErrorCode, InvalidInputError, SainError
 from sain_core.feasibility import Feasibility
 from sain_core.push import push_ids
 from sain_core.scene import check_on_table
@@ -51,6 +51,9 @@ class MppiConfig(AgentConfig):
     model_timeout: float = option(
         2.0, "longest wait for a reply of the model", unit="s", minimum=0.01, maximum=600.0
     )
+    state_file: str = option(
+        "", "file that is kept to go on from after a crash, and gone on from; empty: none"
+    )
 
 
 class Agent:
@@ -88,10 +91,10 @@ class Agent:
         """Pushes sent for the goal, without refused ones."""
         return self._tracker.pushes
 
-    def aim(self, task: Task) -> Stop | None:
-        """Follow a new goal, from scratch; return why it cannot be served, if so."""
+    def aim(self, task: Task, pushes: int = 0) -> Stop | None:
+        """Follow a new goal, for which so many pushes were sent; return why not, if it fails."""
         try:
-            self._tracker.aim(task)
+            self._tracker.aim(task, pushes)
         except SainError as error:
             return Stop(task, StopReason.FAILED, error=error)
         return None
@@ -139,6 +142,11 @@ class Agent:
         if self._estimator is not None:
             self._estimator.answered(push_id, code, time)
         return self._tracker.answered(push_id, code)
+
+    def world_restarted(self, time: float) -> None:
+        """Take note [s] that who executes pushes began anew: the push under way has no result."""
+        if (push_id := self._tracker.awaited_push) is not None:
+            self.answered(push_id, ErrorCode.STALE_SCENE, time)
 
     def next(self) -> PlanJob | Stop | None:
         """Return what is to be decided now, or why no push follows; None: there is nothing to do.

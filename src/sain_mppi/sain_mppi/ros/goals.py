@@ -54,7 +54,7 @@ class Goals:
         self._aim = aim
         self._drop = drop
         self._bodies = bodies
-        self._seen: deque[int] = deque(maxlen=REMEMBERED)
+        self.seen: deque[int] = deque(maxlen=REMEMBERED)
         self._ids = push_ids()  # far from those that people count from 1
         self._publisher: Any = None  # only with a goal of our own: `goal` has one owner in a graph
         self._followed: ActionGoal | None = None
@@ -96,9 +96,9 @@ class Goals:
 
     def _on_goal(self, message: Goal, info: Any) -> None:
         sent = info["source_timestamp"]
-        if sent in self._seen:  # both subscriptions hear a latched goal
+        if sent in self.seen:  # both subscriptions hear a latched goal
             return
-        self._seen.append(sent)
+        self.seen.append(sent)
         if self._followed is not None and self._followed.goal_id != message.goal_id:
             self._end(CancelledError(f"goal {message.goal_id} was given"))
         self._aim(message)

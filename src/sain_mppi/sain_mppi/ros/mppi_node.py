@@ -14,6 +14,7 @@ from sain_core.errors import ErrorCode, SainError
 from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
+from sain_core.ros.listeners import Return, listeners
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED, RELIABLE
@@ -37,8 +38,10 @@ from sain_mppi.ros.plan_message import (
     summary,
 )
 from sain_mppi.ros.remote import RemoteRollout
+from sain_mppi.ros.resumption import Notes
 
 MOST_EARLY = 500  # scenes that are kept until their shapes are known
+LOOK_AROUND = 1.0  # [s] between looks for who listens
 LOOK_AGAIN = 0.1  # [s] between looks for what no message tells of
 
 
@@ -54,13 +57,17 @@ class MppiNode(Node):
         model = self.remote or as_rollout(load_dynamics(config.model))
         self.agent = planning_agent(model, as_rollout(load_dynamics(config.prior)), config)
         self.worker = Worker(self, "planning")
-        self.plan_ids = count(1)
+        self.notes = Notes(self, config.state_file)
+        self.plan_ids = count(self.notes.plans + 1)
         self.bodies: tuple[int, CoreBodies] | None = None  # the latest, and of which episode
         self.early: list[SceneMessage] = []  # of an episode whose shapes are not known yet
         self._offer()
+        self._resume()
         self.starting = True
         self.diagnostics.set(WARN, "no model serves rollout yet: plans rest on the prior")
         steady_timer(self, LOOK_AGAIN, self._look_again)
+        if config.state_file:
+            steady_timer(self, LOOK_AROUND, self._look_around)
         where = "a service" if self.remote else config.model
         self.ready = f"plans with {where}, or else with {config.prior}"
 
@@ -76,6 +83,19 @@ class MppiNode(Node):
             self, self._on_goal, self._drop, lambda: None if self.bodies is None else self.bodies[1]
         )
 
+    def _resume(self) -> None:
+        """Go on where another process was left."""
+        notes = self.notes
+        self.goals.seen.extend(notes.heard)
+        self.back = Return(self, "plan", notes.listeners)
+        for result in notes.results:
+            self._learn(result)
+        if notes.goal is not None:
+            self.agent.aim(decode_task(notes.goal), notes.pushes)
+            self.get_logger().warning(
+                f"goes on with goal {notes.goal.goal_id}, after {notes.pushes} pushes"
+            )
+
     def _look_again(self) -> None:
         """Look for the model at the start, and go on where a message that was waited for fails."""
         if self.starting and (self.remote is None or self.remote.ready):
@@ -83,12 +103,17 @@ class MppiNode(Node):
             self.diagnostics.set(OK, "ready")
         self._go_on()
 
+    def _look_around(self) -> None:
+        if self.back.complete():
+            self.notes.heard_by(listeners(self, "plan"))
+
     def _on_goal(self, message: Goal) -> None:
         try:
             task = decode_task(message)
         except SainError as error:
             self._publish(plan_of_bad_goal(message, error))
             return
+        self.notes.aimed(message, self.goals.seen)
         self._tell(self.agent.aim(task))
         self._go_on()
 
@@ -103,6 +128,8 @@ class MppiNode(Node):
             bodies = decode_bodies(message)
             if self.bodies is not None and self.bodies[0] == message.episode_id:
                 check_unchanged(self.bodies[1], bodies)
+                # They are told at the start of an episode, and of a process that goes on with it.
+                self.agent.world_restarted(codec.decode_time(message.header.stamp))
         except SainError as error:
             text = f"the shapes of episode {message.episode_id} are ignored: {error}"
             self.get_logger().error(text)
@@ -145,16 +172,24 @@ class MppiNode(Node):
     def _on_result(self, message: PushResult) -> None:
         push_id, code = message.push_id, message.error_code
         if code == ErrorCode.OK:
-            try:
-                self.agent.learn(message.episode_id, *wire.decode_result(message))
-            except SainError as error:
-                self.get_logger().warning(f"nothing is learned of push {push_id}: {error}")
+            self._learn(message)
         if self.agent.answered(push_id, code, codec.decode_time(message.header.stamp)):
             self.get_logger().warning(f"push {push_id} refused: {message.error_message}")
+            self.notes.counted(self.agent.pushes)
+        elif code == ErrorCode.OK:
+            self.notes.learned(message, self.agent.pushes)
         self._go_on()
+
+    def _learn(self, message: PushResult) -> None:
+        try:
+            self.agent.learn(message.episode_id, *wire.decode_result(message))
+        except SainError as error:
+            self.get_logger().warning(f"nothing is learned of push {message.push_id}: {error}")
 
     def _go_on(self) -> None:
         """Start on what is to be decided next, if anything."""
+        if not self.back.complete():
+            return
         step = self.agent.next()
         if isinstance(step, PlanJob):
             self.worker.submit(partial(self.agent.decide, step), self._on_decided)
@@ -172,6 +207,7 @@ class MppiNode(Node):
     def _send(self, decision: PushDecision) -> None:
         stamp, source = self.get_clock().now().to_msg(), self.get_fully_qualified_name()
         self.push_publisher.publish(push_message(decision, stamp, source))
+        self.notes.counted(self.agent.pushes)
         model = self.config.model if self.remote is None else self.remote.model
         model = model if decision.failure is None else self.config.prior
         plan = plan_of_decision(decision, model, self.config.planner)
@@ -198,6 +234,7 @@ class MppiNode(Node):
 
     def _publish(self, plan: Plan) -> None:
         plan.plan_id = next(self.plan_ids)
+        self.notes.planned(plan)
         plan.header = codec.header(self.get_clock().now().to_msg())
         self.plan_publisher.publish(plan)
         self.goals.follow(plan, self.agent.pushes)
