@@ -67,6 +67,8 @@ def restart_command(name: str, command: Sequence[str]) -> list[str]:
     """Return what starts a process of the graph anew after a crash."""
     if name == SIMULATOR:  # what it may find is the one that crashed
         return [*command, "-p", "peer_wait:=0.0"]
+    if name == RECORDER:
+        return [command[0], "--resume", *command[1:]]
     return list(command)
 
 

@@ -13,6 +13,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import Final
 
@@ -117,12 +118,17 @@ class Supervisor:
         self._tell = tell
         self._children: list[Child] = []
         self._crashes: deque[float] = deque()
-        self.restarts = 0  # of processes that are back
+        self._back_at = -inf
 
     @property
     def children(self) -> tuple[Child, ...]:
         """All processes that were started and not stopped, dead ones too."""
         return tuple(self._children)
+
+    @property
+    def back_at(self) -> float:
+        """The time [s] when the last process came back that had crashed; ``inf``: one is not."""
+        return inf if any(child.fault for child in self._children) else self._back_at
 
     def start(
         self,

@@ -7,6 +7,7 @@ from typing import Final
 from rich.console import Console
 
 from sain_bags.cli.options import RecordOptions
+from sain_bags.recovery.resumption import join, set_aside
 from sain_bags.ros.recorder import Recorder
 from sain_bags.ros.stop_signal import StopSignal
 from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, describe_gaps
@@ -44,8 +45,12 @@ def run(options: RecordOptions, console: Console) -> None:
         OutputError: the bag cannot be made, or the disk ran full; what was recorded is whole.
     """
     console.soft_wrap = True
+    cut_off = set_aside(options.out) if options.resume else None
     with ros_context():
         record(options, console)
+    if cut_off is not None:
+        join(cut_off, options.out)
+        console.print(f"Joined with what was recorded before: {options.out}", highlight=False)
 
 
 def record(options: RecordOptions, console: Console) -> None:

@@ -74,14 +74,14 @@ def play(
     """Start the graph and play all episodes on it, checking again and again."""
     plans = episode_plans(options)
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
-        director = Director(check, options.timeout, lambda: supervisor.restarts)
+        director = Director(check, options.timeout, supervisor)
         episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
         namespace = director.get_namespace()
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
         about |= provenance("sain_bringup")
         commands = graph_commands(options, namespace, folder / "bag", about)
         for name, command in commands.items():
-            again = () if name == RECORDER else restart_command(name, command)
+            again = restart_command(name, command)
             supervisor.start(name, command, patient=name == RECORDER, again=again)
         director.wait_for_graph(
             lambda: supervisor.starting((SIMULATOR, MODEL, PLANNER)),

@@ -4,6 +4,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from math import inf
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -12,6 +13,7 @@ from rclpy.node import Node
 
 from sain_bringup.display import EpisodeView
 from sain_bringup.graph import PLANNER
+from sain_bringup.processes import Supervisor
 from sain_bringup.ros.readiness import SERVER_PARTS, Missing, missing_parts
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
 from sain_core.ros.codec import encode_disks, encode_goal
@@ -44,18 +46,18 @@ class Director(Node):
     """Plays episodes. All waiting is done in `wait`, which looks after the graph meanwhile."""
 
     def __init__(
-        self, check: Callable[[], None], timeout: float, restarts: Callable[[], int] = lambda: 0
+        self, check: Callable[[], None], timeout: float, supervisor: Supervisor | None = None
     ) -> None:
         """Join the graph. Wait for any one thing no longer than the timeout [s].
 
-        While waiting, `check` is called again and again; it raises when the graph is broken.
-        `restarts` counts the processes that are back after a crash.
+        While waiting, `check` is called again and again; it raises when the graph is broken. It
+        may have the supervisor restart processes of the graph.
         """
         super().__init__("closed_loop", namespace=NAMESPACE, parameter_overrides=[SIMULATED])
         self._joined = time.monotonic()
         self._next_look = self._joined
         self._check = check
-        self._restarts = restarts
+        self._supervisor = supervisor
         self._timeout = timeout
         self._events: deque[Plan | PushResult] = deque()
         self._last_sent = 0
@@ -121,6 +123,7 @@ class Director(Node):
         Raises:
             SainError: the simulator refused the scene, or nothing happened any more.
         """
+        self._wait_for_restarts()
         episode_id = self._reset(case, view)
         for known in (self._events, self._sent, self._answered, self._executed, self._predicted):
             known.clear()
@@ -130,6 +133,17 @@ class Director(Node):
             if not view.reached:
                 break
         self._wait_for_predictions()
+
+    def _wait_for_restarts(self) -> None:
+        """Wait until what has crashed is back, and has found the others."""
+        self.wait(
+            lambda: time.monotonic() - self._back_at() > REUNION,
+            lambda: "a process that crashed is not back",
+        )
+
+    def _back_at(self) -> float:
+        """The time [s] when the last process came back that had crashed; never, if one is not."""
+        return -inf if self._supervisor is None else self._supervisor.back_at
 
     def _pursue(
         self, case: ScenarioScene, episode_id: int, tolerance: float, view: EpisodeView
@@ -167,15 +181,12 @@ class Director(Node):
             SainError: what the server reported.
             GraphTimeoutError: it did not answer.
         """
-        future, known, since = self._servers[name].call_async(request), self._restarts(), 0.0
+        asked_at, future = time.monotonic(), self._servers[name].call_async(request)
 
         def answered() -> bool:
-            nonlocal future, known, since
-            now = time.monotonic()
-            if self._restarts() != known:
-                known, since = self._restarts(), now
-            if not future.done() and since and now - since > REUNION:
-                future, since = self._servers[name].call_async(request), 0.0
+            nonlocal asked_at, future
+            if asked_at < self._back_at() + REUNION < time.monotonic() and not future.done():
+                asked_at, future = time.monotonic(), self._servers[name].call_async(request)
             return bool(future.done())
 
         self.wait(answered, lambda: f"{name} did not answer")
