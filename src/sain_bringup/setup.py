@@ -23,6 +23,7 @@ setup(
     entry_points={
         "console_scripts": [
             "closed_loop = sain_bringup.commands:closed_loop",
+            "graph = sain_bringup.commands:graph",
             "goal = sain_bringup.commands:goal",
             "push = sain_bringup.commands:push",
             "watch = sain_bringup.commands:watch",

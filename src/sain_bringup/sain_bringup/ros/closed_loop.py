@@ -1,5 +1,6 @@
 """``ros2 run sain_bringup closed_loop``: the whole graph, from a clean start to a report."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
@@ -7,7 +8,15 @@ from typing import Final
 from rich.console import Console
 
 from sain_bringup.display import Display
-from sain_bringup.graph import MODEL, PLANNER, RECORDER, SIMULATOR, graph_commands, restart_command
+from sain_bringup.graph import (
+    MODEL,
+    PLANNER,
+    RECORDER,
+    SIMULATOR,
+    graph_commands,
+    restart_command,
+    ros_arguments,
+)
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.options import (
     EPISODES_KEY,
@@ -79,7 +88,9 @@ def play(
         namespace = director.get_namespace()
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
         about |= provenance("sain_bringup")
-        commands = graph_commands(options, namespace, folder / "bag", about)
+        graph = options.graph(folder / "bag")
+        ros = ros_arguments(sys.argv[1:])
+        commands = graph_commands(graph, ros, folder / "logs", about, full_motion=True)
         for name, command in commands.items():
             again = restart_command(name, command)
             supervisor.start(name, command, patient=name == RECORDER, again=again)
