@@ -143,7 +143,7 @@ def test_a_model_that_is_sure_of_its_regions_gets_them_into_the_plan(graph, stra
 def test_the_planner_says_when_it_sees_its_model(graph, straw):
     def levels():
         statuses = [status for array in graph.heard["/diagnostics"] for status in array.status]
-        return [(s.level, s.message) for s in statuses if s.name == "/sain/mppi_node"]
+        return [(s.level, s.message) for s in statuses if s.name == "/sain/mppi_node: planning"]
 
     graph.listen("/diagnostics", DiagnosticArray)
     node = graph.start(MppiNode, **SMALL)

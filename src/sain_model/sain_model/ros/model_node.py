@@ -55,7 +55,7 @@ class ModelNode(Node):
         self.record = ServiceRecord()
         self.status, self.message = OK, "serving"
         steady_timer(self, REPORT_PERIOD, self._report)
-        self.diagnostics = Diagnostics(self)
+        self.diagnostics = Diagnostics(self, "predictions")
         self._offer(config.service_introspection)
         self.get_logger().info(f"ready: serves {config.model}")
 

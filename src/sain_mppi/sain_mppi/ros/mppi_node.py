@@ -68,7 +68,7 @@ class MppiNode(Node):
         self.push_publisher = self.create_publisher(Push, "push", RELIABLE)
         self.plan_publisher = self.create_publisher(Plan, "plan", RELIABLE)
         self.marker_publisher = self.create_publisher(MarkerArray, "plan_markers", RELIABLE)
-        self.diagnostics = Diagnostics(self)
+        self.diagnostics = Diagnostics(self, "planning")
         self.create_subscription(SceneMessage, "scene", self._on_scene, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
         self.create_subscription(Bodies, "shapes", self._on_bodies, LATCHED)

@@ -46,7 +46,7 @@ class SimNode(Node):
         if (camera := self.simulator.camera) is not None:
             factor, rate = config.real_time_factor, config.idle_rate
             self.looking = Looking(camera, self.pacer, factor, rate)
-        self.diagnostics = Diagnostics(self, now=self.publishing.now)
+        self.diagnostics = Diagnostics(self, "simulation", now=self.publishing.now)
         self.counts = {"executed": 0, "refused": 0}
         self._reset(ResetScene.Request(seed=config.seed))
         self.create_subscription(Push, "push", self._on_push, RELIABLE)
