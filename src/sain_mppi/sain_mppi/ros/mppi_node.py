@@ -6,7 +6,6 @@ from itertools import count
 from typing import Any
 
 from rclpy.node import Node
-from visualization_msgs.msg import MarkerArray
 
 from sain_core import wire
 from sain_core.dynamics import as_rollout
@@ -28,7 +27,7 @@ from sain_mppi.loop.agent import SERVICE, MppiConfig, planning_agent
 from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, StopReason
 from sain_mppi.ros.goal_message import decode_task
 from sain_mppi.ros.goals import Goals
-from sain_mppi.ros.markers import plan_markers
+from sain_mppi.ros.markers import PlanMarkers
 from sain_mppi.ros.plan_message import (
     plan_of_bad_goal,
     plan_of_decision,
@@ -67,7 +66,7 @@ class MppiNode(Node):
     def _offer(self) -> None:
         self.push_publisher = self.create_publisher(Push, "push", RELIABLE)
         self.plan_publisher = self.create_publisher(Plan, "plan", RELIABLE)
-        self.marker_publisher = self.create_publisher(MarkerArray, "plan_markers", RELIABLE)
+        self.plan_markers = PlanMarkers(self, "plan_markers")
         self.diagnostics = Diagnostics(self, "planning")
         self.create_subscription(SceneMessage, "scene", self._on_scene, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
@@ -128,6 +127,7 @@ class MppiNode(Node):
         except SainError as error:
             self.diagnostics.set(WARN, f"scene {message.scene_id} is ignored: {error}")
             return
+        self.plan_markers.see(message.episode_id)
         if self._waits_for_shapes(message.episode_id):
             same = [early for early in self.early if early.episode_id == message.episode_id]
             self.early = [*same[-MOST_EARLY:], message]
@@ -185,7 +185,7 @@ class MppiNode(Node):
         if decision.plan is not None and decision.plan.regions is not None:
             plan.regions = codec.encode_floats(decision.plan.regions)
         self._publish(plan)
-        self.marker_publisher.publish(plan_markers(decision, self.get_clock().now().to_msg()))
+        self.plan_markers.show(decision, self.get_clock().now().to_msg())
         self._go_on()  # noisy scenes after the push may have waited for what is known now
 
     def _on_prepared(self, done: "Future[None]") -> None:

@@ -5,10 +5,10 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
-from visualization_msgs.msg import MarkerArray
 
 from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.ros import codec
+from sain_core.ros.markers import MarkerBoard
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import is_settled
 from sain_core.types import Scene
@@ -35,7 +35,7 @@ class Publishing:
         self._result = node.create_publisher(PushResult, "push_result", RELIABLE)
         self._prediction = node.create_publisher(PushPrediction, "physics_prediction", RELIABLE)
         self._joints = node.create_publisher(JointState, "joint_states", RELIABLE)
-        self._markers = node.create_publisher(MarkerArray, "markers", RELIABLE)
+        self._markers = MarkerBoard(node, "markers")
         self._world = node.create_publisher(WorldParameters, "world_parameters", LATCHED)
 
     def now(self) -> Time:
@@ -66,7 +66,7 @@ class Publishing:
         self._joints.publish(joints)
         table = self._simulator.config.bullet.feasibility.table
         bodies = self._simulator.parameters.bodies
-        self._markers.publish(scene_markers(sample, bodies, table, stamp))
+        self._markers.show(scene_markers(sample, bodies, table, stamp))
         if self._simulator.camera is None:
             self._scene.publish(scene)
 
