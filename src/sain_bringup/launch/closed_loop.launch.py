@@ -17,7 +17,10 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-DEFAULT_PARAMETERS = Path(get_package_share_directory("sain_bringup"), "config", "launch.yaml")
+from sain_bringup.rviz import view_of
+
+CONFIG = Path(get_package_share_directory("sain_bringup"), "config")
+DEFAULT_PARAMETERS = CONFIG / "launch.yaml"
 
 ARGUMENTS = {
     "namespace": ("/sain", "namespace of all nodes"),
@@ -29,6 +32,7 @@ ARGUMENTS = {
     "goal": ("", "goal to begin with, as 'X Y' in metres; empty: none"),
     "record": ("true", "record all topics"),
     "bag": (f"bags/{datetime.now():%Y%m%d-%H%M%S}", "folder to make for the recording"),
+    "rviz": ("false", "start RViz, where rviz2 is installed"),
 }
 
 
@@ -63,6 +67,11 @@ def generate_launch_description() -> LaunchDescription:
         given = {"package": "sain_bringup", "executable": "goal", "namespace": value["namespace"]}
         return [Node(**given, arguments=words, output="screen")] if words else []
 
+    def rviz(context: LaunchContext) -> list[Node]:
+        view = view_of(value["namespace"].perform(context), CONFIG / "sain.rviz")
+        given = {"package": "rviz2", "executable": "rviz2", "arguments": ["-d", str(view)]}
+        return [Node(**given, parameters=[simulated], output="screen")]
+
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=description)
         for name, (default, description) in ARGUMENTS.items()
@@ -73,5 +82,6 @@ def generate_launch_description() -> LaunchDescription:
         node("sain_mppi", "mppi_node", seed, simulated),
         recorder,
         OpaqueFunction(function=goal),
+        OpaqueFunction(function=rviz, condition=IfCondition(value["rviz"])),
     ]
     return LaunchDescription([*declared, *nodes])
