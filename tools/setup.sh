@@ -218,8 +218,7 @@ build_workspace() {
     underlay=(-u PYTHONPATH -u COLCON_PREFIX_PATH AMENT_PREFIX_PATH="$venv" CMAKE_PREFIX_PATH="$venv"
       LD_LIBRARY_PATH="$(wheel_libraries)" _ROS_WHEELS_BOOTSTRAP_COMPLETE=1)
   fi
-  # shellcheck disable=SC2046  # paths from recipe.sh, without spaces
-  base=(--base-paths src $(missing_packages))
+  read -ra base <<<"--base-paths src $(missing_packages)"
   # Executables get the interpreter that runs colcon, so that has to be the environment's. Make gets a job
   # for each core, whatever else keeps them busy: PyTorch is unpacked meanwhile.
   PATH=$venv/bin:$PATH

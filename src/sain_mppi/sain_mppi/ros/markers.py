@@ -99,7 +99,8 @@ def goal_markers(job: PlanJob, stamp: Time) -> list[Marker]:
     """
     goal, scene, bodies = job.task.goal, job.view.scene, job.known_bodies
     if not isinstance(goal, PoseGoal):
-        return [_goal_disk(0, *goal.tolist(), job.task.tolerance, stamp)]
+        x, y = goal.tolist()
+        return [_goal_disk(0, x, y, job.task.tolerance, stamp)]
     markers = []
     for pose in goal.poses:
         if pose.heading is None:
