@@ -14,7 +14,7 @@ from sain_core.plugins import load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
 from sain_core.ros.node_main import NAMESPACE
-from sain_core.ros.parameters import read_parameters
+from sain_core.ros.parameters import LiveParameters, read_parameters
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
@@ -52,6 +52,7 @@ class MppiNode(Node):
         self.remote = None if in_process else RemoteRollout(self, config.model_timeout)
         model = self.remote or as_rollout(load_dynamics(config.model))
         self.agent = planning_agent(model, as_rollout(load_dynamics(config.prior)), config)
+        LiveParameters(self, config, self._on_settings)
         self.worker = Worker(self, "planning")
         self.plan_ids = count(1)
         self.bodies: tuple[int, CoreBodies] | None = None  # the latest, and of which episode
@@ -81,6 +82,11 @@ class MppiNode(Node):
             self.starting = False
             self.diagnostics.set(OK, "ready")
         self._go_on()
+
+    def _on_settings(self, config: MppiConfig) -> None:
+        self.config = config
+        self.agent.decider.adjust(config.planner)
+        self.get_logger().info("the next plan is made with the parameters as they are now")
 
     def _on_goal(self, message: Goal) -> None:
         try:
@@ -174,7 +180,7 @@ class MppiNode(Node):
         self.push_publisher.publish(push_message(decision, stamp, source))
         model = self.config.model if self.remote is None else self.remote.model
         model = model if decision.failure is None else self.config.prior
-        plan = plan_of_decision(decision, model, self.config.planner)
+        plan = plan_of_decision(decision, model)
         complete = partial(self.agent.complete, decision)
         self.worker.submit(complete, partial(self._on_complete, plan))
         self.worker.submit(partial(self.agent.prepare, decision), self._on_prepared)
