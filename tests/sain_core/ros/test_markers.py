@@ -22,7 +22,7 @@ def cubes(count):
 def board(graph):
     graph.listen("boxes", MarkerArray)
     board = MarkerBoard(graph.bystander, "boxes")
-    graph.wait(lambda: graph.bystander.count_publishers("boxes"), "the board")
+    graph.wait(board._publisher.get_subscription_count, "the viewer")
     return board
 
 

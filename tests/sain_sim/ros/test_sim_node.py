@@ -68,17 +68,16 @@ def test_a_push_is_carried_out_and_everything_said_about_it_fits_together(graph,
 def test_viewers_show_the_bodies_of_this_episode_and_none_of_the_last(graph, simulator):
     graph.listen("markers", MarkerArray)
 
-    def count_after(reset):
-        scene = graph.reset(**reset)
-        told = len(graph.heard["markers"])
-        graph.wait(lambda: len(graph.heard["markers"]) > told + 1, "markers of the new scene")
-        return len(scene.disks), shown(graph.heard["markers"]).count()
+    def expect(bodies):
+        groups = {"table": 1, "tool": 1, "disks": bodies, "labels": bodies}
+        graph.wait(lambda: shown(graph.heard["markers"]).count() == groups, f"{bodies} bodies")
 
-    four = codec.encode_disks(
-        make_scene(np.array([(0.4, 0.0), (0.6, 0.0), (0.5, 0.3), (0.5, -0.3)]), MASS, RADII)
-    )
-    assert count_after({"disks": four}) == (4, {"table": 1, "tool": 1, "disks": 4, "labels": 4})
-    assert count_after({"seed": 3}) == (2, {"table": 1, "tool": 1, "disks": 2, "labels": 2})
+    four = make_scene(np.array([(0.4, 0.0), (0.6, 0.0), (0.5, 0.3), (0.5, -0.3)]), MASS, RADII)
+    expect(2)
+    graph.reset(disks=codec.encode_disks(four))
+    expect(4)
+    assert len(graph.reset(seed=3).disks) == 2
+    expect(2)
 
 
 @pytest.mark.parametrize(
