@@ -16,7 +16,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
         (f"share/{package_name}/launch", sorted(map(str, Path("launch").glob("*.launch.py")))),
-        (f"share/{package_name}/config", sorted(map(str, Path("config").glob("*.yaml")))),
+        (f"share/{package_name}/config", sorted(map(str, Path("config").glob("*.*")))),
     ],
     install_requires=["jaxtyping", "numpy", "pillow", "pyyaml", "rich", "tyro"],
     zip_safe=False,

@@ -26,9 +26,10 @@ pytestmark = pytest.mark.system
 MARK = "SAIN_SYSTEM_TEST"  # a variable that every process of a run inherits
 UP = "are up"
 TOPICS = {
-    "/clock", "/diagnostics", "/rosout", "/parameter_events",
+    "/clock", "/diagnostics", "/rosout", "/parameter_events", "/tf", "/tf_static",
     "/sain/goal", "/sain/joint_states", "/sain/markers", "/sain/physics_prediction", "/sain/plan",
-    "/sain/plan_markers", "/sain/push", "/sain/push_result", "/sain/scene",
+    "/sain/plan_markers", "/sain/push", "/sain/push_result", "/sain/robot_description",
+    "/sain/scene",
 }  # fmt: skip
 
 

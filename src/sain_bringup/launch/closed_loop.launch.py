@@ -20,7 +20,10 @@ from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-DEFAULT_PARAMETERS = Path(get_package_share_directory("sain_bringup"), "config", "launch.yaml")
+from sain_bringup.rviz import view_of
+
+CONFIG = Path(get_package_share_directory("sain_bringup"), "config")
+DEFAULT_PARAMETERS = CONFIG / "launch.yaml"
 
 ARGUMENTS = {
     "engine": ("bullet", "physics engine: bullet, or mujoco where it is installed"),
@@ -33,6 +36,7 @@ ARGUMENTS = {
     "goal": ("", "goal to begin with, as 'X Y' in metres; empty: none"),
     "record": ("true", "record all topics"),
     "bag": (f"bags/{datetime.now():%Y%m%d-%H%M%S}", "folder to make for the recording"),
+    "rviz": ("false", "start RViz, where rviz2 is installed"),
 }
 
 
@@ -53,19 +57,16 @@ def nodes(context: LaunchContext) -> list[Node]:
     value = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     options = [f"--{name.replace('_', '-')}={value[name]}" for name in OPTIONS if value[name]]
     options += [f"--{'' if is_true(value[name]) else 'no-'}{name}" for name in ("gui", "record")]
-
-    def node(executable: str, arguments: list[str], **more: object) -> Node:
-        return Node(
-            package="sain_bringup",
-            executable=executable,
-            namespace=value["namespace"],
-            arguments=arguments,
-            output="screen",
-            **more,
-        )
-
-    graph = node("graph", options, on_exit=OpaqueFunction(function=end), sigterm_timeout="20")
-    return [graph, *([node("goal", value["goal"].split())] if value["goal"] else [])]
+    ours = {"package": "sain_bringup", "namespace": value["namespace"], "output": "screen"}
+    ending = {"on_exit": OpaqueFunction(function=end), "sigterm_timeout": "20"}
+    started = [Node(executable="graph", arguments=options, **ours, **ending)]
+    if value["goal"]:
+        started.append(Node(executable="goal", arguments=value["goal"].split(), **ours))
+    if is_true(value["rviz"]):
+        view = str(view_of(value["namespace"], CONFIG / "sain.rviz"))
+        given = {"parameters": [{"use_sim_time": True}], "output": "screen"}  # as all headers
+        started.append(Node(package="rviz2", executable="rviz2", arguments=["-d", view], **given))
+    return started
 
 
 def is_true(text: str) -> bool:

@@ -17,6 +17,7 @@ from sain_bringup.processes import Supervisor
 from sain_bringup.ros.readiness import SERVER_PARTS, Missing, missing_parts
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
 from sain_core.ros.codec import encode_disks, encode_goal
+from sain_core.ros.diagnostics import node_of
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.peers import refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED, RELIABLE
@@ -259,7 +260,7 @@ class Director(Node):
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         planner = self.resolve_topic_name("mppi_node")
         for status in message.status:
-            if status.name == planner:
+            if node_of(status) == planner:
                 self._planner_ready = status.level == DiagnosticStatus.OK
 
     def _on_prediction(self, message: PushPrediction) -> None:

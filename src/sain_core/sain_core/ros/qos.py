@@ -11,6 +11,9 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 LATCHED_QUEUE = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """For who must hear each of some latched messages in turn, and not the last alone."""
 
+TRANSFORMS = QoSProfile(depth=100)
+"""``/tf``, as tf2_ros sends it."""
+
 SERVICE = QoSProfile(depth=100)
 """Requests and answers of a service that may be asked faster than it answers: at ROS's own depth of
 10 the middleware drops what more comes in a burst, in silence."""

@@ -56,7 +56,7 @@ class ModelNode(Node):
         self.record = ServiceRecord()
         self.status, self.message = OK, "serving"
         steady_timer(self, REPORT_PERIOD, self._report)
-        self.diagnostics = Diagnostics(self)
+        self.diagnostics = Diagnostics(self, "predictions")
         self._offer(config.service_introspection)
         self.state_file = StateFile(self, config.state_file)
         served = self.state_file.read().get("model", config.model)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from sain_core.config import Config, option
+from sain_core.config import Config, live_group, option
 from sain_core.dynamics import RolloutModel
 from sain_core.errors import CancelledError, ErrorCode, InvalidInputError, SainError
 from sain_core.feasibility import Feasibility
@@ -36,7 +36,7 @@ class AgentConfig(Config):
     prior: str = option("planar", "name of the prior that replaces a failed model")
     seed: int = option(0, "seed; the same seed and scenes give the same plans", minimum=0)
     history: bool = option(True, "infer friction from the earlier pushes of the episode")
-    planner: PlannerConfig = PlannerConfig()
+    planner: PlannerConfig = live_group(PlannerConfig())
     goal_tracker: GoalTrackerConfig = GoalTrackerConfig()
     estimator: EstimatorConfig = EstimatorConfig()
     feasibility: Feasibility = Feasibility()
@@ -71,7 +71,7 @@ class Agent:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Let this decider choose the pushes. Begin without a goal and without a scene."""
-        self._decider = decider
+        self.decider = decider
         self._config = config
         self._clock = clock
         self._tracker = GoalTracker(config.goal_tracker, config.feasibility.table, clock)
@@ -196,7 +196,7 @@ class Agent:
         try:
             check_on_table(job.view.scene, self._config.feasibility.table)
             random = generator(self._config.seed, "plan", *job.stream)
-            decision = self._decider.decide(job, random)
+            decision = self.decider.decide(job, random)
             self._config.feasibility.limits.check(decision.push)  # nothing else is ever sent
         except CancelledError:
             return None
@@ -221,7 +221,7 @@ class Agent:
 
     def complete(self, decision: PushDecision) -> PushDecision:
         """Return the latest decision with what its push need not wait for. May take long."""
-        completed = self._decider.complete(decision)
+        completed = self.decider.complete(decision)
         return completed if self._estimator is None else self._estimator.completed(completed)
 
     def prepare(self, decision: PushDecision) -> None:
@@ -233,7 +233,7 @@ class Agent:
         self._ahead = decision.job
         random = generator(self._config.seed, "ahead", *decision.job.stream)
         with suppress(CancelledError):
-            self._decider.prepare(decision, random)
+            self.decider.prepare(decision, random)
 
     def act(self) -> PushDecision | Stop | None:
         """Decide what is to be decided now, all at once; None: there is nothing to do."""

@@ -6,7 +6,6 @@ from itertools import count
 from typing import Any
 
 from rclpy.node import Node
-from visualization_msgs.msg import MarkerArray
 
 from sain_core import wire
 from sain_core.dynamics import as_rollout
@@ -16,7 +15,7 @@ from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
 from sain_core.ros.listeners import Return, listeners
 from sain_core.ros.node_main import NAMESPACE
-from sain_core.ros.parameters import read_parameters
+from sain_core.ros.parameters import LiveParameters, read_parameters
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
@@ -29,7 +28,7 @@ from sain_mppi.loop.agent import SERVICE, MppiConfig, planning_agent
 from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, StopReason
 from sain_mppi.ros.goal_message import decode_task
 from sain_mppi.ros.goals import Goals
-from sain_mppi.ros.markers import plan_markers
+from sain_mppi.ros.markers import PlanMarkers
 from sain_mppi.ros.plan_message import (
     plan_of_bad_goal,
     plan_of_decision,
@@ -56,6 +55,7 @@ class MppiNode(Node):
         self.remote = None if in_process else RemoteRollout(self, config.model_timeout)
         model = self.remote or as_rollout(load_dynamics(config.model))
         self.agent = planning_agent(model, as_rollout(load_dynamics(config.prior)), config)
+        LiveParameters(self, config, self._on_settings)
         self.worker = Worker(self, "planning")
         self.notes = Notes(self, config.state_file)
         self.plan_ids = count(self.notes.plans + 1)
@@ -74,8 +74,8 @@ class MppiNode(Node):
     def _offer(self) -> None:
         self.push_publisher = self.create_publisher(Push, "push", RELIABLE)
         self.plan_publisher = self.create_publisher(Plan, "plan", RELIABLE)
-        self.marker_publisher = self.create_publisher(MarkerArray, "plan_markers", RELIABLE)
-        self.diagnostics = Diagnostics(self)
+        self.plan_markers = PlanMarkers(self, "plan_markers")
+        self.diagnostics = Diagnostics(self, "planning")
         self.create_subscription(SceneMessage, "scene", self._on_scene, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
         self.create_subscription(Bodies, "shapes", self._on_bodies, LATCHED)
@@ -106,6 +106,11 @@ class MppiNode(Node):
     def _look_around(self) -> None:
         if self.back.complete():
             self.notes.heard_by(listeners(self, "plan"))
+
+    def _on_settings(self, config: MppiConfig) -> None:
+        self.config = config
+        self.agent.decider.adjust(config.planner)
+        self.get_logger().info("the next plan is made with the parameters as they are now")
 
     def _on_goal(self, message: Goal) -> None:
         try:
@@ -155,6 +160,7 @@ class MppiNode(Node):
         except SainError as error:
             self.diagnostics.set(WARN, f"scene {message.scene_id} is ignored: {error}")
             return
+        self.plan_markers.see(message.episode_id)
         if self._waits_for_shapes(message.episode_id):
             same = [early for early in self.early if early.episode_id == message.episode_id]
             self.early = [*same[-MOST_EARLY:], message]
@@ -210,7 +216,7 @@ class MppiNode(Node):
         self.notes.counted(self.agent.pushes)
         model = self.config.model if self.remote is None else self.remote.model
         model = model if decision.failure is None else self.config.prior
-        plan = plan_of_decision(decision, model, self.config.planner)
+        plan = plan_of_decision(decision, model)
         complete = partial(self.agent.complete, decision)
         self.worker.submit(complete, partial(self._on_complete, plan))
         self.worker.submit(partial(self.agent.prepare, decision), self._on_prepared)
@@ -221,7 +227,7 @@ class MppiNode(Node):
         if decision.plan is not None and decision.plan.regions is not None:
             plan.regions = codec.encode_floats(decision.plan.regions)
         self._publish(plan)
-        self.marker_publisher.publish(plan_markers(decision, self.get_clock().now().to_msg()))
+        self.plan_markers.show(decision, self.get_clock().now().to_msg())
         self._go_on()  # noisy scenes after the push may have waited for what is known now
 
     def _on_prepared(self, done: "Future[None]") -> None:

@@ -12,7 +12,6 @@ from sain_core.ros import codec
 from sain_core.scene import POSITION
 from sain_interfaces.msg import Goal, Plan, Push
 from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, StopReason, Task
-from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.result import PlanResult
 
 STATUS: Final = {
@@ -41,7 +40,7 @@ def push_message(decision: PushDecision, stamp: Time, source: str) -> Push:
     )
 
 
-def plan_of_decision(decision: PushDecision, model: str, config: PlannerConfig) -> Plan:
+def plan_of_decision(decision: PushDecision, model: str) -> Plan:
     """Return the plan whose first push is sent."""
     plan = _empty_plan(decision.job.task, Plan.PUSH, decision.failure)
     _fill_job(plan, decision.job)
@@ -51,7 +50,8 @@ def plan_of_decision(decision: PushDecision, model: str, config: PlannerConfig) 
     plan.concern = decision.concern
     if decision.plan is not None:
         _fill_result(plan, decision.plan)
-    plan.samples, plan.algorithm, plan.deadline = config.samples, config.algorithm, config.deadline
+    if (asked := decision.settings) is not None:
+        plan.samples, plan.algorithm, plan.deadline = asked.samples, asked.algorithm, asked.deadline
     if decision.last is not None:
         plan.last_errors = codec.encode_floats(decision.last.errors)
         plan.last_expected = codec.encode_floats(decision.last.expected)

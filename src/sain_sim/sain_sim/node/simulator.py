@@ -54,6 +54,9 @@ class SimulatorConfig(TruthConfig):
     peer_wait: float = option(
         1.0, "time to look for another simulator at the start", unit="s", minimum=0.0, maximum=60.0
     )
+    frame_prefix: str = option(
+        "", "prefix of frames on /tf; empty: the namespace, but for /sain, where there is none"
+    )
     service_introspection: str = option(
         "disabled",
         "publish service calls: not at all, time and client, or with contents",

@@ -53,7 +53,7 @@ class SimNode(Node):
         if (camera := self.simulator.camera) is not None:
             factor, rate = config.real_time_factor, config.idle_rate
             self.looking = Looking(camera, self.pacer, factor, rate)
-        self.diagnostics = Diagnostics(self, now=self.publishing.now)
+        self.diagnostics = Diagnostics(self, "simulation", now=self.publishing.now)
         self.counts = {"executed": 0, "refused": 0}
         self.state_file = StateFile(self, config.state_file)
         self.back: Return | None = None  # of those who listened before a crash
