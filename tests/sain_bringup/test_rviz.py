@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 import yaml
 
+from sain_bringup.options import GraphOptions
 from sain_bringup.rviz import view_of
+from sain_core.cli.command_line import read_options
 from sain_mppi.commands import mppi_node
 from sain_sim.commands import sim_node
 from tests.paths import ROOT
@@ -30,12 +32,12 @@ CLASSES = {  # of RViz 2 in Jazzy: plugins_description.xml of rviz_default_plugi
 }
 STAND_INS = {
     "launch": ("LaunchContext", "LaunchDescription"),
-    "launch.actions": ("DeclareLaunchArgument", "OpaqueFunction"),
-    "launch.conditions": ("IfCondition",),
+    "launch.actions": ("DeclareLaunchArgument", "EmitEvent", "OpaqueFunction"),
+    "launch.events": ("Shutdown",),
+    "launch.events.process": ("ProcessExited",),
     "launch.substitutions": ("LaunchConfiguration",),
     "launch_ros": (),
     "launch_ros.actions": ("Node",),
-    "launch_ros.parameter_descriptions": ("ParameterValue",),
 }
 
 
@@ -106,16 +108,36 @@ def launch_file(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return loaded
 
 
-def test_the_launch_file_starts_rviz_only_when_asked(launch_file):
+def launched(launch_file: ModuleType, **given: str) -> list[Any]:
     (parts,) = launch_file.generate_launch_description().given
-    declared = {
-        part.given[0]: part.default_value for part in parts if hasattr(part, "default_value")
-    }
-    assert declared["rviz"] == "false"
-    (opened,) = [p for p in parts if getattr(p, "function", None) and hasattr(p, "condition")]
-    assert opened.condition.given[0].given == ("rviz",)
-    (node,) = opened.function({"namespace": "/sain"})
+    declared = {p.given[0]: p.default_value for p in parts if hasattr(p, "default_value")}
+    return parts[-1].function({**declared, **given})
+
+
+def test_the_launch_file_starts_rviz_only_when_asked(launch_file):
+    assert [node.executable for node in launched(launch_file)] == ["graph"]
+    _, node = launched(launch_file, rviz="true")
     assert (node.package, node.executable) == ("rviz2", "rviz2")
     assert node.arguments[0] == "-d"
     assert topics_of(Path(node.arguments[1]).read_text()) == topics_of(VIEW.read_text())
     assert node.parameters == [{"use_sim_time": True}]
+
+
+def test_the_launch_file_gives_the_graph_its_options(launch_file):
+    graph, goal = launched(launch_file, gui="true", belief="b.json", goal="0.6 0.1", bag="out")
+    words = graph.arguments
+    assert read_options(GraphOptions, "graph", words, False).belief == "b.json"
+    assert {"--gui", "--record", "--bag=out", "--seed=0"} <= set(words)
+    assert goal.arguments == ["0.6", "0.1"]
+    with pytest.raises(ValueError, match="'perhaps' is neither true nor false"):
+        launched(launch_file, record="perhaps")
+
+
+def test_the_launch_ends_with_the_graph_and_its_code(launch_file, monkeypatch):
+    left = []
+    monkeypatch.setattr(launch_file.atexit, "register", lambda *call: left.append(call))
+    for code in (0, 137):
+        exited = SimpleNamespace(locals=SimpleNamespace(event=SimpleNamespace(returncode=code)))
+        (ending,) = launch_file.end(exited)
+        assert ending.event.reason == f"the graph ended with exit code {code}"
+    assert left == [(launch_file.leave, 137)]

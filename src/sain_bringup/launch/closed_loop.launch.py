@@ -76,12 +76,13 @@ def is_true(text: str) -> bool:
     return text.lower() == "true"
 
 
-def end(context: LaunchContext) -> EmitEvent:
+def end(context: LaunchContext) -> list[EmitEvent]:
     """End the launch with the graph, and with its exit code: launch itself has 0 and 1 alone."""
     exited: ProcessExited = context.locals.event
     if exited.returncode:
         atexit.register(leave, exited.returncode)
-    return EmitEvent(event=Shutdown(reason=f"the graph ended with exit code {exited.returncode}"))
+    reason = f"the graph ended with exit code {exited.returncode}"
+    return [EmitEvent(event=Shutdown(reason=reason))]
 
 
 def leave(code: int) -> None:

@@ -14,7 +14,6 @@ from sain_core.config import Config, option
 
 CREDENTIALS: Final = struct.Struct("3i")  # process, user and group of who sent a datagram
 LONGEST: Final = 64  # bytes of a datagram that are read
-STARVED: Final = 0.5  # share of a time in which a thread waited for a processor
 
 
 @dataclass(frozen=True)
@@ -62,31 +61,27 @@ class Heartbeats:
 
         A process that waits for a processor or a disk is late, and not hung.
         """
-        silence = time.monotonic() - self._last
+        silence, timeout = time.monotonic() - self._last, self._config.timeout
         if not self.ready:
             limit = self._config.connect_timeout
             return f"was not ready within {limit:g} s" if silence > limit else ""
-        if silence < self._config.timeout / 2:
+        if silence < timeout / 2:
             return ""
         if self._suspected is None:
             self._suspected = waiting_times(process_id)
-        if silence < self._config.timeout or self._starves(process_id):
+        if silence < timeout or silence - self._waited(process_id) < timeout:
             return ""
-        return f"gave no sign of life for {silence:.1f} s"
+        return "" if waits_for_a_disk(process_id) else f"gave no sign of life for {silence:.1f} s"
 
     def close(self) -> None:
         """Hear nothing any more."""
         self._socket.close()
 
-    def _starves(self, process_id: int) -> bool:
-        """Tell whether a thread has mostly waited for a processor since the first suspicion."""
-        before, limit = self._suspected or {}, 1e9 * STARVED * self._config.timeout / 2
-        now = waiting_times(process_id)
-        starves = any(now[thread] - before[thread] > limit for thread in now.keys() & before.keys())
-        if starves or waits_for_a_disk(process_id):
-            self._last, self._suspected = time.monotonic() - self._config.timeout / 2, now
-            return True
-        return False
+    def _waited(self, process_id: int) -> float:
+        """Return how long a thread has waited for a processor since the first suspicion [s]."""
+        before, now = self._suspected or {}, waiting_times(process_id)
+        waits = [now[thread] - before[thread] for thread in now.keys() & before.keys()]
+        return 1e-9 * max(waits, default=0)
 
     def _datagrams(self) -> Iterator[tuple[bytes, int]]:
         while True:

@@ -10,10 +10,11 @@ from typing import Final
 
 from rich.console import Console
 
+from sain_bringup.children import ProcessDiedError
 from sain_bringup.graph import RECORDER, graph_commands, restart_command, ros_arguments
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.options import RECORDINGS, GraphOptions
-from sain_bringup.processes import ProcessDiedError, StopConfig, Supervisor
+from sain_bringup.processes import StopConfig, Supervisor
 
 POLL: Final = 0.02  # [s] between looks at the processes
 UNHURRIED: Final = StopConfig(interrupt=15.0)  # nobody waits, and a recording is to be closed
@@ -44,7 +45,7 @@ def run(options: GraphOptions, console: Console) -> int:
                 time.sleep(POLL)
         except ProcessDiedError as error:
             logs.show()
-            tell(str(error))
+            tell(error.reason)
             code = error.exit_code
         supervisor.close_files(UNHURRIED.interrupt)
         supervisor.stop()
