@@ -7,13 +7,15 @@ from typing import Any
 from rclpy.node import Node
 
 from sain_core import wire
-from sain_core.errors import BusyError, CancelledError, ErrorCode, SainError, error_reply
+from sain_core.errors import BusyError, CancelledError, SainError
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.introspection import introspect
+from sain_core.ros.limits import emptied, shortened
 from sain_core.ros.node_main import NAMESPACE
+from sain_core.ros.ownership import Ownership
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.peers import publisher_count, refuse_peers
-from sain_core.ros.qos import RELIABLE
+from sain_core.ros.qos import QUEUE
+from sain_core.ros.reception import Reception
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Push
@@ -25,6 +27,8 @@ from sain_sim.node.simulator import Pushed, Simulator, SimulatorConfig
 from sain_sim.ros.publishing import Publishing
 from sain_sim.world.outcome import Sample
 
+OWNED = ("scene", "push_result", "/clock")
+
 
 class SimNode(Node):
     """Runs the truth world: physics on a worker thread, all else on the executor's."""
@@ -33,24 +37,27 @@ class SimNode(Node):
         """Build the worlds and start the first episode."""
         super().__init__("sim_node", namespace=NAMESPACE, **options)
         config = read_parameters(self, SimulatorConfig)
-        joined = monotonic()
+        joined, self.ownership = monotonic(), Ownership(self, OWNED)
         self._closing = False
         self.session = Session()
         self.pacer = Pacer(config.real_time_factor)
         self.worker = Worker(self, "physics")
         self.simulator = self.worker.call(lambda: Simulator(config, self.pacer))
         # Peers have the time to be discovered while the worlds are built.
-        refuse_peers(self, ("scene", "/clock"), config.peer_wait - (monotonic() - joined))
+        self.ownership.refuse(config.peer_wait - (monotonic() - joined))
         self.publishing = Publishing(self, self.simulator, self.session)
         self.looking: Looking | None = None
         if (camera := self.simulator.camera) is not None:
             factor, rate = config.real_time_factor, config.idle_rate
             self.looking = Looking(camera, self.pacer, factor, rate)
-        self.diagnostics = Diagnostics(self, now=self.publishing.now)
+        self.reception = Reception(self)
+        self.diagnostics = Diagnostics(
+            self, now=self.publishing.now, more=lambda: self.reception.figures
+        )
         self.counts = {"executed": 0, "refused": 0}
         self._reset(ResetScene.Request(seed=config.seed))
-        self.create_subscription(Push, "push", self._on_push, RELIABLE)
-        resetting = self.create_service(ResetScene, "reset_scene", self._on_reset)
+        self.reception.listen(Push, "push", self._on_push, QUEUE, self._refuse)
+        resetting = self.reception.serve(ResetScene, "reset_scene", self._on_reset)
         introspect(self, resetting, config.service_introspection)
         steady_timer(self, 1 / config.idle_rate, self._on_idle)
         if self.looking is not None:
@@ -64,11 +71,11 @@ class SimNode(Node):
     ) -> ResetScene.Response:
         try:
             self._reset(request)
-            response.error_code = ErrorCode.OK
         except SainError as error:
-            self.get_logger().warning(f"reset refused: {error}")
-            response.error_code, response.error_message = error_reply(error)
-        response.scene = self.settled
+            self.get_logger().warning(f"reset refused: {shortened(str(error))}")
+            raise
+        finally:
+            response.scene = self.settled
         return response
 
     def _reset(self, request: ResetScene.Request) -> None:
@@ -96,13 +103,9 @@ class SimNode(Node):
         self.publishing.state(sample, self.settled)
 
     def _on_push(self, message: Push) -> None:
-        try:
-            push = wire.decode_push(message)
-            seen = wire.decode_disks(message.disks, "scene of the push") if message.disks else None
-            self.session.admit(message.push_id, message.episode_id, message.scene_id)
-        except SainError as error:
-            self._refuse(message, error)
-            return
+        push = wire.decode_push(message)
+        seen = wire.decode_disks(message.disks, "scene of the push") if message.disks else None
+        self.session.admit(message.push_id, message.episode_id, message.scene_id)
         self.pacer.idle()
         self.worker.submit(
             lambda: self.simulator.push(push, self._on_sample, seen),
@@ -119,12 +122,15 @@ class SimNode(Node):
             self.publishing.frames(moving=True)
 
     def _on_pushed(self, message: Push, done: "Future[Pushed]") -> None:
-        try:
-            pushed = done.result()
-        except SainError as error:
+        error = done.exception()
+        if isinstance(error, SainError):
             self.session.finish(executed=False)
             self._refuse(message, error)
             return
+        if error is not None:
+            self._break_off(message, error)
+            return
+        pushed = done.result()
         self.session.finish(executed=True)
         self.counts["executed"] += 1
         if self.simulator.camera is not None:
@@ -135,10 +141,18 @@ class SimNode(Node):
         self._settle(pushed.sample)
         self.publishing.prediction(message, pushed.predicted)
 
-    def _refuse(self, message: Push, error: SainError) -> None:
+    def _break_off(self, message: Push, error: BaseException) -> None:
+        """Answer a push that failed where nothing should: bodies may have moved."""
+        self.reception.log_defect(error)
+        self.session.finish(executed=True)
+        self._settle(self.worker.call(self.simulator.look))
+        self._refuse(message, error)
+
+    def _refuse(self, message: Push, error: BaseException) -> None:
         self.counts["refused"] += 1
+        message = emptied(message)
         self.get_logger().warning(
-            f"push {message.push_id} from {message.source!r} refused: {error}"
+            f"push {message.push_id} from {message.source!r} refused: {shortened(str(error))}"
         )
         self.publishing.refusal(message, self.settled, error)
 
@@ -157,9 +171,8 @@ class SimNode(Node):
     def _report(self) -> None:
         ids = {"episode": self.session.episode_id, "scene": self.session.scene_id}
         figures = {"engine": self.simulator.config.engine, **ids}
-        if (simulators := publisher_count(self, "scene")) > 1:
-            message = f"{simulators} simulators publish the same scene; stop all but one"
-            self.diagnostics.set(ERROR, message, **figures, **self.counts)
+        if rival := self.ownership.rival():
+            self.diagnostics.set(ERROR, rival, **figures, **self.counts)
         elif not self.session.busy and not self.settled.settled:
             message = "the disks do not come to rest; reset the scene"
             self.diagnostics.set(WARN, message, **figures, **self.counts)
