@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.node import Node
 
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
+from sain_core.ros.ownership import Ownership
 from sain_core.ros.qos import QUEUE
 from sain_core.scene import make_scene
 from sain_interfaces.msg import DiskState, Push, PushResult
@@ -82,3 +85,18 @@ def test_each_push_of_a_burst_is_answered(graph, simulator):
         sender.publish(Push(push_id=push_id, episode_id=99))
     graph.wait(lambda: len(results) == 3000, "all results")
     assert sorted(results) == list(range(1, 3001))
+
+
+def test_a_rival_is_an_error_on_diagnostics_until_it_ends(graph, simulator):
+    graph.listen("/diagnostics", DiagnosticArray)
+    rival = graph.add(Node("rival", namespace="sain", context=graph.context))
+    Ownership(rival, ("scene",))
+    expected = "/sain/rival publishes /sain/scene, too; stop it, or start this one with another"
+
+    def status():
+        return graph.heard["/diagnostics"][-1].status[0] if graph.heard["/diagnostics"] else None
+
+    graph.wait(lambda: status() and status().level == DiagnosticStatus.ERROR, "the error")
+    assert status().message.startswith(expected)
+    graph.stop(rival)
+    graph.wait(lambda: status().level == DiagnosticStatus.OK, "the end of the rival")

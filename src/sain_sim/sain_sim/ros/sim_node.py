@@ -28,6 +28,7 @@ from sain_sim.ros.publishing import Publishing
 from sain_sim.world.outcome import Sample
 
 OWNED = ("scene", "push_result", "/clock")
+LOOK_FOR_RIVALS = 0.5  # [s] between looks for other publishers of these
 
 
 class SimNode(Node):
@@ -54,12 +55,13 @@ class SimNode(Node):
         self.diagnostics = Diagnostics(
             self, now=self.publishing.now, more=lambda: self.reception.figures
         )
-        self.counts = {"executed": 0, "refused": 0}
+        self.counts, self.rival = {"executed": 0, "refused": 0}, ""
         self._reset(ResetScene.Request(seed=config.seed))
         self.reception.listen(Push, "push", self._on_push, QUEUE, self._refuse)
         resetting = self.reception.serve(ResetScene, "reset_scene", self._on_reset)
         introspect(self, resetting, config.service_introspection)
         steady_timer(self, 1 / config.idle_rate, self._on_idle)
+        steady_timer(self, LOOK_FOR_RIVALS, self._look_for_rivals)
         if self.looking is not None:
             steady_timer(self, self.looking.timer_period, self._on_look)
         self.ready = (
@@ -168,11 +170,15 @@ class SimNode(Node):
             self.settled = self.publishing.scene_message(self.sample, moving=False)
             self.publishing.state(self.sample, self.settled)
 
+    def _look_for_rivals(self) -> None:
+        self.rival = self.ownership.rival()
+        self._report()
+
     def _report(self) -> None:
         ids = {"episode": self.session.episode_id, "scene": self.session.scene_id}
         figures = {"engine": self.simulator.config.engine, **ids}
-        if rival := self.ownership.rival():
-            self.diagnostics.set(ERROR, rival, **figures, **self.counts)
+        if self.rival:
+            self.diagnostics.set(ERROR, self.rival, **figures, **self.counts)
         elif not self.session.busy and not self.settled.settled:
             message = "the disks do not come to rest; reset the scene"
             self.diagnostics.set(WARN, message, **figures, **self.counts)
