@@ -150,4 +150,4 @@ def test_a_goal_of_poses_that_cannot_be_served_says_why(
 
 def test_a_goal_of_more_poses_than_bodies_can_be_is_not_read(graph, straw, shapes, planner):
     graph.aiming.publish(Goal(goal_id=4, poses=[GoalPose()] * 11))
-    assert "the goal has 11 poses; at most 10" in plan(graph, goal_id=4).error_message
+    assert "poses has 11 elements; at most 10" in plan(graph, goal_id=4).error_message

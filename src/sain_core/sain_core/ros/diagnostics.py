@@ -3,7 +3,7 @@
 A status is named ``node: task``, as diagnostic_updater names it, so aggregators can group by node.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from builtin_interfaces.msg import Time
@@ -21,9 +21,19 @@ class Diagnostics:
     """Publishes the state of one node. Make and call it from the executor's thread."""
 
     def __init__(
-        self, node: Node, task: str, period_s: float = 1.0, now: Callable[[], Time] | None = None
+        self,
+        node: Node,
+        task: str,
+        period_s: float = 1.0,
+        now: Callable[[], Time] | None = None,
+        more: Callable[[], Mapping[str, object]] = dict,
     ) -> None:
-        """Report for this node's task, first as starting; `now` replaces its clock for stamps."""
+        """Report for this node's task, first as starting.
+
+        `now` replaces its clock for the stamps; `more` are figures as they are when published.
+        """
+        self._more = more
+        self._values: Mapping[str, object] = {}
         self._now = now or (lambda: node.get_clock().now().to_msg())
         name = f"{node.get_fully_qualified_name()}{SEPARATOR}{task}"
         self._status = DiagnosticStatus(level=OK, name=name, message="starting", hardware_id="sain")
@@ -35,12 +45,14 @@ class Diagnostics:
         changed = (level, message) != (self._status.level, self._status.message)
         self._status.level = level
         self._status.message = message
-        self._status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        self._values = values
         if changed:
             self.publish()
 
     def publish(self) -> None:
         """Publish the state as it was last set."""
+        values = {**self._values, **self._more()}
+        self._status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
         message = DiagnosticArray(status=[self._status])
         message.header.stamp = self._now()
         self._publisher.publish(message)

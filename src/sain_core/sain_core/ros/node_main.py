@@ -1,5 +1,6 @@
 """The main of every node: start, spin, stop, and the exit code."""
 
+import ctypes
 import gc
 import logging
 import os
@@ -31,6 +32,10 @@ RCL_SOURCE = re.compile(r", at /\S+:\d+")
 SPIN = 0.05
 """[s] between looks at what is waited for."""
 
+MMAP_THRESHOLD, MMAP_BYTES = -3, 4 << 20
+TRIM_THRESHOLD, TRIM_BYTES = -1, 16 << 20
+"""What mallopt(3) takes. By itself glibc keeps memory of up to 64 MB once that much was freed."""
+
 INTERRUPTS = (ExternalShutdownException, ROSInterruptException)
 
 
@@ -44,6 +49,7 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
     """
     node = None
     code = INTERRUPTED
+    give_memory_back()
     try:
         with ros_context(args, SignalHandlerOptions.ALL):
             executor = SingleThreadedExecutor()
@@ -72,6 +78,13 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
         sys.stderr.write(f"{name}: {' '.join(str(error).split()) or repr(error)}\n")
         return 1
     return code
+
+
+def give_memory_back() -> None:
+    """Have the memory of large messages returned to the system when they are done with."""
+    if mallopt := getattr(ctypes.CDLL(None), "mallopt", None):  # of glibc only
+        mallopt(MMAP_THRESHOLD, MMAP_BYTES)
+        mallopt(TRIM_THRESHOLD, TRIM_BYTES)
 
 
 def node_main(make_node: Callable[[], Node], name: str) -> NoReturn:

@@ -14,7 +14,7 @@ from sain_core import notify
 PATIENCE: Final = 60.0  # [s] that a job may take while the executor waits for it
 
 T = TypeVar("T")
-Outcome = tuple["Future[Any]", Callable[["Future[Any]"], None]]
+Outcome = tuple["Future[Any]", Callable[["Future[Any]"], object]]
 
 
 class _Turn:
@@ -40,7 +40,7 @@ class Worker:
         self._pending: set[Future[Any]] = set()
         self._closed = False
 
-    def submit(self, job: Callable[[], T], then: Callable[["Future[T]"], None]) -> None:
+    def submit(self, job: Callable[[], T], then: Callable[["Future[T]"], object]) -> None:
         """Run a job; call `then` with its future, done, on the executor's thread."""
         future = self._pool.submit(job)
         self._pending.add(future)
@@ -59,6 +59,11 @@ class Worker:
             await _Turn()
         self._pending.discard(future)
         return future
+
+    @property
+    def pending(self) -> int:
+        """How many jobs were submitted and are not seen to yet."""
+        return len(self._pending)
 
     def call(self, job: Callable[[], T]) -> T:
         """Run a job and wait for it: for short ones that the executor cannot go on without."""
@@ -84,7 +89,7 @@ class Worker:
             self.call(last)
         self._pool.shutdown(wait=True)
 
-    def _finished(self, future: "Future[Any]", then: Callable[["Future[Any]"], None]) -> None:
+    def _finished(self, future: "Future[Any]", then: Callable[["Future[Any]"], object]) -> None:
         if not self._closed:
             self._outcomes.put((future, then))
             self._guard.trigger()

@@ -206,7 +206,7 @@ class Stop:
     task: Task
     reason: StopReason
     job: PlanJob | None = None
-    error: SainError | None = None
+    error: BaseException | None = None
 
     @property
     def failure(self) -> str:

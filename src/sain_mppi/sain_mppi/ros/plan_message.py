@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 from builtin_interfaces.msg import Time
 
-from sain_core.errors import ErrorCode, SainError, error_reply
+from sain_core.errors import ErrorCode, error_reply
 from sain_core.ros import codec
+from sain_core.ros.limits import shortened
 from sain_core.scene import POSITION
 from sain_interfaces.msg import Goal, Plan, Push
 from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, StopReason, Task
@@ -66,10 +67,11 @@ def plan_of_stop(stop: Stop) -> Plan:
     return plan
 
 
-def plan_of_bad_goal(goal: Goal, error: SainError) -> Plan:
+def plan_of_bad_goal(goal: Goal, error: BaseException) -> Plan:
     """Return a plan that says why a goal cannot be read."""
     plan = Plan(goal_id=goal.goal_id, episode_id=goal.episode_id, status=Plan.NO_PUSH)
     plan.error_code, plan.error_message = error_reply(error)
+    plan.error_message = shortened(plan.error_message)
     return plan
 
 

@@ -137,7 +137,7 @@ class Simulator:
             self.camera.begin(seed, parameters)
         if self.shadow is not None:
             self.shadow.truth = parameters  # for the shapes, which the nominal world shares
-        return self._look()
+        return self.look()
 
     @property
     def radii(self) -> tuple[float, ...]:
@@ -163,7 +163,7 @@ class Simulator:
 
         begun = perf_counter()
         outcome = self.world.push(push, on_step=show, every=self._every, seen=seen)
-        return Pushed(outcome, self._look(), perf_counter() - begun, predict())
+        return Pushed(outcome, self.look(), perf_counter() - begun, predict())
 
     def _predict(self, scene: Scene, push: PushArray) -> Scene | SainError | None:
         if self.shadow is None:
@@ -179,7 +179,8 @@ class Simulator:
         if self.shadow is not None:
             self.shadow.close()
 
-    def _look(self) -> Sample:
+    def look(self) -> Sample:
+        """Return the worlds as they are now."""
         sample = self.world.sample()
         self.pacer.follow(sample.time)
         return sample

@@ -8,8 +8,9 @@ from std_msgs.msg import Header
 
 from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.ros import codec
+from sain_core.ros.limits import shortened
 from sain_core.ros.markers import MarkerBoard
-from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
 from sain_core.scene import is_settled
 from sain_core.types import Scene
 from sain_interfaces.msg import Bodies, Push, PushPrediction, PushResult, WorldParameters
@@ -33,7 +34,7 @@ class Publishing:
         # Before the scene's: a planner that sees scenes can see that there are shapes to wait for.
         self._shapes = node.create_publisher(Bodies, "shapes", LATCHED)
         self._scene = node.create_publisher(SceneMessage, "scene", RELIABLE)
-        self._result = node.create_publisher(PushResult, "push_result", RELIABLE)
+        self._result = node.create_publisher(PushResult, "push_result", QUEUE)
         self._prediction = node.create_publisher(PushPrediction, "physics_prediction", RELIABLE)
         self._joints = node.create_publisher(JointState, "joint_states", RELIABLE)
         self._markers = MarkerBoard(node, "markers")
@@ -128,9 +129,10 @@ class Publishing:
         message.wall_time = pushed.wall_time
         self._result.publish(message)
 
-    def refusal(self, push: Push, scene: SceneMessage, error: SainError) -> None:
+    def refusal(self, push: Push, scene: SceneMessage, error: BaseException) -> None:
         """Publish why a push was refused; the scene is unchanged."""
-        message = self._reply(push, *error_reply(error))
+        code, text = error_reply(error)
+        message = self._reply(push, code, shortened(text))
         message.before = message.after = scene
         self._result.publish(message)
 

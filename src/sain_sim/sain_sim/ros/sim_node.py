@@ -7,16 +7,16 @@ from typing import Any
 from rclpy.node import Node
 
 from sain_core import wire
-from sain_core.errors import BusyError, CancelledError, ErrorCode, SainError, error_reply
+from sain_core.errors import BusyError, CancelledError, SainError
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.introspection import introspect
-from sain_core.ros.listeners import Return, listeners
+from sain_core.ros.limits import emptied, shortened
 from sain_core.ros.node_main import NAMESPACE
+from sain_core.ros.ownership import Ownership
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.peers import publisher_count, refuse_peers
-from sain_core.ros.qos import RELIABLE
-from sain_core.ros.state_file import StateFile
+from sain_core.ros.qos import QUEUE
+from sain_core.ros.reception import Reception
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Push
@@ -26,11 +26,12 @@ from sain_sim.node.pacing import Pacer
 from sain_sim.node.session import Session
 from sain_sim.node.simulator import Pushed, Simulator, SimulatorConfig
 from sain_sim.ros.publishing import Publishing
-from sain_sim.ros.resumption import LOST_TIME, Moment
+from sain_sim.ros.resumption import LOST_TIME, Moment, Resumption
 from sain_sim.world.outcome import Sample
 
-PUSH_RESULT = "push_result"
 LOOK_AGAIN = 0.1  # [s] between looks for those who listened before a crash
+OWNED = ("scene", "push_result", "/clock")
+LOOK_FOR_RIVALS = 0.5  # [s] between looks for other publishers of these
 
 
 class SimNode(Node):
@@ -40,30 +41,31 @@ class SimNode(Node):
         """Build the worlds and start the first episode."""
         super().__init__("sim_node", namespace=NAMESPACE, **options)
         config = read_parameters(self, SimulatorConfig)
-        joined = monotonic()
+        joined, self.ownership = monotonic(), Ownership(self, OWNED)
         self._closing = False
         self.session = Session()
         self.pacer = Pacer(config.real_time_factor)
         self.worker = Worker(self, "physics")
         self.simulator = self.worker.call(lambda: Simulator(config, self.pacer))
-        if config.peer_wait > 0.0:  # peers have the time to be discovered while worlds are built
-            refuse_peers(self, ("scene", "/clock"), config.peer_wait - (monotonic() - joined))
+        # Peers have the time to be discovered while the worlds are built.
+        self.ownership.refuse(config.peer_wait - (monotonic() - joined))
         self.publishing = Publishing(self, self.simulator, self.session)
         self.looking: Looking | None = None
         if (camera := self.simulator.camera) is not None:
             factor, rate = config.real_time_factor, config.idle_rate
             self.looking = Looking(camera, self.pacer, factor, rate)
-        self.diagnostics = Diagnostics(self, "simulation", now=self.publishing.now)
-        self.counts = {"executed": 0, "refused": 0}
-        self.state_file = StateFile(self, config.state_file)
-        self.back: Return | None = None  # of those who listened before a crash
-        self.lost: Push | None = None  # with it
-        self.listeners: tuple[str, ...] = ()
-        self._begin(Moment.read(self.state_file))
-        self.create_subscription(Push, "push", self._on_push, RELIABLE)
-        resetting = self.create_service(ResetScene, "reset_scene", self._on_reset)
+        self.reception = Reception(self)
+        self.diagnostics = Diagnostics(
+            self, "simulation", now=self.publishing.now, more=lambda: self.reception.figures
+        )
+        self.counts, self.rival = {"executed": 0, "refused": 0}, ""
+        self.resumption = Resumption(self, config.state_file)
+        self._begin(self.resumption.left)
+        self.reception.listen(Push, "push", self._on_push, QUEUE, self._refuse)
+        resetting = self.reception.serve(ResetScene, "reset_scene", self._on_reset)
         introspect(self, resetting, config.service_introspection)
         steady_timer(self, 1 / config.idle_rate, self._on_idle)
+        steady_timer(self, LOOK_FOR_RIVALS, self._look_for_rivals)
         if self.looking is not None:
             steady_timer(self, self.looking.timer_period, self._on_look)
         self.ready = (
@@ -75,36 +77,34 @@ class SimNode(Node):
         if left is None:
             self._reset(ResetScene.Request(seed=self.simulator.config.seed))
             return
-        lost = left.push
-        self.session.go_on_from(left.episode_id, left.scene_id, 0 if lost is None else lost.push_id)
+        lost = 0 if left.push is None else left.push.push_id
+        self.session.go_on_from(left.episode_id, left.scene_id, lost)
         self.pacer.go_on_from(left.time + LOST_TIME)
         self.sample = self._place(left.reset)
         self.settled = self.publishing.scene_message(self.sample, moving=False)
         where = f"scene {left.scene_id} of episode {left.episode_id}"
-        self.get_logger().warning(f"goes on from {where}, as {self.state_file} has it")
-        self.back = Return(self, PUSH_RESULT, left.listeners)
-        self.lost = lost
+        self.get_logger().warning(f"goes on from {where} after a crash")
         steady_timer(self, LOOK_AGAIN, self._look_for_listeners)
 
     def _look_for_listeners(self) -> None:
         """Tell all again once they listen again, who may not have heard it before."""
-        if self.back is None or not self.back.complete():
+        if not self.resumption.waits or not self.resumption.all_listen():
             return
         self._announce(self.sample)
-        if self.lost is not None:
-            text = f"push {self.lost.push_id} ended when the simulator crashed; it moved nothing"
-            self._refuse(self.lost, CancelledError(text))
+        if (lost := self.resumption.lost) is not None:
+            text = f"push {lost.push_id} ended when the simulator crashed; it moved nothing"
+            self._refuse(lost, CancelledError(text))
 
     def _on_reset(
         self, request: ResetScene.Request, response: ResetScene.Response
     ) -> ResetScene.Response:
         try:
             self._reset(request)
-            response.error_code = ErrorCode.OK
         except SainError as error:
-            self.get_logger().warning(f"reset refused: {error}")
-            response.error_code, response.error_message = error_reply(error)
-        response.scene = self.settled
+            self.get_logger().warning(f"reset refused: {shortened(str(error))}")
+            raise
+        finally:
+            response.scene = self.settled
         return response
 
     def _reset(self, request: ResetScene.Request) -> None:
@@ -129,7 +129,7 @@ class SimNode(Node):
 
     def _announce(self, sample: Sample) -> None:
         """Publish all about an episode from its start."""
-        self.back = None
+        self.resumption.waits = False
         self.publishing.shapes()
         self.publishing.world(self.begun.seed, self.begun.world)
         self.sample = sample
@@ -146,24 +146,21 @@ class SimNode(Node):
 
     def _keep(self, push: Push | None) -> None:
         """Keep what it takes to go on from here; with the push that is begun."""
+        if not self.resumption.keeps:
+            return
         reset = ResetScene.Request(seed=self.begun.seed, world=self.begun.world)
-        parameters = self.simulator.parameters
         reset.disks = codec.encode_disks(self.sample.scene)
-        reset.shapes, reset.roles = list(self.begun.shapes), list(self.begun.roles)
-        reset.friction = parameters.friction
+        reset.shapes, reset.roles = self.begun.shapes, self.begun.roles
+        reset.friction = self.simulator.parameters.friction
         ids = self.session.episode_id, self.session.scene_id
-        Moment(reset, *ids, self.pacer.now, push, self.listeners).write(self.state_file)
+        self.resumption.keep(Moment(reset, *ids, self.pacer.now, push))
 
     def _on_push(self, message: Push) -> None:
-        try:
-            push = wire.decode_push(message)
-            seen = wire.decode_disks(message.disks, "scene of the push") if message.disks else None
-            if self.back is not None:
-                raise BusyError("the simulator goes on after a crash; send the push anew later")
-            self.session.admit(message.push_id, message.episode_id, message.scene_id)
-        except SainError as error:
-            self._refuse(message, error)
-            return
+        push = wire.decode_push(message)
+        seen = wire.decode_disks(message.disks, "scene of the push") if message.disks else None
+        if self.resumption.waits:
+            raise BusyError("the simulator goes on after a crash; send the push anew later")
+        self.session.admit(message.push_id, message.episode_id, message.scene_id)
         self.pacer.idle()
         self._keep(message)
         self.worker.submit(
@@ -181,13 +178,16 @@ class SimNode(Node):
             self.publishing.frames(moving=True)
 
     def _on_pushed(self, message: Push, done: "Future[Pushed]") -> None:
-        try:
-            pushed = done.result()
-        except SainError as error:
+        error = done.exception()
+        if isinstance(error, SainError):
             self.session.finish(executed=False)
             self._keep(None)
             self._refuse(message, error)
             return
+        if error is not None:
+            self._break_off(message, error)
+            return
+        pushed = done.result()
         self.session.finish(executed=True)
         self.counts["executed"] += 1
         if self.simulator.camera is not None:
@@ -200,10 +200,18 @@ class SimNode(Node):
         self._settle(pushed.sample)
         self.publishing.prediction(message, pushed.predicted)
 
-    def _refuse(self, message: Push, error: SainError) -> None:
+    def _break_off(self, message: Push, error: BaseException) -> None:
+        """Answer a push that failed where nothing should: bodies may have moved."""
+        self.reception.log_defect(error)
+        self.session.finish(executed=True)
+        self._settle(self.worker.call(self.simulator.look))
+        self._refuse(message, error)
+
+    def _refuse(self, message: Push, error: BaseException) -> None:
         self.counts["refused"] += 1
+        message = emptied(message)
         self.get_logger().warning(
-            f"push {message.push_id} from {message.source!r} refused: {error}"
+            f"push {message.push_id} from {message.source!r} refused: {shortened(str(error))}"
         )
         self.publishing.refusal(message, self.settled, error)
 
@@ -213,22 +221,24 @@ class SimNode(Node):
             self.publishing.frames(moving=False)
 
     def _on_idle(self) -> None:
-        if self.back is not None:
+        if self.resumption.waits:
             return
         self._report()
-        if self.state_file:
-            self.listeners = tuple(sorted(listeners(self, PUSH_RESULT)))
+        self.resumption.look_around()
         if not self.session.busy:
             self.pacer.idle()
             self.settled = self.publishing.scene_message(self.sample, moving=False)
             self.publishing.state(self.sample, self.settled)
 
+    def _look_for_rivals(self) -> None:
+        self.rival = self.ownership.rival()
+        self._report()
+
     def _report(self) -> None:
         ids = {"episode": self.session.episode_id, "scene": self.session.scene_id}
         figures = {"engine": self.simulator.config.engine, **ids}
-        if (simulators := publisher_count(self, "scene")) > 1:
-            message = f"{simulators} simulators publish the same scene; stop all but one"
-            self.diagnostics.set(ERROR, message, **figures, **self.counts)
+        if self.rival:
+            self.diagnostics.set(ERROR, self.rival, **figures, **self.counts)
         elif not self.session.busy and not self.settled.settled:
             message = "the disks do not come to rest; reset the scene"
             self.diagnostics.set(WARN, message, **figures, **self.counts)
