@@ -6,7 +6,7 @@ from typing import Final
 
 from rclpy.node import Node
 
-PATIENCE: Final = 3.0  # [s], for listeners that may be gone for good
+PATIENCE: Final = 10.0  # [s], for listeners that may be gone for good
 UNKNOWN: Final = "_NODE_NAME_UNKNOWN_"
 
 
