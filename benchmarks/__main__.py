@@ -33,6 +33,7 @@ ON_DATA = {
     "ensembles",
     "fine_tuning",
     "gradients",
+    "graph_faults",
     "open_loop",
     "paired_pushes",
     "paper_training",
