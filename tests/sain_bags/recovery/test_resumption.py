@@ -34,7 +34,7 @@ def test_all_that_was_flushed_becomes_one_bag(tmp_path: Path) -> None:
     join(aside, folder)
     bag = Bag(folder)
     bag.check()
-    assert [received.time for received in bag.messages(["/text"])] == list(range(1, 301))
+    assert [received.log_time for received in bag.messages(["/text"])] == list(range(1, 301))
     assert not aside.exists()
     assert [path.name for path in folder.glob("*.mcap")] == ["bag_0.mcap"]
 

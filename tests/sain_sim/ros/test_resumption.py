@@ -7,8 +7,9 @@ import pytest
 
 from sain_core import wire
 from sain_core.errors import DatasetError, ErrorCode
-from sain_core.ros.state_file import text_of
+from sain_core.ros.state_file import StateFile, text_of
 from sain_core.scene import POSE
+from sain_sim.ros.resumption import Moment
 from sain_sim.ros.sim_node import SimNode
 
 PUSH = (0.0, 0.0, 0.08)
@@ -16,6 +17,11 @@ PUSH = (0.0, 0.0, 0.08)
 
 def latest(graph):
     return graph.find("scene", settled=True)[-1]
+
+
+def hear_anew(graph):
+    for heard in graph.heard.values():
+        heard.clear()
 
 
 @pytest.fixture
@@ -36,7 +42,7 @@ def left(graph, tmp_path):
 def test_episode_scene_world_and_time_go_on(graph, left):
     scene = latest(graph)
     world = graph.heard["world_parameters"][-1]
-    graph.heard.clear()
+    hear_anew(graph)
     graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(left), seed=99)
     graph.wait(lambda: graph.find("scene", settled=True), "the scene of before")
     now = latest(graph)
@@ -57,7 +63,7 @@ def test_the_push_that_was_under_way_is_refused_and_never_executed(graph, left):
     lost = graph.find("push_result", push_id=2)[0].push
     lost.push_id, lost.scene_id = 7, latest(graph).scene_id
     left.write_text(json.dumps({**json.loads(left.read_text()), "push": text_of(lost)}))
-    graph.heard.clear()
+    hear_anew(graph)
     graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(left))
     result = graph.result(7)
     assert result.error_code == ErrorCode.CANCELLED
@@ -72,7 +78,7 @@ def test_pushes_and_resets_before_all_listen_again(graph, left):
     state = json.loads(left.read_text())
     left.write_text(json.dumps({**state, "listeners": ["/sain/gone_for_good"]}))
     scene = latest(graph)
-    graph.heard.clear()
+    hear_anew(graph)
     graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(left))
     graph.push(scene, 8, PUSH)
     assert graph.result(8).error_code == ErrorCode.BUSY
@@ -87,4 +93,4 @@ def test_a_damaged_file_is_refused(graph, tmp_path, text):
     path = tmp_path / "sim.json"
     path.write_text(text)
     with pytest.raises(DatasetError, match=r"is not the state of a node|is damaged"):
-        SimNode(context=graph.context, cli_args=["--ros-args", "-p", f"state_file:={path}"])
+        Moment.read(StateFile(graph.bystander, str(path)).read())
