@@ -148,7 +148,7 @@ class Flooder(Node):
             accepted = [handle for handle in handles if handle.accepted]
             results = [handle.get_result_async() for handle in accepted]
             flood.answered = (flood.answered or 0) + len(handles) - len(accepted)
-            self.settle(lambda results=results: sum(future.done() for future in results))
+            self._await(results, known=False)
             for handle, future in zip(accepted, results, strict=True):
                 if not future.done():  # one that can be served is still being planned for
                     handle.cancel_goal_async()
@@ -166,8 +166,9 @@ class Flooder(Node):
         flood.answered = (flood.answered or 0) + len(done)
         flood.accepted += sum(answer.error_code == ErrorCode.OK for answer in done)
 
-    def _await(self, futures: list[Any]) -> None:
-        self.settle(lambda: sum(future.done() for future in futures), len(futures))
+    def _await(self, futures: list[Any], known: bool = True) -> None:
+        """Wait for answers; `known` says whether all must come."""
+        self.settle(lambda: sum(one.done() for one in futures), len(futures) if known else None)
 
     def close(self) -> None:
         """Stop."""
