@@ -23,6 +23,7 @@ from sain_core.ros.qos import LATCHED
 
 MARK: Final = "_owner"
 CLAIM: Final = re.compile(rf"(.+)/{MARK}/at_(\d+)_(\d+)_(\d+)")
+ENDED: Final = ("Z", "X")  # states of a process that nobody has waited for
 PARTICIPANT: Final = 12  # bytes of an endpoint's id that its process has in common
 
 
@@ -46,7 +47,15 @@ class Claim:
     @property
     def holds(self) -> bool:
         """Whether its process may still be there: a killed one is discovered for a while."""
-        return self.system != _system() or Path(f"/proc/{self.process}").exists()
+        return self.system != _system() or _is_running(self.process)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        status = Path(f"/proc/{process}/stat").read_text()
+    except OSError:
+        return False
+    return status.rpartition(")")[2].split()[0] not in ENDED
 
 
 @cache
