@@ -17,6 +17,7 @@ from sain_core.errors import ErrorCode
 from sain_interfaces import action, msg
 
 QUIET_S: Final = 2.0  # without anything new, before the counts are final
+PATIENT_S: Final = 20.0  # likewise, where it is known how much is to come
 PATIENCE_S: Final = 60.0
 AT_ONCE: Final = 1000  # calls of a service
 
@@ -79,12 +80,13 @@ class Flooder(Node):
     def settle(self, look: Callable[[], object], enough: object = None) -> None:
         """Handle what comes in until something is enough, or has not changed for a while."""
         seen, since = look(), time.monotonic()
+        quiet = QUIET_S if enough is None else PATIENT_S
 
         def changing() -> bool:
             nonlocal seen, since
             if (now := look()) != seen:
                 seen, since = now, time.monotonic()
-            return seen != enough and time.monotonic() - since < QUIET_S
+            return seen != enough and time.monotonic() - since < quiet
 
         self.spin_while(changing)
 
@@ -107,8 +109,8 @@ class Flooder(Node):
             if entry.name == "push":
                 message.push_id = time.monotonic_ns()
             publisher.publish(message)
-        all_came = before + flood.sent, flood.sent if entry.name == "push" else 0, 0
-        self.settle(lambda: (self.arrived(entry.name), len(self.results), self.pushes), all_came)
+        all_came = (before + flood.sent, flood.sent) if entry.name == "push" else None
+        self.settle(lambda: (self.arrived(entry.name), len(self.results)), all_came)
         flood.arrived = self._since(entry, before)
         flood.accepted = self.pushes
         if entry.name == "push":
@@ -146,7 +148,7 @@ class Flooder(Node):
             accepted = [handle for handle in handles if handle.accepted]
             results = [handle.get_result_async() for handle in accepted]
             flood.answered = (flood.answered or 0) + len(handles) - len(accepted)
-            self._await(results)
+            self._await(results, known=False)
             for handle, future in zip(accepted, results, strict=True):
                 if not future.done():  # one that can be served is still being planned for
                     handle.cancel_goal_async()
@@ -164,8 +166,9 @@ class Flooder(Node):
         flood.answered = (flood.answered or 0) + len(done)
         flood.accepted += sum(answer.error_code == ErrorCode.OK for answer in done)
 
-    def _await(self, futures: list[Any]) -> None:
-        self.settle(lambda: sum(future.done() for future in futures), len(futures))
+    def _await(self, futures: list[Any], known: bool = True) -> None:
+        """Wait for answers; `known` says whether all must come."""
+        self.settle(lambda: sum(one.done() for one in futures), len(futures) if known else None)
 
     def close(self) -> None:
         """Stop."""

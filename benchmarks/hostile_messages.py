@@ -25,7 +25,7 @@ CHANCES: Final = (0.4, 0.4, 0.17, 0.03)  # of the lengths: long ones take long t
 INTEGERS: Final = {f"uint{bits}": 2**bits - 1 for bits in (8, 16, 32, 64)} | {
     f"int{bits}": 2 ** (bits - 1) - 1 for bits in (8, 16, 32, 64)
 }
-SEQUENCE: Final = re.compile(r"sequence<(.+?)(?:, \d+)?>")
+SEQUENCE: Final = re.compile(r"sequence<(.+?)(?:, (\d+))?>")
 
 
 def hostile(valid: Any, fatal: Sequence[str], random: np.random.Generator) -> Any:
@@ -45,7 +45,7 @@ def hostile(valid: Any, fatal: Sequence[str], random: np.random.Generator) -> An
 def spoilt(value: Any, kind: str, random: np.random.Generator) -> Any:
     """Return another value for a field of this type, which should be refused."""
     if found := SEQUENCE.fullmatch(kind):
-        return _spoilt_sequence(list(value), found[1], random)
+        return _spoilt_sequence(list(value), found[1], random)[: int(found[2] or LENGTHS[-1])]
     if kind in ("double", "float"):
         return float(random.choice(FLOATS if kind == "double" else FLOATS[:3]))
     if kind == "boolean":

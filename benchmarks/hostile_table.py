@@ -135,6 +135,7 @@ def flood_all(names: tuple[str, ...], count: int, texts: int, seed: int) -> bool
             for name in names:
                 for row in flood_node(name, count, texts, seed):
                     table.add_row(*row)
+                    sys.stderr.write(f"{' '.join(row)}\n")
                     alive = alive and not row.died
     console.print(table)
     return alive

@@ -95,7 +95,8 @@ def test_the_claim_of_a_killed_process_does_not_count(graph):
             owned.refuse(5.0)
         owned = Ownership(node, ("aim",))
         one.send_signal(signal.SIGKILL)
-    time.sleep(0.1)
-    assert node.count_publishers("aim") == 1  # discovery has not noticed yet
+        time.sleep(0.5)
+        owned.refuse(0.2)  # nobody has waited for its end yet
+    assert node.count_publishers("aim") == 1  # discovery has not noticed
     owned.refuse(0.2)
     assert not owned.rival()

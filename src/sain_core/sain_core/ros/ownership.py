@@ -15,14 +15,16 @@ from typing import Final, NoReturn
 from zlib import crc32
 
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import Empty
 
 from sain_core.errors import BusyError
-from sain_core.ros.peers import NAME_WAIT_S, POLL_S, advice, is_named, publishers
+from sain_core.ros.peers import NAME_WAIT_S, POLL_S, advice, full_name, is_named, publishers
 from sain_core.ros.qos import LATCHED
 
 MARK: Final = "_owner"
 CLAIM: Final = re.compile(rf"(.+)/{MARK}/at_(\d+)_(\d+)_(\d+)")
+ENDED: Final = ("Z", "X")  # states of a process that nobody has waited for
 PARTICIPANT: Final = 12  # bytes of an endpoint's id that its process has in common
 
 
@@ -46,7 +48,15 @@ class Claim:
     @property
     def holds(self) -> bool:
         """Whether its process may still be there: a killed one is discovered for a while."""
-        return self.system != _system() or Path(f"/proc/{self.process}").exists()
+        return self.system != _system() or _is_running(self.process)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        status = Path(f"/proc/{process}/stat").read_text()
+    except OSError:
+        return False
+    return status.rpartition(")")[2].split()[0] not in ENDED
 
 
 @cache
@@ -83,10 +93,11 @@ class Ownership:
         end = time.monotonic() + wait_s
         while True:
             self._refuse_earlier()
-            if strangers:
-                for name, stranger in self._strangers():
-                    self._give_up(name, stranger)
-            if time.monotonic() >= end:
+            found = list(self._strangers()) if strangers else []
+            for name, one in found:
+                if is_named(one) or time.monotonic() >= end + NAME_WAIT_S:
+                    self._give_up(name, full_name(one))
+            if time.monotonic() >= end and not found:
                 return
             time.sleep(POLL_S)
 
@@ -118,7 +129,7 @@ class Ownership:
         for name, claim in self._claims():
             if claim != self._claim and claim.holds:
                 yield name, self._name_of(claim.topic(name))
-        yield from self._strangers()
+        yield from ((name, full_name(one)) for name, one in self._strangers() if is_named(one))
 
     def _claims(self) -> list[tuple[str, Claim]]:
         """Return the claims to each topic, in the order of the topics."""
@@ -131,16 +142,16 @@ class Ownership:
             if found[1] == name
         ]
 
-    def _strangers(self) -> Iterator[tuple[str, str]]:
-        """Yield topic and full name of publishers whose process has no claim to the topic."""
+    def _strangers(self) -> Iterator[tuple[str, TopicEndpointInfo]]:
+        """Yield topic and publisher where the publisher's process has no claim to the topic."""
         claimed = set()
         for name, claim in self._claims():
             for one in self._node.get_publishers_info_by_topic(claim.topic(name)):
                 claimed.add((name, bytes(one.endpoint_gid)[:PARTICIPANT]))
         for name in self._names:
             for one in self._node.get_publishers_info_by_topic(name):
-                if (name, bytes(one.endpoint_gid)[:PARTICIPANT]) not in claimed and is_named(one):
-                    yield name, f"{one.node_namespace.rstrip('/')}/{one.node_name}"
+                if (name, bytes(one.endpoint_gid)[:PARTICIPANT]) not in claimed:
+                    yield name, one
 
     def _name_of(self, topic: str) -> str:
         return next(iter(publishers(self._node, topic, NAME_WAIT_S)), "another process")

@@ -67,11 +67,12 @@ def publishers(node: Node, topic: str, wait_s: float) -> list[str]:
     while True:
         found = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
         if all(map(is_named, found)) or time.monotonic() >= end:
-            return [_full_name(one) for one in found]
+            return [full_name(one) for one in found]
         time.sleep(POLL_S)
 
 
-def _full_name(publisher: TopicEndpointInfo) -> str:
+def full_name(publisher: TopicEndpointInfo) -> str:
+    """Return namespace and name of a publisher's node."""
     if not is_named(publisher):
         return "a node whose name is not known"
     return f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"

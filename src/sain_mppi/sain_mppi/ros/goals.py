@@ -23,6 +23,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import DiskState, Goal, GoalPose, Plan
 
+RESULTS_KEPT: Final = 60  # [s], of actions, for clients that ask late
 REMEMBERED: Final = 100  # messages, so that none counts twice
 
 
@@ -77,6 +78,7 @@ class Goals:
             reception.act("reach", self._reach, self._abort),
             cancel_callback=self._on_cancel,
             callback_group=ReentrantCallbackGroup(),
+            result_timeout=RESULTS_KEPT,
             goal_service_qos_profile=SERVICE,
             result_service_qos_profile=SERVICE,
             cancel_service_qos_profile=SERVICE,
