@@ -36,6 +36,8 @@ def graph_commands(
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
     belief = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
+    if options.camera.unknown:
+        belief["unknown"] = options.camera.unknown
     about = [f"{key}={value}" for key, value in custom_data.items()]
     recorder = [str(executable("sain_bags", "record")), "--out", str(bag), "--custom-data", *about]
 
