@@ -20,8 +20,9 @@ from sain_core.dataset import MOVED
 from sain_core.plugins import load_dynamics
 from sain_core.scene import MASS, MID, POSITION, TARGET
 from sain_core.seeding import generator
-from sain_core.types import Scalars, Scenes
+from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.dataset import Dataset, load_transitions
+from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.learning import learn, predict_rows
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.markdown import markdown_table
@@ -41,27 +42,40 @@ def main(dataset: Annotated[Path, tyro.conf.Positional], model: str = "sain") ->
     print(f"all masses scaled by 1.5: predictions change by {1e3 * _scaled_change(data):.1g} mm\n")
     nominal = replace(data, state=_nominal(data.state), next_state=_nominal(data.next_state))
     asked = (dynamics, nominal), (dynamics.with_unknown_masses(), nominal), (dynamics, data)
-    known, ends, off = Known.earlier(data.episode, data.step), [], np.zeros(len(data))
-    for some, seen in asked:
-        told = learn(some, seen, known)
-        ends.append(_way(predict_rows(some, seen, told).mean, data.next_state))
-        if seen is nominal:  # the last of them is the inferred one
-            off = np.abs(np.log(told.posterior.mass_ratio) - _log_ratio(data))
-            sure = told.posterior.mass_log_std
+    known = Known.earlier(data.episode, data.step)
+    learned = [learn(some, seen, known) for some, seen in asked]
+    predicted = [
+        predict_rows(some, seen, told) for (some, seen), told in zip(asked, learned, strict=True)
+    ]
+    posterior = learned[1].posterior
+    off = np.abs(np.log(posterior.mass_ratio) - _log_ratio(data))
+    errors = [_way(one.mean, data.next_state) for one in predicted]
     moved = _way(data.next_state, data.state) >= MOVED
     telling = np.array([moved[earlier].sum() for earlier in _earlier(data)])
     rows = []
     for low, high in KNOWN:
         chosen = moved & (telling >= low) & (telling <= high)
-        share = _interval(ends[1][chosen], ends[0][chosen], data.episode[chosen])
+        share = _interval(errors[1][chosen], errors[0][chosen], data.episode[chosen])
+        held = [_held(one, way)[chosen].mean() for one, way in zip(predicted, errors, strict=True)]
         rows.append(
             [f"{low} to {high}" if high > low else str(low), str(chosen.sum())]
-            + [f"{100 * np.expm1(some[chosen].mean()):.0f} %" for some in (off, sure)]
-            + [f"{1e3 * errors[chosen].mean():.2f}" for errors in ends]
+            + [_percent(some[chosen].mean()) for some in (off, posterior.mass_log_std)]
+            + [f"{1e3 * some[chosen].mean():.2f}" for some in errors]
             + [f"{share[0]:.2f} [{share[1]:.2f}, {share[2]:.2f}]"]
+            + [" / ".join(f"{100 * part:.0f}" for part in held) + " %"]
         )
     header = ("telling pushes before", "pushes", "ratio off by", "stated", *WAYS)
-    print(markdown_table((*header, "inferred / nominal"), rows))
+    print(markdown_table((*header, "inferred / nominal", "regions hold"), rows))
+
+
+def _percent(logarithm: float) -> str:
+    return f"{100 * np.expm1(logarithm):.0f} %"
+
+
+def _held(predicted: Prediction, off: Scalars) -> Mask:
+    """Return which targets (M,) end inside their regions."""
+    assert predicted.radius is not None
+    return np.asarray(off <= predicted.radius[:, TARGET])
 
 
 def _nominal(scenes: Scenes) -> Scenes:

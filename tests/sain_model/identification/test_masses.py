@@ -83,7 +83,7 @@ def test_predictions_rest_on_the_ratio(
     usual, unknown = sain.with_history(history), sain.with_unknown_masses()
     told = unknown.with_history(history)
     assert isinstance(told.prior, PlanarPrior)
-    assert unknown.mass_log_std == 0.4
+    assert unknown.mass_log_std == 0.3
     assert 0.0 < told.mass_log_std < 0.15
     off = abs(np.log(told.prior.config.mass_ratio / RATIO))
     assert off < 2.0 * told.mass_log_std
@@ -157,7 +157,7 @@ def test_a_ratio_changes_no_product_of_two_masses(random_pushes: Draw) -> None:
 def test_a_belief_is_read_as_it_was_written(belief: Belief, tmp_path: Path, unknown: bool) -> None:
     belief = belief if unknown else usual_belief(AXES, FrictionConfig())
     read = read_belief(write_belief(tmp_path / "belief.json", belief))
-    assert read.mass_log_std == belief.mass_log_std == (0.4 if unknown else 0.0)
+    assert read.mass_log_std == belief.mass_log_std == (0.3 if unknown else 0.0)
     assert [len(structure.parameters) for structure in read.structures] == [COUNT + unknown] * 2
 
 

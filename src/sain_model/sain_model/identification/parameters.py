@@ -62,7 +62,7 @@ ALONG_AXES: Final = Parameter(
     "axes_yield", "give of the friction along the solver's axes", 0.3, False, 0.3, 3.0
 )
 RATIO: Final = Parameter(
-    "mass_ratio", "masses of bodies 1 and on over that of body 0, times stated", 0.4, True, 0.1, 10
+    "mass_ratio", "masses of bodies 1 and on over that of body 0, times stated", 0.3, True, 0.1, 10
 )
 
 
