@@ -35,9 +35,9 @@ def graph_commands(
     planner = {f"estimator.{name}": str(value) for name, value in told.items()}
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
-    belief = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
+    model = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
     if options.camera.unknown:
-        belief["unknown"] = options.camera.unknown
+        model["unknown"] = options.camera.unknown
     about = [f"{key}={value}" for key, value in custom_data.items()]
     recorder = [str(executable("sain_bags", "record")), "--out", str(bag), "--custom-data", *about]
 
@@ -49,7 +49,7 @@ def graph_commands(
     simulated = {"use_sim_time": "true"}  # the simulator's time is in all headers
     to_namespace = ["--ros-args", "-r", f"__ns:={namespace}"]
     return {
-        MODEL: node("sain_model", "model_node", model=options.model, **belief, **simulated),
+        MODEL: node("sain_model", "model_node", model=options.model, **model, **simulated),
         RECORDER: [*recorder, *to_namespace],
         SIMULATOR: node("sain_sim", "sim_node", **simulator),
         PLANNER: node(

@@ -1,5 +1,6 @@
 """Earlier pushes tell the ratio of masses where these are not measured."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -159,6 +160,15 @@ def test_a_belief_is_read_as_it_was_written(belief: Belief, tmp_path: Path, unkn
     read = read_belief(write_belief(tmp_path / "belief.json", belief))
     assert read.mass_log_std == belief.mass_log_std == (0.3 if unknown else 0.0)
     assert [len(structure.parameters) for structure in read.structures] == [COUNT + unknown] * 2
+
+
+def test_a_belief_written_before_there_was_a_ratio_is_read(tmp_path: Path) -> None:
+    path = write_belief(tmp_path / "belief.json", usual_belief(AXES, FrictionConfig()))
+    content = json.loads(path.read_text())
+    for structure in content["structures"]:
+        del structure["config"]["mass_ratio"]
+    path.write_text(json.dumps(content))
+    assert read_belief(path).likeliest.config == AXES
 
 
 def test_recordings_of_the_same_bodies_tell_their_ratio(
