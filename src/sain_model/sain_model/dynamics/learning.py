@@ -158,7 +158,7 @@ def predict_rows(model: "SainDynamics", pushes: Transitions, told: LearnedRows) 
     physics = _spread(model, pushes, told, FRICTION)
     if posterior.mass_log_std.any():
         physics = np.hypot(physics, _spread(model, pushes, told, MASS_RATIO))
-    weighed = with_mass_ratio(pushes.state, posterior.mass_ratio)
+    weighed = _weighed(model, pushes.state, posterior)
     members = model.members_spread(weighed, pushes.action, physics_next)
     return model.with_regions(Prediction(mean, members, physics), pushes.state, pushes.action)
 
@@ -191,7 +191,7 @@ def _correction_odds(
     scale = scales_of(told, model.bodies)
     believed = posterior.of_rows(rows[known.row])
     physics_next = _step(model, told, believed)
-    weighed = with_mass_ratio(told.state, believed.mass_ratio)
+    weighed = _weighed(model, told.state, believed)
     corrected = model.network_correct(weighed, told.action, physics_next)
     plain, better = (
         over_factors(known.gather(log_density(errors_of(some, told.next_state), scale)))
@@ -211,6 +211,14 @@ def _corrected(
     """Return predictions, those of some rows corrected by the network."""
     after, rows = physics_next.copy(), told.corrected
     if rows.any():
-        weighed = with_mass_ratio(pushes.state[rows], told.posterior.mass_ratio[rows])
+        weighed = _weighed(model, pushes.state, told.posterior)[rows]
         after[rows] = model.network_correct(weighed, pushes.action[rows], physics_next[rows])
     return after
+
+
+def _weighed(model: "SainDynamics", scenes: Scenes, posterior: Posterior) -> Scenes:
+    """Return scenes (R, N, 8) for a model's network, which applies the ratio of its own prior."""
+    assert model.belief is not None and isinstance(model.prior, PlanarPrior)
+    ratios = np.array([structure.config.mass_ratio for structure in model.belief.structures])
+    found = ratios[posterior.structure] * posterior.mass_ratio
+    return with_mass_ratio(scenes, found / model.prior.config.mass_ratio)
