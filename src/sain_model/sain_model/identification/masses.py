@@ -20,7 +20,7 @@ from sain_model.physics.friction import FrictionConfig, FrictionFilter, ways
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import with_mass_ratio
 
-RATIOS: Final = 25  # looked at, evenly in their logarithm
+RATIOS: Final = 17  # looked at, evenly in their logarithm
 REACH: Final = 3.0  # standard deviations, from the one stated
 
 
