@@ -30,6 +30,7 @@ from sain_model.dynamics.learning import (
     predict_past,
 )
 from sain_model.dynamics.settings import IDENTITY
+from sain_model.dynamics.spreads import physics_spread
 from sain_model.identification.belief_file import read_belief
 from sain_model.identification.beliefs import Belief
 from sain_model.identification.masses import MassFilter
@@ -279,14 +280,10 @@ class SainDynamics:
         if mass_log_std is None:
             mass_log_std = np.full(len(pushes), self.mass_log_std)
         physics_next = step_knowing(self.prior, scenes, pushes, friction)
-        spread = self._friction_spread(scenes, pushes, friction, friction_log_std)
-        if mass_log_std.any():
-            masses = self._mass_spread(scenes, pushes, friction, mass_log_std)
-            spread = np.hypot(spread, masses)
         prediction = Prediction(
             self.correct(scenes, pushes, physics_next),
             self.members_spread(scenes, pushes, physics_next),
-            spread,
+            physics_spread(self, scenes, pushes, friction, friction_log_std, mass_log_std),
         )
         told = self.with_regions(prediction, scenes, pushes)
         if told.radius is None or self.widening == 1.0:
@@ -390,26 +387,6 @@ class SainDynamics:
             each = self.network.to(self.device).each(*features.tensors(self.device))[..., :2]
         variance = each.double().var(dim=0).sum(dim=-1)  # (B, N), in any frame
         return np.where(pushes[:, LENGTH, None] == 0.0, 0.0, variance.sqrt().cpu().numpy())
-
-    def _friction_spread(
-        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None, log_std: Scalars
-    ) -> Float[ndarray, "B N"]:
-        """Return how far places move with a standard deviation of the friction's logarithm [m]."""
-        if not isinstance(self.prior, PlanarPrior) or not np.any(log_std):
-            return np.zeros(scenes.shape[:2])
-        usual = np.full(len(pushes), self.prior.config.friction) if friction is None else friction
-        less, more = (self.step(scenes, pushes, usual * np.exp(way * log_std)) for way in (-1, 1))
-        return np.asarray(np.linalg.norm((more - less)[..., POSITION], axis=-1) / 2)
-
-    def _mass_spread(
-        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None, log_std: Scalars
-    ) -> Float[ndarray, "B N"]:
-        """Return how far places move with a standard deviation of the masses' ratio [m]."""
-        less, more = (
-            self.step(with_mass_ratio(scenes, np.exp(way * log_std)), pushes, friction)
-            for way in (-1, 1)
-        )
-        return np.asarray(np.linalg.norm((more - less)[..., POSITION], axis=-1) / 2)
 
 
 def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Scenes:
