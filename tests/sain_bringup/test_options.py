@@ -137,15 +137,17 @@ def test_commands_say_it_all(prefix: Path, tmp_path: Path) -> None:
     )
 
 
-def test_simulator_and_planner_are_told_the_same_of_the_camera(
+def test_simulator_planner_and_model_are_told_the_same_of_the_camera(
     prefix: Path, tmp_path: Path
 ) -> None:
-    seen = ObservationConfig(noise="0.005,0.035", delay=0.1)
+    seen = ObservationConfig(noise="0.005,0.035", delay=0.1, unknown="mass")
     commands = graph_commands(GraphOptions(camera=seen), [], tmp_path)
     for name, part in (("simulator", "camera"), ("planner", "estimator")):
         assert f"{part}.noise:=0.005,0.035" in commands[name]
         assert f"{part}.delay:=0.1" in commands[name]
+        assert f"{part}.unknown:=mass" in commands[name]
         assert not any("bias" in word for word in commands[name])
+    assert "unknown:=mass" in commands["model"]
 
 
 def test_without_a_bag_nothing_is_recorded(prefix: Path, tmp_path: Path) -> None:

@@ -46,7 +46,9 @@ def graph_commands(
     planner = {f"estimator.{name}": str(value) for name, value in told.items()}
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
-    belief = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
+    model = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
+    if options.camera.unknown:
+        model["unknown"] = options.camera.unknown
     seed = {"seed": str(options.seed)}
 
     def node(package: str, name: str, **parameters: str) -> list[str]:
@@ -57,7 +59,8 @@ def graph_commands(
 
     simulated = {"use_sim_time": "true"}  # the simulator's time is in all headers
     planner |= {"dynamics": "service", **seed, **simulated}
-    commands = {MODEL: node("sain_model", "model_node", model=options.model, **belief, **simulated)}
+    model |= {"model": options.model, **simulated}
+    commands = {MODEL: node("sain_model", "model_node", **model)}
     if options.bag is not None:
         about = [f"{key}={value}" for key, value in (custom_data or {}).items()]
         data = ["--custom-data", *about] if about else []

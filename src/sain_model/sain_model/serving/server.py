@@ -14,7 +14,7 @@ from sain_core.model_checks.response_check import (
     check_rollout,
     check_step,
 )
-from sain_core.plugins import load_dynamics, with_belief
+from sain_core.plugins import as_observed, load_dynamics, with_belief
 from sain_core.scene import THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
@@ -191,9 +191,11 @@ class ModelServer:
         return _residual(next_state, physics_next), next_state
 
     def _frictions(self) -> int:
-        """Return how many predictions a past push costs: one at each friction looked at."""
+        """Return how many predictions a past push costs: one for each pair that is looked at."""
         if isinstance(self._usual, PlanarPrior):
             return len(self._usual.filter().grid)
+        if is_residual(self._usual):
+            return self._usual.trials
         friction = self._usual.filter if is_learned(self._usual) else None
         return 1 if friction is None else len(friction.grid)
 
@@ -220,7 +222,7 @@ def load_server(config: ServingConfig) -> ModelServer:
         ModelUnavailableError: it predicts NaN or Inf.
     """
     dynamics = with_belief(config.model, load_dynamics(config.model), config.belief)
-    server = ModelServer(dynamics, config)
+    server = ModelServer(as_observed(dynamics, config.unknown), config)
     server.try_out()
     return server
 

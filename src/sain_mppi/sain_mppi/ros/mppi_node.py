@@ -11,7 +11,7 @@ from rclpy.node import Node
 from sain_core import wire
 from sain_core.dynamics import as_rollout
 from sain_core.errors import ErrorCode, SainError
-from sain_core.plugins import load_dynamics
+from sain_core.plugins import as_observed, load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.limits import shortened
@@ -59,7 +59,9 @@ class MppiNode(Node):
         self.config = config = read_parameters(self, MppiConfig)
         in_process = config.dynamics != SERVICE
         self.remote = None if in_process else RemoteRollout(self, config.model_timeout)
-        model = self.remote or as_rollout(load_dynamics(config.model))
+        model = self.remote or as_rollout(
+            as_observed(load_dynamics(config.model), config.estimator.unknown)
+        )
         self.agent = planning_agent(model, as_rollout(load_dynamics(config.prior)), config)
         LiveParameters(self, config, self._on_settings)
         self.worker = Worker(self, "planning")
