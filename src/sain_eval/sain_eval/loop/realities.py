@@ -3,7 +3,6 @@
 A reality is a world that executes pushes: an engine with its physics, or somebody else's benchmark.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import Any, Final
 
 from sain_core.errors import DatasetError
 from sain_core.observation import ObservationConfig, observation_settings, told_settings
+from sain_core.untrusted.json_text import read_json
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA
 
-MOST_BYTES: Final = 500_000_000  # of a results file
 NEEDED: Final = (
     "scenario", "controller", "tolerance", "heading_tolerance", "scenes", "successes", "rate",
     "pushes", "target_error", "most_goals", "goals_in_a_row",
@@ -50,9 +49,7 @@ def read_results(folder: Path) -> Results:
     """
     path = folder / RESULTS_FILE
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise DatasetError(f"{path} has more than {MOST_BYTES:,} bytes")
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         if content["schema"] != SCHEMA:
             raise DatasetError(f"{path} has the schema {content['schema']!r}; allowed: {SCHEMA!r}")
         lacking = {name for row in content["summary"] for name in NEEDED if name not in row}
@@ -69,7 +66,7 @@ def read_results(folder: Path) -> Results:
         )
     except OSError as error:
         raise DatasetError(f"{path} cannot be read ({error}); run an evaluation first") from error
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
         raise DatasetError(f"{path} holds no results of an evaluation: {error!r}") from error
 
 
