@@ -14,6 +14,7 @@ HELPERS = {
     "__main__",
     "cylinder_planning",
     "cylinder_world",
+    "hostile",
     "identification",
     "made_bags",
     "peer_figure",
