@@ -9,7 +9,7 @@ from rich.console import Console
 from sain_bags.cli.options import RecordOptions
 from sain_bags.ros.recorder import Recorder
 from sain_bags.ros.stop_signal import StopSignal
-from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, describe_gaps
+from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, UNDEFINED_KEY, describe_gaps
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
 from sain_bags.writing.selection import Selection
 from sain_bags.writing.writer import BagWriter
@@ -73,6 +73,8 @@ def record(options: RecordOptions, console: Console) -> None:
             last = status()
             if last.silent:
                 writer.custom_data[SILENT_KEY] = json.dumps(last.silent)
+            if recorder.undefined:
+                writer.custom_data[UNDEFINED_KEY] = json.dumps(recorder.undefined)
             recorder.destroy_node()
     size = sum(path.stat().st_size for path in options.out.iterdir())
     console.print(last.final(options.out, size), highlight=False, markup=False)
