@@ -23,7 +23,8 @@ class Measured:
 
     state: str
     megabytes: float
-    seconds: float  # of the clock on the wall
+    seconds: float  # of the processor, which does not depend on what else the machine does
+    waited: float  # [s] of the clock on the wall
     code: int
     text: str  # on standard error
 
@@ -40,7 +41,7 @@ def measure(run: Callable[[], int | None]) -> Measured:
         while not ended and time.monotonic() < began + PATIENCE:
             ended, status, usage = os.wait4(child, os.WNOHANG)
             time.sleep(0 if ended else LOOK)
-        seconds = time.monotonic() - began
+        waited = time.monotonic() - began
         if not ended:
             os.kill(child, signal.SIGKILL)
             _, status, usage = os.wait4(child, 0)
@@ -51,7 +52,8 @@ def measure(run: Callable[[], int | None]) -> Measured:
     assert usage is not None
     code = os.waitstatus_to_exitcode(status)
     state = ENDLESS if not ended else _judge(code, text, is_silent)
-    return Measured(state, usage.ru_maxrss / 1024, seconds, code, text)
+    seconds = usage.ru_utime + usage.ru_stime
+    return Measured(state, usage.ru_maxrss / 1024, seconds, waited, code, text)
 
 
 def _be_child(run: Callable[[], int | None], printed: int, output: int) -> None:

@@ -71,13 +71,16 @@ def record(options: RecordOptions, console: Console) -> None:
         finally:
             writer.custom_data[MISSING_KEY] = describe_gaps(recorder.gaps)
             last = status()
-            if last.silent:
-                writer.custom_data[SILENT_KEY] = json.dumps(last.silent)
-            if recorder.undefined:
-                writer.custom_data[UNDEFINED_KEY] = json.dumps(recorder.undefined)
+            writer.custom_data.update(about_silence(recorder, last.silent))
             recorder.destroy_node()
     size = sum(path.stat().st_size for path in options.out.iterdir())
     console.print(last.final(options.out, size), highlight=False, markup=False)
+
+
+def about_silence(recorder: Recorder, silent: tuple[str, ...]) -> dict[str, str]:
+    """Return the custom data about topics without messages or without a definition."""
+    found = {SILENT_KEY: silent, UNDEFINED_KEY: recorder.undefined}
+    return {key: json.dumps(topics) for key, topics in found.items() if topics}
 
 
 def drain(recorder: Recorder) -> None:
