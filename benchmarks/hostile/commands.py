@@ -6,7 +6,10 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.hostile.goods import Goods
-from sain_core.cli.command_line import load
+from sain_bringup.options import ClosedLoopOptions
+from sain_core.cli.command_line import Command, load
+from sain_core.errors import SainError
+from sain_model.serving.settings import ServingConfig
 
 Run = Callable[[], int | None]
 SOON: Final = ("--wait", "0", "--rate", "1000", "--duration", "1")
@@ -14,11 +17,13 @@ SOON: Final = ("--wait", "0", "--rate", "1000", "--duration", "1")
 
 def commands(kind: str, path: Path, out: Path, goods: Goods) -> dict[str, Run]:
     """Return what reads a file of a kind, by name; `out` is a folder for what they write."""
-    file, data = str(path), str(goods.of("data").parent)
+    file = str(path)
 
     def run(name: str, *arguments: str) -> Run:
         package, _, command = name.partition(" ")
-        entry = load(f"{package} x", f"commands:{command}")
+        entry: Command = load(f"{package} x", f"commands:{command}")
+        for part in (entry.options, entry.work):  # imported here, and not once more in each child
+            load(entry.name, part)
         return lambda: entry([*arguments])
 
     if kind == "bag":
@@ -30,6 +35,9 @@ def commands(kind: str, path: Path, out: Path, goods: Goods) -> dict[str, Run]:
             "play": run("sain_bags play", file, *SOON),
         }
     evaluated = ("--open-loop", "1", "--out", str(out / "errors.json"))
+    if kind in ("checkpoint", "belief"):
+        data = str(goods.of("data").parent)
+        load("sain_model x", "serving.server:load_server")
     if kind == "checkpoint":
         return {
             "load_model": lambda: load_model(file),
@@ -58,9 +66,7 @@ def commands(kind: str, path: Path, out: Path, goods: Goods) -> dict[str, Run]:
 
 def load_model(name: str, belief: str = "") -> int:
     """Do what `model_node` does when it starts, and for `load_model`."""
-    from sain_core.errors import SainError
-    from sain_model.serving.server import load_server
-    from sain_model.serving.settings import ServingConfig
+    from sain_model.serving.server import load_server  # loads PyTorch
 
     try:
         load_server(ServingConfig(model=name, belief=belief))
@@ -72,9 +78,6 @@ def load_model(name: str, belief: str = "") -> int:
 
 def check_parameters(path: Path) -> int:
     """Do what `closed_loop` does with a file of parameters."""
-    from sain_bringup.options import ClosedLoopOptions
-    from sain_core.errors import SainError
-
     try:
         ClosedLoopOptions(params_file=path)
     except SainError as error:
