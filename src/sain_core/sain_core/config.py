@@ -138,6 +138,7 @@ def typed_settings(kind: type["Config"], settings: Mapping[str, Any]) -> dict[st
             allowed = _allowed_types(hint)
             if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
                 raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
+            found[name] = float(value) if hint is float else value  # NumPy takes no large integers
     return found
 
 
