@@ -130,8 +130,7 @@ def typed_settings(kind: type["Config"], settings: Mapping[str, Any]) -> dict[st
     for name, value in settings.items():
         hint = right.get(name, object)
         if get_origin(hint) is tuple and isinstance(value, list):
-            found[name] = tuple(value)
-            _check_elements(name, found[name], get_args(hint)[0])
+            found[name] = _elements(name, value, get_args(hint)[0])
         elif isinstance(value, dict) and isinstance(hint, type) and issubclass(hint, Config):
             found[name] = hint(**typed_settings(hint, value))
         else:
@@ -149,8 +148,9 @@ def _allowed_types(hint: Any) -> tuple[type, ...]:
     return (int, float) if hint is float else (tuple if get_origin(hint) is tuple else hint,)
 
 
-def _check_elements(name: str, values: tuple[Any, ...], hint: Any) -> None:
+def _elements(name: str, values: list[Any], hint: Any) -> tuple[Any, ...]:
     allowed = _allowed_types(hint)
     for place, value in enumerate(values):
         if hint in (bool, int, float, str) and not isinstance(value, allowed):
             raise TypeError(f"{name}[{place}] is {value!r}; it must be of type {hint.__name__}")
+    return tuple(map(float, values)) if hint is float else tuple(values)
