@@ -22,6 +22,7 @@ from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.untrusted.limits import DECODED_BYTES, limit
 from sain_core.untrusted.time_allowance import TimeAllowance
 
+BAD_DEFINITION: Final = (InvalidSpecification, InvalidValue, NameError)
 DECODING: Final = (
     ValueError, IndexError, KeyError, TypeError, AttributeError, OverflowError, RecursionError,
     NotImplementedError, struct.error, MemoryError,
@@ -224,7 +225,7 @@ def _decoder(source: BagChannel, path: Path) -> Callable[[bytes], Any]:
         source.definition()
         with redirect_stderr(StringIO()):  # the parser prints what it raises, too
             found = DecoderFactory().decoder_for(source.channel.message_encoding, source.schema)
-    except (DatasetError, McapError, InvalidSpecification, InvalidValue, *DECODING) as error:
-        raise DatasetError(f"{path}: {error}") from error
+    except (DatasetError, McapError, *BAD_DEFINITION, *DECODING) as error:
+        raise DatasetError(f"{path}: {' '.join(str(error).split())}") from error
     assert found is not None
     return found
