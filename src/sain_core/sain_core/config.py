@@ -137,7 +137,9 @@ def typed_settings(kind: type["Config"], settings: Mapping[str, Any]) -> dict[st
             allowed = _allowed_types(hint)
             if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
                 raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
-            found[name] = float(value) if hint is float else value  # NumPy takes no large integers
+            found[name] = (
+                float(settings[name]) if hint is float else value
+            )  # NumPy takes no large integers
     return found
 
 
@@ -153,4 +155,4 @@ def _elements(name: str, values: list[Any], hint: Any) -> tuple[Any, ...]:
     for place, value in enumerate(values):
         if hint in (bool, int, float, str) and not isinstance(value, allowed):
             raise TypeError(f"{name}[{place}] is {value!r}; it must be of type {hint.__name__}")
-    return tuple(map(float, values)) if hint is float else tuple(values)
+    return tuple(float(value) for value in values) if hint is float else tuple(values)
