@@ -83,6 +83,13 @@ BAGS: Final[dict[str, Make]] = {
     "schema: long default": with_file(
         lambda _: schema_of(b"int32[] x [" + b"1," * 400_000 + b"1]")
     ),
+    "message: many sequences": with_file(
+        lambda _: schema_of(SMALL, struct.pack("<I", 900_000) + bytes(900_000), repeats=7)
+    ),
+    "message: many fields": with_file(
+        lambda _: schema_of(b"".join(b"uint8 f%d\n" % n for n in range(4900)), repeats=1300)
+    ),
+    "chunk: messages allowed": with_file(lambda _: forge([tiny(240_000)] * 2, messages=480_000)),
     "message: long sequence": with_file(
         lambda _: schema_of(SMALL, struct.pack("<I", 3 * MIB) + bytes(3 * MIB))
     ),

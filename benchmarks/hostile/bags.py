@@ -95,14 +95,14 @@ def tiny(count: int) -> Chunk:
     return Chunk("zstd", zstandard.ZstdCompressor().compress(data), 9, 1, 0, len(data))
 
 
-def schema_of(text: bytes, data: bytes = bytes(4096), suffix: str = "") -> bytes:
+def schema_of(text: bytes, data: bytes = bytes(4096), suffix: str = "", repeats: int = 1) -> bytes:
     """Return a file in which all types of the graph have this definition."""
     names = (f"{name}{suffix}" if suffix else name for name in TYPES)
     schemas = [Schema(n, text, "ros2msg", name) for n, name in enumerate(names, 1)]
-    content = b"".join(message(b"\0\1\0\0" + data, one.id, one.id) for one in schemas)
+    content = b"".join(message(b"\0\1\0\0" + data, one.id, one.id) for one in schemas) * repeats
     pack = zstandard.ZstdCompressor().compress
     chunk = Chunk("zstd", pack(content), 9, 1, 0, len(content))
-    return forge([chunk], schemas, messages=len(schemas))
+    return forge([chunk], schemas, messages=len(schemas) * repeats)
 
 
 def rewritten(good: Path, bad: Path, random: Random) -> None:

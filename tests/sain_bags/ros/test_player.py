@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from rcl_interfaces.srv import ListParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import (
     Qos,
@@ -22,6 +23,7 @@ from std_msgs.msg import Bool, String
 from sain_bags.bag.metadata import INFINITE, Topic, TopicQos, read_profiles
 from sain_bags.playing import Passage, PassageConfig, choose_topics, play
 from sain_bags.reading.reader import Bag, Raw
+from sain_bags.ros.parameter_requests import requests_served
 from sain_bags.ros.player import Player
 from sain_bags.writing.writer import BagWriter
 from sain_bringup.graph import executable
@@ -266,6 +268,20 @@ def test_the_profiles_of_a_sqlite3_bag_are_kept(
     assert node.latched == {"/goal": 3}
     (info,) = node.get_publishers_info_by_topic("/chat")
     assert info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+
+
+def test_it_answers_what_its_parameters_are(recording: Recording, graph) -> None:
+    say(recording, "/chat", "word")
+    node = Player(choose_topics(closed(recording), ()), "", context=graph.context)
+    client = graph.bystander.create_client(ListParameters, "/player/list_parameters")
+    try:
+        with requests_served(node):
+            graph.wait(client.service_is_ready, "the player's service")
+            answer = client.call_async(ListParameters.Request())
+            graph.wait(answer.done, "its answer")
+        assert "use_sim_time" in answer.result().result.names
+    finally:
+        node.destroy_node()
 
 
 def _qos(profile: TopicQos) -> Qos:
