@@ -14,6 +14,8 @@ HELPERS = {
     "__main__",
     "cylinder_planning",
     "cylinder_world",
+    "faults",
+    "hostile",
     "hostile_entries",
     "hostile_flood",
     "hostile_table",

@@ -8,6 +8,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from sain_bags.bag.definitions import Definitions
@@ -16,7 +17,7 @@ from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.scene import STATE_NAMES
 from sain_core.seeding import generator
 
-INTERFACES = ("DiskState", "Scene", "Goal", "Push", "PushResult", "PushPrediction")
+INTERFACES = ("DiskState", "Scene", "GoalPose", "Goal", "Push", "PushResult", "PushPrediction")
 BESIDE = {  # what else a graph says for each scene, with its size [bytes] in CDR
     "/clock": ("rosgraph_msgs/msg/Clock", 12),
     "/sain/joint_states": ("sensor_msgs/msg/JointState", 296),
@@ -110,9 +111,9 @@ class MadeBag:
             if field in ("header", "stamp") and field not in fields:
                 nested = ("Header", "std_msgs") if field == "header" else _TIME
                 fields[field] = self._make(*nested)
-        blank = {"frame_id": "", "error_message": "", "sec": 0, "nanosec": 0}
-        names = (field.name for field in dataclasses.fields(kind) if field.init)  # type: ignore[arg-type]
-        return kind(**{name: fields.get(name, blank.get(name, 0)) for name in names})
+        items = [field for field in dataclasses.fields(kind) if field.init]  # type: ignore[arg-type]
+        blank = {field.name: _blank(str(field.type)) for field in items}
+        return kind(**{name: fields.get(name, value) for name, value in blank.items()})
 
     def _send(self, topic: str, name: str, **fields: Any) -> None:
         data = self._serialize(name, self._make(name, **fields))
@@ -126,6 +127,12 @@ class MadeBag:
             self.writer.add_topic(Topic(topic, kind, self._definitions.joined(kind)))
         self._now += wait + 1
         self.writer.write(topic, data, self._now)
+
+
+def _blank(kind: str) -> Any:
+    if "ndarray" in kind:
+        return np.zeros(0)
+    return [] if kind.startswith("list") else {"str": "", "bool": False}.get(kind, 0)
 
 
 _TIME = ("Time", "builtin_interfaces")

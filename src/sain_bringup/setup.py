@@ -18,7 +18,7 @@ setup(
         (f"share/{package_name}/launch", sorted(map(str, Path("launch").glob("*.launch.py")))),
         (f"share/{package_name}/config", sorted(map(str, Path("config").glob("*.*")))),
     ],
-    install_requires=["jaxtyping", "numpy", "pillow", "pyyaml", "rich", "tyro"],
+    install_requires=["jaxtyping", "numpy", "pillow", "rich", "tyro"],
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -15,7 +15,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "matplotlib", "numpy", "rich", "shapely", "tyro"],
+    install_requires=["jaxtyping", "matplotlib", "numpy", "pyyaml", "rich", "shapely", "tyro"],
     extras_require={"ray": ["ray"]},
     zip_safe=False,
 )

@@ -173,6 +173,7 @@ def _examine_chunk(
             messages.append((one.start, record))
     assert messages
     times = [message.log_time for _, message in messages]
+    assert times == sorted(times)
     assert (placed.record.message_start_time, placed.record.message_end_time) == (
         min(times),
         max(times),

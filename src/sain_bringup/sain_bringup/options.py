@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Annotated, Final
 
 import tyro
-import yaml
 
 from sain_core.config import Config, option
-from sain_core.errors import ConfigError, OutputError
+from sain_core.errors import ConfigError, OutputError, UntrustedFileError
 from sain_core.observation import ObservationConfig, told_settings
 from sain_core.plugins import check_model_name
 from sain_core.storage import make_folder
+from sain_core.untrusted.yaml_text import read_yaml
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_sim.world.engines import BULLET, ENGINES, check_engine
 
@@ -229,13 +229,11 @@ def make_output_folder(options: ClosedLoopOptions) -> Path:
 
 def _check_parameter_file(path: Path) -> None:
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = read_yaml(path)
     except OSError as error:
         raise ConfigError(f"--params-file {path}: {error.strerror or error}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(
-            f"--params-file {path} is not YAML: {' '.join(str(error).split())}"
-        ) from error
+    except UntrustedFileError as error:
+        raise ConfigError(f"--params-file {path} is not read: {error}") from error
     nodes = content if isinstance(content, dict) else {}
     if not nodes or not all(
         isinstance(node, dict) and "ros__parameters" in node for node in nodes.values()

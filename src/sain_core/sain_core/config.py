@@ -13,7 +13,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field
 from math import isfinite
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from sain_core.errors import ConfigError
 
@@ -123,3 +123,41 @@ def check_field(field_name: str, item: "dataclasses.Field[Any]", value: Any) -> 
             raise ConfigError(f"{name} is {number}{unit}; it must be at least {low}{unit}")
         if high is not None and number > high:
             raise ConfigError(f"{name} is {number}{unit}; it must be at most {high}{unit}")
+
+
+def typed_settings(kind: type["Config"], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings that come from JSON, lists as tuples and objects as nested settings.
+
+    Raises:
+        TypeError: naming the one whose value is not of the right type.
+    """
+    right, found = get_type_hints(kind), dict(settings)
+    for name, value in settings.items():
+        hint = right.get(name, object)
+        if get_origin(hint) is tuple and isinstance(value, list):
+            found[name] = _elements(name, value, get_args(hint)[0])
+        elif isinstance(value, dict) and isinstance(hint, type) and issubclass(hint, Config):
+            found[name] = hint(**typed_settings(hint, value))
+        else:
+            allowed = _allowed_types(hint)
+            if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
+                raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
+            found[name] = (
+                float(settings[name]) if hint is float else value
+            )  # NumPy takes no large integers
+    return found
+
+
+def _allowed_types(hint: Any) -> tuple[type, ...]:
+    """Return the types of values; a command line makes its choices the hint of a text."""
+    if get_origin(hint) is Literal:
+        return (str,)
+    return (int, float) if hint is float else (tuple if get_origin(hint) is tuple else hint,)
+
+
+def _elements(name: str, values: list[Any], hint: Any) -> tuple[Any, ...]:
+    allowed = _allowed_types(hint)
+    for place, value in enumerate(values):
+        if hint in (bool, int, float, str) and not isinstance(value, allowed):
+            raise TypeError(f"{name}[{place}] is {value!r}; it must be of type {hint.__name__}")
+    return tuple(float(value) for value in values) if hint is float else tuple(values)

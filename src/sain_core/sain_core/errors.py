@@ -100,6 +100,13 @@ class DatasetError(SainError, code=ErrorCode.DATASET):
     """A data set that is missing, damaged or lacks what is needed."""
 
 
+class UntrustedFileError(DatasetError, ValueError, code=ErrorCode.DATASET):
+    """A file that is not read: no regular file, or beyond a limit of `sain_core.untrusted`.
+
+    The message does not name the file. Who reads it does, in an error of its own kind.
+    """
+
+
 class ModelUnavailableError(SainError, code=ErrorCode.MODEL_UNAVAILABLE):
     """The model did not answer, answered late, or answered with NaN."""
 

@@ -9,23 +9,31 @@ import contextlib
 import json
 import os
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
 from io import BytesIO
+from math import prod
 from pathlib import Path
 from typing import IO, Any, Final
 
 import numpy as np
 from numpy import ndarray
 
-from sain_core.errors import DatasetError, OutputError
+from sain_core.errors import DatasetError, OutputError, UntrustedFileError
+from sain_core.untrusted.files import open_regular
+from sain_core.untrusted.limits import limit, unpacked_bytes
 
 PARTIAL: Final = ".partial"  # suffix of what is not whole yet
 ZIP_MAGIC: Final = b"PK\x03\x04"
 ZIP_END: Final = b"PK\x05\x06"  # begins the last record, which may have a comment
 ZIP_COUNT: Final = 10  # from there to the number of entries, two bytes
 ZIP_TAIL: Final = 22 + 65535  # the most bytes from there to the end
+NPY_HEADERS: Final = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 DAMAGE: Final = (
     OSError,
     ValueError,
@@ -36,6 +44,8 @@ DAMAGE: Final = (
     RuntimeError,  # "encrypted"
     MemoryError,
     SyntaxError,  # numpy's own header
+    tokenize.TokenError,  # likewise
+    RecursionError,
     zipfile.BadZipFile,
     zlib.error,
     struct.error,
@@ -49,29 +59,46 @@ def read_arrays(path: Path) -> dict[str, ndarray]:
         DatasetError: it does not exist, is truncated, or a bit of it has flipped.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             if file.read(len(ZIP_MAGIC)) != ZIP_MAGIC:  # numpy would take it for a pickle
                 raise DatasetError(f"{path} is not a whole .npz file: it does not begin as one")
-        with np.load(path, allow_pickle=False) as archive:
-            if len(archive.files) != _entries(path):
-                raise DatasetError(f"{path} is not a whole .npz file: an array has got lost")
-            return {name: archive[name] for name in archive.files}
+            entries = _entries(file)
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as archive:
+                if len(archive.files) != entries:
+                    raise DatasetError(f"{path} is not a whole .npz file: an array has got lost")
+                _check_sizes(archive.zip, file)
+                return {name: archive[name] for name in archive.files}
     except FileNotFoundError:
         raise DatasetError(f"{path} does not exist") from None
+    except UntrustedFileError as error:
+        raise DatasetError(f"{path} is not read: {error}") from error
     except DAMAGE as error:
         raise DatasetError(f"{path} is not a whole .npz file: {error}") from error
 
 
-def _entries(path: Path) -> int:
+def _check_sizes(archive: zipfile.ZipFile, file: IO[bytes]) -> None:
+    """Check that arrays are not larger than they may be, nor than what is stored of them."""
+    size = file.seek(0, os.SEEK_END)
+    infos = archive.infolist()
+    limit("bytes in its arrays", sum(info.file_size for info in infos), unpacked_bytes(size))
+    for info in infos:
+        with archive.open(info) as member:
+            read_header = NPY_HEADERS[np.lib.format.read_magic(member)]
+            shape, _, dtype = read_header(member)
+            if not 0 <= prod(shape) * max(dtype.itemsize, 1) <= info.file_size:
+                raise UntrustedFileError(f"an array of shape {shape} is larger than its file")
+
+
+def _entries(file: IO[bytes]) -> int:
     """Return how many files the end of a zip archive says are in it.
 
     Python's `zipfile` does not look: where the length of an entry's comment is damaged, it takes
     the entries after it for the comment.
     """
-    with path.open("rb") as file:
-        size = file.seek(0, os.SEEK_END)
-        file.seek(max(size - ZIP_TAIL, 0))
-        tail = file.read()
+    size = file.seek(0, os.SEEK_END)
+    file.seek(max(size - ZIP_TAIL, 0))
+    tail = file.read()
     place = tail.rfind(ZIP_END)
     return int(struct.unpack_from("<H", tail, place + ZIP_COUNT)[0]) if place >= 0 else -1
 

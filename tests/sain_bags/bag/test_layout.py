@@ -7,7 +7,7 @@ import yaml
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from sain_bags.bag.metadata import METADATA_KEY, METADATA_RECORD, Topic, TopicQos
+from sain_bags.bag.metadata import METADATA_KEY, METADATA_RECORD, START_RECORD, Topic, TopicQos
 from sain_bags.reading.reader import Bag
 from sain_bags.writing.gaps import MISSING_KEY
 from sain_bags.writing.writer import BagConfig, BagWriter
@@ -63,7 +63,7 @@ def test_a_file_says_what_its_bag_is_about_first_and_last(tmp_path: Path) -> Non
     record(tmp_path / "bag", BagConfig(chunk_size=4096))
     with (tmp_path / "bag" / "bag_0.mcap").open("rb") as stream:
         records = list(make_reader(stream).iter_metadata())
-    assert [found.name for found in records] == [METADATA_RECORD] * 2
+    assert [found.name for found in records] == [START_RECORD, METADATA_RECORD]
     first, last = (yaml.safe_load(found.metadata[METADATA_KEY]) for found in records)
     assert first["custom_data"] == {"seed": "7"}
     assert (first["message_count"], last["message_count"]) == (0, 400)

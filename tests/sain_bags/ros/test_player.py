@@ -6,13 +6,24 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from rcl_interfaces.srv import ListParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import StoragePlugin, Writer
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, String
 
-from sain_bags.bag.metadata import Topic, TopicQos
+from sain_bags.bag.metadata import INFINITE, Topic, TopicQos, read_profiles
 from sain_bags.playing import Passage, PassageConfig, choose_topics, play
 from sain_bags.reading.reader import Bag, Raw
+from sain_bags.ros.parameter_requests import requests_served
 from sain_bags.ros.player import Player
 from sain_bags.writing.writer import BagWriter
 from sain_bringup.graph import executable
@@ -232,3 +243,58 @@ def test_damage_is_told(recording, command):
     bag.file.write_bytes(whole)
     done = subprocess.run([*command, str(bag.path), "--wait", "0"], capture_output=True, text=True)
     assert done.returncode == 1 and "damaged or not whole" in done.stderr
+
+
+def test_the_profiles_of_a_sqlite3_bag_are_kept(
+    recording: Recording, player: Callable[..., Player], tmp_path: Path
+) -> None:
+    profile = TopicQos(durability="transient_local", depth=3, history="keep_last")
+    say(recording, "/goal", "here", offered_qos=(profile,))
+    say(recording, "/chat", "word", offered_qos=(TopicQos(reliability="best_effort"),))
+    recorded = closed(recording)
+    with Writer(tmp_path / "other", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        for raw in recorded.raw_messages():
+            (topic,) = (one for one in recorded.topics if one.name == raw.topic)
+            connection = writer.add_connection(
+                raw.topic,
+                raw.type,
+                typestore=recording.messages.store,
+                offered_qos_profiles=[_qos(one) for one in read_profiles(topic.offered_qos)],
+            )
+            writer.write(connection, raw.log_time, raw.data)
+    bag = Bag(tmp_path / "other")
+    assert bag.file.suffix == ".db3"
+    node = player(bag)
+    assert node.latched == {"/goal": 3}
+    (info,) = node.get_publishers_info_by_topic("/chat")
+    assert info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+
+
+def test_it_answers_what_its_parameters_are(recording: Recording, graph) -> None:
+    say(recording, "/chat", "word")
+    node = Player(choose_topics(closed(recording), ()), "", context=graph.context)
+    client = graph.bystander.create_client(ListParameters, "/player/list_parameters")
+    try:
+        with requests_served(node):
+            graph.wait(client.service_is_ready, "the player's service")
+            answer = client.call_async(ListParameters.Request())
+            graph.wait(answer.done, "its answer")
+        assert "use_sim_time" in answer.result().result.names
+    finally:
+        node.destroy_node()
+
+
+def _qos(profile: TopicQos) -> Qos:
+    """Return a profile in the words of `rosbags`."""
+    forever = QosTime(*INFINITE)
+    return Qos(
+        QosHistory[profile.history.upper()],
+        profile.depth,
+        QosReliability[profile.reliability.upper()],
+        QosDurability[profile.durability.upper()],
+        forever,
+        forever,
+        QosLiveliness.AUTOMATIC,
+        forever,
+        avoid_ros_namespace_conventions=False,
+    )

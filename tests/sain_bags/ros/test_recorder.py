@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
+from rcl_interfaces.srv import ListParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -13,10 +14,11 @@ from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
+from sain_bags.cli.info import warnings_about
 from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import read_timings
 from sain_bags.ros.endpoints import message_class
-from sain_bags.ros.record import drain, parse_custom_data
+from sain_bags.ros.record import about_silence, drain, parse_custom_data
 from sain_bags.ros.recorder import Recorder
 from sain_bags.writing.selection import Selection
 from sain_bags.writing.writer import BagConfig, BagWriter
@@ -88,6 +90,51 @@ def test_topics_that_appear_late_are_recorded(studio: Studio) -> None:
     (scene,) = (received.message for received in bag.messages(["/late"]))
     assert (scene.scene_id, scene.disks[0].x) == (7, 0.5)
     assert {"/early", "/late", "/rosout"} <= {topic.name for topic in bag.topics}
+
+
+def test_it_answers_what_its_parameters_are(studio: Studio) -> None:
+    studio.start()
+    client = studio.player.create_client(ListParameters, "/recorder/list_parameters")
+    studio.spin_until(client.service_is_ready)
+    answer = client.call_async(ListParameters.Request())
+    studio.spin_until(answer.done)
+    assert "use_sim_time" in answer.result().result.names
+
+
+class Warnings:
+    """In the place of a node's logger."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def warning(self, text: str) -> None:
+        self.texts.append(text)
+
+
+def test_absent_topics_and_undefined_types_are_warned_of_and_listed(
+    studio: Studio, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sain_bags.ros.recorder.ABSENCE_TIME", 0.1)
+    monkeypatch.setattr("sain_bags.ros.recordable_types.Definitions.joined", lambda *_: "")
+    studio.start("/said", "/never")
+    warnings = Warnings()
+    monkeypatch.setattr(studio.recorder, "get_logger", lambda: warnings)
+    said = studio.player.create_publisher(String, "said", 10)
+    studio.listened("/said")
+    said.publish(String(data="word"))
+    studio.recorded("/said", 1)
+    studio.spin_until(lambda: len(warnings.texts) > 1)
+    assert sorted(warnings.texts) == [
+        "/never was asked for, and nobody publishes it",
+        "/said is recorded without a definition of std_msgs/msg/String: its node gave none",
+    ]
+    studio.writer.custom_data.update(about_silence(studio.recorder, ("/never",)))
+    bag = studio.end()
+    assert list(warnings_about(bag)) == [
+        "No message came on /never",
+        "Without a definition of their messages: /said",
+        "Missing messages are counted from the first of each topic",
+    ]
 
 
 def test_what_was_latched_before_is_recorded(studio: Studio) -> None:

@@ -140,7 +140,7 @@ def test_bags_that_rosbags_wrote(
 def test_a_sqlite3_bag_that_is_none(bag: Path) -> None:
     metadata = bag / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace("identifier: mcap", "identifier: sqlite3"))
-    with pytest.raises(DatasetError, match=r"metadata.yaml names a bag that `rosbags` cannot read"):
+    with pytest.raises(DatasetError, match=r"bag_0.mcap cannot be read: file is not a database"):
         Bag(bag)
     (bag / "x.db3").write_bytes(b"")
     with pytest.raises(DatasetError, match=r"x.db3 is a file of a sqlite3 bag; name the folder"):

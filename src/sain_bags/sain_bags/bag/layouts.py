@@ -63,8 +63,9 @@ def read_types(name: str, text: str) -> MessageTypes:
     """
     try:
         found = get_types_from_msg(text, name)
-    except TypesysError as error:
-        raise DatasetError(f"the definition of {name} cannot be read: {error}") from error
+    except (TypesysError, LookupError, RecursionError, ValueError) as error:
+        reason = " ".join(str(error).split())[:300]
+        raise DatasetError(f"the definition of {name} cannot be read: {reason}") from error
     types = {
         full: tuple(_field(*entry) for entry in fields) or (NO_FIELD,)
         for full, (_, fields) in found.items()

@@ -8,13 +8,16 @@ from typing import Any, Final
 import yaml
 from mcap.records import Metadata, Statistics
 
+from sain_bags.bag.metadata_check import check_metadata
 from sain_bags.mcap.integrity import RESCUE
 from sain_core.errors import DatasetError
+from sain_core.untrusted.yaml_text import parse_yaml, read_yaml
 
 LAYOUT_VERSION: Final = 9
 METADATA_FILE: Final = "metadata.yaml"
 METADATA_ROOT: Final = "rosbag2_bagfile_information"
 METADATA_RECORD: Final = "rosbag2"  # by this name a file's record of the same content is found
+START_RECORD: Final = "sain_bags"  # at the beginning of a file: what a crash leaves of it
 METADATA_KEY: Final = "serialized_metadata"
 INFINITE: Final = (9_223_372_036, 854_775_807)  # [s, ns], rmw's duration without end
 
@@ -127,8 +130,8 @@ def read_profiles(text: str) -> tuple[TopicQos, ...]:
     Up to version 8 of the layout, rosbag2 wrote rmw's numbers for the words.
     """
     try:
-        return tuple(_profile(record) for record in yaml.safe_load(text) or ())
-    except (yaml.YAMLError, TypeError, KeyError, ValueError, IndexError, AttributeError):
+        return tuple(_profile(record) for record in parse_yaml(text) or ())
+    except (OverflowError, TypeError, KeyError, ValueError, IndexError, AttributeError):
         return ()
 
 
@@ -150,8 +153,8 @@ def metadata_record(metadata: Mapping[str, Any]) -> dict[str, str]:
 def read_record(record: Metadata) -> dict[str, Any]:
     """Return the metadata of the bag in such a record; empty where it cannot be parsed."""
     try:
-        return dict(yaml.safe_load(record.metadata[METADATA_KEY]))
-    except (yaml.YAMLError, KeyError, TypeError, ValueError):
+        return check_metadata(parse_yaml(record.metadata[METADATA_KEY]))
+    except (KeyError, TypeError, ValueError):
         return {}
 
 
@@ -180,12 +183,12 @@ def find_files(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
             raise DatasetError(f"{path} is no bag: it has no {METADATA_FILE}")
         raise DatasetError(f"{path} was not closed: it has no {METADATA_FILE}; {RESCUE}")
     metadata = read_metadata(path)
-    named = metadata.get("relative_file_paths") or []
+    named = metadata["relative_file_paths"]
     # Up to version 3 of the layout the folder's name stood before the file's.
     files = tuple(path / PurePath(name).name for name in named)
     missing = [file.name for file in files if not file.is_file()]
     if not files or missing:
-        what = f"; {missing[0]} is not there" if missing else ""
+        what = f"; {missing[0]} is not there as a regular file" if missing else ""
         raise DatasetError(f"{path / METADATA_FILE} names the files {named}{what}")
     return metadata, files
 
@@ -198,8 +201,8 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     """
     path = folder / METADATA_FILE
     try:
-        return dict(yaml.safe_load(path.read_text(encoding="utf-8"))[METADATA_ROOT])
-    except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError) as error:
+        return check_metadata(read_yaml(path)[METADATA_ROOT])
+    except (OSError, ValueError, TypeError, KeyError) as error:
         raise DatasetError(
             f"{path} cannot be read ({error}); `ros2 bag reindex` makes a new one"
         ) from error

@@ -1,11 +1,13 @@
 """``ros2 run sain_bags info``: what a bag holds, and whether it is undamaged."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.text import Text
 
 from sain_bags.cli.options import InfoOptions
@@ -13,8 +15,21 @@ from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
 from sain_bags.transitions.message_fields import namespaces
 from sain_bags.transitions.recorded_episodes import Episode, read_episodes
-from sain_bags.writing.gaps import read_gaps
+from sain_bags.writing.gaps import SILENT_KEY, UNDEFINED_KEY, read_gaps, read_names
 from sain_core.cli.fitting_table import FittingTable
+
+LISTED: Final = (SILENT_KEY, UNDEFINED_KEY)  # custom data that has lines of its own
+
+
+def warnings_about(bag: Bag) -> Iterator[str]:
+    """Yield what a reader should see of a bag before its contents."""
+    if silent := read_names(bag.custom_data, SILENT_KEY):
+        yield f"No message came on {', '.join(silent)}"
+    undefined = {found.topic for found in bag.channels if not found.has_definition}
+    if undefined:
+        yield f"Without a definition of their messages: {', '.join(sorted(undefined))}"
+    if bag.message_count:
+        yield "Missing messages are counted from the first of each topic"
 
 
 def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:
@@ -80,14 +95,17 @@ def show(path: Path, console: Console, check: bool = True) -> None:
     size = bag.size / 1e6
     files = f" in {len(bag.files)} files" if len(bag.files) > 1 else ""
     began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(bag.start * 1e-9))
+    about = {key: value for key, value in bag.custom_data.items() if key not in LISTED}
     state = "every CRC is right" if check else "only its summary was checked"
     console.print(f"[bold]{path}[/]  {state}", highlight=False)
     console.print(
         f"{bag.message_count:,} messages in {bag.duration:.1f} s from {began}, {size:.2f} MB{files}"
-        + "".join(f"\n{key}: {value}" for key, value in bag.custom_data.items()),
+        + "".join(f"\n{key}: {value}" for key, value in about.items()),
         highlight=False,
         markup=False,
     )
+    for line in warnings_about(bag):
+        console.print(f"[yellow]{escape(line)}[/]", highlight=False, soft_wrap=True)
     console.print()
     console.print(topic_table(bag, timings), soft_wrap=True)
     for namespace in namespaces(bag):

@@ -11,6 +11,7 @@ from sain_bags.cli.options import RecoverOptions
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import RecoveryOutcome, Report
 from sain_bags.recovery.sidecar import read_sidecar
+from sain_core.errors import DatasetError
 
 LISTED: Final = 20  # losses that are printed one by one
 
@@ -67,7 +68,10 @@ def run(options: RecoverOptions, console: Console) -> int:
         DatasetError: there is no MCAP file at the source.
         OutputError: the new folder exists, or the source or the disk cannot be used.
     """
-    total = sum(path.stat().st_size for path in read_sidecar(options.bag).files)
+    try:
+        total = sum(path.stat().st_size for path in read_sidecar(options.bag).files)
+    except OSError as error:
+        raise DatasetError(f"{options.bag} cannot be read: {error}") from error
     columns = (BarColumn(), DownloadColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("recover", total=total)

@@ -32,7 +32,7 @@ def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
         TextColumn("{task.fields[what]}, left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console) as bar:
+    with Progress(*columns, console=console, transient=True) as bar:
         reading = bar.add_task("to_dataset", total=None, what="messages")
         writing = bar.add_task(options.conversion.format, visible=False, what="transitions written")
 

@@ -55,7 +55,7 @@ class BagRows:
     def parts(self, source: Source, bodies: EpisodeBodies) -> Iterator[BagPart]:
         """Stream the rows of a recording whose episodes have these bodies."""
         pairing = Pairing(source.has_results, source.has_predictions)
-        reader = MessageReader(source.bag.channels)
+        reader = MessageReader(source.bag.channels, source.bag.decoding)
         for batch in source.bag.batches(source.topics):
             with naming(source.bag.path):
                 pairing.read(reader.read(batch), len(batch))

@@ -1,6 +1,5 @@
 """The picture of a data set's card: a histogram of each quantity."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -11,6 +10,7 @@ from matplotlib.figure import Figure
 from sain_bags.dataset.dataset_folder import CARD_FILE, PICTURE_FILE
 from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
 from sain_core.drawing.palette import PALETTE
+from sain_core.untrusted.json_text import read_json
 
 COLUMNS: Final = 3
 
@@ -21,7 +21,7 @@ def draw_card(folder: Path) -> Path:
     Raises:
         OutputError: the folder cannot be written.
     """
-    card = json.loads((folder / CARD_FILE).read_text(encoding="utf-8"))
+    card = read_json(folder / CARD_FILE)
     return write_png(histograms(card["ranges"]), folder / PICTURE_FILE)
 
 

@@ -5,7 +5,6 @@ to; ``card.json`` is written last, and where it stands the data set is whole. Ro
 are gathered as npz shards, which makes every conversion one to go on with.
 """
 
-import json
 from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -28,6 +27,7 @@ from sain_core.dataset import (
 )
 from sain_core.errors import DatasetError, OutputError
 from sain_core.storage import PARTIAL, write_json
+from sain_core.untrusted.json_text import read_json
 
 IDENTITY_FILE: Final = "conversion.json"
 CARD_FILE: Final = "card.json"
@@ -133,7 +133,7 @@ def _read_identity(folder: Path) -> CardContent | None:
     try:
         if not folder.exists() or not any(folder.iterdir()):
             return None
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
     except NotADirectoryError as error:
         raise OutputError(f"{folder} is a file; choose a folder") from error
     except FileNotFoundError as error:

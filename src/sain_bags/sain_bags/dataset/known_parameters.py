@@ -49,7 +49,7 @@ def _worlds(source: Source) -> Iterator[tuple[int, ndarray]]:
     }
     if not topics:
         return
-    reader = MessageReader(source.bag.channels)
+    reader = MessageReader(source.bag.channels, source.bag.decoding)
     for batch in source.bag.batches(topics):
         for messages in reader.read(batch):
             columns = messages.table.columns

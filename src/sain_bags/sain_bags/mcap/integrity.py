@@ -18,13 +18,14 @@ from mcap.opcode import Opcode
 from mcap.records import Footer
 from mcap.stream_reader import StreamReader
 
-from sain_core.errors import DatasetError
+from sain_core.errors import DatasetError, UntrustedFileError
+from sain_core.untrusted.files import open_regular
+from sain_core.untrusted.limits import PIECE_BYTES, PIECE_RECORDS, limit, unpacked_bytes
 
 RECORD_HEAD: Final = struct.Struct("<BQ")  # opcode, length of the content
 CHUNK_HEAD: Final = struct.Struct("<QQQI")  # first and last time, size and CRC once decompressed
 MESSAGE_HEAD: Final = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 COMPRESSIONS: Final = (b"", b"lz4", b"zstd")
-LIMIT: Final = 1 << 30  # [bytes], what is larger is taken for a damaged length
 
 FOOTER_SIZE: Final = 1 + 8 + 8 + 8  # [bytes], opcode, length and the footer but its CRC
 TAIL_SIZE: Final = FOOTER_SIZE + 4 + 8  # with the CRC and the closing magic
@@ -39,6 +40,7 @@ DAMAGE: Final = (
     IndexError,
     MemoryError,
     RuntimeError,  # lz4
+    OverflowError,  # a length of 64 bits
     zstandard.ZstdError,
 )
 RESCUE: Final = "`ros2 run sain_bags recover BAG --out NEW` saves what is undamaged"
@@ -48,11 +50,13 @@ RESCUE: Final = "`ros2 run sain_bags recover BAG --out NEW` saves what is undama
 def opened(path: Path) -> Iterator[IO[bytes]]:
     """Open a file; what goes wrong with it inside becomes a `DatasetError` that names it."""
     try:
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             yield stream
     except OSError as error:
         raise DatasetError(f"{path} cannot be read: {error.strerror or error}") from error
-    except DAMAGE as error:
+    except UntrustedFileError as error:
+        raise DatasetError(f"{path} is not read: {error}") from error
+    except (DatasetError, *DAMAGE) as error:
         reason = str(error) or type(error).__name__
         raise DatasetError(f"{path} is damaged or not whole ({reason}); {RESCUE}") from error
 
@@ -67,7 +71,8 @@ def check_summary(stream: IO[bytes]) -> Footer:
     if size < TAIL_SIZE:
         raise McapError("it ends too early")
     stream.seek(size - TAIL_SIZE)
-    footer = next(iter(StreamReader(stream, skip_magic=True).records))
+    reader = StreamReader(stream, skip_magic=True, record_size_limit=TAIL_SIZE)
+    footer = next(iter(reader.records), None)
     if not isinstance(footer, Footer):
         raise McapError("it has no footer")
     if footer.summary_start > size:
@@ -80,6 +85,28 @@ def check_summary(stream: IO[bytes]) -> Footer:
         if rest or crc != footer.summary_crc:
             raise McapError("its summary does not match its CRC")
     return footer
+
+
+class Unpacking:
+    """Counts what a file unpacks to: a small one that holds much is not unpacked."""
+
+    def __init__(self, size: int) -> None:
+        """Begin for a file of this size [bytes]."""
+        self._allowed = self._left = unpacked_bytes(size)
+
+    def take(self, size: int) -> None:
+        """Count what unpacks to this size [bytes].
+
+        Raises:
+            UntrustedFileError: that is more than is allowed.
+        """
+        if size > PIECE_BYTES:
+            raise UntrustedFileError(f"a part of it has {size:,} bytes; allowed: {PIECE_BYTES:,}")
+        self._left -= size
+        if self._left < 0:
+            raise UntrustedFileError(
+                f"it unpacks to more than {self._allowed:,} bytes, too many for its size"
+            )
 
 
 @dataclass(frozen=True)
@@ -107,7 +134,7 @@ def open_chunk(content: bytes) -> OpenedChunk:
         DatasetError: it is damaged; the message says how it shows.
     """
     data, checked = chunk_data(memoryview(content))
-    records = tuple((opcode, data[start:end]) for opcode, start, end in _records(data))
+    records = tuple((opcode, data[start:end]) for opcode, start, end in records_in(data))
     return OpenedChunk(records, checked)
 
 
@@ -130,30 +157,45 @@ def chunk_data(content: memoryview) -> tuple[memoryview, bool]:
 def message_places(data: memoryview) -> list[int]:
     """Return where the message records of a chunk begin."""
     head = RECORD_HEAD.size
-    return [start - head for opcode, start, _ in _records(data) if opcode == Opcode.MESSAGE]
+    return [start - head for opcode, start, _ in records_in(data) if opcode == Opcode.MESSAGE]
 
 
 def _decompress(compression: bytes, data: memoryview, size: int) -> Any:
-    allowed = min(size, LIMIT)
+    if size > PIECE_BYTES:
+        raise DatasetError(f"it says to hold {size:,} bytes; allowed: {PIECE_BYTES:,}")
     try:
-        if compression == b"zstd":
-            # A frame that names its own size is given that much memory: not before it is looked at.
-            if zstandard.frame_content_size(data) > LIMIT:
-                raise DatasetError(f"it says to hold more than {LIMIT} bytes")
-            return zstandard.ZstdDecompressor().decompress(data, max_output_size=allowed)
-        if compression == b"lz4":
-            return LZ4FrameDecompressor().decompress(data, max_length=allowed + 1)
+        return unpack(compression, data, size)
     except (zstandard.ZstdError, RuntimeError, ValueError, EOFError, MemoryError) as error:
         if isinstance(error, DatasetError):
             raise
         raise DatasetError(f"it cannot be decompressed ({error})") from error
+
+
+def unpack(compression: bytes, data: Any, most: int) -> Any:
+    """Return the content of data that is compressed, without more memory than it may have.
+
+    Raises:
+        DatasetError: it has more than `most` bytes.
+        ZstdError, RuntimeError, ValueError, EOFError: it is damaged.
+    """
+    if compression == b"zstd":
+        # A frame that names its own size is given that much memory: not before it is looked at.
+        if zstandard.frame_content_size(data) > most:
+            raise DatasetError(f"it says to hold more than {most:,} bytes")
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=most)
+    if compression == b"lz4":
+        found = LZ4FrameDecompressor().decompress(data, max_length=most + 1)
+        if len(found) > most:
+            raise DatasetError(f"it holds more than {most:,} bytes")
+        return found
     return data
 
 
-def _records(data: memoryview) -> Iterator[tuple[int, int, int]]:
+def records_in(data: memoryview) -> Iterator[tuple[int, int, int]]:
     """Yield each record's opcode, and where its content begins and ends."""
-    place, size = 0, len(data)
+    place, size, count = 0, len(data), 0
     while place < size:
+        limit("records in a part", count := count + 1, PIECE_RECORDS)
         start = place + RECORD_HEAD.size
         if start > size:
             raise DatasetError("it ends inside a record")

@@ -1,4 +1,4 @@
-"""One MCAP file: its summary, and the stretches of it that messages are read from.
+"""One MCAP file: the stretches of it that messages are read from.
 
 Messages are found through the indexes that follow each chunk. No CRC covers those, so nothing of
 them is believed that the chunk, which has one, does not confirm; what they leave out shows in the
@@ -8,7 +8,6 @@ Format: https://mcap.dev/spec.
 """
 
 import struct
-import zlib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,26 +16,25 @@ from typing import IO, Any, Final
 import numpy as np
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
-from mcap.stream_reader import StreamReader
 from numpy import ndarray
 
 from sain_bags.mcap.integrity import (
     CHUNK_HEAD,
     MESSAGE_HEAD,
     RECORD_HEAD,
+    Unpacking,
     check_summary,
     chunk_data,
     message_places,
     opened,
 )
+from sain_bags.mcap.summary import Stretch, read_summary
+from sain_bags.mcap.whole_file import data_records
 from sain_core.errors import DatasetError
 
-MAGIC_SIZE: Final = 8
 CHANNELS: Final = 1 << 16  # their numbers have 16 bits
 STRETCH: Final = 1 << 18  # [bytes], of messages outside of chunks that are read together
 
-INDEX_PLACE: Final = struct.Struct("<HQ")  # channel, and where in the file
 INDEX_HEAD: Final = struct.Struct("<BQHI")  # opcode, length; channel, length of the entries
 INDEX_ENTRY: Final = np.dtype([("log_time", "<i8"), ("place", "<u8")])
 MESSAGE: Final = np.dtype(  # a message record up to its data
@@ -45,24 +43,6 @@ MESSAGE: Final = np.dtype(  # a message record up to its data
         "formats": ("u1", "<u8", "<u2", "<u4", "<i8", "<i8"),
     }
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Stretch:
-    """A chunk, or messages without a chunk; small, as a bag has thousands of them."""
-
-    first: int  # log times of its messages [ns since the epoch]
-    last: int
-    offset: int  # in the file [bytes]
-    size: int
-    is_chunk: bool
-    index_places: bytes = b""  # of the indexes, `INDEX_PLACE`
-    index_size: int = 0  # [bytes], of the indexes, which follow it
-
-    @property
-    def indexes(self) -> dict[int, int]:
-        """Where in the file the index of each channel is; empty: there is none."""
-        return dict(INDEX_PLACE.iter_unpack(self.index_places))
 
 
 @dataclass(frozen=True)
@@ -84,31 +64,13 @@ class McapFile:
             DatasetError: not a whole MCAP file, or its summary is damaged.
         """
         self.path = path
-        self.channels: dict[int, Channel] = {}
-        self.schemas: dict[int, Schema] = {}
-        self.metadata: list[str] = []  # names of its metadata
-        self._chunks: list[Stretch] = []
-        statistics: Statistics | None = None
         with opened(path) as stream:
             footer = check_summary(stream)
             self.is_verified = bool(footer.summary_crc)
-            stream.seek(footer.summary_start)
-            reader = StreamReader(stream, skip_magic=True)
-            for record in reader.records if footer.summary_start else ():
-                if isinstance(record, Statistics):
-                    statistics = record
-                elif isinstance(record, Schema):
-                    self.schemas[record.id] = record
-                elif isinstance(record, Channel):
-                    self.channels[record.id] = record
-                elif isinstance(record, ChunkIndex):
-                    self._chunks.append(_stretch(record))
-                elif isinstance(record, MetadataIndex):
-                    self.metadata.append(record.name)
-            if statistics is None:
-                raise McapError("it has no summary")
-        self.statistics: Statistics = statistics
-        self._chunks.sort(key=lambda chunk: chunk.offset)
+            summary = read_summary(stream, footer.summary_start)
+        self.channels, self.schemas = summary.channels, summary.schemas
+        self.statistics, self.metadata = summary.statistics, summary.metadata
+        self._chunks = summary.chunks
 
     def stretches(self, channels: Collection[int]) -> tuple[Stretch, ...]:
         """Return those that may hold messages of these channels, in the order of the file."""
@@ -134,6 +96,12 @@ class McapFile:
                     topic = self.channels[number].topic
                     raise McapError(f"{count} messages of {topic} were found, instead of {wanted}")
 
+    def limit_messages(self, found: int) -> None:
+        """Raise `DatasetError` where more messages were found than the statistics have."""
+        if found > self.statistics.message_count:
+            with opened(self.path):
+                raise McapError(f"it has more than {self.statistics.message_count} messages")
+
     def read(self, stretch: Stretch, channels: Collection[int]) -> Messages:
         """Read the messages of some channels, in the order of the file.
 
@@ -146,19 +114,6 @@ class McapFile:
             return _messages(content, stretch, channels)
 
 
-def _stretch(chunk: ChunkIndex) -> Stretch:
-    places = chunk.message_index_offsets.items()
-    return Stretch(
-        chunk.message_start_time,
-        chunk.message_end_time,
-        chunk.chunk_start_offset,
-        chunk.chunk_length,
-        True,
-        b"".join(INDEX_PLACE.pack(*place) for place in places),
-        chunk.message_index_length,
-    )
-
-
 def _messages(content: bytes, stretch: Stretch, channels: Collection[int]) -> Messages:
     data: Any = memoryview(content)[: stretch.size]
     if stretch.is_chunk:
@@ -166,6 +121,8 @@ def _messages(content: bytes, stretch: Stretch, channels: Collection[int]) -> Me
         if opcode != Opcode.CHUNK or length != stretch.size - RECORD_HEAD.size:
             raise McapError("a chunk is not where it should be")
         try:
+            if CHUNK_HEAD.unpack_from(data, RECORD_HEAD.size)[2] != stretch.unpacked_size:
+                raise DatasetError("its size is not as in its index")
             data, _ = chunk_data(data[RECORD_HEAD.size :])
         except DatasetError as error:
             raise McapError(f"the chunk at byte {stretch.offset}: {error}") from error
@@ -221,30 +178,21 @@ def _at(data: ndarray, places: ndarray, channels: Collection[int]) -> Messages:
 
 def _scan(stream: IO[bytes]) -> Iterator[Stretch]:
     """Find chunks, and messages without one, in a file whose summary does not name them."""
-    stream.seek(0)
-    crc = zlib.crc32(stream.read(MAGIC_SIZE))
+    unpacking = Unpacking(stream.seek(0, 2))
     times: list[int] = []
-    start = place = MAGIC_SIZE
-    while True:
-        head = stream.read(RECORD_HEAD.size)
-        opcode, length = RECORD_HEAD.unpack(head)
-        is_message = opcode == Opcode.MESSAGE
-        if times and (not is_message or place - start > STRETCH):
-            yield Stretch(min(times), max(times), start, place - start, False)
+    start = 0
+    for record in data_records(stream):
+        is_message = record.opcode == Opcode.MESSAGE
+        if times and (not is_message or record.start - start > STRETCH):
+            yield Stretch(min(times), max(times), start, record.start - start, False)
             times = []
-        content = stream.read(length)
-        if len(content) != length:
-            raise McapError("it ends inside a record")
-        if opcode == Opcode.DATA_END:
-            expected = int.from_bytes(content, "little")
-            if expected and expected != crc:
-                raise McapError("its data does not match its CRC")
-            return
-        crc = zlib.crc32(content, zlib.crc32(head, crc))
         if is_message:
-            start = start if times else place
-            times.append(MESSAGE_HEAD.unpack_from(content)[2])
-        elif opcode == Opcode.CHUNK:
-            first, last, _, _ = CHUNK_HEAD.unpack_from(content)
-            yield Stretch(first, last, place, RECORD_HEAD.size + length, True)
-        place += RECORD_HEAD.size + length
+            start = start if times else record.start
+            times.append(MESSAGE_HEAD.unpack_from(record.content)[2])
+        elif record.opcode == Opcode.CHUNK:
+            first, last, size, _ = CHUNK_HEAD.unpack_from(record.content)
+            unpacking.take(size)
+            length = record.end - record.start
+            yield Stretch(first, last, record.start, length, True, unpacked_size=size)
+    if times:
+        yield Stretch(min(times), max(times), start, record.end - start, False)

@@ -1,8 +1,9 @@
 """Writes one MCAP file: thousands of messages a second, at little processor time.
 
-Format: https://mcap.dev/spec. Two things are done otherwise than `mcap`'s own writer does them:
+Format: https://mcap.dev/spec. Three things are done otherwise than `mcap`'s own writer does them:
 
 * The description of a channel is in two chunks, so that a lost chunk does not lose the channel.
+* The messages of a chunk are in the order of their log times.
 * The rest of a failed write is cut off, so that the file can still be ended and is whole. The
   statistics count the messages in the file.
 """
@@ -33,6 +34,7 @@ from mcap.records import (
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
 
+from sain_bags.mcap.log_order import in_log_order
 from sain_bags.mcap.preallocated_file import PreallocatedFile
 
 LIBRARY: Final = "sain_bags"
@@ -58,10 +60,12 @@ class McapWriter:
         self._file = file
         self._compression = "" if compression == "none" else compression
         self._compress = COMPRESSORS[compression]()
-        self._chunk_size = chunk_size
+        self._chunk_size = self._room = chunk_size
         self._end = 0  # of what was written [bytes]
         self._crc = 0
-        self._chunk = bytearray()
+        self._described = b""  # what this chunk describes
+        self._chunk = bytearray()  # messages
+        self._latest, self._in_order = 0, True  # log times in this chunk
         self._fresh = b""  # what this chunk is the first to describe
         self._index: dict[int, list[int]] = {}  # by channel: log time, offset, log time, ...
         self._schemas: list[Schema] = []
@@ -73,7 +77,7 @@ class McapWriter:
     @property
     def size(self) -> int:
         """What was written, and what waits in the open chunk [bytes]."""
-        return self._end + len(self._chunk)
+        return self._end + len(self._described) + len(self._chunk)
 
     def add_schema(self, name: str, definition: str) -> int:
         """Describe a message type, by its name alone if that is all; return its number."""
@@ -101,10 +105,13 @@ class McapWriter:
         if places is None:
             places = self._index[channel] = []
         places += (received, len(chunk))
+        if received < self._latest:
+            self._in_order = False
+        self._latest = received
         size = MESSAGE_SIZE + len(data)
         chunk += MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, received, published)
         chunk += data
-        if len(chunk) > self._chunk_size:
+        if len(chunk) > self._room:
             self.end_chunk()
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
@@ -120,15 +127,20 @@ class McapWriter:
         """Write what waits in the open chunk."""
         if not self._index:
             return
-        data, places, fresh = self._chunk, self._index, self._fresh
+        content, places = bytes(self._chunk), self._index
+        if not self._in_order:
+            content, places = in_log_order(content, places)
+        data, start = self._described + content, len(self._described)
         # Whatever becomes of this chunk, it is not tried again.
-        self._chunk, self._index, self._fresh = bytearray(fresh), {}, b""
+        self._described, self._fresh = self._fresh, b""
+        self._room = self._chunk_size - len(self._described)
+        self._chunk, self._index, self._latest, self._in_order = bytearray(), {}, 0, True
         times = [time for index in places.values() for time in index[::2]]
         first, last = min(times), max(times)
         packed = self._compress(data)
         crc = zlib.crc32(data)
         chunk = _record(Chunk(self._compression, packed, last, first, crc, len(data)))
-        indexes, offsets = _message_indexes(places, self._end + len(chunk))
+        indexes, offsets = _message_indexes(places, start, self._end + len(chunk))
         start = self._end
         self._write(chunk + indexes)
         self._chunk_indexes.append(
@@ -160,8 +172,9 @@ class McapWriter:
 
     def _describe(self, record: Schema | Channel) -> None:
         content = _record(record)
-        self._chunk += content
+        self._described += content
         self._fresh += content
+        self._room -= len(content)
 
     def _count(self, first: int, last: int, places: Mapping[int, list[int]]) -> None:
         found = self.statistics
@@ -210,12 +223,18 @@ def _record(record: McapRecord) -> bytes:
     return builder.end()
 
 
-def _message_indexes(places: Mapping[int, list[int]], start: int) -> tuple[bytes, dict[int, int]]:
-    """Return the index of each channel's messages in a chunk, and where in the file each is."""
+def _message_indexes(
+    places: Mapping[int, list[int]], first: int, start: int
+) -> tuple[bytes, dict[int, int]]:
+    """Return the index of each channel's messages in a chunk, and where in the file each is.
+
+    Messages begin at the byte `first` of the chunk, indexes at the byte `start` of the file.
+    """
     content, offsets = bytearray(), {}
     for channel, index in places.items():
         offsets[channel] = start + len(content)
         size = 8 * len(index)
+        index[1::2] = [place + first for place in index[1::2]]
         head = struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 2 + 4 + size, channel, size)
         content += head + struct.pack(f"<{len(index)}Q", *index)
     return bytes(content), offsets

@@ -17,14 +17,17 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Metadata, Sche
 from mcap.writer import MCAP0_MAGIC
 
 from sain_bags.mcap.integrity import (
+    CHUNK_HEAD,
     DAMAGE,
-    LIMIT,
     MESSAGE_HEAD,
     RECORD_HEAD,
+    OpenedChunk,
+    Unpacking,
     chunk_content_fits,
     open_chunk,
 )
 from sain_core.errors import DatasetError
+from sain_core.untrusted.limits import PIECE_BYTES, limit, most_messages, unpacked_bytes
 
 WINDOW: Final = 1 << 20  # [bytes], searched at a time
 HEAD: Final = 48  # [bytes], of a content, by which lengths are judged: a chunk's fit in
@@ -76,6 +79,9 @@ class Scanner:
         self.matches: bool | None = None  # the data's CRC; None: there is none to compare
         self._crc = zlib.crc32(self._read(0, len(MCAP0_MAGIC)))
         self._whole = True  # all bytes so far went into the CRC
+        self._unpacking = Unpacking(self.size)
+        self._messages = 0
+        self._searched = 0  # [bytes] of what could be chunks, while the next one is searched
 
     def __iter__(self) -> Iterator[Record | Gap]:
         """Yield records and gaps in the order of the file."""
@@ -99,6 +105,18 @@ class Scanner:
             yield record
             place = record.end
 
+    def open_chunk(self, record: Record) -> OpenedChunk:
+        """Return what is in a chunk.
+
+        Raises:
+            DatasetError: it is damaged, or there would be more in the file than is allowed.
+        """
+        self._unpacking.take(CHUNK_HEAD.unpack_from(record.content)[2])
+        found = open_chunk(record.content)
+        self._messages += sum(opcode == Opcode.MESSAGE for opcode, _ in found.records)
+        limit("messages", self._messages, most_messages(self.size))
+        return found
+
     def _end(self, record: Record) -> None:
         self.ended = True
         expected = int.from_bytes(record.content, "little")
@@ -118,7 +136,7 @@ class Scanner:
     def _fits(self, place: int, opcode: int, length: int) -> bool:
         """Tell whether a record can be here, from its first bytes."""
         start = place + RECORD_HEAD.size
-        if not opcode or start + length > self.size or length > LIMIT:
+        if not opcode or start + length > self.size or length > PIECE_BYTES:
             return False
         if opcode == Opcode.CHUNK:
             return chunk_content_fits(self._read(start, HEAD), length)
@@ -160,8 +178,15 @@ class Scanner:
 
     def _is_chunk(self, place: int) -> bool:
         record = self._record(place)
+        if record is None:
+            return False
+        # Anything can look like a chunk, and like one that is large: not all of it is opened.
+        size = CHUNK_HEAD.unpack_from(record.content)[2]
+        self._searched += len(record.content) + size
+        if self._searched > unpacked_bytes(self.size):
+            return False
         try:
-            return record is not None and open_chunk(record.content).checked
+            return open_chunk(record.content).checked
         except DatasetError:
             return False
 

@@ -13,6 +13,7 @@ import numpy as np
 from mcap.records import Channel, Schema
 from numpy import ndarray
 
+from sain_bags.bag.definition_check import check_definition
 from sain_bags.mcap.mcap_file import CHANNELS, McapFile, Messages, Stretch
 from sain_core.errors import DatasetError
 
@@ -71,11 +72,16 @@ class BagChannel:
         """Return its messages' type; empty: nothing tells."""
         return self.schema.name if self.schema else ""
 
+    @property
+    def has_definition(self) -> bool:
+        """Return whether anything describes its messages."""
+        return self.schema is not None and bool(self.schema.data)
+
     def definition(self) -> str:
         """Return the text that describes its messages (``ros2msg``).
 
         Raises:
-            DatasetError: they are not CDR, or described in another way.
+            DatasetError: they are not CDR, or described in another way or without end.
         """
         encoding, schema = self.channel.message_encoding, self.schema
         if schema is None or (encoding, schema.encoding) != ("cdr", "ros2msg"):
@@ -84,7 +90,12 @@ class BagChannel:
                 f"{self.topic} is {encoding!r} and described by {described!r};"
                 " only CDR that a ros2msg text describes can be decoded"
             )
-        return schema.data.decode(errors="replace")
+        try:
+            text = schema.data.decode()
+        except UnicodeDecodeError as error:
+            raise DatasetError(f"the definition of {schema.name[:100]} is not UTF-8") from error
+        check_definition(schema.name, text)
+        return text
 
 
 class BagFiles:
@@ -136,9 +147,11 @@ class BagFiles:
         limits = [*(stretch.first for stretch, _, _ in places), NEVER][1:]
         tables = [_table(numbers) for numbers in wanted]
         for (stretch, number, rank), limit in zip(places, limits, strict=True):
-            messages = self._files[number].read(stretch, wanted[number].keys())
+            file = self._files[number]
+            messages = file.read(stretch, wanted[number].keys())
             found = np.bincount(messages.heads["channel"])
             counts[number][: len(found)] += found
+            file.limit_messages(int(counts[number].sum()))
             yield limit, make_batch(messages, tables[number], rank)
 
     def _wanted(self, file: int, topics: Collection[str] | None) -> dict[int, int]:

@@ -1,61 +1,135 @@
 """Bags that are no MCAP files, or that rosbag2 compressed: copied, for as long as they are read."""
 
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Final
 
-from rosbags.rosbag2 import Reader
+import zstandard
 
-from sain_bags.bag.definitions import Definitions
-from sain_bags.bag.metadata import METADATA_FILE, Topic
+from sain_bags.bag.metadata import Topic, read_profiles
+from sain_bags.mcap.integrity import Unpacking, unpack
+from sain_bags.reading.bag_files import BagFiles
+from sain_bags.reading.sqlite_file import SqliteFile, StoredMessage
 from sain_bags.writing.writer import BagConfig, BagWriter
-from sain_core.errors import DatasetError, InvalidInputError
+from sain_core.errors import DatasetError, UntrustedFileError
+from sain_core.untrusted.files import open_regular
+from sain_core.untrusted.limits import PIECE_BYTES
 
-UNCOMPRESSED = ("", "none")
+UNCOMPRESSED: Final = ("", "none")
+STORAGES: Final = ("mcap", "sqlite3")
+WINDOW: Final = 1 << 20  # [bytes], unpacked at a time
 
 
-def is_foreign(metadata: dict[str, Any]) -> bool:
+def is_foreign(metadata: Mapping[str, Any]) -> bool:
     """Tell whether a bag is anything but MCAP files as they are."""
-    mode = str(metadata.get("compression_mode") or "").lower()
-    return metadata.get("storage_identifier", "mcap") != "mcap" or mode not in UNCOMPRESSED
+    return _storage(metadata) != "mcap" or _mode(metadata) not in UNCOMPRESSED
 
 
 class CopiedBag:
     """A copy in MCAP, which is deleted with this."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, metadata: Mapping[str, Any], files: Sequence[Path]) -> None:
         """Copy a bag's messages.
 
         Raises:
-            DatasetError: it cannot be read.
+            DatasetError: it cannot be read, or holds more than is allowed.
         """
         self._place = TemporaryDirectory(prefix="sain_bags-")
-        self.file = Path(self._place.name) / "copy" / "copy_0.mcap"
         try:
-            _copy(folder, self.file.parent)
+            self.files = _copy(metadata, files, Path(self._place.name))
         except BaseException:
             self._place.cleanup()
             raise
 
 
-def _copy(folder: Path, out: Path) -> None:
-    try:
-        with Reader(folder) as reader, BagWriter(out, BagConfig(compression="none")) as writer:
-            for connection in reader.connections:
-                writer.add_topic(_topic(connection))
-            for connection, time, data in reader.messages(reader.connections):
-                writer.write(connection.topic, bytes(data), time)
-    except Exception as error:  # of rosbags, of SQLite, or of the system's
+def _copy(metadata: Mapping[str, Any], files: Sequence[Path], place: Path) -> tuple[Path, ...]:
+    storage, mode = _storage(metadata), _mode(metadata)
+    if storage not in STORAGES:
         raise DatasetError(
-            f"{folder / METADATA_FILE} names a bag that `rosbags` cannot read: {error}"
-        ) from error
+            f"{files[0]} is of the storage {storage[:40]!r}; allowed: {', '.join(STORAGES)}"
+        )
+    if mode not in UNCOMPRESSED and metadata.get("compression_format") != "zstd":
+        raise DatasetError(f"{files[0]} is compressed; only zstd can be read")
+    unpacked = tuple(_unpack(file, place) if mode == "file" else file for file in files)
+    if storage == "mcap" and mode != "message":
+        return unpacked
+    copy = place / "copy"
+    with BagWriter(copy, BagConfig(compression="none")) as writer:
+        for file, source in zip(unpacked, files, strict=True):
+            read = _read_sqlite if storage == "sqlite3" else _read_mcap
+            _write(writer, read(file, source), mode == "message", source)
+    return (copy / f"{copy.name}_0.mcap",)
 
 
-def _topic(connection: Any) -> Topic:
-    definition = connection.msgdef.data if connection.msgdef.format.name == "MSG" else ""
-    if not definition:  # recordings of before Iron carry none
-        try:
-            definition = Definitions().joined(connection.msgtype)
-        except InvalidInputError:
-            definition = ""
-    return Topic(connection.topic, connection.msgtype, definition, connection.digest)
+def _write(
+    writer: BagWriter, found: Iterator[Topic | StoredMessage], is_packed: bool, source: Path
+) -> None:
+    unpacking = Unpacking(source.stat().st_size)
+    for one in found:
+        if isinstance(one, Topic):
+            writer.add_topic(one)
+        else:
+            data = _unpack_message(one.data, unpacking, source) if is_packed else one.data
+            writer.write(one.topic, data, one.time)
+
+
+def _read_sqlite(file: Path, source: Path) -> Iterator[Topic | StoredMessage]:
+    try:
+        with SqliteFile(file) as database:
+            yield from database.topics
+            yield from database.messages()
+    except (sqlite3.Error, OSError, UntrustedFileError) as error:
+        raise DatasetError(f"{source} cannot be read: {error}") from error
+
+
+def _read_mcap(file: Path, _: Path) -> Iterator[Topic | StoredMessage]:
+    bag = BagFiles([file])
+    for found in bag.channels:
+        schema, about = found.schema, found.channel.metadata
+        is_described = schema is not None and schema.encoding == "ros2msg"
+        yield Topic(
+            found.topic,
+            found.type,
+            found.definition() if is_described else "",
+            about.get("topic_type_hash", ""),
+            read_profiles(about.get("offered_qos_profiles", "")),
+        )
+    for batch in bag.batches():
+        columns = (batch.channels, batch.starts, batch.starts + batch.sizes, batch.log_times)
+        for number, start, end, time in zip(*(c.tolist() for c in columns), strict=True):
+            data = batch.data[start:end].tobytes()
+            yield StoredMessage(bag.channels[number].topic, time, data)
+
+
+def _unpack(source: Path, place: Path) -> Path:
+    """Return a file, unpacked; raises `DatasetError`."""
+    target = place / source.stem
+    try:
+        with open_regular(source) as packed, target.open("wb") as file:
+            unpacking = Unpacking(source.stat().st_size)
+            reader = zstandard.ZstdDecompressor(max_window_size=PIECE_BYTES).stream_reader(packed)
+            while part := reader.read(WINDOW):
+                unpacking.take(len(part))
+                file.write(part)
+    except (OSError, UntrustedFileError, zstandard.ZstdError) as error:
+        raise DatasetError(f"{source} cannot be unpacked: {error}") from error
+    return target
+
+
+def _unpack_message(data: bytes, unpacking: Unpacking, source: Path) -> bytes:
+    try:
+        found = bytes(unpack(b"zstd", data, PIECE_BYTES))
+        unpacking.take(len(found))
+    except (DatasetError, MemoryError, zstandard.ZstdError) as error:
+        raise DatasetError(f"a message in {source} cannot be unpacked: {error}") from error
+    return found
+
+
+def _storage(metadata: Mapping[str, Any]) -> str:
+    return str(metadata.get("storage_identifier") or "mcap")
+
+
+def _mode(metadata: Mapping[str, Any]) -> str:
+    return str(metadata.get("compression_mode") or "").lower()

@@ -1,22 +1,32 @@
 """Reads bags without ROS: every message is decoded with the definitions that the bag carries."""
 
 import struct
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import redirect_stderr
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from mcap.stream_reader import StreamReader
+from mcap.exceptions import McapError
+from mcap_ros2._vendor.rosidl_adapter.parser import InvalidSpecification, InvalidValue
 from mcap_ros2.decoder import DecoderFactory
 
 from sain_bags.bag.metadata import find_files, span_of, whole_span
-from sain_bags.mcap.integrity import check_summary, opened
+from sain_bags.mcap.integrity import opened
+from sain_bags.mcap.whole_file import check_file
 from sain_bags.reading.bag_files import BagChannel, BagFiles
 from sain_bags.reading.foreign import CopiedBag, is_foreign
-from sain_core.errors import DatasetError
+from sain_core.errors import DatasetError, UntrustedFileError
+from sain_core.untrusted.limits import DECODED_BYTES, limit
+from sain_core.untrusted.time_allowance import TimeAllowance
 
-DECODING: Final = (ValueError, IndexError, KeyError, struct.error, MemoryError)
+BAD_DEFINITION: Final = (InvalidSpecification, InvalidValue, NameError)
+DECODING: Final = (
+    ValueError, IndexError, KeyError, TypeError, AttributeError, OverflowError, RecursionError,
+    NotImplementedError, struct.error, MemoryError,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -67,8 +77,9 @@ class Bag(BagFiles):
         """
         self.path = path
         self.metadata, self.files = find_files(path)
-        self._copy = CopiedBag(path) if is_foreign(self.metadata) else None
-        super().__init__((self._copy.file,) if self._copy else self.files)
+        self._copy = CopiedBag(self.metadata, self.files) if is_foreign(self.metadata) else None
+        super().__init__(self._copy.files if self._copy else self.files)
+        self.decoding = TimeAllowance(self.size)  # for all messages
         self._span = whole_span(map(span_of, self.statistics))
 
     @property
@@ -120,7 +131,7 @@ class Bag(BagFiles):
     @property
     def custom_data(self) -> dict[str, str]:
         """What the recording says about itself."""
-        return dict(self.metadata.get("custom_data") or {})
+        return dict(self.metadata.get("custom_data", {}))
 
     def messages(
         self, topics: Collection[str] | None = None, types: Collection[str] | None = None
@@ -145,12 +156,7 @@ class Bag(BagFiles):
             key = (raw.type, schema.data if schema else b"")
             if key not in decoders:
                 decoders[key] = _decoder(self.channels[number], self.path)
-            try:
-                message = decoders[key](raw.data)
-            except DECODING as error:
-                raise DatasetError(
-                    f"{self.path}: a message of {raw.topic} is not as its definition says ({error})"
-                ) from error
+            message = self._decode(decoders[key], raw)
             yield Received(raw.topic, raw.type, message, raw.log_time, raw.publish_time)
 
     def raw_messages(
@@ -176,17 +182,25 @@ class Bag(BagFiles):
         """
         for file in self.paths:
             with opened(file) as stream:
-                deque(StreamReader(stream, validate_crcs=True).records, maxlen=0)
-                check_summary(stream)
+                check_file(stream)
+
+    def _decode(self, decoder: Callable[[bytes], Any], raw: Raw) -> Any:
+        try:
+            limit("bytes in a message", len(raw.data), DECODED_BYTES)
+            with self.decoding:
+                return decoder(raw.data)
+        except UntrustedFileError as error:
+            raise DatasetError(f"{self.path}: {raw.topic} is not decoded: {error}") from error
+        except DECODING as error:
+            raise DatasetError(
+                f"{self.path}: a message of {raw.topic} is not as its definition says ({error})"
+            ) from error
 
     def _type_hashes(self) -> dict[tuple[str, str], str]:
         """Return the hashes of types in ``metadata.yaml``, by topic and type."""
-        listed = self.metadata.get("topics_with_message_count") or []
-        topics = [entry.get("topic_metadata", {}) for entry in listed]
-        return {
-            (topic.get("name"), topic.get("type")): str(topic.get("type_description_hash") or "")
-            for topic in topics
-        }
+        listed = self.metadata.get("topics_with_message_count", ())
+        topics = [entry["topic_metadata"] for entry in listed]
+        return {(topic["name"], topic["type"]): topic["type_description_hash"] for topic in topics}
 
     def _numbered(
         self, topics: Collection[str] | None, start: int | None
@@ -206,11 +220,12 @@ class Bag(BagFiles):
 
 
 def _decoder(source: BagChannel, path: Path) -> Callable[[bytes], Any]:
+    found: Callable[[bytes], Any] | None
     try:
         source.definition()
-    except DatasetError as error:
-        raise DatasetError(f"{path}: {error}") from error
-    found: Callable[[bytes], Any] | None
-    found = DecoderFactory().decoder_for(source.channel.message_encoding, source.schema)
+        with redirect_stderr(StringIO()):  # the parser prints what it raises, too
+            found = DecoderFactory().decoder_for(source.channel.message_encoding, source.schema)
+    except (DatasetError, McapError, *BAD_DEFINITION, *DECODING) as error:
+        raise DatasetError(f"{path}: {' '.join(str(error).split())}") from error
     assert found is not None
     return found

@@ -7,18 +7,22 @@ they are taken too, and reported as unchecked where the file is damaged.
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import IO, Final
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
-from sain_bags.bag.metadata import METADATA_RECORD, read_record
-from sain_bags.mcap.integrity import MESSAGE_HEAD, OpenedChunk, open_chunk
+from sain_bags.bag.metadata import METADATA_RECORD, START_RECORD, read_record
+from sain_bags.mcap.integrity import MESSAGE_HEAD, OpenedChunk
 from sain_bags.mcap.mcap_file import McapFile
 from sain_bags.mcap.scanner import Gap, Record, Scanner, is_exact, parse
 from sain_bags.recovery.bag_copy import BagCopy
 from sain_bags.recovery.recovery_report import FileReport, Loss, RecoveryOutcome, Report
 from sain_bags.recovery.sidecar import Sidecar, complete_sidecar, read_sidecar
-from sain_core.errors import DatasetError, OutputError
+from sain_core.errors import DatasetError, OutputError, UntrustedFileError
+from sain_core.untrusted.files import open_regular
+
+ABOUT_BAG: Final = (METADATA_RECORD, START_RECORD)
 
 Advance = Callable[[int], object]  # called with the number of bytes that were read
 
@@ -59,9 +63,9 @@ def _custom_data(sidecar: Sidecar, report: Report, source: Path) -> dict[str, st
 
 
 def _recover_file(path: Path, copy: BagCopy, advance: Advance) -> FileReport:
-    with path.open("rb") as stream:
+    with _opened(path) as stream:
         scanner = Scanner(stream)
-        salvage = _Salvage(FileReport(path.name, scanner.size), copy)
+        salvage = _Salvage(FileReport(path.name, scanner.size), copy, scanner)
         salvage.expect(path)
         place = 0
         for found in scanner:
@@ -71,12 +75,18 @@ def _recover_file(path: Path, copy: BagCopy, advance: Advance) -> FileReport:
         return salvage.finish(scanner)
 
 
+def _opened(path: Path) -> IO[bytes]:
+    try:
+        return open_regular(path)
+    except UntrustedFileError as error:
+        raise DatasetError(f"{path} is not read: {error}") from error
+
+
 class _Salvage:
     """One file's records on their way into the new bag."""
 
-    def __init__(self, report: FileReport, copy: BagCopy) -> None:
-        self._report = report
-        self._copy = copy
+    def __init__(self, report: FileReport, copy: BagCopy, scanner: Scanner) -> None:
+        self._report, self._copy, self._scanner = report, copy, scanner
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._numbers: dict[int, int] = {}  # of channels, here and in the copy
@@ -99,7 +109,7 @@ class _Salvage:
         expected = {channel.topic: 0 for channel in channels.values()}
         for number, count in statistics.channel_message_counts.items():
             expected[channels[number].topic] += count
-        about_bag = file.metadata.count(METADATA_RECORD)
+        about_bag = sum(name in ABOUT_BAG for name in file.metadata)
         report.expected, report.described_bag = expected, about_bag > 0
         extras = statistics.attachment_count + statistics.metadata_count
         report.expected_extras = extras - about_bag
@@ -135,7 +145,7 @@ class _Salvage:
     def _take_chunk(self, record: Record) -> None:
         self._chunk += 1
         try:
-            opened = open_chunk(record.content)
+            opened = self._scanner.open_chunk(record)
             self._declare(*_descriptions(opened), checked=opened.checked)
         except DatasetError as error:
             self._lose(record, str(error), is_chunk=True)
@@ -198,7 +208,7 @@ class _Salvage:
 
     def _take_extra(self, record: Record) -> None:
         extra = parse(record.opcode, record.content)
-        if isinstance(extra, Metadata) and extra.name == METADATA_RECORD:  # it is made anew
+        if isinstance(extra, Metadata) and extra.name in ABOUT_BAG:  # it is made anew
             self._report.about = read_record(extra) or self._report.about
         else:
             self._report.extras += 1

@@ -55,7 +55,7 @@ def read_sidecar(source: Path) -> Sidecar:
         return Sidecar(files, note=note, is_read=False)
     try:
         return _sidecar(files, source, read_metadata(source))
-    except (DatasetError, ValueError, TypeError, KeyError, AttributeError):
+    except DatasetError:
         lost = f"{METADATA_FILE} cannot be read: custom data is lost"
         return Sidecar(files, lost=lost, is_read=False)
 
@@ -64,8 +64,8 @@ def _sidecar(files: tuple[Path, ...], source: Path, about: Mapping[str, Any]) ->
     counts: dict[str, int] = {}
     for topic in about["topics_with_message_count"]:
         name = topic["topic_metadata"]["name"]
-        counts[name] = counts.get(name, 0) + int(topic["message_count"])
-    missing = [str(n) for n in about["relative_file_paths"] if not (source / str(n)).is_file()]
+        counts[name] = counts.get(name, 0) + topic["message_count"]
+    missing = [name for name in about["relative_file_paths"] if not (source / name).is_file()]
     return Sidecar(
         files,
         *_about_bag(about),
@@ -75,6 +75,4 @@ def _sidecar(files: tuple[Path, ...], source: Path, about: Mapping[str, Any]) ->
 
 
 def _about_bag(about: Mapping[str, Any]) -> tuple[dict[str, str], str]:
-    custom_data = dict(about.get("custom_data") or {})
-    distro = str(about.get("ros_distro") or DEFAULT_DISTRO)
-    return {str(key): str(value) for key, value in custom_data.items()}, distro
+    return dict(about["custom_data"]), about["ros_distro"] or DEFAULT_DISTRO

@@ -8,6 +8,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from sain_bags.cli.options import PlayOptions
 from sain_bags.playing import CLOCK, Event, Passage, Played, choose_topics, play
 from sain_bags.reading.reader import Bag
+from sain_bags.ros.parameter_requests import requests_served
 from sain_bags.ros.player import Player
 from sain_bags.ros.stop_signal import StopSignal
 from sain_core.ros.node_main import ros_context
@@ -38,9 +39,10 @@ def play_bag(options: PlayOptions, console: Console) -> Played:
         passage = Passage(bag, player.topics, options.passage, player.latched)
         if options.passage.clock and CLOCK not in player.topics:
             player.offer_clock()
-        await_subscribers(player, options.wait, watch)
-        played = _play_with_bar(passage, player, watch, options, console)
-        player.let_arrive()
+        with requests_served(player):
+            await_subscribers(player, options.wait, watch)
+            played = _play_with_bar(passage, player, watch, options, console)
+            player.let_arrive()
     finally:
         player.destroy_node()
     return played

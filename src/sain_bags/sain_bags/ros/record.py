@@ -10,7 +10,7 @@ from sain_bags.cli.options import RecordOptions
 from sain_bags.recovery.resumption import join, set_aside
 from sain_bags.ros.recorder import Recorder
 from sain_bags.ros.stop_signal import StopSignal
-from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, describe_gaps
+from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, UNDEFINED_KEY, describe_gaps
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
 from sain_bags.writing.selection import Selection
 from sain_bags.writing.writer import BagWriter
@@ -79,11 +79,16 @@ def record(options: RecordOptions, console: Console) -> None:
         finally:
             writer.custom_data[MISSING_KEY] = describe_gaps(recorder.gaps)
             last = status()
-            if last.silent:
-                writer.custom_data[SILENT_KEY] = json.dumps(last.silent)
+            writer.custom_data.update(about_silence(recorder, last.silent))
             recorder.destroy_node()
     size = sum(path.stat().st_size for path in options.out.iterdir())
     console.print(last.final(options.out, size), highlight=False, markup=False)
+
+
+def about_silence(recorder: Recorder, silent: tuple[str, ...]) -> dict[str, str]:
+    """Return the custom data about topics without messages or without a definition."""
+    found = {SILENT_KEY: silent, UNDEFINED_KEY: recorder.undefined}
+    return {key: json.dumps(topics) for key, topics in found.items() if topics}
 
 
 def drain(recorder: Recorder) -> None:

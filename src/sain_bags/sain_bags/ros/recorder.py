@@ -18,6 +18,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.ros.endpoints import offered_qos, qos_profile
+from sain_bags.ros.parameter_requests import serve_requests
 from sain_bags.ros.recordable_types import RecordableType, RecordableTypes
 from sain_bags.writing.gaps import Gaps
 from sain_bags.writing.selection import Selection, adapt
@@ -26,10 +27,11 @@ from sain_core.errors import InvalidInputError
 
 DISCOVERY_PERIOD: Final = 0.05  # [s] between looks for new topics
 REVISION_PERIOD: Final = 1.0  # [s] between looks at all publishers, also where their number stays
+ABSENCE_TIME: Final = 5.0  # [s], after which a topic that was asked for is warned of
 ANSWERS_TIME: Final = 5.0  # [s], at most, for answers at the end
 TAKEN_AT_ONCE: Final = 500  # messages of a topic before the others have their turn
 SEEN: Final = 1000  # messages of a topic that are known again: as many as any is latched for
-ENTITIES: Final = {  # of every node, and nobody would serve them here
+ENTITIES: Final = {  # of every node; it publishes nothing that needs a description
     "start_type_description_service": False,
 }
 
@@ -56,10 +58,9 @@ class Recorder(Node):
     def __init__(self, writer: BagWriter, selection: Selection, **options: Any) -> None:
         """Record with a writer that the caller closes; `work` does it all."""
         overrides = [Parameter(name, value=value) for name, value in ENTITIES.items()]
-        super().__init__(
-            "recorder", start_parameter_services=False, parameter_overrides=overrides, **options
-        )
+        super().__init__("recorder", parameter_overrides=overrides, **options)
         self.unusable: dict[str, str] = {}  # topics that cannot be recorded, and why
+        self.undefined: dict[str, str] = {}  # topics without a definition, and their types
         self._writer = writer
         self._selection = selection
         self._types = RecordableTypes(self)
@@ -67,6 +68,7 @@ class Recorder(Node):
         self._known_publishers: dict[str, set[bytes]] = {}  # that ever were, by topic
         self._counts: dict[str, int] = {}  # of publishers, when last looked
         self._next_look = self._next_revision = 0.0
+        self._absence_at: float | None = time.monotonic() + ABSENCE_TIME  # None: it was warned of
 
     @property
     def gaps(self) -> dict[str, Gaps]:
@@ -91,6 +93,7 @@ class Recorder(Node):
         if now >= self._next_look:
             self._next_look = now + DISCOVERY_PERIOD
             self.discover()
+            serve_requests(self)
         taken = sum([self._take(recorded) for recorded in self._recorded.values()])
         self._writer.flush_if_due()
         return taken
@@ -104,6 +107,10 @@ class Recorder(Node):
         for recorded in self._recorded.values():
             if recorded.described is None:
                 self._announce(recorded)
+        if self._absence_at is not None and now >= self._absence_at:
+            self._absence_at = None
+            for name in sorted(self.awaited):
+                self.get_logger().warning(f"{name} was asked for, and nobody publishes it")
         for name, types in self.get_topic_names_and_types():
             if not self._selection.wants(name):
                 continue
@@ -157,6 +164,11 @@ class Recorder(Node):
         definition = recorded.kind.definition
         text = "" if definition.exception() else definition.result()
         topic = replace(recorded.topic, definition=text)
+        if not text and topic.name not in self.undefined:
+            self.undefined[topic.name] = topic.type
+            self.get_logger().warning(
+                f"{topic.name} is recorded without a definition of {topic.type}: its node gave none"
+            )
         if topic != recorded.described:
             self._writer.add_topic(topic)
             recorded.described = topic

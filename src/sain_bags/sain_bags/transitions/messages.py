@@ -10,6 +10,7 @@ from numpy import ndarray
 from sain_bags.reading.bag_files import BagChannel, Batch
 from sain_bags.transitions.message_fields import FIELDS, SCENE
 from sain_bags.transitions.tables import Message, MessageTable, TableReader
+from sain_core.untrusted.time_allowance import TimeAllowance
 
 
 @dataclass(frozen=True)
@@ -38,9 +39,9 @@ class ChannelMessages:
 class MessageReader:
     """Decodes the messages of those channels that have the types of the graph."""
 
-    def __init__(self, channels: Sequence[BagChannel]) -> None:
-        """Read from these channels of a bag."""
-        self._channels = channels
+    def __init__(self, channels: Sequence[BagChannel], decoding: TimeAllowance) -> None:
+        """Read from these channels of a bag, in the processor time that there is for it."""
+        self._channels, self._decoding = channels, decoding
         self._readers: dict[int, TableReader] = {}
 
     def read(self, batch: Batch) -> list[ChannelMessages]:
@@ -54,7 +55,7 @@ class MessageReader:
 
     def _read(self, number: int, batch: Batch) -> ChannelMessages:
         if number not in self._readers:
-            self._readers[number] = TableReader(self._channels[number])
+            self._readers[number] = TableReader(self._channels[number], self._decoding)
         spots = np.flatnonzero(batch.channels == number)
         table = self._readers[number].read(batch[spots])
         kind = self._channels[number].type

@@ -134,6 +134,10 @@ def read_episodes(bag: Bag, namespace: str | None = None) -> tuple[Episode, ...]
         return collect_episodes(bag.messages(topics))
     except InvalidInputError as error:
         raise DatasetError(f"{bag.path} holds a message that makes no sense: {error}") from error
+    except AttributeError as error:
+        raise DatasetError(
+            f"{bag.path} holds messages of another definition than this graph's: {error}"
+        ) from error
 
 
 def collect_episodes(messages: Iterable[Received]) -> tuple[Episode, ...]:

@@ -17,7 +17,8 @@ from sain_bags.transitions.message_fields import (
     namespaces,
     parent_of,
 )
-from sain_core.errors import DatasetError
+from sain_core.errors import DatasetError, UntrustedFileError
+from sain_core.untrusted.files import open_regular
 
 ALWAYS: Final = frozenset({PUSH, PUSH_RESULT, PREDICTION, GOAL})
 
@@ -148,8 +149,8 @@ def _hash(files: Sequence[Path]) -> str:
     digest = hashlib.sha256()
     for path in files:
         try:
-            with path.open("rb") as file:
+            with open_regular(path) as file:
                 hashlib.file_digest(file, lambda: digest)
-        except OSError as error:
-            raise DatasetError(f"{path} cannot be read: {error.strerror or error}") from error
+        except (OSError, UntrustedFileError) as error:
+            raise DatasetError(f"{path} cannot be read: {error}") from error
     return digest.hexdigest()

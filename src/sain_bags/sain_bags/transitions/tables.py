@@ -24,6 +24,7 @@ from sain_bags.transitions.message_fields import (
 )
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_NAMES, STATE_SIZE
+from sain_core.untrusted.time_allowance import TimeAllowance
 
 KEPT_LAYOUTS: Final = 100  # of messages of one size
 
@@ -103,13 +104,13 @@ def gather(messages: Sequence[Message]) -> tuple[MessageTable, ndarray]:
 class TableReader:
     """Decodes the messages of one channel."""
 
-    def __init__(self, channel: BagChannel) -> None:
+    def __init__(self, channel: BagChannel, decoding: TimeAllowance) -> None:
         """Read the channel's definitions.
 
         Raises:
             DatasetError: they cannot be read, or lack a field that is needed.
         """
-        self._channel = channel
+        self._channel, self._decoding = channel, decoding
         self._types = read_types(channel.type, channel.definition())
         self._layouts: defaultdict[int, list[Layout]] = defaultdict(list)
         self._wanted = [
@@ -124,10 +125,13 @@ class TableReader:
         """Return messages, which are all of this channel, as columns.
 
         Raises:
-            DatasetError: one is not as its definition says.
+            DatasetError: one is not as its definition says, or they differ too much in their
+                lengths.
         """
         builder = _Builder(FIELDS[self._channel.type], len(batch))
         for size in np.unique(batch.sizes).tolist():
+            if not size:
+                raise DatasetError(f"{self._channel.topic}: a message is empty")
             rows = np.flatnonzero(batch.sizes == size)
             windows = np.lib.stride_tricks.sliding_window_view(batch.data, size)
             whole = windows.view(f"V{size}")[:, 0][batch.starts[rows]]  # copied a message at once
@@ -135,8 +139,9 @@ class TableReader:
             for layout in self._layouts[size]:
                 rows, messages = builder.fill(layout, rows, messages)
             while len(rows):
-                layout = self._find(messages[0].tobytes())
-                rows, messages = builder.fill(layout, rows, messages)
+                with self._decoding:
+                    layout = self._find(messages[0].tobytes())
+                    rows, messages = builder.fill(layout, rows, messages)
         return builder.table()
 
     def _find(self, message: bytes) -> Layout:

@@ -4,8 +4,11 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from sain_core.untrusted.json_text import parse_json
+
 MISSING_KEY: Final = "missing_messages"  # in a bag's custom data
 SILENT_KEY: Final = "silent_topics"  # likewise: those published or asked for, and never heard
+UNDEFINED_KEY: Final = "undefined_topics"  # likewise: those whose type nobody described
 
 
 class Gaps:
@@ -71,6 +74,14 @@ def describe_gaps(gaps: Mapping[str, Gaps]) -> str:
 def read_gaps(custom_data: Mapping[str, str]) -> dict[str, str] | None:
     """Return the missing messages of each topic that a recording states; None: it states none."""
     try:
-        return {str(k): str(v) for k, v in json.loads(custom_data[MISSING_KEY]).items()}
+        return {str(k): str(v) for k, v in parse_json(custom_data[MISSING_KEY]).items()}
     except (KeyError, ValueError, AttributeError):
         return None
+
+
+def read_names(custom_data: Mapping[str, str], key: str) -> tuple[str, ...]:
+    """Return the topics that a recording lists under a key; none where it lists none."""
+    try:
+        return tuple(map(str, parse_json(custom_data[key])))
+    except (KeyError, ValueError, TypeError):
+        return ()

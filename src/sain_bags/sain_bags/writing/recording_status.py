@@ -29,6 +29,7 @@ class RecordingStatus:
     files: int
     missing: tuple[tuple[str, str], ...]  # topics of which something is, and how much
     silent: tuple[str, ...] = ()  # topics that are published or were asked for, without a message
+    first: int | None = None  # [ns since the epoch], when the first message was received
 
     @classmethod
     def of(
@@ -52,6 +53,7 @@ class RecordingStatus:
             len(writer.split_files),
             missing,
             tuple(sorted({*gaps, *awaited} - heard - HOUSEKEEPING)),
+            writer.first,
         )
 
     def line(self, rate: float) -> str:
@@ -72,8 +74,12 @@ class RecordingStatus:
     def gaps(self) -> str:
         """Return the missing messages as text."""
         if not self.missing:
-            return "none missing since the first" if self.messages else "nothing heard"
+            return f"none missing since {self._first()}" if self.messages else "nothing heard"
         return "missing: " + ", ".join(f"{count} of {name}" for name, count in self.missing)
+
+    def _first(self) -> str:
+        """Return when the first message came: what was lost before cannot show."""
+        return time.strftime("%H:%M:%S", time.localtime(1e-9 * (self.first or 0)))
 
     def final(self, out: Path, size: int) -> str:
         """Return the last line for a recording of this size [bytes]."""

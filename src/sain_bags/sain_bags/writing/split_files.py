@@ -6,6 +6,7 @@ from pathlib import Path
 
 from sain_bags.bag.metadata import (
     METADATA_RECORD,
+    START_RECORD,
     Span,
     Topic,
     bag_metadata,
@@ -29,7 +30,7 @@ class SplitFile(McapWriter):
         self._types: dict[tuple[str, str], int] = {}
         self._topics: dict[str, int] = {}
         # Metadata at the end is all that a whole bag needs; this is for what a crash leaves.
-        self._describe_bag((), about)
+        self._describe_bag(START_RECORD, (), about)
 
     @property
     def full(self) -> bool:
@@ -71,17 +72,19 @@ class SplitFile(McapWriter):
         try:
             try:
                 self.end_chunk()
-                self._describe_bag(topics, custom_data)
+                self._describe_bag(METADATA_RECORD, topics, custom_data)
             finally:
                 self.finish()
         finally:
             self._disk.close()
 
-    def _describe_bag(self, topics: Iterable[Topic], custom_data: Mapping[str, str]) -> None:
+    def _describe_bag(
+        self, name: str, topics: Iterable[Topic], custom_data: Mapping[str, str]
+    ) -> None:
         counts = self.counts
         counted = [(topic, counts[topic.name]) for topic in topics if topic.name in counts]
         about = bag_metadata({self.path.name: self.span}, counted, custom_data, self._ros)
-        self.add_metadata(METADATA_RECORD, metadata_record(about))
+        self.add_metadata(name, metadata_record(about))
 
 
 class SplitFiles:

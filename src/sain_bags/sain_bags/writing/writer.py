@@ -74,6 +74,7 @@ class BagWriter:
         self._counts: dict[str, int] = {}
         self._latched: dict[str, deque[tuple[int, int, bytes]]] = {}  # the last messages
         self.split_files = SplitFiles()
+        self.first: int | None = None  # [ns since the epoch], when its first message was received
         self._file_start = 0  # [ns since the epoch], its first message; 0: it has none yet
         self._flush_at: float | None = None  # by `time.monotonic`; None: just flushed
         self._closed = False
@@ -126,6 +127,7 @@ class BagWriter:
         except OSError as error:
             raise self._error(error) from error
         self._file_start = self._file_start or received
+        self.first = received if self.first is None else self.first
         self._counts[topic] += 1
         if topic in self._latched:
             self._latched[topic].append((sequence, published, data))

@@ -17,6 +17,7 @@ from sain_core.cli.interrupts import interrupts_after_imports, silent_interrupts
 from sain_core.config import describe_values
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
 
+LONGEST: Final = 4000  # characters of an error
 WRONG_USAGE: Final = 2  # exit code after an argument that is not allowed
 
 
@@ -75,7 +76,10 @@ class Command:
 
         console = Console(stderr=True, soft_wrap=True)
         name = self.name.rpartition(" ")[2]
-        console.print(f"{name}: {error}", style="red", markup=False, highlight=False)
+        # What files from elsewhere hold may be in it, and must not steer the terminal.
+        shown = (char if char.isprintable() or char == "\n" else "\ufffd" for char in str(error))
+        text = "".join(shown)[:LONGEST]
+        console.print(f"{name}: {text}", style="red", markup=False, highlight=False)
         return code
 
 

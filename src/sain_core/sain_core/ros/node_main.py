@@ -21,6 +21,7 @@ from rclpy.utilities import ok, try_shutdown
 from sain_core import notify
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
 from sain_core.ros.network import stay_on_this_host
+from sain_core.ros.parameter_files import check_parameter_files
 from sain_core.ros.steady import steady_timer
 
 NAMESPACE = "sain"
@@ -122,6 +123,7 @@ def ros_context(
         ConfigError: the arguments for ROS cannot be read.
     """
     stay_on_this_host()
+    check_parameter_files(args)
     try:
         rclpy.init(args=args, signal_handler_options=signals)
     except RuntimeError as error:  # the base of rcl's own errors, which rclpy does not export

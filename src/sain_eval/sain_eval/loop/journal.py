@@ -5,8 +5,10 @@ import json
 from pathlib import Path
 from typing import Any, Final
 
-from sain_core.errors import OutputError
+from sain_core.errors import OutputError, UntrustedFileError
 from sain_core.storage import append_json
+from sain_core.untrusted.files import read_regular_text
+from sain_core.untrusted.json_text import parse_json
 from sain_eval.loop.results import SceneRecord
 
 JOURNAL_FILE: Final = "episodes.jsonl"
@@ -36,16 +38,16 @@ class Journal:
             raise OutputError(f"cannot use {self.path}: {error.strerror or error}") from error
 
     def _read(self, settings: dict[str, Any]) -> None:
-        text = self.path.read_text() if self.path.exists() else ""
+        text = self._text()
         lines = text.split("\n")
         whole, cut_off = lines[:-1], lines[-1]
         if not whole:
             self.path.write_text(json.dumps({"settings": settings}) + "\n")
             return
         try:
-            kept = json.loads(whole[0])["settings"]
-            episodes = [[_record(item) for item in json.loads(line)] for line in whole[1:]]
-        except (ValueError, KeyError, TypeError) as error:
+            kept = parse_json(whole[0])["settings"]
+            episodes = [[_record(item) for item in parse_json(line)] for line in whole[1:]]
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise OutputError(
                 f"{self.path} is damaged ({error}); remove it or choose another --out"
             ) from error
@@ -59,6 +61,12 @@ class Journal:
             self.path.write_text("\n".join(whole) + "\n")
         for episode in episodes:
             self._take(episode)
+
+    def _text(self) -> str:
+        try:
+            return read_regular_text(self.path) if self.path.exists() else ""
+        except UntrustedFileError as error:
+            raise OutputError(f"{self.path} is not read: {error}") from error
 
     def add(self, records: list[SceneRecord]) -> None:
         """Write one episode's records, one for each tolerance."""

@@ -3,7 +3,6 @@
 A reality is a world that executes pushes: an engine with its physics, or somebody else's benchmark.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +10,22 @@ from typing import Any, Final
 
 from sain_core.errors import DatasetError
 from sain_core.observation import ObservationConfig, observation_settings, told_settings
+from sain_core.untrusted.json_text import read_json
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA
 
-MOST_BYTES: Final = 500_000_000  # of a results file
 NEEDED: Final = (
     "scenario", "controller", "tolerance", "heading_tolerance", "scenes", "successes", "rate",
     "pushes", "target_error", "most_goals", "goals_in_a_row",
 )  # fmt: skip
+NUMBER: Final = (int, float)
+KINDS: Final[dict[str, tuple[type, ...]]] = {
+    "scenario": (str,), "controller": (str,), "within": (str, type(None)),
+    "tolerance": NUMBER, "heading_tolerance": (*NUMBER, type(None)),
+    "scenes": (int,), "successes": (int,), "most_goals": (int,), "goals_in_a_row": (list,),
+    "target_error": (*NUMBER, type(None)), "steps": (*NUMBER, type(None)),
+    "fallbacks": (*NUMBER, type(None)),
+}  # fmt: skip
+INTERVALS: Final[dict[str, tuple[type, ...]]] = {"rate": NUMBER, "pushes": (*NUMBER, type(None))}
 REALITY_NAMES: Final = {
     ("bullet", "randomised"): "Bullet",
     ("bullet", "rough"): "Bullet, rough",
@@ -50,9 +58,7 @@ def read_results(folder: Path) -> Results:
     """
     path = folder / RESULTS_FILE
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise DatasetError(f"{path} has more than {MOST_BYTES:,} bytes")
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         if content["schema"] != SCHEMA:
             raise DatasetError(f"{path} has the schema {content['schema']!r}; allowed: {SCHEMA!r}")
         lacking = {name for row in content["summary"] for name in NEEDED if name not in row}
@@ -61,16 +67,30 @@ def read_results(folder: Path) -> Results:
                 f"{path} is of an earlier version, without {', '.join(sorted(lacking))}; run the"
                 " evaluation again"
             )
+        for row in content["summary"]:
+            _check_row(row)
         return Results(
-            content.get("reality") or _reality(content["config"]),
-            content["command"],
+            str(content.get("reality") or _reality(content["config"])),
+            str(content["command"]),
             str(content["git_commit"] or "unknown"),
             content["summary"],
         )
     except OSError as error:
         raise DatasetError(f"{path} cannot be read ({error}); run an evaluation first") from error
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
         raise DatasetError(f"{path} holds no results of an evaluation: {error!r}") from error
+
+
+def _check_row(row: Mapping[str, Any]) -> None:
+    values = [(name, row[name], kinds) for name, kinds in KINDS.items() if name in row]
+    values += [
+        (f"{name}.{part}", row[name][part], kinds)
+        for name, kinds in INTERVALS.items()
+        for part in ("estimate", "low", "high")
+    ]
+    for name, value, kinds in values:
+        if not isinstance(value, kinds):
+            raise ValueError(f"{name} is {str(value)[:40]!r}")
 
 
 def _reality(config: Mapping[str, Any]) -> str:

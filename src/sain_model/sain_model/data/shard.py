@@ -11,6 +11,7 @@ from sain_core.errors import DatasetError
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
 from sain_core.shapes.names import as_names
 from sain_core.storage import read_arrays
+from sain_core.untrusted.limits import BODIES, LARGEST_NUMBER
 
 NO_STEP: Final = -1  # where a shard does not tell
 UNKNOWN: Final = {Column.FRICTION: np.nan, Column.FLOOR_NEXT: np.nan, Column.STEP: NO_STEP}
@@ -75,6 +76,8 @@ def _disks(path: Path, states: ndarray, count: int, least: int) -> int:
     disks, rest = divmod(states.size, STATE_SIZE * count)
     if states.ndim not in (2, 3) or rest:
         raise DatasetError(f"{path}: state has shape {states.shape}; it should be ({count}, N * 8)")
+    if disks > BODIES:
+        raise DatasetError(f"{path}: state has {disks} disks; it may have {BODIES}")
     if disks < least:
         raise DatasetError(
             f"{path}: state has {disks} disks; it needs {least} or more{HINT if disks else ''}"
@@ -107,6 +110,9 @@ def _checked(path: Path, column: Column, values: ndarray, shape: tuple[int, ...]
         return values.astype(np.int64)
     numbers = np.asarray(values, dtype=np.float64)
     allowed = np.isfinite(numbers)
+    if (np.abs(numbers[allowed]) > LARGEST_NUMBER).any():
+        most = np.abs(numbers[allowed]).max()
+        raise DatasetError(f"{path}: {column} holds {most:g}; it may hold {LARGEST_NUMBER:g}")
     if column in UNKNOWN:
         allowed |= np.isnan(numbers)
     if not allowed.all():

@@ -6,7 +6,6 @@ pins the weights by their SHA-256. Nothing is unpickled. What does not fit is re
 
 import dataclasses
 import hashlib
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,8 +15,10 @@ import safetensors.torch
 from safetensors import SafetensorError
 from torch import nn
 
-from sain_core.errors import CheckpointError
+from sain_core.errors import CheckpointError, UntrustedFileError
 from sain_core.storage import write_json, write_whole
+from sain_core.untrusted.files import read_regular
+from sain_core.untrusted.json_text import parse_json
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.network.feature_kernels import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork
@@ -155,20 +156,22 @@ def read_card(path: Path) -> ModelCard:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_regular(path)
     except FileNotFoundError:
         raise CheckpointError(
             f"{path} does not exist; a checkpoint is NAME{SUFFIX} with NAME.json beside it"
         ) from None
     except OSError as error:
         raise CheckpointError(f"cannot read {path}: {error.strerror or error}") from error
+    except UntrustedFileError as error:
+        raise CheckpointError(f"{path} is not read: {error}") from error
 
 
 def parse_card(path: Path, text: str) -> ModelCard:
     """Return the card with this JSON text."""
     try:
-        return ModelCard(**_with_new_names(json.loads(text)))
-    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        return ModelCard(**_with_new_names(parse_json(text)))
+    except (ValueError, TypeError, AttributeError) as error:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
 
 

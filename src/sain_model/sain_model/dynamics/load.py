@@ -4,6 +4,7 @@ from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
+from sain_core.config import typed_settings
 from sain_core.dynamics import Dynamics
 from sain_model.dynamics.checkpoint import (
     ARCHITECTURE,
@@ -18,7 +19,7 @@ from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.identify import believing_model
 from sain_model.dynamics.intervals import Intervals
 from sain_model.dynamics.parameter_correction import ParameterCorrection
-from sain_model.dynamics.priors import C, Settings, load_planar, load_prior, naming, typed
+from sain_model.dynamics.priors import C, Settings, load_planar, load_prior, naming
 from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import (
@@ -115,7 +116,7 @@ def card_part(name: str, kind: type[C], settings: Settings) -> C:
         CheckpointError: they are not of this kind.
     """
     with naming(name):
-        return kind(**typed(kind, settings))
+        return kind(**typed_settings(kind, settings))
 
 
 def shipped_checkpoint(name: str = SHIPPED) -> Path:

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
-from typing import Any, Literal, TypeVar, get_origin, get_type_hints
+from typing import Any, TypeVar
 
-from sain_core.config import Config
+from sain_core.config import Config, typed_settings
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import CheckpointError
 from sain_core.plugins import load_dynamics
@@ -58,13 +58,13 @@ def load_planar(name: str, settings: Settings | None = None) -> PlanarPrior:
         )
     usual = PlanarConfig() if name == PLANAR else AXES
     with naming("settings of the planar prior"):
-        return PlanarPrior(replace(usual, **typed(PlanarConfig, settings or {})))
+        return PlanarPrior(replace(usual, **typed_settings(PlanarConfig, settings or {})))
 
 
 def _load_lab(settings: Settings) -> LabPrior:
     with naming("settings of the laboratory's prior"):
         x, y = (float(value) for value in settings.pop("centre"))
-        return LabPrior(PlanarConfig(**typed(PlanarConfig, settings)), centre=(x, y))
+        return LabPrior(PlanarConfig(**typed_settings(PlanarConfig, settings)), centre=(x, y))
 
 
 def prior_settings(prior: Dynamics) -> Settings:
@@ -83,32 +83,12 @@ def naming(part: str) -> Iterator[None]:
     """
     try:
         yield
-    except (CheckpointError, TypeError, KeyError, ValueError) as error:  # ConfigError is one
+    except (
+        CheckpointError,
+        TypeError,
+        KeyError,
+        ValueError,
+        AttributeError,
+        OverflowError,
+    ) as error:  # ConfigError is one
         raise CheckpointError(f"{part}: {error}") from error
-
-
-def typed(kind: type[Config], settings: Settings) -> Settings:
-    """Return settings that come from JSON, lists as tuples and objects as nested settings.
-
-    Raises:
-        TypeError: naming the one whose value is not of the right type.
-    """
-    right, found = get_type_hints(kind), dict(settings)
-    for name, value in settings.items():
-        hint = right.get(name, object)
-        if get_origin(hint) is tuple and isinstance(value, list):
-            found[name] = tuple(value)
-        elif isinstance(value, dict) and isinstance(hint, type) and issubclass(hint, Config):
-            found[name] = hint(**typed(hint, value))
-        else:
-            allowed = _allowed_types(hint)
-            if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
-                raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
-    return found
-
-
-def _allowed_types(hint: Any) -> tuple[type, ...]:
-    """Return the types of values; a command line makes its choices the hint of a text."""
-    if get_origin(hint) is Literal:
-        return (str,)
-    return (int, float) if hint is float else (tuple if get_origin(hint) is tuple else hint,)

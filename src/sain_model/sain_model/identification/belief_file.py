@@ -1,14 +1,15 @@
 """Beliefs as JSON cards."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from sain_core.errors import CheckpointError, ConfigError
+from sain_core.config import typed_settings
+from sain_core.errors import CheckpointError
 from sain_core.storage import write_json
+from sain_core.untrusted.json_text import read_json
 from sain_model.identification.beliefs import Belief
 from sain_model.identification.parameters import COUNT
 from sain_model.identification.structures import Structure
@@ -37,7 +38,7 @@ def read_belief(path: Path) -> Belief:
         CheckpointError: no such file, or not a belief.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         if content.pop("format") != FORMAT:
             raise ValueError("another format")
         structures = tuple(_read(part) for part in content.pop("structures"))
@@ -48,7 +49,7 @@ def read_belief(path: Path) -> Belief:
         raise CheckpointError(
             f"belief {path} does not exist; sain_model identify makes one"
         ) from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, ConfigError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
         raise CheckpointError(
             f"belief {path} cannot be read: {error}; make it again with sain_model identify"
         ) from error
@@ -90,9 +91,9 @@ def _read(part: dict[str, Any]) -> Structure:
         raise ValueError("a covariance is not positive")
     return Structure(
         str(part["name"]),
-        PlanarConfig(**part["config"]),
+        PlanarConfig(**typed_settings(PlanarConfig, part["config"])),
         covariance,
-        FrictionConfig(**part["friction"]),
+        FrictionConfig(**typed_settings(FrictionConfig, part["friction"])),
         float(part["log_odds"]),
         bool(part["corrected"]),
     )

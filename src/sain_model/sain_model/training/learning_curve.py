@@ -1,6 +1,5 @@
 """Learning curves: how many transitions a network needs, with physics under it and without."""
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Final
 
 from sain_core.errors import CheckpointError
 from sain_core.storage import write_json
+from sain_core.untrusted.json_text import read_json
 from sain_model.data.dataset import Split, check_held_out, limit_training
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
 from sain_model.dynamics.sain import SainDynamics
@@ -82,10 +82,15 @@ def _errors(split: Split, config: TrainingConfig, folder: Path) -> dict[str, dic
     path = folder / "errors.json"
     identity = f"{config} {split.train.sha256} {len(split.test)}"
     if path.exists():
-        done = json.loads(path.read_text())
-        if done["identity"] != identity:
-            raise CheckpointError(f"{path} belongs to other settings or data; use another folder")
-        return dict(done["all"])
+        try:
+            done = read_json(path)
+            if done["identity"] != identity:
+                raise CheckpointError(
+                    f"{path} belongs to other settings or data; use another folder"
+                )
+            return dict(done["all"])
+        except (OSError, LookupError, TypeError, ValueError) as error:
+            raise CheckpointError(f"{path} is damaged ({error}); use another folder") from error
     prior, friction = prior_and_filter(config, split.train)
     trainer = Trainer(split, prior, config, folder, friction)
     trainer.run()

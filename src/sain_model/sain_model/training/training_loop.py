@@ -18,6 +18,7 @@ from torch import Tensor, nn
 
 from sain_core.errors import CheckpointError
 from sain_core.storage import write_whole
+from sain_core.untrusted.files import read_regular
 from sain_model.compute.threads import settle_threads
 
 
@@ -178,7 +179,8 @@ class TrainingLoop(ABC):
 
     def _resume(self) -> None:
         try:
-            state: dict[str, Any] = torch.load(self._path, weights_only=True)
+            content = io.BytesIO(read_regular(self._path))
+            state: dict[str, Any] = torch.load(content, weights_only=True)
             identity = state["identity"]
         except Exception as error:
             raise CheckpointError(

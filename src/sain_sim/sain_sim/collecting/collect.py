@@ -4,7 +4,6 @@ What is written depends on seed and settings alone: episodes are independent and
 order, so neither the number of workers nor a kill and a resume changes a byte.
 """
 
-import json
 from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import asdict, dataclass
@@ -16,6 +15,7 @@ from sain_core.config import option
 from sain_core.dataset import SHARD_SIZE, Column, describe_fields
 from sain_core.errors import DatasetError
 from sain_core.storage import write_json
+from sain_core.untrusted.json_text import read_json
 from sain_core.workers.options import WorkerOptions
 from sain_core.workers.running import run_on_workers
 from sain_core.workers.work import Software, Work
@@ -131,7 +131,7 @@ def _claim(folder: Path, config: CollectConfig) -> None:
 
 def _read_identity(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text())
+        content = read_json(path)
     except (OSError, ValueError) as error:
         raise DatasetError(f"{path} is damaged: {error}; collect into another folder") from error
     if not isinstance(content, dict):

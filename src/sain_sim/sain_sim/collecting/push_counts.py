@@ -8,6 +8,8 @@ from typing import Any, Final, Self
 
 from sain_core.errors import BlockedError, SainError, UnreachableError
 from sain_core.storage import append_json, write_whole
+from sain_core.untrusted.files import read_regular
+from sain_core.untrusted.json_text import parse_json
 
 JOURNAL_FILE: Final = "episodes.jsonl"
 
@@ -78,9 +80,9 @@ class CollectionJournal:
 
 def _lines(path: Path) -> Iterable[dict[str, Any]]:
     """Return the whole lines of a journal; what a kill left half-written ends it."""
-    for line in path.read_text(errors="replace").splitlines() if path.exists() else []:
+    for line in read_regular(path).decode(errors="replace").splitlines() if path.exists() else []:
         try:
-            content = json.loads(line)
+            content = parse_json(line)
         except ValueError:
             return
         if not isinstance(content, dict) or not isinstance(content.get("episode"), int):

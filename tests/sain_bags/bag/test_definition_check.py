@@ -1,0 +1,59 @@
+"""Definitions that would take a parser, or a decoder, forever are refused before."""
+
+import pytest
+
+from sain_bags.bag.definition_check import check_definition
+from sain_bags.bag.definitions import SEPARATOR, Definitions
+from sain_core.errors import DatasetError
+
+NAME = "a/msg/T"
+
+
+def chain(depth: int) -> str:
+    parts = ["a/T0 x"]
+    for level in range(depth):
+        inner = f"a/T{level + 1} x" if level + 1 < depth else "uint8 x"
+        parts.append(f"{SEPARATOR}\nMSG: a/T{level}\n{inner}")
+    return "\n".join(parts)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("a/msg/T again", "contains itself: a/T"),
+        (f"U u\n{SEPARATOR}\nMSG: a/U\nT[] back", "contains itself"),
+        (chain(40), "nested more than 32 deep"),
+        ("uint8 x\n" * 5001, "more than 5,000 fields"),
+        ("# " + "x" * (1 << 20), "1,048,578 characters; allowed"),
+        ("uint8[0] x", "array of 0 elements; allowed: 1 to"),
+        ("uint8[4000000] x", "array of 4,000,000 elements"),
+        ("uint8[99999999999999999999] x", "a line that is no field"),
+        ("int8[] x [" + "1," * 3000 + "1]", "a line of more than 4,000 characters"),
+        ("\x00\x01", "a line that is no field"),
+    ],
+)
+def test_what_is_refused(text: str, reason: str) -> None:
+    with pytest.raises(DatasetError, match=reason):
+        check_definition(NAME, text)
+
+
+@pytest.mark.parametrize("name", ["", "T", "a/T", "a/msg/", "../msg/T", "a/msg/T\n"])
+def test_what_is_no_name_of_a_type(name: str) -> None:
+    with pytest.raises(DatasetError, match="is not the name of a type"):
+        check_definition(name, "uint8 x")
+
+
+def test_what_is_allowed() -> None:
+    check_definition(NAME, chain(31))
+    check_definition(NAME, f"U a\nU b\nV c\n{SEPARATOR}\nMSG: a/U\nV v\n{SEPARATOR}\nMSG: a/V\n")
+    check_definition(
+        NAME, "string<=9[<=4] names\nstring S='#'  # a constant\nuint8 N = 3\n\nfloat64[2] xy\r\n"
+    )
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["sain_interfaces/msg/PushResult", "visualization_msgs/msg/MarkerArray"],
+)
+def test_definitions_that_are_installed_are_allowed(name: str) -> None:
+    check_definition(name, Definitions().joined(name))
