@@ -16,9 +16,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
+import domain_coordinator
 import tyro
 from rich.console import Console
 
+from benchmarks import hostile_files
 from benchmarks.faults.running import PARTS, Strikes, graph, lost_rows
 from benchmarks.faults.surroundings import (
     clock_jumps,
@@ -28,11 +30,14 @@ from benchmarks.faults.surroundings import (
     in_full_memory,
 )
 from benchmarks.faults.table import Row, show, write_page
+from benchmarks.hostile_files import run_files
+from benchmarks.hostile_table import flood_node
 from sain_bags.reading.reader import Bag
 from sain_bringup.graph import RECORDER
+from sain_core.ros.node_main import ros_context
 
 STOPPED: Final = 10.0  # [s]
-KINDS: Final = ("kill", "stop", "datagrams", "clock", "memory", "disk")
+KINDS: Final = ("kill", "stop", "datagrams", "clock", "memory", "disk", "messages", "files")
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,10 @@ class Options:
     """with each fault of the surroundings"""
     disks: int = 3
     """of each kind"""
+    messages: int = 10_000
+    """to each topic, service and action, hostile ones"""
+    files: int = 1000
+    """hostile ones"""
     only: tuple[str, ...] = KINDS
     """kinds of faults"""
     page: Path | None = None
@@ -95,6 +104,8 @@ def measure(options: Options, folder: Path) -> Iterator[Row]:
         "clock": lambda: clock_jumps(folder, options.episodes),
         "memory": lambda: memory(folder, options.episodes),
         "disk": lambda: disks(folder, options.disks),
+        "messages": lambda: messages(options.messages, options.seed),
+        "files": lambda: files(folder, options.files, options.seed),
     }
     for kind in options.only:
         yield from given[kind]()
@@ -109,11 +120,37 @@ def memory(folder: Path, episodes: int) -> Iterator[Row]:
         yield Row(**json.loads(line))
 
 
+def messages(count: int, seed: int) -> Iterator[Row]:
+    """Flood each node with hostile messages, and with texts of 10 MB."""
+    for name in ("sim_node", "model_node", "mppi_node"):
+        with ros_context():
+            found = list(flood_node(name, count, 10, seed))
+        arrived = sum(one.flood.arrived or 0 for one in found)
+        asked = [one.flood for one in found if one.flood.answered is not None]
+        silent = sum(max((one.arrived or 0) - (one.answered or 0), 0) for one in asked)
+        grown = found[-1].after - found[0].before
+        note = f"survived: answered, or ignored with a warning; memory grew by {grown:.0f} MB"
+        died = sum(one.died for one in found)
+        yield Row(f"hostile messages: {name}", arrived, arrived - silent, died, note=note)
+
+
+def files(folder: Path, count: int, seed: int) -> Iterator[Row]:
+    """Read hostile files with every command that reads files."""
+    console = Console(stderr=True)
+    found = list(run_files(hostile_files.Options(count=count, seed=seed), folder, console))
+    right = sum(one.is_right for one in found)
+    memory = max(one.found.megabytes for one in found)
+    seconds = max(one.found.seconds for one in found)
+    note = f"survived: read or refused in one line; at most {memory:.0f} MB and {seconds:.1f} s"
+    yield Row(f"{count:,} hostile files", len(found), right, 0, note=note)
+
+
 def main() -> None:
     """Measure, print and write."""
     options = tyro.cli(Options, description=__doc__)
     console, rows = Console(), []
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as name, domain_coordinator.domain_id() as domain:
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
         folder = Path(name)
         if options.only == ("_memory",):
             measured: Iterator[Row] = iter([full_memory(folder, options.episodes)])

@@ -4,17 +4,16 @@ import base64
 import json
 import os
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 
-from sain_core.errors import DatasetError
+from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.storage import PARTIAL
+from sain_core.untrusted.json_text import read_json
 
 M = TypeVar("M")
-
-MOST_BYTES: Final = 16 << 20
 
 
 class StateFile:
@@ -40,15 +39,13 @@ class StateFile:
         """Return what was written last; nothing where there is none.
 
         Raises:
-            DatasetError: it is not such a file, or too large for one.
+            DatasetError: it is not such a file.
         """
         if self._path is None or not self._path.exists():
             return {}
         try:
-            if not self._path.is_file() or self._path.stat().st_size > MOST_BYTES:
-                raise DatasetError(f"{self._path} is not a file of up to {MOST_BYTES >> 20} MiB")
-            state = json.loads(self._path.read_bytes())
-        except (OSError, ValueError, RecursionError) as error:
+            state = read_json(self._path)
+        except (OSError, UntrustedFileError) as error:
             raise DatasetError(f"{self._path} is not the state of a node: {error}") from error
         if not isinstance(state, dict):
             raise DatasetError(f"{self._path} is not the state of a node")
