@@ -35,7 +35,10 @@ def left(graph, tmp_path):
         graph.push(scene, push_id, PUSH)
         scene = graph.result(push_id).after
     graph.wait(lambda: "/sain/bystander" in json.loads(path.read_text())["listeners"], "who hears")
+    graph.wait(lambda: latest(graph).scene_id == scene.scene_id, "the last scene")
     graph.stop(node)
+    for _ in range(20):  # what is still on its way
+        graph.executor.spin_once(timeout_sec=0.02)
     return path
 
 
