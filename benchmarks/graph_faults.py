@@ -16,12 +16,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
-import domain_coordinator
 import tyro
 from rich.console import Console
 
 from benchmarks import hostile_files
-from benchmarks.faults.running import PARTS, Strikes, graph, lost_rows
+from benchmarks.faults.running import PARTS, Strikes, graph, lost_rows, own_domain
 from benchmarks.faults.surroundings import (
     clock_jumps,
     datagrams,
@@ -123,7 +122,7 @@ def memory(folder: Path, episodes: int) -> Iterator[Row]:
 def messages(count: int, seed: int) -> Iterator[Row]:
     """Flood each node with hostile messages, and with texts of 10 MB."""
     for name in ("sim_node", "model_node", "mppi_node"):
-        with ros_context():
+        with own_domain(), ros_context():
             found = list(flood_node(name, count, 10, seed))
         arrived = sum(one.flood.arrived or 0 for one in found)
         asked = [one.flood for one in found if one.flood.answered is not None]
@@ -149,8 +148,7 @@ def main() -> None:
     """Measure, print and write."""
     options = tyro.cli(Options, description=__doc__)
     console, rows = Console(), []
-    with tempfile.TemporaryDirectory() as name, domain_coordinator.domain_id() as domain:
-        os.environ["ROS_DOMAIN_ID"] = str(domain)
+    with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if options.only == ("_memory",):
             measured: Iterator[Row] = iter([full_memory(folder, options.episodes)])

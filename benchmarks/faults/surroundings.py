@@ -54,14 +54,14 @@ def datagrams(folder: Path, episodes: int) -> Iterator[Row]:
         yield played(folder / f"datagrams_{number}", fault, episodes, environment)
 
 
-def clock_jumps(folder: Path, episodes: int) -> Iterator[Row]:
-    """Let the wall clock jump in the midst of episodes."""
+def clock_jumps(folder: Path, episodes: int, after: float = 10.0) -> Iterator[Row]:
+    """Let the wall clock jump in the midst of episodes, so long [s] after the start."""
     library = str(compiled(folder))
     for fault, jump in JUMPS.items():
         environment = {
             "LD_PRELOAD": library,
             "FAULT_JUMP": jump,
-            "FAULT_JUMP_AT": str(time.monotonic() + 10.0),
+            "FAULT_JUMP_AT": str(time.monotonic() + after),
         }
         yield played(folder / f"clock_{jump}", fault, episodes, environment)
 

@@ -9,7 +9,7 @@ from sain_core import wire
 from sain_core.errors import DatasetError, ErrorCode
 from sain_core.ros.state_file import StateFile, text_of
 from sain_core.scene import POSE
-from sain_sim.ros.resumption import Moment
+from sain_sim.ros.resumption import LeftEpisode
 from sain_sim.ros.sim_node import SimNode
 
 PUSH = (0.0, 0.0, 0.08)
@@ -96,4 +96,4 @@ def test_a_damaged_file_is_refused(graph, tmp_path, text):
     path = tmp_path / "sim.json"
     path.write_text(text)
     with pytest.raises(DatasetError, match=r"is not the state of a node|is damaged"):
-        Moment.read(StateFile(graph.bystander, str(path)).read())
+        LeftEpisode.read(StateFile(graph.bystander, str(path)).read())

@@ -17,7 +17,7 @@ LOST_TIME: Final = 60.0  # [s], simulated: the clock had gone on, and never goes
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class LeftEpisode:
     """A settled scene, and all that it takes to be there again.
 
     Attributes:
@@ -47,7 +47,7 @@ class Moment:
         )
 
     @classmethod
-    def read(cls, state: Mapping[str, Any]) -> "Moment | None":
+    def read(cls, state: Mapping[str, Any]) -> "LeftEpisode | None":
         """Return what a file holds; None: nothing.
 
         Raises:
@@ -81,7 +81,7 @@ class Resumption:
         self._node = node
         self._file = StateFile(node, path)
         state = self._file.read()
-        self.left = Moment.read(state)
+        self.left = LeftEpisode.read(state)
         self.waits = self.left is not None
         self._listeners = [str(name) for name in state.get("listeners", ())]
         self._back = Return(node, HEARD, self._listeners)
@@ -96,7 +96,7 @@ class Resumption:
         """Whether the state is kept."""
         return bool(self._file)
 
-    def keep(self, moment: Moment) -> None:
+    def keep(self, moment: LeftEpisode) -> None:
         """Replace the state."""
         moment.write(self._file, self._listeners)
 

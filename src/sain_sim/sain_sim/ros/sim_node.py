@@ -26,7 +26,7 @@ from sain_sim.node.pacing import Pacer
 from sain_sim.node.session import Session
 from sain_sim.node.simulator import Pushed, Simulator, SimulatorConfig
 from sain_sim.ros.publishing import Publishing
-from sain_sim.ros.resumption import LOST_TIME, Moment, Resumption
+from sain_sim.ros.resumption import LOST_TIME, LeftEpisode, Resumption
 from sain_sim.world.outcome import Sample
 
 LOOK_AGAIN = 0.1  # [s] between looks for those who listened before a crash
@@ -72,7 +72,7 @@ class SimNode(Node):
             f"a {config.world} world{self.simulator.within} with {len(self.sample.scene)} disks"
         )
 
-    def _begin(self, left: Moment | None) -> None:
+    def _begin(self, left: LeftEpisode | None) -> None:
         """Start the first episode, or go on where another process was left."""
         if left is None:
             self._reset(ResetScene.Request(seed=self.simulator.config.seed))
@@ -153,7 +153,7 @@ class SimNode(Node):
         reset.shapes, reset.roles = self.begun.shapes, self.begun.roles
         reset.friction = self.simulator.parameters.friction
         ids = self.session.episode_id, self.session.scene_id
-        self.resumption.keep(Moment(reset, *ids, self.pacer.now, push))
+        self.resumption.keep(LeftEpisode(reset, *ids, self.pacer.now, push))
 
     def _on_push(self, message: Push) -> None:
         push = wire.decode_push(message)
