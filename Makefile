@@ -2,7 +2,7 @@
 
 .DEFAULT_GOAL := help
 LINTERS := lint-types lint-style lint-imports lint-prose lint-shell lint-docker
-.PHONY: help demo test lint $(LINTERS) format bench table clean
+.PHONY: help demo test lint $(LINTERS) format bench table faults clean
 
 SHELL_SCRIPTS := env .ci/run tools/recipe.sh tools/setup.sh tools/jobs.sh tools/activation.sh tools/browser.sh docker/entrypoint.sh
 
@@ -46,6 +46,9 @@ table: ## docs/results.md: all scenarios in Bullet, its rough world, MuJoCo and 
 	@./env ros2 run sain_eval pusht --out results/table/pusht $(PUSHT)
 	@./env ros2 run sain_eval results results/table/bullet results/table/rough results/table/mujoco \
 		results/table/pusht $(NAMES)
+
+faults: ## docs/faults.md: what the graph makes of killed nodes, lost datagrams, full disks and hostile input; takes an hour
+	@./env python -m benchmarks.graph_faults --page docs/faults.md $(ARGS)
 
 clean: ## removes the environment and all that was built; bags stay
 	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log

@@ -18,8 +18,8 @@ import tyro
 from rclpy.node import Node
 from rich.console import Console
 
-from sain_bringup.graph import MODEL, PLANNER, SIMULATOR, graph_commands
-from sain_bringup.options import ClosedLoopOptions
+from sain_bringup.graph import MODEL, PLANNER, SIMULATOR, graph_commands, ros_arguments
+from sain_bringup.options import GraphOptions
 from sain_bringup.processes import Supervisor
 from sain_bringup.ros.director import Director
 from sain_core.cli.fitting_table import FittingTable
@@ -65,7 +65,7 @@ def start_graph(supervisor: Supervisor, folder: Path) -> None:
     """Start the graph as `closed_loop` does."""
     with ros_context():
         director = Director(supervisor.check, timeout=300.0)
-        commands = graph_commands(ClosedLoopOptions(), "/sain", folder / "bag", {})
+        commands = graph_commands(GraphOptions(bag=folder / "bag"), ros_arguments(()), folder)
         for name, command in commands.items():
             supervisor.start(name, command)
         director.wait_for_graph(

@@ -3,72 +3,90 @@
     ros2 run sain_sim collect --parameters wide --seed 77 --episodes 120 --out data/masses
     python -m benchmarks.masses data/masses
 
-A tool that moves as commanded shows ratios of masses only. The ratio of mid disk to target and the
-friction with the table are inferred from the earlier pushes of the episode on a grid, with the
-likelihood of `sain_model.physics.friction`. Radii are the true ones.
+The shipped model predicts each push from the earlier pushes of its episode, in three ways: with the
+nominal masses for the true ones, with the ratio inferred, and with the true masses. Friction is
+unknown in all of them, and radii are the true ones.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final
 
 import numpy as np
 import tyro
-from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.dataset import MOVED
+from sain_core.plugins import load_dynamics
 from sain_core.scene import MASS, MID, POSITION, TARGET
 from sain_core.seeding import generator
-from sain_core.types import Scalars, Scenes
+from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.dataset import Dataset, load_transitions
+from sain_model.dynamics.intervals import Prediction
+from sain_model.dynamics.learning import learn, predict_rows
+from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.markdown import markdown_table
-from sain_model.physics.friction import FrictionConfig
+from sain_model.identification.evidence import Known
 from sain_model.physics.planar import NOMINAL_MASS, PlanarPrior
 from sain_model.physics.planar_config import AXES
 
-RATIOS: Final = np.linspace(-np.log(4.0), np.log(4.0), 41)  # logarithms, of mid disk to target
-FRICTIONS: Final = np.log(AXES.friction) + np.linspace(-np.log(4.0), np.log(4.0), 41)
-EQUAL: Final = len(RATIOS) // 2  # where both masses are the same
-WIDTH: Final = 0.5  # of what is believed of both beforehand, standard deviation of the logarithm
-KNOWN: Final = ((0, 0), (1, 1), (2, 2), (3, 9))  # earlier pushes that moved the target
+KNOWN: Final = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 9))  # earlier pushes that moved the target
 RESAMPLES: Final = 2000
-CONFIG: Final = FrictionConfig()
-
-Grid = Float[ndarray, "M G F"]  # of pushes: ratios, frictions
+WAYS: Final = ("nominal", "inferred", "true")
 
 
-def main(dataset: Annotated[Path, tyro.conf.Positional]) -> None:
+def main(dataset: Annotated[Path, tyro.conf.Positional], model: str = "sain") -> None:
     """Print errors of predictions and of the ratio, by the number of telling pushes."""
-    data = load_transitions(dataset)
+    data, dynamics = load_transitions(dataset), load_dynamics(model)
+    assert isinstance(dynamics, SainDynamics)
     print(f"all masses scaled by 1.5: predictions change by {1e3 * _scaled_change(data):.1g} mm\n")
-    likelihood = _log_likelihood(data)
-    true = np.log(data.state[:, MID, MASS] / data.state[:, TARGET, MASS])
-    place = np.abs(RATIOS - true[:, None]).argmin(axis=1)
-    equal = np.full((1, len(RATIOS), 1), -np.inf)
-    known = np.full((len(true), len(RATIOS), 1), -np.inf)
-    equal[:, EQUAL] = 0.0
-    known[np.arange(len(true)), place] = 0.0
-    ways = {"equal": equal, "inferred": -0.5 * (RATIOS[:, None] / WIDTH) ** 2, "true": known}
+    nominal = replace(data, state=_nominal(data.state), next_state=_nominal(data.next_state))
+    asked = (dynamics, nominal), (dynamics.with_unknown_masses(), nominal), (dynamics, data)
+    known = Known.earlier(data.episode, data.step)
+    learned = [learn(some, seen, known) for some, seen in asked]
+    predicted = [
+        predict_rows(some, seen, told) for (some, seen), told in zip(asked, learned, strict=True)
+    ]
+    posterior = learned[1].posterior
+    off = np.abs(np.log(posterior.mass_ratio) - _log_ratio(data))
+    errors = [_way(one.mean, data.next_state) for one in predicted]
     moved = _way(data.next_state, data.state) >= MOVED
     telling = np.array([moved[earlier].sum() for earlier in _earlier(data)])
-    errors, ratios = {}, true
-    for name, before in ways.items():
-        found, friction = _means(data, likelihood, before)
-        errors[name] = _way(_predict(data, found, np.exp(friction)), data.next_state)
-        ratios = found if name == "inferred" else ratios
     rows = []
     for low, high in KNOWN:
         chosen = moved & (telling >= low) & (telling <= high)
-        off = np.exp(np.abs(ratios - true)[chosen].mean()) - 1.0
-        share = _interval(errors["inferred"][chosen], errors["equal"][chosen], data.episode[chosen])
-        name = f"{low} to {high}" if high > low else str(low)
+        share = _interval(errors[1][chosen], errors[0][chosen], data.episode[chosen])
+        held = [_held(one, way)[chosen].mean() for one, way in zip(predicted, errors, strict=True)]
         rows.append(
-            [name, str(chosen.sum()), f"{100 * off:.0f} %"]
-            + [f"{1e3 * errors[way][chosen].mean():.2f}" for way in ways]
+            [f"{low} to {high}" if high > low else str(low), str(chosen.sum())]
+            + [_percent(some[chosen].mean()) for some in (off, posterior.mass_log_std)]
+            + [f"{1e3 * some[chosen].mean():.2f}" for some in errors]
             + [f"{share[0]:.2f} [{share[1]:.2f}, {share[2]:.2f}]"]
+            + [" / ".join(f"{100 * part:.0f}" for part in held) + " %"]
         )
-    header = ("telling pushes before", "pushes", "ratio off by", *(f"{way}, mm" for way in ways))
-    print(markdown_table((*header, "inferred / equal"), rows))
+    header = ("telling pushes before", "pushes", "ratio off by", "stated", *WAYS)
+    print(markdown_table((*header, "inferred / nominal", "regions hold"), rows))
+
+
+def _percent(logarithm: float) -> str:
+    return f"{100 * np.expm1(logarithm):.0f} %"
+
+
+def _held(predicted: Prediction, off: Scalars) -> Mask:
+    """Return which targets (M,) end inside their regions."""
+    assert predicted.radius is not None
+    return np.asarray(off <= predicted.radius[:, TARGET])
+
+
+def _nominal(scenes: Scenes) -> Scenes:
+    seen = scenes.copy()
+    seen[..., MASS] = NOMINAL_MASS
+    return seen
+
+
+def _log_ratio(data: Dataset) -> Scalars:
+    """Return the logarithm of the true ratio of target to mid disk (M,)."""
+    return np.asarray(np.log(data.state[:, TARGET, MASS] / data.state[:, MID, MASS]))
 
 
 def _earlier(data: Dataset) -> list[ndarray]:
@@ -77,40 +95,8 @@ def _earlier(data: Dataset) -> list[ndarray]:
     return [(data.episode == episode) & (data.step < step) for episode, step in rows]
 
 
-def _means(data: Dataset, likelihood: Grid, before: ndarray) -> tuple[Scalars, Scalars]:
-    """Return the means of both logarithms (M,) that earlier pushes and a belief lead to."""
-    friction = -0.5 * ((FRICTIONS - np.log(AXES.friction)) / WIDTH) ** 2
-    log = np.stack([likelihood[earlier].sum(axis=0) for earlier in _earlier(data)])
-    log += before + friction
-    weights = np.exp(log - log.max(axis=(1, 2), keepdims=True))
-    weights /= weights.sum(axis=(1, 2), keepdims=True)
-    return weights.sum(axis=2) @ RATIOS, weights.sum(axis=1) @ FRICTIONS
-
-
-def _predict(data: Dataset, log_ratio: Scalars, friction: Scalars) -> Scenes:
-    scenes = data.state.copy()
-    scenes[:, MID, MASS] = NOMINAL_MASS * np.exp(0.5 * log_ratio)
-    scenes[:, TARGET, MASS] = NOMINAL_MASS * np.exp(-0.5 * log_ratio)
-    return PlanarPrior(AXES).step(scenes, data.action, friction)
-
-
-def _way(scenes: Scenes, others: Scenes, body: int = TARGET) -> Scalars:
-    return np.asarray(np.linalg.norm((scenes - others)[:, body, POSITION], axis=-1))
-
-
-def _log_likelihood(data: Dataset) -> Grid:
-    """Return the log likelihood of each push at each ratio and friction."""
-    count = len(data.action)
-    total = np.zeros((count, len(RATIOS), len(FRICTIONS)))
-    for row, ratio in enumerate(RATIOS):
-        for column, friction in enumerate(np.exp(FRICTIONS)):
-            predicted = _predict(data, np.full(count, ratio), np.full(count, friction))
-            for body in (MID, TARGET):
-                off = _way(predicted, data.next_state, body)
-                scale = CONFIG.noise + CONFIG.noise_share * _way(data.next_state, data.state, body)
-                odds = np.log1p((off / scale) ** 2 / CONFIG.tail)
-                total[:, row, column] -= 0.5 * (CONFIG.tail + 2.0) * odds
-    return total
+def _way(scenes: Scenes, others: Scenes) -> Scalars:
+    return np.asarray(np.linalg.norm((scenes - others)[:, TARGET, POSITION], axis=-1))
 
 
 def _scaled_change(data: Dataset) -> float:

@@ -31,9 +31,8 @@ def ros_domain() -> Iterator[int]:
 
     from sain_core.ros import network
 
-    before = {
-        name: os.environ.get(name) for name in ("ROS_DOMAIN_ID", network.RANGE, *network.PROFILES)
-    }
+    names = ("ROS_DOMAIN_ID", network.RANGE, network.FROM_PROFILE, *network.PROFILES)
+    before = {name: os.environ.get(name) for name in names}
     with domain_coordinator.domain_id() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ[network.RANGE] = "LOCALHOST"

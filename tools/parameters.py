@@ -53,25 +53,25 @@ def page() -> str:
     return "".join(parts)
 
 
-def tables(settings: Config, prefix: str) -> list[str]:
+def tables(settings: Config, prefix: str, live: bool = False) -> list[str]:
     """Return a table of the settings with a prefix, then the tables of the groups among them."""
     rows, groups = [], []
     for item in dataclasses.fields(settings):
-        value = getattr(settings, item.name)
+        value, may_change = getattr(settings, item.name), live or item.metadata.get("live", False)
         if not isinstance(value, Config):
-            rows.append(f"| {' | '.join(row(item, value))} |\n")
+            rows.append(f"| {' | '.join(row(item, value, may_change))} |\n")
         elif item.name != SHARED:
-            groups += tables(value, f"{prefix}{item.name}.")
+            groups += tables(value, f"{prefix}{item.name}.", may_change)
     heading = f"\n### {prefix[:-1]}\n" if prefix and rows else ""
     return [f"{heading}\n{TABLE_HEAD}", *rows, *groups] if rows else groups
 
 
-def row(item: dataclasses.Field[object], value: object) -> tuple[str, str, str, str]:
+def row(item: dataclasses.Field[object], value: object, live: bool) -> tuple[str, str, str, str]:
     """Return name, default, allowed values and meaning of a parameter."""
     about = item.metadata
     unit = f" [{about['unit']}]" if about.get("unit") else ""
     meaning = about.get("description", "").replace("|", "\\|")
-    meaning = f"*live*: {meaning}" if about.get("live") else meaning
+    meaning = f"*live*: {meaning}" if live else meaning
     return f"`{item.name}`", f"`{show_value(value)}`", allowed(about), meaning + unit
 
 

@@ -21,14 +21,20 @@ environment_recipe() {
   cat "$root"/requirements/*
 }
 
+# Message packages of a full ROS that have no wheel: built here, beside ours, where nobody else has them.
+missing_packages() {
+  if [[ $(ros_kind) == wheels && ! -e $venv/share/tf2_msgs ]]; then echo ../tools/missing/tf2_msgs; fi
+}
+
 # With --symlink-install Python files are used where they stand; these are the files that are not.
 workspace_recipe() {
   { echo "$root $(ros_kind)" && cat "$root"/requirements/ros.in "$root"/requirements/lock-*-ros.txt; } | cksum
   cd "$root/src" || return
-  find . -type f \( -name package.xml -o -name setup.py -o -name setup.cfg -o -name CMakeLists.txt \
+  # shellcheck disable=SC2046  # paths from this file, without spaces
+  find . $(missing_packages) -type f \( -name package.xml -o -name setup.py -o -name setup.cfg -o -name CMakeLists.txt \
     -o -path './*/resource/*' -o -name '*.msg' -o -name '*.srv' -o -name '*.action' \) -exec sha256sum {} + | sort -k 2
   # Of a launch or configuration file only its being there matters: the installed one is a link to it.
-  find . -type f \( -path './*/launch/*.py' -o -path './*/config/*.yaml' \) -printf 'linked  %p\n' | sort
+  find . -type f \( -path './*/launch/*.py' -o -path './*/config/*.yaml' -o -path './*/config/*.rviz' \) -printf 'linked  %p\n' | sort
 }
 
 environment_is_ready() {

@@ -204,7 +204,7 @@ check_imports() {
 # --- the workspace ------------------------------------------------------------------------------------
 
 build_workspace() {
-  local recipe selection=() underlay=()
+  local recipe base selection=() underlay=()
   recipe=$(workspace_recipe)
   cd "$workspace" || return
   if [[ -f install/recipe && $(head -n 1 install/recipe) == "$(head -n 1 <<<"$recipe")" ]]; then
@@ -218,11 +218,12 @@ build_workspace() {
     underlay=(-u PYTHONPATH -u COLCON_PREFIX_PATH AMENT_PREFIX_PATH="$venv" CMAKE_PREFIX_PATH="$venv"
       LD_LIBRARY_PATH="$(wheel_libraries)" _ROS_WHEELS_BOOTSTRAP_COMPLETE=1)
   fi
+  read -ra base <<<"--base-paths src $(missing_packages)"
   # Executables get the interpreter that runs colcon, so that has to be the environment's. Make gets a job
   # for each core, whatever else keeps them busy: PyTorch is unpacked meanwhile.
   PATH=$venv/bin:$PATH
   env "${underlay[@]}" PYTHONUNBUFFERED=1 MAKEFLAGS="-j$(nproc)" "$venv/bin/python" "$(command -v colcon)" \
-    --log-base log build --symlink-install --event-handlers console_direct+ "${selection[@]}" \
+    --log-base log build --symlink-install "${base[@]}" --event-handlers console_direct+ "${selection[@]}" \
     --cmake-args -DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$venv/bin/python" &&
     write_launchers && write_activation && echo "$recipe" >install/recipe
 }
@@ -247,7 +248,7 @@ write_launchers() {
 
 # The packages whose part of the recipe differs from what was built, one a line.
 changed_packages() {
-  diff install/recipe <(workspace_recipe) | sed -nE 's#^[<>] [^ ]+  \./([^/]+)/.*#\1#p' | sort -u
+  diff install/recipe <(workspace_recipe) | sed -nE 's#^[<>] [^ ]+  (\.|\.\./tools/missing)/([^/]+)/.*#\2#p' | sort -u
 }
 
 # Takes packages out of the recipe of what is built. A Python package's products go too, or an executable
@@ -255,7 +256,7 @@ changed_packages() {
 forget() { # PACKAGE...
   local package
   for package in "$@"; do
-    sed -i "\#  \./$package/#d" install/recipe
+    sed -i -E "\#  (\.|\.\./tools/missing)/$package/#d" install/recipe
     if [[ -f src/$package/CMakeLists.txt ]]; then continue; fi
     rm -rf "build/$package" "install/$package"
   done

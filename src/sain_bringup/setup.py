@@ -16,13 +16,14 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
         (f"share/{package_name}/launch", sorted(map(str, Path("launch").glob("*.launch.py")))),
-        (f"share/{package_name}/config", sorted(map(str, Path("config").glob("*.yaml")))),
+        (f"share/{package_name}/config", sorted(map(str, Path("config").glob("*.*")))),
     ],
     install_requires=["jaxtyping", "numpy", "pillow", "rich", "tyro"],
     zip_safe=False,
     entry_points={
         "console_scripts": [
             "closed_loop = sain_bringup.commands:closed_loop",
+            "graph = sain_bringup.commands:graph",
             "goal = sain_bringup.commands:goal",
             "push = sain_bringup.commands:push",
             "watch = sain_bringup.commands:watch",

@@ -61,7 +61,7 @@ def test_a_missing_judo_is_named_with_its_installation(monkeypatch):
     agent.aim(Task(1, 1, CASE.goal, 0.005, 15))
     agent.see(CASE.disks, 1, 1, True)
     with pytest.raises(ConfigError, match="pip install --no-deps judo-rai"):
-        agent._decider.decide(agent.next(), np.random.default_rng(0))
+        agent.decider.decide(agent.next(), np.random.default_rng(0))
 
 
 def test_numbers_name_all_pushes_and_no_others():

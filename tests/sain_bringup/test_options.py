@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from sain_bringup.graph import executable, graph_commands
+from sain_bringup.graph import executable, graph_commands, restart_command, ros_arguments
 from sain_bringup.options import (
     ClosedLoopOptions,
+    GraphOptions,
     episode_plans,
     make_output_folder,
 )
@@ -110,8 +111,9 @@ def prefix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_commands_say_it_all(prefix: Path, tmp_path: Path) -> None:
     parameters = tmp_path / "p.yaml"
     parameters.write_text("mppi_node: {ros__parameters: {}}")
-    options = ClosedLoopOptions(model="planar", seed=7, params_file=parameters)
-    about = ("/lab", Path("out/bag"), {"a": "b c"})
+    played = ClosedLoopOptions(model="planar", seed=7, params_file=parameters)
+    options = played.graph(Path("out/bag"))
+    about = (["-r", "__ns:=/lab"], tmp_path, {"a": "b c"})
     commands = graph_commands(options, *about)
     assert list(commands) == ["model", "recorder", "simulator", "planner"]
     for command in commands.values():
@@ -124,6 +126,8 @@ def test_commands_say_it_all(prefix: Path, tmp_path: Path) -> None:
     assert str(parameters) not in commands["recorder"]
     assert str(parameters) in commands["planner"]
     assert "seed:=7" in commands["planner"]
+    for name, node in (("planner", "mppi_node"), ("simulator", "sim_node")):
+        assert f"state_file:={tmp_path / node}.json" in commands[name]
     assert "gui:=true" not in commands["simulator"]
     assert "gui:=true" in graph_commands(replace(options, gui=True), *about)["simulator"]
     assert not any("engine" in word for word in commands["simulator"])
@@ -133,15 +137,35 @@ def test_commands_say_it_all(prefix: Path, tmp_path: Path) -> None:
     )
 
 
-def test_simulator_and_planner_are_told_the_same_of_the_camera(
+def test_simulator_planner_and_model_are_told_the_same_of_the_camera(
     prefix: Path, tmp_path: Path
 ) -> None:
-    seen = ObservationConfig(noise="0.005,0.035", delay=0.1)
-    commands = graph_commands(ClosedLoopOptions(camera=seen), "/sain", tmp_path, {})
+    seen = ObservationConfig(noise="0.005,0.035", delay=0.1, unknown="mass")
+    commands = graph_commands(GraphOptions(camera=seen), [], tmp_path)
     for name, part in (("simulator", "camera"), ("planner", "estimator")):
         assert f"{part}.noise:=0.005,0.035" in commands[name]
         assert f"{part}.delay:=0.1" in commands[name]
+        assert f"{part}.unknown:=mass" in commands[name]
         assert not any("bias" in word for word in commands[name])
+    assert "unknown:=mass" in commands["model"]
+
+
+def test_without_a_bag_nothing_is_recorded(prefix: Path, tmp_path: Path) -> None:
+    assert "recorder" not in graph_commands(GraphOptions(), [], tmp_path)
+
+
+def test_a_restarted_process_goes_on(prefix: Path, tmp_path: Path) -> None:
+    commands = graph_commands(GraphOptions(bag=tmp_path / "bag"), [], tmp_path)
+    again = {name: restart_command(name, command) for name, command in commands.items()}
+    assert again["planner"] == commands["planner"]
+    assert again["recorder"][:2] == [commands["recorder"][0], "--resume"]
+    assert again["simulator"][-2:] == ["-p", "peer_wait:=0.0"]
+
+
+def test_arguments_for_ros_reach_every_node() -> None:
+    assert ros_arguments(["--seed", "3"]) == ["-r", "__ns:=/sain"]
+    given = ["--seed", "3", "--ros-args", "-r", "__ns:=/b", "-r", "/clock:=clock", "--", "--gui"]
+    assert ros_arguments(given) == ["-r", "__ns:=/b", "-r", "/clock:=clock"]
 
 
 def test_what_is_not_installed_is_named(prefix: Path) -> None:

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from sain_bringup.processes import ProcessDiedError, StopConfig, Supervisor
+from sain_bringup.children import ProcessDiedError
+from sain_bringup.processes import StopConfig, Supervisor
 from sain_core.errors import ConfigError, OutputError
 
 QUICK = StopConfig(interrupt=0.3, terminate=0.3, patience=0.5, kill=1.0)

@@ -47,6 +47,25 @@ def test_what_is_no_dynamics_is_refused(asked: list[str]) -> None:
         plugins.load_dynamics("broken")
 
 
+class Weighing(IdentityPrior):
+    def with_unknown_masses(self) -> "Weighed":
+        return Weighed()
+
+
+class Weighed(IdentityPrior):
+    pass
+
+
+def test_a_dynamics_infers_masses_that_are_not_measured_if_it_can() -> None:
+    for unknown in ("mass", "radius, mass"):
+        assert isinstance(plugins.as_observed(Weighing(), unknown), Weighed)
+    for unknown in ("", "radius"):
+        assert isinstance(plugins.as_observed(Weighing(), unknown), Weighing)
+    assert isinstance(plugins.as_observed(IdentityPrior(), "mass"), IdentityPrior)
+    with pytest.raises(ConfigError, match="unknown is 'weight'; allowed: mass, radius"):
+        plugins.as_observed(IdentityPrior(), "weight")
+
+
 class Package:
     """The part of a `Distribution` that is shown."""
 

@@ -26,9 +26,10 @@ pytestmark = pytest.mark.system
 MARK = "SAIN_SYSTEM_TEST"  # a variable that every process of a run inherits
 UP = "are up"
 TOPICS = {
-    "/clock", "/diagnostics", "/rosout", "/parameter_events",
+    "/clock", "/diagnostics", "/rosout", "/parameter_events", "/tf", "/tf_static",
     "/sain/goal", "/sain/joint_states", "/sain/markers", "/sain/physics_prediction", "/sain/plan",
-    "/sain/plan_markers", "/sain/push", "/sain/push_result", "/sain/scene",
+    "/sain/plan_markers", "/sain/push", "/sain/push_result", "/sain/robot_description",
+    "/sain/scene",
 }  # fmt: skip
 
 
@@ -224,13 +225,49 @@ def test_interrupt_leaves_no_process_and_a_whole_bag(
         assert reader.message_count == bag.message_count > 0
 
 
-@pytest.mark.parametrize("victim", ["closed_loop", "sim_node"])
-def test_nothing_is_left_when_a_process_is_killed(victim: str, endless: Run) -> None:
-    os.kill(endless.process_of(victim), signal.SIGKILL)
-    code = endless.end()
-    if victim == "sim_node":
-        assert code == 1
-        assert "simulator was killed by SIGKILL" in endless.text()
-    else:
-        assert code == -signal.SIGKILL
+def test_nothing_is_left_when_the_closed_loop_is_killed(endless: Run) -> None:
+    os.kill(endless.process_of("closed_loop"), signal.SIGKILL)
+    assert endless.end() == -signal.SIGKILL
+    Bag(endless.out / "bag").check()
+
+
+VICTIMS = {"sim_node": "simulator", "mppi_node": "planner", "model_node": "model"}
+
+
+@pytest.mark.parametrize("executable_name", [*VICTIMS, "record"])
+def test_the_episode_goes_on_when_a_process_is_killed(
+    executable_name: str, domains: tuple[int, int], tmp_path: Path
+) -> None:
+    episodes = 12
+    run = start(tmp_path, domains[1], "--scenario", "anywhere", "--episodes", f"{episodes}")
+    run.wait_for(UP)
+    os.kill(run.process_of(executable_name), signal.SIGKILL)
+    name = VICTIMS.get(executable_name, "recorder")
+    run.wait_for(f"{name} was killed by SIGKILL; it was restarted, and is back after")
+    code = run.end()
+    assert run.text().count("✓ ") >= episodes
+    bag = Bag(run.out / "bag")
+    bag.check()
+    played = [one for one in read_episodes(bag) if one.goal is not None]
+    pushes = [push.push_id for one in played for push in one.executed]
+    assert len(pushes) == len(set(pushes)), "a push was executed twice"
+    if executable_name != "record":  # which hears nothing for a second
+        assert code == 0, run.text()
+        assert len(played) == episodes
+    clock = [received.message.clock for received in bag.messages(["/clock"])]
+    times = [(time.sec, time.nanosec) for time in clock]
+    assert times == sorted(times)
+
+
+def test_a_process_that_crashes_again_and_again_ends_the_loop(endless: Run) -> None:
+    for count in (1, 2, 3):
+        os.kill(endless.process_of("sim_node"), signal.SIGKILL)
+        endless.until(
+            lambda count=count: (
+                endless.text().count("is back after") == count or endless.process.poll() is not None
+            )
+        )
+    assert endless.end() == 1
+    reason = "simulator was killed by SIGKILL, the last of 3 crashes within 60 s"
+    assert reason in endless.text()
     Bag(endless.out / "bag").check()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core import wire
-from sain_core.errors import ErrorCode
+from sain_core.errors import BusyError, ErrorCode
 from sain_core.ros import codec
 from sain_core.scene import make_scene, target_distance
 from sain_interfaces.msg import Plan
@@ -71,27 +71,8 @@ def test_episodes_follow_one_another(graph, running):
     assert episodes == {2, 3}
 
 
-def test_two_planners_on_one_simulator_both_get_there_and_no_push_is_lost(graph, running):
-    second = MppiNode(
-        context=graph.context,
-        cli_args=["--ros-args", "-r", "__node:=second"],
-        parameter_overrides=running_parameters(),
-    )
-    graph.add(second)
-    end = play(graph, (0.70, 0.06), 1, tolerance=0.02)
-    graph.wait(lambda: len(ended(graph, 1)) == 2, "both planners")
-    assert end.status == Plan.REACHED
-    pushes, results = graph.heard["push"], graph.heard["push_result"]
-    graph.wait(lambda: len(results) == len(pushes), "an answer to every push")
-    assert {push.source for push in pushes} == {"/sain/mppi_node", "/sain/second"}
-    assert len({push.push_id for push in pushes}) == len(pushes)
-    executed = [result for result in results if result.error_code == ErrorCode.OK]
-    assert len({result.before.scene_id for result in executed}) == len(executed)
-    refused = {result.error_code for result in results} - {ErrorCode.OK}
-    assert refused <= {ErrorCode.STALE_SCENE, ErrorCode.BUSY}
-
-
-def running_parameters():
-    from rclpy.parameter import Parameter
-
-    return [Parameter(name.replace("__", "."), value=value) for name, value in SMALL.items()]
+def test_a_second_planner_is_refused(graph, running):
+    with pytest.raises(BusyError, match="/sain/mppi_node publishes /sain/plan already; stop it"):
+        MppiNode(context=graph.context, cli_args=["--ros-args", "-r", "__node:=second"])
+    assert play(graph, (0.70, 0.06), 1, tolerance=0.02).status == Plan.REACHED
+    assert {push.source for push in graph.heard["push"]} == {"/sain/mppi_node"}

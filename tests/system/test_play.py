@@ -125,7 +125,7 @@ def nodes(audience: Audience, tmp_path: Path) -> Iterator[None]:
             audience.wait(lambda log=log: "ready: " in log.read_text(), f"the {name}")
         # Nodes that are up need not have found each other yet: without the model, physics plans.
         audience.wait(
-            lambda: audience.states.get("/sain/mppi_node") == "ready",
+            lambda: audience.states.get("/sain/mppi_node: planning") == "ready",
             "the planner to see the model",
         )
         yield

@@ -127,8 +127,8 @@ def test_rviz_gets_its_faces():
 
     scene, parameters = two_bodies(turn=0.3)
     sample = Sample(0.0, JOINTS, JOINTS, np.zeros(3), np.zeros(3), scene, "rest")
-    array = scene_markers(sample, parameters.bodies, Table(), messages.Time())
-    disk, marker = (marker for marker in array.markers if marker.ns == "disks")
+    markers = scene_markers(sample, parameters.bodies, Table(), messages.Time())
+    disk, marker = (marker for marker in markers if marker.ns == "disks")
     assert (disk.type, marker.type) == (Marker.CYLINDER, Marker.TRIANGLE_LIST)
     corners = np.array([(point.x, point.y) for point in marker.points])
     assert len(corners) == 3 * 4 * 6

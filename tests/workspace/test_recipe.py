@@ -27,6 +27,8 @@ def recipe_of(checkout: Path) -> str:
         ("src/a/a/node.py", False),
         ("src/a/launch/a.launch.py", False),
         ("src/a/config/a.yaml", False),
+        ("src/a/config/a.rviz", False),
+        ("tools/missing/tf2_msgs/msg/A.msg", True),
     ],
 )
 def test_edits_that_need_a_rebuild(make_checkout, path, rebuilds):
@@ -42,7 +44,7 @@ def test_edits_that_need_a_rebuild(make_checkout, path, rebuilds):
 
 @pytest.mark.parametrize(
     ("path", "rebuilds"),
-    [("src/a/launch/b.launch.py", True), ("src/a/config/b.yaml", True), ("src/a/a/node.py", False)],
+    [("src/a/launch/b.launch.py", True), ("src/a/config/b.rviz", True), ("src/a/a/node.py", False)],
 )
 def test_new_files_that_need_a_rebuild(make_checkout, path, rebuilds):
     checkout = make_checkout()
@@ -61,11 +63,26 @@ def test_only_packages_that_changed_are_rebuilt(make_checkout):
     (checkout / "ros2_ws/install/recipe").write_text(recipe_of(checkout))
     (checkout / "src/edited/setup.py").write_text("after\n")
     (checkout / "src/removed/setup.py").unlink()
+    (checkout / "tools/missing/tf2_msgs/package.xml").write_text("after\n")
     (checkout / "src/added").mkdir()
     (checkout / "src/added/setup.py").touch()
     sources = f"root={checkout}; . $root/tools/recipe.sh; . $root/tools/setup.sh"
     result = run("bash", "-uc", f"{sources}; cd $workspace; changed_packages")
-    assert result.stdout.split() == ["added", "edited", "removed"]
+    assert result.stdout.split() == ["added", "edited", "removed", "tf2_msgs"]
+
+
+@pytest.mark.parametrize(
+    ("sourced", "installed", "built"),
+    [(False, False, True), (False, True, False), (True, False, False)],
+)
+def test_tf2_msgs_is_built_only_where_there_is_none(make_checkout, sourced, installed, built):
+    checkout = make_checkout()
+    if installed:
+        (checkout / ".venv/share/tf2_msgs").mkdir(parents=True)
+    script = f"root={checkout}; . $root/tools/recipe.sh; workspace_recipe"
+    prefix = "/opt/ros/jazzy" if sourced else None
+    found = run("bash", "-euc", script, ROS_DISTRO="jazzy", AMENT_PREFIX_PATH=prefix).stdout
+    assert ("tf2_msgs/package.xml" in found) == built
 
 
 @pytest.mark.parametrize(

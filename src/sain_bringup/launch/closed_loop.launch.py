@@ -1,25 +1,32 @@
-"""The graph on a full ROS 2 install: simulator, model, planner and recorder.
+"""The graph on a full ROS 2 install: simulator, model, planner and recorder, looked after.
 
     ros2 launch sain_bringup closed_loop.launch.py model:=planar gui:=true
 
 A goal starts it moving; a closed loop that gives goals and reports is
-``ros2 run sain_bringup closed_loop``, which starts the same nodes by itself.
+``ros2 run sain_bringup closed_loop``, which looks after the same processes with the same code.
 """
 
+import atexit
+import os
+import sys
 from datetime import datetime
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.conditions import IfCondition
+from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction
+from launch.events import Shutdown
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
 
-DEFAULT_PARAMETERS = Path(get_package_share_directory("sain_bringup"), "config", "launch.yaml")
+from sain_bringup.rviz import view_of
+
+CONFIG = Path(get_package_share_directory("sain_bringup"), "config")
+DEFAULT_PARAMETERS = CONFIG / "launch.yaml"
 
 ARGUMENTS = {
+    "engine": ("bullet", "physics engine: bullet, or mujoco where it is installed"),
     "namespace": ("/sain", "namespace of all nodes"),
     "model": ("sain", "what predicts: sain, planar, identity, or a checkpoint's path"),
     "belief": ("", "file of sain_model identify, with which each episode begins"),
@@ -29,49 +36,57 @@ ARGUMENTS = {
     "goal": ("", "goal to begin with, as 'X Y' in metres; empty: none"),
     "record": ("true", "record all topics"),
     "bag": (f"bags/{datetime.now():%Y%m%d-%H%M%S}", "folder to make for the recording"),
+    "rviz": ("false", "start RViz, where rviz2 is installed"),
 }
 
 
+OPTIONS = ("engine", "model", "belief", "params_file", "seed", "bag")  # of `graph`, one word each
+
+
 def generate_launch_description() -> LaunchDescription:
-    """Return the nodes and their arguments."""
-    value = {name: LaunchConfiguration(name) for name in ARGUMENTS}
-    seed = {"seed": ParameterValue(value["seed"], value_type=int)}
-    simulated = {"use_sim_time": True}  # the simulator's time is in all headers
-    gui = {"gui": ParameterValue(value["gui"], value_type=bool)}
-    model = {name: ParameterValue(value[name], value_type=str) for name in ("model", "belief")}
-
-    def node(package: str, executable: str, *parameters: object) -> Node:
-        return Node(
-            package=package,
-            executable=executable,
-            namespace=value["namespace"],
-            parameters=[value["params_file"], *parameters],
-            output="screen",
-        )
-
-    recorder = Node(
-        package="sain_bags",
-        executable="record",
-        namespace=value["namespace"],
-        arguments=["--out", value["bag"]],
-        condition=IfCondition(value["record"]),
-        output="screen",
-    )
-
-    def goal(context: LaunchContext) -> list[Node]:
-        words = value["goal"].perform(context).split()
-        given = {"package": "sain_bringup", "executable": "goal", "namespace": value["namespace"]}
-        return [Node(**given, arguments=words, output="screen")] if words else []
-
+    """Return the graph, which is one process here, and its arguments."""
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=description)
         for name, (default, description) in ARGUMENTS.items()
     ]
-    nodes = [
-        node("sain_sim", "sim_node", seed, gui),
-        node("sain_model", "model_node", model, simulated),
-        node("sain_mppi", "mppi_node", seed, simulated),
-        recorder,
-        OpaqueFunction(function=goal),
-    ]
-    return LaunchDescription([*declared, *nodes])
+    return LaunchDescription([*declared, OpaqueFunction(function=nodes)])
+
+
+def nodes(context: LaunchContext) -> list[Node]:
+    """Return the processes for the arguments as they were given."""
+    value = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    options = [f"--{name.replace('_', '-')}={value[name]}" for name in OPTIONS if value[name]]
+    options += [f"--{'' if is_true(value[name]) else 'no-'}{name}" for name in ("gui", "record")]
+    ours = {"package": "sain_bringup", "namespace": value["namespace"], "output": "screen"}
+    ending = {"on_exit": OpaqueFunction(function=end), "sigterm_timeout": "20"}
+    started = [Node(executable="graph", arguments=options, **ours, **ending)]
+    if value["goal"]:
+        started.append(Node(executable="goal", arguments=value["goal"].split(), **ours))
+    if is_true(value["rviz"]):
+        view = str(view_of(value["namespace"], CONFIG / "sain.rviz"))
+        given = {"parameters": [{"use_sim_time": True}], "output": "screen"}  # as all headers
+        started.append(Node(package="rviz2", executable="rviz2", arguments=["-d", view], **given))
+    return started
+
+
+def is_true(text: str) -> bool:
+    """Return what a launch argument says; raises `ValueError` for neither true nor false."""
+    if text.lower() not in ("true", "false"):
+        raise ValueError(f"{text!r} is neither true nor false")
+    return text.lower() == "true"
+
+
+def end(context: LaunchContext) -> list[EmitEvent]:
+    """End the launch with the graph, and with its exit code: launch itself has 0 and 1 alone."""
+    exited: ProcessExited = context.locals.event
+    if exited.returncode:
+        atexit.register(leave, exited.returncode)
+    reason = f"the graph ended with exit code {exited.returncode}"
+    return [EmitEvent(event=Shutdown(reason=reason))]
+
+
+def leave(code: int) -> None:
+    """End this process at once."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)

@@ -1,11 +1,12 @@
 """The processes of the graph: which executables, with which arguments."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from sain_bringup.options import ClosedLoopOptions
+from sain_bringup.options import NAMESPACE, GraphOptions
+from sain_core.cli.command_line import split_ros_arguments
 from sain_core.errors import ConfigError
 from sain_core.observation import told_settings
 from sain_sim.world.engines import BULLET
@@ -14,20 +15,30 @@ SIMULATOR: Final = "simulator"
 MODEL: Final = "model"
 PLANNER: Final = "planner"
 RECORDER: Final = "recorder"
+FLUSH_PERIOD: Final = "0.25"  # [s], at most so much is lost with the recorder
 
 
 def graph_commands(
-    options: ClosedLoopOptions, namespace: str, bag: Path, custom_data: Mapping[str, str]
+    options: GraphOptions,
+    ros: Sequence[str],
+    states: Path,
+    custom_data: Mapping[str, str] | None = None,
+    full_motion: bool = False,
 ) -> dict[str, list[str]]:
     """Return the command of each process, by its name; the one that starts slowest comes first.
 
-    The recorder puts the custom data into the bag.
+    Args:
+        options: of the graph; without a bag nothing is recorded.
+        ros: arguments for ROS of every node, as `ros_arguments` returns them.
+        states: folder for what nodes go on from after a crash.
+        custom_data: what the bag should say about itself.
+        full_motion: let the arm move all the way, for whom watches the recording, and not set
+            it down.
 
     Raises:
         ConfigError: a package of the graph is not installed.
     """
-    # The recording is watched later, so the arm moves all the way and is not set down.
-    simulator = {"bullet.full_motion": "true"}
+    simulator = {"bullet.full_motion": "true"} if full_motion else {}
     if options.engine != BULLET:
         simulator |= {"engine": options.engine}
     told = told_settings(options.camera)
@@ -35,30 +46,46 @@ def graph_commands(
     planner = {f"estimator.{name}": str(value) for name, value in told.items()}
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
-    belief = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
-    about = [f"{key}={value}" for key, value in custom_data.items()]
-    recorder = [str(executable("sain_bags", "record")), "--out", str(bag), "--custom-data", *about]
+    model = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
+    if options.camera.unknown:
+        model["unknown"] = options.camera.unknown
+    seed = {"seed": str(options.seed)}
 
     def node(package: str, name: str, **parameters: str) -> list[str]:
         files = [] if options.params_file is None else ["--params-file", str(options.params_file)]
+        parameters["state_file"] = str(states.absolute() / f"{name}.json")
         given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
-        return [str(executable(package, name)), *to_namespace, *files, *given]
+        return [str(executable(package, name)), "--ros-args", *ros, *files, *given]
 
     simulated = {"use_sim_time": "true"}  # the simulator's time is in all headers
-    to_namespace = ["--ros-args", "-r", f"__ns:={namespace}"]
-    return {
-        MODEL: node("sain_model", "model_node", model=options.model, **belief, **simulated),
-        RECORDER: [*recorder, *to_namespace],
-        SIMULATOR: node("sain_sim", "sim_node", **simulator),
-        PLANNER: node(
-            "sain_mppi",
-            "mppi_node",
-            dynamics="service",
-            seed=str(options.seed),
-            **planner,
-            **simulated,
-        ),
-    }
+    planner |= {"dynamics": "service", **seed, **simulated}
+    model |= {"model": options.model, **simulated}
+    commands = {MODEL: node("sain_model", "model_node", **model)}
+    if options.bag is not None:
+        about = [f"{key}={value}" for key, value in (custom_data or {}).items()]
+        data = ["--custom-data", *about] if about else []
+        recorder = [str(executable("sain_bags", "record")), "--out", str(options.bag), *data]
+        commands[RECORDER] = [*recorder, "--bag.flush-period", FLUSH_PERIOD, "--ros-args", *ros]
+    commands[SIMULATOR] = node("sain_sim", "sim_node", **seed, **simulator)
+    commands[PLANNER] = node("sain_mppi", "mppi_node", **planner)
+    return commands
+
+
+def ros_arguments(arguments: Sequence[str]) -> list[str]:
+    """Return what of a command's arguments is for ROS; the namespace is ``/sain`` by default."""
+    words = split_ros_arguments(list(arguments))[1]
+    if any(word.startswith("__ns:=") for word in words):
+        return words
+    return ["-r", f"__ns:=/{NAMESPACE}", *words]
+
+
+def restart_command(name: str, command: Sequence[str]) -> list[str]:
+    """Return what starts a process of the graph anew after a crash."""
+    if name == SIMULATOR:  # what it may find is the one that crashed
+        return [*command, "-p", "peer_wait:=0.0"]
+    if name == RECORDER:
+        return [command[0], "--resume", *command[1:]]
+    return list(command)
 
 
 def executable(package: str, name: str) -> Path:

@@ -32,6 +32,11 @@ class Interrupts:
         for number in SIGNALS:
             signal.signal(number, self._on_signal)
 
+    @property
+    def came(self) -> bool:
+        """Whether a signal has come."""
+        return self._number is not None
+
     def check(self) -> None:
         """Raise `Stopped` when a signal has come."""
         if self._number is not None:

@@ -19,10 +19,47 @@ from sain_core.untrusted.yaml_text import read_yaml
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_sim.world.engines import BULLET, ENGINES, check_engine
 
+NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
 RECORDINGS: Final = Path("bags")
 NAMESPACE_KEY: Final = "namespace"  # of a bag's custom data: of the graph that made it
 EPISODES_KEY: Final = "episodes"  # of a bag's custom data: "scenario:seed scenario:seed ..."
 DEMO: Final = (("anywhere", 3), ("paper", 1), ("push_t", 1))
+
+
+@dataclass(frozen=True)
+class GraphOptions(Config):
+    """Start the whole graph and look after it: simulator, model, planner and recorder.
+
+    It waits for goals, as `goal` and RViz send them. What dies or hangs is restarted, and goes on
+    where it was. Three crashes within a minute end the graph, and so does the end of a process
+    that did not crash. Ctrl-C ends all of them.
+    """
+
+    engine: str = option(
+        BULLET, "physics engine; mujoco needs an extra package", choices=tuple(ENGINES)
+    )
+    model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
+    belief: str = option(
+        "", "file of `sain_model identify`, with which each episode begins; empty: none"
+    )
+    seed: int = option(0, "of the first scene and of the planner", minimum=0)
+    camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
+    gui: bool = option(False, "show the simulator's window, in real time")
+    params_file: Path | None = option(
+        None, "ROS parameters for the nodes (YAML), on top of their defaults"
+    )
+    record: bool = option(True, "record all topics")
+    bag: Path | None = option(
+        None, "folder to make for the recording; by default bags/<date>-<time>"
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, the model's name and the file of parameters."""
+        super().__post_init__()
+        check_model_name(self.model)
+        check_engine(self.engine)
+        if self.params_file is not None:
+            _check_parameter_file(self.params_file)
 
 
 @dataclass(frozen=True)
@@ -74,15 +111,25 @@ class ClosedLoopOptions(Config):
     def __post_init__(self) -> None:
         """Check the fields, the model's name, the scenario and the file of parameters."""
         super().__post_init__()
-        check_model_name(self.model)
-        check_engine(self.engine)
         if self.scenario is not None and self.scenario not in SCENARIOS:
             near = difflib.get_close_matches(self.scenario, SCENARIOS, n=1)
             hint = f" (did you mean {near[0]!r}?)" if near else ""
             known = ", ".join(SCENARIOS)
             raise ConfigError(f"--scenario is {self.scenario!r}{hint}; allowed: {known}")
-        if self.params_file is not None:
-            _check_parameter_file(self.params_file)
+        self.graph(None)  # which checks what concerns the graph
+
+    def graph(self, bag: Path | None) -> GraphOptions:
+        """Return the options of the graph that records to a folder."""
+        return GraphOptions(
+            engine=self.engine,
+            model=self.model,
+            belief=self.belief,
+            seed=self.seed,
+            camera=self.camera,
+            gui=self.gui,
+            params_file=self.params_file,
+            bag=bag,
+        )
 
 
 @dataclass(frozen=True)

@@ -1,31 +1,32 @@
-"""Starts the processes of a graph, notices when one dies, and leaves none behind.
+"""Starts the processes of a graph, restarts one that dies or hangs, and leaves none behind.
 
 Every process leads a session of its own: a Ctrl-C in the terminal reaches only the supervisor,
 which then ends all of them in order; and whatever a process started itself ends with it.
 """
 
 import contextlib
-import os
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import Final
 
+from sain_bringup.children import Child
+from sain_bringup.heartbeats import HeartbeatConfig
 from sain_core.config import Config, option
-from sain_core.errors import OutputError, SainError
 
-CHILD: Final = Path(__file__).with_name("child.py")
 POLL: Final = 0.02  # [s]
-LAST_LINES: Final = 12
-READY: Final = b": ready: "  # in the log line of a node that has started
 
 
-class ProcessDiedError(SainError):
-    """A process of the graph ended though nobody asked it to."""
+@dataclass(frozen=True)
+class RestartConfig(HeartbeatConfig):
+    """When a process is restarted, and when no more."""
+
+    crashes: int = option(3, "crashes in a row of short time that end the graph", minimum=1)
+    window: float = option(60.0, "that time", unit="s", minimum=0.0)
 
 
 @dataclass(frozen=True)
@@ -38,47 +39,34 @@ class StopConfig(Config):
     kill: float = option(0.2, "time to be gone after SIGKILL", unit="s", minimum=0.0)
 
 
-@dataclass(frozen=True)
-class Child:
-    """One process, its name and where it logs to."""
-
-    name: str
-    process: "subprocess.Popen[bytes]"
-    log: Path
-    patient: bool  # it has a file to close: not hurried before the others are gone
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether a node has logged that it is."""
-        return READY in self.log.read_bytes()
-
-    def last_lines(self, count: int = LAST_LINES) -> str:
-        """Return the end of its log."""
-        text = self.log.read_text(encoding="utf-8", errors="replace")
-        lines = [line for line in text.splitlines() if line.strip()]
-        return "\n".join(lines[-count:])
-
-    def describe_end(self) -> str:
-        """Return in words how it ended."""
-        code = self.process.returncode
-        if code is not None and code < 0:
-            return f"was killed by {signal.Signals(-code).name}"
-        return f"ended with exit code {code}"
-
-
 class Supervisor:
     """Owns a set of processes. Use it as a context manager: leaving it ends all of them."""
 
-    def __init__(self, log_folder: Path, config: StopConfig = StopConfig()) -> None:
-        """Log to ``<log_folder>/<name>.log``, one file a process."""
+    def __init__(
+        self,
+        log_folder: Path,
+        config: StopConfig = StopConfig(),
+        restarts: RestartConfig = RestartConfig(),
+        tell: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        """Log to ``<log_folder>/<name>.log``, one file a process; `tell` hears of restarts."""
         self._log_folder = log_folder
         self._config = config
+        self._restarts = restarts
+        self._tell = tell
         self._children: list[Child] = []
+        self._crashes: deque[float] = deque()
+        self._back_at = -inf
 
     @property
     def children(self) -> tuple[Child, ...]:
         """All processes that were started and not stopped, dead ones too."""
         return tuple(self._children)
+
+    @property
+    def back_at(self) -> float:
+        """The time [s] when the last process came back that had crashed; ``inf``: one is not."""
+        return inf if any(child.fault for child in self._children) else self._back_at
 
     def start(
         self,
@@ -86,47 +74,52 @@ class Supervisor:
         command: Sequence[str],
         environment: dict[str, str] | None = None,
         patient: bool = False,
+        again: Sequence[str] = (),
     ) -> None:
-        """Start a process, with more variables than this one has; `patient`: see `Child`.
+        """Start a process, with more variables than this one has; for the rest see `Child`.
 
         Raises:
             OutputError: its log cannot be written.
         """
         log = self._log_folder / f"{name}.log"
-        wrapped = [sys.executable, "-IS", str(CHILD), str(os.getpid()), *command]
-        try:
-            self._log_folder.mkdir(parents=True, exist_ok=True)
-            with log.open("wb") as stream:
-                process = subprocess.Popen(
-                    wrapped,
-                    stdin=subprocess.DEVNULL,
-                    stdout=stream,
-                    stderr=subprocess.STDOUT,
-                    env={**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})},
-                    start_new_session=True,
-                )
-        except OSError as error:
-            raise OutputError(f"cannot start {name} with its log {log}: {error}") from error
-        self._children.append(Child(name, process, log, patient))
+        given = (environment or {}, patient, tuple(again))
+        self._children.append(Child.start(name, tuple(command), log, *given, self._restarts))
 
     def starting(self, names: Collection[str]) -> list[str]:
-        """Return which of these processes have not logged that they are ready."""
-        return [one.name for one in self._children if one.name in names and not one.is_ready]
+        """Return which of these processes have not said that they are ready."""
+        for child in self._children:
+            child.heartbeats.hear(child.process.pid)
+        return [c.name for c in self._children if c.name in names and not c.heartbeats.ready]
 
     def check(self) -> None:
-        """Raise when a process has died.
+        """Restart what has died or hangs. Call it often.
 
         Raises:
-            ProcessDiedError: naming it, how it ended, its log and that log's last lines.
+            ProcessDiedError: a process died that is not to be restarted, was not ready yet, ended
+                as if asked to, or is one of too many within a short time. It names the process,
+                how it ended, its log and that log's last lines.
         """
-        for child in self._children:
-            if child.process.poll() is not None:
-                lines = child.last_lines()
-                raise ProcessDiedError(
-                    f"{child.name} {child.describe_end()}; the end of {child.log}:\n{lines}"
-                    if lines
-                    else f"{child.name} {child.describe_end()} and said nothing"
-                )
+        for place, child in enumerate(self._children):
+            if trouble := child.trouble():
+                self._count_crash(child, trouble)
+                self._children[place] = child.restarted(trouble)
+            elif child.fault is not None and child.heartbeats.ready:
+                self._back_at = time.monotonic()
+                back = f"it was restarted, and is back after {self._back_at - child.fault.at:.1f} s"
+                self._tell(f"{child.name} {child.fault.why}; {back}")
+                self._children[place] = replace(child, fault=None)
+
+    def _count_crash(self, child: Child, trouble: str) -> None:
+        """Raise `ProcessDiedError` where a process that died or hangs is not to be restarted."""
+        if not child.has_crashed:
+            raise child.death(trouble)
+        now, limits = time.monotonic(), self._restarts
+        self._crashes.append(now)
+        while now - self._crashes[0] > limits.window:
+            self._crashes.popleft()
+        if (count := len(self._crashes)) >= limits.crashes:
+            several = f", the last of {count} crashes within {limits.window:g} s"
+            raise child.death(trouble + (several if count > 1 else ""))
 
     def close_files(self, patience: float) -> None:
         """Let those end that have a file to close, while those that they listen to still live.
@@ -135,7 +128,7 @@ class Supervisor:
         """
         closing = [child for child in self._running() if child.patient]
         for child in closing:
-            _signal_group(child, signal.SIGINT)
+            child.send(signal.SIGINT)
         self._wait(patience, closing)
 
     def stop(self, config: StopConfig | None = None) -> list[str]:
@@ -153,11 +146,12 @@ class Supervisor:
         ):
             for child in self._running():
                 if everyone or not child.patient:
-                    _signal_group(child, number)
+                    child.send(number)
                     killed += [child.name] if number == signal.SIGKILL else []
             self._wait(patience, self._children)
         for child in self._children:
-            _signal_group(child, signal.SIGKILL)  # what a process may have left behind
+            child.send(signal.SIGKILL)  # what a process may have left behind
+            child.heartbeats.close()
         self._children.clear()
         return killed
 
@@ -180,11 +174,6 @@ class Supervisor:
             if all(child.process.poll() is not None for child in children):
                 return
             time.sleep(POLL)
-
-
-def _signal_group(child: Child, number: int) -> None:
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(child.process.pid, number)
 
 
 @contextlib.contextmanager

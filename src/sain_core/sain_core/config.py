@@ -57,6 +57,11 @@ def required(description: str) -> Any:
     return option(MISSING, description)
 
 
+def live_group(default: T) -> T:
+    """Declare nested settings of which each may be changed while its node runs."""
+    return field(default=default, metadata={"live": True})
+
+
 def describe_values(about: Mapping[str, Any]) -> str:
     """Return which values a field allows, from its metadata: ``a, b`` or ``1 to 5``; or ""."""
     if about.get("choices"):

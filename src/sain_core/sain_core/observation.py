@@ -37,9 +37,7 @@ class ObservationConfig(Config):
         super().__post_init__()
         for name in ("noise", "bias"):
             self._pair(name)
-        for name in self.unknown_names:
-            if name not in UNKNOWNS:
-                raise ConfigError(f"unknown is {self.unknown!r}; allowed: {', '.join(UNKNOWNS)}")
+        unknown_names(self.unknown)
 
     @property
     def noise_std(self) -> tuple[float, float]:
@@ -54,7 +52,7 @@ class ObservationConfig(Config):
     @property
     def unknown_names(self) -> tuple[str, ...]:
         """What is not measured."""
-        return tuple(dict.fromkeys(word.strip() for word in self.unknown.split(",") if word))
+        return unknown_names(self.unknown)
 
     @property
     def is_exact(self) -> bool:
@@ -77,6 +75,18 @@ class ObservationConfig(Config):
                     f" {most:g} {unit}, with which a body is still where it is seen"
                 )
         return place, turn
+
+
+def unknown_names(text: str) -> tuple[str, ...]:
+    """Return what is not measured, by a text of names with commas.
+
+    Raises:
+        ConfigError: another name than `UNKNOWNS`.
+    """
+    names = tuple(dict.fromkeys(word.strip() for word in text.split(",") if word))
+    if any(name not in UNKNOWNS for name in names):
+        raise ConfigError(f"unknown is {text!r}; allowed: {', '.join(UNKNOWNS)}")
+    return names
 
 
 def observation_settings(config: ObservationConfig) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from typing import Final, Protocol, runtime_checkable
 
 from sain_core.dynamics import Dynamics
 from sain_core.errors import ConfigError, SainError
+from sain_core.observation import MASSES, unknown_names
 
 GROUP: Final = "sain.dynamics"
 CHECKPOINT: Final = "checkpoint"
@@ -89,6 +90,28 @@ def with_belief(name: str, dynamics: Dynamics, belief: str) -> Dynamics:
             f"model {name!r} takes no belief; 'sain' does, and checkpoints on planar priors"
         )
     return dynamics.believing(Path(belief).expanduser())
+
+
+@runtime_checkable
+class WeighingDynamics(Protocol):
+    """A `Dynamics` that can infer masses which scenes state as nominal."""
+
+    def with_unknown_masses(self) -> Dynamics:
+        """Return the dynamics that infers the masses. Pure: `self` stays as it is."""
+        ...
+
+
+def as_observed(dynamics: Dynamics, unknown: str) -> Dynamics:
+    """Return a dynamics for scenes in which these names, with commas, are nominal.
+
+    It is the dynamics itself where masses are measured, and if it cannot infer them.
+
+    Raises:
+        ConfigError: see `unknown_names`.
+    """
+    if MASSES in unknown_names(unknown) and isinstance(dynamics, WeighingDynamics):
+        return dynamics.with_unknown_masses()
+    return dynamics
 
 
 def _find(name_or_path: str) -> EntryPoint:

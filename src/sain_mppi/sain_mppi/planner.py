@@ -52,6 +52,11 @@ class Planner:
         self._goal: Goal | PoseGoal | None = None
         self._ahead: PushSequences | None = None  # what was found for the next scene
 
+    def use(self, config: PlannerConfig) -> None:
+        """Plan with other settings from now on; what was prepared with the earlier ones is void."""
+        if config != self.config:
+            self.config, self._ahead = config, None
+
     def plan(
         self,
         scene: Scene,

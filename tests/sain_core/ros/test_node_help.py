@@ -14,7 +14,7 @@ from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.commands import sim_node
 from sain_sim.ros.sim_node import SimNode
 
-ROS_OWN = re.compile(r"/rosout|/parameter_events|/sain/\w+_node/\w+|.*/_action/\w+")
+ROS_OWN = re.compile(r"/rosout|/parameter_events|/sain/\w+_node/\w+|.*/_(action|owner)/\w+")
 PARAMETERS = {SimNode: {"peer_wait": 0.0}, ModelNode: {"model": "planar"}, MppiNode: {}}
 
 

@@ -7,9 +7,9 @@ from rcl_interfaces.msg import ParameterType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from sain_core.config import Config, option
+from sain_core.config import Config, live_group, option
 from sain_core.errors import ConfigError
-from sain_core.ros.parameters import read_parameters
+from sain_core.ros.parameters import LiveParameters, read_parameters
 
 
 @dataclass(frozen=True)
@@ -17,6 +17,7 @@ class Tool(Config):
     radius: float = option(0.012, "radius of the stick", unit="m", minimum=0.001, maximum=0.05)
     widths: tuple[float, ...] = option((0.1, 0.2), "widths", unit="m", minimum=0.0)
     names: tuple[str, ...] = option((), "names")
+    span: tuple[float, float] = option((0.1, 0.2), "span", unit="m")
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,19 @@ class Settings(Config):
     world: str = option("rough", "which world", choices=("rough", "smooth"))
     gui: bool = option(False, "open a window")
     tool: Tool = field(default_factory=Tool)
+
+
+@dataclass(frozen=True)
+class Motor(Config):
+    speed: float = option(1.0, "speed", unit="m/s", minimum=0.0, maximum=2.0)
+    mode: str = option("slow", "mode", choices=("slow", "fast"))
+
+
+@dataclass(frozen=True)
+class LiveSettings(Config):
+    name: str = option("one", "name")
+    gain: float = option(1.0, "gain", live=True)
+    motor: Motor = live_group(Motor())
 
 
 @pytest.fixture
@@ -63,7 +77,9 @@ def test_each_parameter_says_what_it_is(read):
     bounds = radius.floating_point_range[0]
     assert (bounds.from_value, bounds.to_value) == (0.001, 0.05)
     assert node.describe_parameter("samples").integer_range[0].from_value == 1
-    assert node.describe_parameter("world").additional_constraints == "one of rough, smooth"
+    assert node.describe_parameter("world").additional_constraints == (
+        "one of rough, smooth; read at the start: start the node anew to change it"
+    )
     assert node.describe_parameter("gui").type == ParameterType.PARAMETER_BOOL
 
 
@@ -87,6 +103,7 @@ def test_parameters_cannot_be_changed_later(read):
         ({"tool__radius": "thin"}, "parameter 'tool.radius' is 'thin'; it must be a number"),
         ({"gui": 1}, "parameter 'gui' is 1; it must be true or false"),
         ({"world": 5}, "parameter 'world' is 5; it must be a string"),
+        ({"tool__span": [0.1]}, "parameter 'tool.span' has 1 values; it must have 2"),
         ({"tool__widths": 0.1}, "parameter 'tool.widths' is 0.1; it must be a list"),
         ({"samples": 0}, "parameter 'samples' is 0; it must be at least 1"),
         ({"tool__radius": 0.1}, "parameter 'tool.radius' is 0.1 m; it must be at most 0.05 m"),
@@ -103,3 +120,24 @@ def test_ros_own_parameters_are_left_alone(read):
     node, settings = read(use_sim_time=True)
     assert settings == Settings()
     assert node.get_parameter("use_sim_time").value is True
+
+
+def test_live_parameters_are_followed_and_others_refused(graph):
+    node = graph.add(Node("subject", context=graph.context))
+    used = []
+    LiveParameters(node, read_parameters(node, LiveSettings), used.append)
+    for values, refusal in (
+        ({"motor.speed": 1.5}, ""),
+        ({"motor.mode": "fast", "gain": 2.0}, ""),
+        ({"motor.mode": "idle"}, "parameter 'motor.mode' is 'idle'; allowed: 'slow', 'fast'"),
+        ({"motor.speed": 3.0}, "Parameter motor.speed out of range Min: 0.0, Max: 2.0, value: 3.0"),
+        ({"name": "two"}, "Trying to set a read-only parameter: name."),
+        ({"gain": 2.0}, ""),
+    ):
+        given = [Parameter(name, value=value) for name, value in values.items()]
+        result = node.set_parameters_atomically(given)
+        assert (result.successful, result.reason) == (not refusal, refusal)
+    assert used == [
+        LiveSettings(motor=Motor(1.5)),
+        LiveSettings(gain=2.0, motor=Motor(1.5, "fast")),
+    ]

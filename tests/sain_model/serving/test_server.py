@@ -14,10 +14,12 @@ from sain_core.push import PushLimits
 from sain_core.scene import make_scene, wrap_angle
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.devices import choose_device
+from sain_model.dynamics.identify import believing_model
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import AXES
 from sain_model.serving import server as server_module
 from sain_model.serving.latency import RECENT, ServiceRecord
 from sain_model.serving.server import ModelServer, load_server
@@ -194,6 +196,25 @@ def test_a_model_is_loaded_and_tried_before_it_is_served(
     np.testing.assert_array_equal(server.predict(SCENES, PUSHES)[1], sain.step(SCENES, PUSHES))
     with pytest.raises(ModelUnavailableError, match="model 'broken' predicts NaN or Inf"):
         load_server(ServingConfig(model="broken"))
+
+
+def test_a_served_model_infers_masses_that_are_not_measured(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    sain = SainDynamics(
+        InteractionNetwork(), PlanarPrior(AXES), "planar_axes", friction=FrictionConfig()
+    )
+    model = believing_model(sain)
+    monkeypatch.setattr(server_module, "load_dynamics", lambda name: model)
+    weighed, measured = (
+        load_server(ServingConfig(unknown=unknown)).knowing(past(0.12)) for unknown in ("mass", "")
+    )
+    assert isinstance(weighed, SainDynamics) and isinstance(measured, SainDynamics)
+    assert weighed.mass_log_std > 0.0 == measured.mass_log_std
+    with pytest.raises(TooMuchWorkError, match="1037 predictions of 2 disks"):
+        load_server(ServingConfig(unknown="mass", max_work=1000)).knowing(past(0.12, pushes=1))
+    with pytest.raises(ConfigError, match="unknown is 'weight'; allowed: mass, radius"):
+        ServingConfig(unknown="weight")
 
 
 def test_latency_and_queue_are_recorded() -> None:

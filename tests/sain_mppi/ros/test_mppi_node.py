@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from visualization_msgs.msg import Marker
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
@@ -10,6 +9,7 @@ from sain_core.scene import POSITION, make_scene
 from sain_interfaces.msg import Plan
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.ros.mppi_node import MppiNode
+from tests.rviz import shown
 from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
 
 
@@ -110,15 +110,28 @@ def test_viewers_get_the_plan_what_else_was_tried_and_a_ghost(graph, straw, plan
     straw.show()
     made = plan(graph, push_id=nth_push(graph, 1).push_id)
     graph.wait(lambda: graph.heard["plan_markers"], "markers")
-    markers = {(m.ns, m.id): m for m in graph.heard["plan_markers"][0].markers}
+    markers = shown(graph.heard["plan_markers"]).visible
     others = markers["others", 0]
     assert len(others.points) == len(others.colors) == 2 * 2 * len(made.other_costs)
     predicted = wire.decode_plan(made)[1]
     for disk in (0, 1):
         ghost = markers["ghost", disk]
         assert (ghost.pose.position.x, ghost.pose.position.y) == tuple(predicted[0, disk, POSITION])
-        assert markers["region", disk].action == Marker.DELETE  # physics tells of none
+        assert ("region", disk) not in markers  # physics tells of none
         assert len(markers["path", disk].points) == 3
+
+
+def test_a_new_episode_clears_what_is_drawn_of_the_last_plan(graph, straw, planner):
+    graph.aim(GOAL, 1, episode_id=1)
+    straw.show()
+    nth_push(graph, 1)
+    graph.wait(lambda: graph.heard["plan_markers"], "markers")
+    assert shown(graph.heard["plan_markers"]).count() == {
+        "goal": 1, "ghost": 2, "others": 1, "path": 2,
+    }  # fmt: skip
+    straw.show(episode_id=2, scene_id=2)
+    graph.wait(lambda: len(graph.heard["plan_markers"]) > 1, "that they go")
+    assert shown(graph.heard["plan_markers"]).visible == {}
 
 
 def test_the_same_scene_is_planned_once_for_each_goal(graph, straw, planner):

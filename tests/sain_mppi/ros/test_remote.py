@@ -16,6 +16,7 @@ from sain_core.scene import POSITION
 from sain_interfaces.msg import Plan
 from sain_interfaces.srv import Rollout
 from sain_mppi.ros.mppi_node import MppiNode
+from tests.rviz import shown
 from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
 
 
@@ -135,7 +136,7 @@ def test_a_model_that_is_sure_of_its_regions_gets_them_into_the_plan(graph, stra
     regions = np.array(made.regions).reshape(2, 2)
     assert (regions > 0.0).all() and (regions < 0.1).all()
     graph.wait(lambda: graph.heard["plan_markers"], "markers")
-    markers = {(m.ns, m.id): m for m in graph.heard["plan_markers"][0].markers}
+    markers = shown(graph.heard["plan_markers"]).visible
     marker = markers["region", 1]
     assert (marker.action, marker.scale.x) == (Marker.ADD, 2 * regions[0, 1])
 
@@ -143,7 +144,7 @@ def test_a_model_that_is_sure_of_its_regions_gets_them_into_the_plan(graph, stra
 def test_the_planner_says_when_it_sees_its_model(graph, straw):
     def levels():
         statuses = [status for array in graph.heard["/diagnostics"] for status in array.status]
-        return [(s.level, s.message) for s in statuses if s.name == "/sain/mppi_node"]
+        return [(s.level, s.message) for s in statuses if s.name == "/sain/mppi_node: planning"]
 
     graph.listen("/diagnostics", DiagnosticArray)
     node = graph.start(MppiNode, **SMALL)

@@ -14,8 +14,10 @@ from sain_core.scene import make_scene
 from sain_interfaces.srv import ResetScene
 from sain_sim.episodes.start import draw_episode
 from sain_sim.ros.sim_node import SimNode
+from tests.rviz import shown
 
 AHEAD = (0.0, 0.0, 0.1)
+MASS, RADII = np.full(4, 8.0), np.full(4, 0.06)
 
 
 @pytest.fixture
@@ -59,8 +61,23 @@ def test_a_push_is_carried_out_and_everything_said_about_it_fits_together(graph,
     assert all(message.scene_id == scene.scene_id for message in moving)
     graph.wait(lambda: graph.heard["joint_states"] and graph.heard["markers"], "the arm")
     assert len(graph.heard["joint_states"][-1].position) == 7
-    groups = {marker.ns for marker in graph.heard["markers"][-1].markers}
-    assert groups == {"table", "tool", "disks", "labels"}
+    groups = shown(graph.heard["markers"]).count()
+    assert groups == {"table": 1, "tool": 1, "disks": 2, "labels": 2}
+
+
+def test_viewers_show_the_bodies_of_this_episode_and_none_of_the_last(graph, simulator):
+    graph.listen("markers", MarkerArray)
+
+    def expect(bodies):
+        groups = {"table": 1, "tool": 1, "disks": bodies, "labels": bodies}
+        graph.wait(lambda: shown(graph.heard["markers"]).count() == groups, f"{bodies} bodies")
+
+    four = make_scene(np.array([(0.4, 0.0), (0.6, 0.0), (0.5, 0.3), (0.5, -0.3)]), MASS, RADII)
+    expect(2)
+    graph.reset(disks=codec.encode_disks(four))
+    expect(4)
+    assert len(graph.reset(seed=3).disks) == 2
+    expect(2)
 
 
 @pytest.mark.parametrize(

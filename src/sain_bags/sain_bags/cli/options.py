@@ -25,6 +25,9 @@ class RecordOptions(Config):
     """
 
     out: Path = required("folder to make for the bag; must not exist")
+    resume: bool = option(
+        False, "go on with a recording that a crash has cut off; both become one bag at the end"
+    )
     topics: tuple[str, ...] = option(
         (), "topics to record, with their full names; none: all that are not hidden"
     )

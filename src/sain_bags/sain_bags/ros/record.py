@@ -7,12 +7,14 @@ from typing import Final
 from rich.console import Console
 
 from sain_bags.cli.options import RecordOptions
+from sain_bags.recovery.resumption import join, set_aside
 from sain_bags.ros.recorder import Recorder
 from sain_bags.ros.stop_signal import StopSignal
 from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, UNDEFINED_KEY, describe_gaps
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
 from sain_bags.writing.selection import Selection
 from sain_bags.writing.writer import BagWriter
+from sain_core import notify
 from sain_core.errors import ConfigError
 from sain_core.ros.node_main import ros_context
 
@@ -43,8 +45,12 @@ def run(options: RecordOptions, console: Console) -> None:
         OutputError: the bag cannot be made, or the disk ran full; what was recorded is whole.
     """
     console.soft_wrap = True
+    cut_off = set_aside(options.out) if options.resume else None
     with ros_context():
         record(options, console)
+    if cut_off is not None:
+        join(cut_off, options.out)
+        console.print(f"Joined with what was recorded before: {options.out}", highlight=False)
 
 
 def record(options: RecordOptions, console: Console) -> None:
@@ -55,6 +61,7 @@ def record(options: RecordOptions, console: Console) -> None:
     stop = StopSignal()
     with BagWriter(options.out, options.bag, custom_data) as writer:
         recorder = Recorder(writer, selection)
+        notify.ready()
 
         def status() -> RecordingStatus:
             elapsed = time.monotonic() - started
@@ -65,6 +72,7 @@ def record(options: RecordOptions, console: Console) -> None:
         try:
             with StatusDisplay(console, options.status_period) as display:
                 while not stop.wait(PASS_PERIOD):
+                    notify.alive()
                     recorder.work()
                     display.show(status)
                 drain(recorder)

@@ -1,5 +1,6 @@
 """``ros2 run sain_bringup closed_loop``: the whole graph, from a clean start to a report."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
@@ -7,7 +8,15 @@ from typing import Final
 from rich.console import Console
 
 from sain_bringup.display import Display
-from sain_bringup.graph import MODEL, PLANNER, RECORDER, SIMULATOR, graph_commands
+from sain_bringup.graph import (
+    MODEL,
+    PLANNER,
+    RECORDER,
+    SIMULATOR,
+    graph_commands,
+    restart_command,
+    ros_arguments,
+)
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.options import (
     EPISODES_KEY,
@@ -48,7 +57,7 @@ def play_and_report(options: ClosedLoopOptions, display: Display, interrupts: In
     """Play the episodes and write the results; return whether all reached the goal."""
     folder = make_output_folder(options)
     display.headline(describe(episode_plans(options), options), folder)
-    with Supervisor(folder / "logs") as supervisor:
+    with Supervisor(folder / "logs", tell=display.note) as supervisor:
 
         def check() -> None:
             interrupts.check()
@@ -74,14 +83,17 @@ def play(
     """Start the graph and play all episodes on it, checking again and again."""
     plans = episode_plans(options)
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
-        director = Director(check, options.timeout)
+        director = Director(check, options.timeout, supervisor)
         episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
         namespace = director.get_namespace()
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
         about |= provenance("sain_bringup")
-        commands = graph_commands(options, namespace, folder / "bag", about)
+        graph = options.graph(folder / "bag")
+        ros = ros_arguments(sys.argv[1:])
+        commands = graph_commands(graph, ros, folder / "logs", about, full_motion=True)
         for name, command in commands.items():
-            supervisor.start(name, command, patient=name == RECORDER)
+            again = restart_command(name, command)
+            supervisor.start(name, command, patient=name == RECORDER, again=again)
         director.wait_for_graph(
             lambda: supervisor.starting((SIMULATOR, MODEL, PLANNER)),
             lambda missing: display.status(f"starting the graph, waiting for {missing}"),

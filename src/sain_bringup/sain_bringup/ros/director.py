@@ -4,6 +4,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from math import inf
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -12,9 +13,11 @@ from rclpy.node import Node
 
 from sain_bringup.display import EpisodeView
 from sain_bringup.graph import PLANNER
+from sain_bringup.processes import Supervisor
 from sain_bringup.ros.readiness import SERVER_PARTS, Missing, missing_parts
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
 from sain_core.ros.codec import encode_disks, encode_goal
+from sain_core.ros.diagnostics import node_of
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.peers import refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED, RELIABLE
@@ -32,6 +35,7 @@ SPIN: Final = 0.02  # [s], also how soon a signal or a dead process is noticed
 LOOK: Final = 0.1  # [s] between looks at the graph: each costs some ms
 EARLY: Final = 0.5  # [s] in which no simulator that was just started can publish
 OWNED: Final = ("scene", "push", "goal", "/clock")  # topics with one publisher in a graph
+REUNION: Final = 0.5  # [s] in which nodes find one that is back after a crash
 PREDICTION_TIME: Final = 5.0  # [s] for the nominal world to predict the last push
 
 
@@ -42,17 +46,22 @@ class GraphTimeoutError(SainError):
 class Director(Node):
     """Plays episodes. All waiting is done in `wait`, which looks after the graph meanwhile."""
 
-    def __init__(self, check: Callable[[], None], timeout: float) -> None:
+    def __init__(
+        self, check: Callable[[], None], timeout: float, supervisor: Supervisor | None = None
+    ) -> None:
         """Join the graph. Wait for any one thing no longer than the timeout [s].
 
-        While waiting, `check` is called again and again; it raises when the graph is broken.
+        While waiting, `check` is called again and again; it raises when the graph is broken. It
+        may have the supervisor restart processes of the graph.
         """
         super().__init__("closed_loop", namespace=NAMESPACE, parameter_overrides=[SIMULATED])
         self._joined = time.monotonic()
         self._next_look = self._joined
         self._check = check
+        self._supervisor = supervisor
         self._timeout = timeout
         self._events: deque[Plan | PushResult] = deque()
+        self._last_sent = 0
         self._sent: set[int] = set()  # ids of pushes: those planned, ...
         self._answered: set[int] = set()  # ... those with a result, ...
         self._executed: set[int] = set()  # ... those carried out, ...
@@ -115,6 +124,7 @@ class Director(Node):
         Raises:
             SainError: the simulator refused the scene, or nothing happened any more.
         """
+        self._wait_for_restarts()
         episode_id = self._reset(case, view)
         for known in (self._events, self._sent, self._answered, self._executed, self._predicted):
             known.clear()
@@ -124,6 +134,17 @@ class Director(Node):
             if not view.reached:
                 break
         self._wait_for_predictions()
+
+    def _wait_for_restarts(self) -> None:
+        """Wait until what has crashed is back, and has found the others."""
+        self.wait(
+            lambda: time.monotonic() - self._back_at() > REUNION,
+            lambda: "a process that crashed is not back",
+        )
+
+    def _back_at(self) -> float:
+        """The time [s] when the last process came back that had crashed; never, if one is not."""
+        return -inf if self._supervisor is None else self._supervisor.back_at
 
     def _pursue(
         self, case: ScenarioScene, episode_id: int, tolerance: float, view: EpisodeView
@@ -155,14 +176,21 @@ class Director(Node):
                 raise GraphTimeoutError(f"waited {self._timeout:g} s for the graph; {problem()}")
 
     def call(self, name: str, request: Any) -> Any:
-        """Call a service and return its reply.
+        """Call a service and return its reply; a request that a crash swallowed is sent again.
 
         Raises:
             SainError: what the server reported.
             GraphTimeoutError: it did not answer.
         """
-        future = self._servers[name].call_async(request)
-        self.wait(future.done, lambda: f"{name} did not answer")
+        asked_at, future = time.monotonic(), self._servers[name].call_async(request)
+
+        def answered() -> bool:
+            nonlocal asked_at, future
+            if asked_at < self._back_at() + REUNION < time.monotonic() and not future.done():
+                asked_at, future = time.monotonic(), self._servers[name].call_async(request)
+            return bool(future.done())
+
+        self.wait(answered, lambda: f"{name} did not answer")
         reply = future.result()
         if reply is None:
             raise ModelUnavailableError(f"{name} gave no answer")
@@ -185,6 +213,7 @@ class Director(Node):
     def _give_goal(self, case: ScenarioScene, episode_id: int, tolerance: float) -> None:
         self._goals += 1
         self._sent.clear()
+        self._last_sent = 0
         named = {"goal_id": self._goals, "episode_id": episode_id, "max_pushes": case.max_pushes}
         stamp = self.get_clock().now().to_msg()
         if isinstance(case.goal, PoseGoal):
@@ -194,8 +223,11 @@ class Director(Node):
         self._goal.publish(message)
 
     def _is_over(self, view: EpisodeView) -> bool:
-        """Tell whether the planner is done, and so is every push it sent: news may overtake."""
-        return bool(view.ending) and self._sent <= self._answered
+        """Tell whether the planner is done, and so is the last push it sent: news may overtake.
+
+        One before it that has no answer was lost with the process that should have given it.
+        """
+        return bool(view.ending) and self._last_sent in (0, *self._answered)
 
     def _follow(self, event: Plan | PushResult, case: ScenarioScene, view: EpisodeView) -> None:
         if isinstance(event, Plan):
@@ -213,6 +245,7 @@ class Director(Node):
             return
         if plan.status == Plan.PUSH:
             self._sent.add(plan.push_id)
+            self._last_sent = plan.push_id
             view.planned(plan.planning_time, plan.fallback, plan.error_message)
         elif plan.status == Plan.REACHED:
             view.end(reached=True)
@@ -227,7 +260,7 @@ class Director(Node):
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         planner = self.resolve_topic_name("mppi_node")
         for status in message.status:
-            if status.name == planner:
+            if node_of(status) == planner:
                 self._planner_ready = status.level == DiagnosticStatus.OK
 
     def _on_prediction(self, message: PushPrediction) -> None:

@@ -110,19 +110,22 @@ class NodeCommand:
         )
 
 
-def describe_parameters(settings: Config, prefix: str = "") -> list[tuple[str, str, str, str]]:
+def describe_parameters(
+    settings: Config, prefix: str = "", live: bool = False
+) -> list[tuple[str, str, str, str]]:
     """Return name, default, allowed values and meaning of each parameter."""
     found: list[tuple[str, str, str, str]] = []
     for item in dataclasses.fields(settings):
         value: Any = getattr(settings, item.name)
+        may_change = live or item.metadata.get("live", False)
         if isinstance(value, Config):
-            found += describe_parameters(value, f"{prefix}{item.name}.")
+            found += describe_parameters(value, f"{prefix}{item.name}.", may_change)
             continue
         about = item.metadata
         allowed = describe_values(about)
         allowed += f" {about['unit']}" if allowed and about.get("unit") else ""
         meaning = about.get("description", "")
-        meaning = f"live: {meaning}" if about.get("live") else meaning
+        meaning = f"live: {meaning}" if may_change else meaning
         default = " ".join(filter(None, (show_value(value), about.get("unit"))))
         found.append((prefix + item.name, default, allowed, meaning))
     return found

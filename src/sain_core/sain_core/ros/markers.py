@@ -6,10 +6,12 @@ from typing import Final
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from rclpy.node import Node
 from std_msgs.msg import ColorRGBA
-from visualization_msgs.msg import Marker
+from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core.ros.codec import header
+from sain_core.ros.qos import RELIABLE
 from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, X, Y
 from sain_core.shapes.shape import Shape, Solid
 from sain_core.types import Points
@@ -21,6 +23,35 @@ SOLIDS: Final = {
     Solid.BOX: Marker.CUBE,
     Solid.PRISM: Marker.TRIANGLE_LIST,
 }
+
+
+class MarkerBoard:
+    """A topic of markers: viewers show those of the latest array and no others.
+
+    Viewers keep a marker until it is deleted by group and number, so each array also deletes
+    all that earlier ones had. A new viewer may still have markers of a former node: all go.
+    """
+
+    def __init__(self, node: Node, topic: str) -> None:
+        """Publish on this topic."""
+        self._publisher = node.create_publisher(MarkerArray, topic, RELIABLE)
+        self._shown: set[tuple[str, int]] = set()
+        self._viewers = 0
+
+    def show(self, markers: Sequence[Marker]) -> None:
+        """Show these markers in place of the earlier ones."""
+        now = {(marker.ns, marker.id) for marker in markers}
+        gone = [
+            Marker(ns=group, id=number, action=Marker.DELETE)
+            for group, number in sorted(self._shown - now)
+        ]
+        self._shown |= now
+        array = MarkerArray(markers=[*markers, *gone])
+        viewers = self._publisher.get_subscription_count()
+        if viewers != self._viewers:
+            array.markers.insert(0, Marker(action=Marker.DELETEALL))
+            self._viewers = viewers
+        self._publisher.publish(array)
 
 
 def make_marker(group: str, number: int, kind: int, colour: Colour, stamp: Time) -> Marker:

@@ -6,6 +6,7 @@ from typing import Final
 
 RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PROFILES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+FROM_PROFILE: Final = "RMW_FASTRTPS_USE_QOS_FROM_XML"  # also how memory is used, not QoS alone
 CLOSED: Final = ("", "LOCALHOST")
 FAST_DDS: Final = ("", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
 
@@ -23,4 +24,5 @@ def stay_on_this_host() -> None:
         os.environ[RANGE] = "LOCALHOST"
         return
     os.environ[PROFILES[0]] = str(files("sain_core.ros") / "loopback.xml")
+    os.environ.setdefault(FROM_PROFILE, "1")
     os.environ[RANGE] = "SYSTEM_DEFAULT"  # with any other, ROS replaces the transports of a profile

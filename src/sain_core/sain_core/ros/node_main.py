@@ -1,5 +1,6 @@
 """The main of every node: start, spin, stop, and the exit code."""
 
+import ctypes
 import gc
 import logging
 import os
@@ -17,9 +18,11 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import ok, try_shutdown
 
+from sain_core import notify
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
 from sain_core.ros.network import stay_on_this_host
 from sain_core.ros.parameter_files import check_parameter_files
+from sain_core.ros.steady import steady_timer
 
 NAMESPACE = "sain"
 """Where nodes live unless ``--ros-args -r __ns:=/other`` says otherwise."""
@@ -29,6 +32,10 @@ RCL_SOURCE = re.compile(r", at /\S+:\d+")
 
 SPIN = 0.05
 """[s] between looks at what is waited for."""
+
+MMAP_THRESHOLD, MMAP_BYTES = -3, 4 << 20
+TRIM_THRESHOLD, TRIM_BYTES = -1, 16 << 20
+"""What mallopt(3) takes. By itself glibc keeps memory of up to 64 MB once that much was freed."""
 
 INTERRUPTS = (ExternalShutdownException, ROSInterruptException)
 
@@ -43,6 +50,7 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
     """
     node = None
     code = INTERRUPTED
+    give_memory_back()
     try:
         with ros_context(args, SignalHandlerOptions.ALL):
             executor = SingleThreadedExecutor()
@@ -53,6 +61,9 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
                 code = 0
                 if ready := getattr(node, "ready", ""):
                     node.get_logger().info(f"ready: {ready}")
+                notify.ready()
+                if (period := notify.heartbeat_period()) > 0.0:
+                    steady_timer(node, period, notify.alive)
                 executor.spin()
             except Exception as error:
                 if ok() and not isinstance(error, INTERRUPTS):
@@ -68,6 +79,13 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
         sys.stderr.write(f"{name}: {' '.join(str(error).split()) or repr(error)}\n")
         return 1
     return code
+
+
+def give_memory_back() -> None:
+    """Have the memory of large messages returned to the system when they are done with."""
+    if mallopt := getattr(ctypes.CDLL(None), "mallopt", None):  # of glibc only
+        mallopt(MMAP_THRESHOLD, MMAP_BYTES)
+        mallopt(TRIM_THRESHOLD, TRIM_BYTES)
 
 
 def node_main(make_node: Callable[[], Node], name: str) -> NoReturn:

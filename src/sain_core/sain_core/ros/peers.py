@@ -5,10 +5,12 @@ from collections.abc import Iterable
 from typing import Final
 
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from sain_core.errors import BusyError
 
 POLL_S: Final = 0.05
+NAME_WAIT_S: Final = 2.0  # for the name of a node whose publisher was discovered before
 
 
 def refuse_peers(node: Node, topics: Iterable[str], wait_s: float) -> None:
@@ -22,11 +24,9 @@ def refuse_peers(node: Node, topics: Iterable[str], wait_s: float) -> None:
     end = time.monotonic() + wait_s
     while True:
         for topic in topics:
-            for peer in _publishers(node, topic):
-                raise BusyError(
-                    f"{peer} publishes {node.resolve_topic_name(topic)} already;"
-                    " stop it, or start this one with another ROS_DOMAIN_ID"
-                )
+            for peer in publishers(node, topic, NAME_WAIT_S):
+                name = node.resolve_topic_name(topic)
+                raise BusyError(f"{peer} publishes {name} already; {advice(name)}")
         if time.monotonic() >= end:
             return
         time.sleep(POLL_S)
@@ -41,7 +41,7 @@ def refuse_rivals(node: Node, topics: Iterable[str]) -> None:
         BusyError: naming topic and publishers.
     """
     for topic in topics:
-        if len(owners := _publishers(node, topic)) > 1:
+        if len(owners := publishers(node, topic, NAME_WAIT_S)) > 1:
             name = node.resolve_topic_name(topic)
             raise BusyError(
                 f"{' and '.join(owners)} publish {name}, so another graph is running already;"
@@ -49,12 +49,30 @@ def refuse_rivals(node: Node, topics: Iterable[str]) -> None:
             )
 
 
-def publisher_count(node: Node, topic: str) -> int:
-    """Return how many publishers a topic has, the node itself included."""
-    return len(_publishers(node, topic))
+def advice(name: str) -> str:
+    """Return what helps where a topic has two owners."""
+    if name == "/clock":
+        return "stop it, or give each graph a namespace and its own clock with -r /clock:=clock"
+    return "stop it, or start this one with another ROS_DOMAIN_ID"
 
 
-def _publishers(node: Node, topic: str) -> list[str]:
-    """Return the full names of the nodes that publish a topic."""
-    found = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
-    return [f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in found]
+def is_named(publisher: TopicEndpointInfo) -> bool:
+    """Tell whether the node of a publisher is discovered, too."""
+    return not (publisher.node_name + publisher.node_namespace).count("_UNKNOWN_")
+
+
+def publishers(node: Node, topic: str, wait_s: float) -> list[str]:
+    """Return the full names of the nodes that publish a topic; wait so long for unknown ones."""
+    end = time.monotonic() + wait_s
+    while True:
+        found = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
+        if all(map(is_named, found)) or time.monotonic() >= end:
+            return [full_name(one) for one in found]
+        time.sleep(POLL_S)
+
+
+def full_name(publisher: TopicEndpointInfo) -> str:
+    """Return namespace and name of a publisher's node."""
+    if not is_named(publisher):
+        return "a node whose name is not known"
+    return f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"

@@ -11,6 +11,13 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 LATCHED_QUEUE = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """For who must hear each of some latched messages in turn, and not the last alone."""
 
-SERVICE = QoSProfile(depth=100)
-"""Requests and answers of a service that may be asked faster than it answers: at ROS's own depth of
-10 the middleware drops what more comes in a burst, in silence."""
+TRANSFORMS = QoSProfile(depth=100)
+"""``/tf``, as tf2_ros sends it."""
+
+QUEUE = QoSProfile(depth=4000)
+"""Pushes and their results: each is answered, also in a burst of 3,000. At ROS's own depth of 10
+the middleware drops what more comes, in silence."""
+
+SERVICE = QoSProfile(depth=4000)
+"""Requests and answers of a service that may be asked faster than it answers. A client that asks
+for more than 10 things at once needs such a queue, too."""

@@ -3,13 +3,18 @@
 from collections.abc import Callable, Generator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from queue import SimpleQueue
-from typing import Any, TypeVar
+from time import monotonic
+from typing import Any, Final, TypeVar
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
+from sain_core import notify
+
+PATIENCE: Final = 60.0  # [s] that a job may take while the executor waits for it
+
 T = TypeVar("T")
-Outcome = tuple["Future[Any]", Callable[["Future[Any]"], None]]
+Outcome = tuple["Future[Any]", Callable[["Future[Any]"], object]]
 
 
 class _Turn:
@@ -35,7 +40,7 @@ class Worker:
         self._pending: set[Future[Any]] = set()
         self._closed = False
 
-    def submit(self, job: Callable[[], T], then: Callable[["Future[T]"], None]) -> None:
+    def submit(self, job: Callable[[], T], then: Callable[["Future[T]"], object]) -> None:
         """Run a job; call `then` with its future, done, on the executor's thread."""
         future = self._pool.submit(job)
         self._pending.add(future)
@@ -55,6 +60,11 @@ class Worker:
         self._pending.discard(future)
         return future
 
+    @property
+    def pending(self) -> int:
+        """How many jobs were submitted and are not seen to yet."""
+        return len(self._pending)
+
     def call(self, job: Callable[[], T]) -> T:
         """Run a job and wait for it: for short ones that the executor cannot go on without."""
         return self.wait(job).result()
@@ -62,7 +72,10 @@ class Worker:
     def wait(self, job: Callable[[], T]) -> "Future[T]":
         """Run a job and wait for it, as `call`; return its future, done, whether well or not."""
         future = self._pool.submit(job)
-        wait([future])
+        enough = monotonic() + PATIENCE
+        while not wait([future], notify.heartbeat_period() or None).done:
+            if monotonic() < enough:  # the executor waits, and lives
+                notify.alive()
         return future
 
     def close(self, last: Callable[[], None] | None = None) -> None:
@@ -76,7 +89,7 @@ class Worker:
             self.call(last)
         self._pool.shutdown(wait=True)
 
-    def _finished(self, future: "Future[Any]", then: Callable[["Future[Any]"], None]) -> None:
+    def _finished(self, future: "Future[Any]", then: Callable[["Future[Any]"], object]) -> None:
         if not self._closed:
             self._outcomes.put((future, then))
             self._guard.trigger()

@@ -11,7 +11,7 @@ import numpy as np
 from sain_core.dynamics import as_rollout
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
-from sain_core.plugins import BelievingDynamics, load_dynamics
+from sain_core.plugins import BelievingDynamics, as_observed, load_dynamics
 from sain_core.push import LOCATION
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
 from sain_eval.scenes.scenario_scene import ScenarioScene
@@ -119,7 +119,7 @@ def agent_maker(name: str, config: AgentConfig = AgentConfig(), belief: str = ""
     dynamics = load_dynamics(name)
     if belief and isinstance(dynamics, BelievingDynamics):
         dynamics = dynamics.believing(Path(belief).expanduser())
-    model = as_rollout(dynamics)
+    model = as_rollout(as_observed(dynamics, config.estimator.unknown))
     return lambda scene: planning_agent(model, physics, config)
 
 

@@ -6,6 +6,7 @@ from rich.console import Console
 
 from sain_core.cli.fitting_table import FittingTable
 from sain_core.errors import ConfigError, DatasetError
+from sain_core.observation import MASSES, unknown_names
 from sain_core.plugins import load_dynamics
 from sain_core.provenance import ros2_command
 from sain_model.cli.options import IdentifyOptions
@@ -16,7 +17,6 @@ from sain_model.evaluation.error_table import make_table
 from sain_model.identification.belief_file import write_belief
 from sain_model.identification.beliefs import Belief
 from sain_model.identification.laboratory import count_episodes, shifted
-from sain_model.identification.parameters import parameters_of
 
 
 def run(options: IdentifyOptions, console: Console) -> None:
@@ -30,8 +30,10 @@ def run(options: IdentifyOptions, console: Console) -> None:
     model = load_dynamics(options.model)
     if not isinstance(model, SainDynamics):
         raise ConfigError(f"--model is {options.model!r}; it must be sain or a checkpoint")
-    recordings = load_recordings(options)
-    belief = identify(believing_model(model), recordings)
+    model = believing_model(model)
+    if MASSES in unknown_names(options.unknown):
+        model = model.with_unknown_masses()
+    belief = identify(model, load_recordings(options))
     card = belief.card | {
         "model": options.model,
         "command": ros2_command("sain_model", "identify"),
@@ -81,7 +83,7 @@ def belief_tables(belief: Belief) -> Iterator[FittingTable]:
             f"{getattr(likeliest.config, parameter.name):.4g}",
             _spread(parameter.spread * deviation, parameter.factor),
         )
-        for parameter, deviation in zip(parameters_of(likeliest.config), deviations, strict=True)
+        for parameter, deviation in zip(likeliest.parameters, deviations, strict=True)
     )
     yield make_table(f"Parameters, {likeliest.name}", ("parameter", "mean", "spread"), parameters)
 

@@ -57,6 +57,10 @@ class IdentifyOptions(Config):
     out: Path = option(Path("belief.json"), "file for the belief")
     model: str = option("sain", "model that it is for: sain, or the path of a checkpoint")
     pushes: int = option(0, "largest number of pushes of each recording; 0: all", minimum=0)
+    unknown: str = option(
+        "",
+        "what recordings state as nominal: mass is identified (the same bodies in all episodes)",
+    )
 
 
 @dataclass(frozen=True)

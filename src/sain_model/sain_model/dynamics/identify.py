@@ -19,9 +19,10 @@ from sain_model.identification.laboratory import (
     fit_laboratory,
     shifted,
 )
-from sain_model.identification.parameters import COUNT, FRICTION, config_at, parameters_of
+from sain_model.identification.parameters import FRICTION, config_at, mass_factor
 from sain_model.identification.structures import Structure
 from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import with_mass_ratio
 
 Recording = Sequence[RecordedPushes]
 MOST_ODDS: Final = 20.0  # logarithm: recordings may not rule out for ever what they do not show
@@ -64,8 +65,8 @@ def identify(model: SainDynamics, recordings: Mapping[str, Recording]) -> Belief
 
 def _identified(fit: LaboratoryFit, best: float) -> Structure:
     """Return a structure at what was fitted."""
-    unit = parameters_of(fit.structure.config)[FRICTION].spread
-    covariance = fit.covariance + LEAST_SPREAD**2 * np.eye(COUNT)
+    unit = fit.structure.parameters[FRICTION].spread
+    covariance = fit.covariance + LEAST_SPREAD**2 * np.eye(len(fit.covariance))
     scatter = np.hypot(fit.frictions.std(), LEAST_SPREAD)
     covariance[FRICTION, FRICTION] = scatter**2
     usual = fit.structure.friction
@@ -89,7 +90,8 @@ def _network_odds(
         physics_next = step_at(fit.structure, part.bodies, part, places)
         corrector = model if part.bodies is None else model.with_bodies(part.bodies)
         assert isinstance(corrector, SainDynamics)
-        corrected = corrector.network_correct(part.state, part.action, physics_next)
+        scenes = with_mass_ratio(part.state, mass_factor(places))
+        corrected = corrector.network_correct(scenes, part.action, physics_next)
         gain = _density(part, corrected) - _density(part, physics_next)
         sums[part.bodies is None] += gain
     return _Odds(*(float(np.clip(sums[key], -MOST_ODDS, MOST_ODDS)) for key in (True, False)))

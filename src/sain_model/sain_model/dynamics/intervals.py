@@ -155,7 +155,8 @@ class Prediction:
     Attributes:
         mean: the predicted scenes, the members' mean.
         members: standard deviation of the members' places [m]; 0 for a lone network.
-        friction: how far the place moves with one standard deviation of the friction [m].
+        friction: how far the place moves with one standard deviation of the friction, and of the
+            ratio of masses where these are not measured [m].
         radius: of the circle that holds the disk [m]; None: the model has no intervals.
     """
 

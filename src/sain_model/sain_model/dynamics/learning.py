@@ -27,10 +27,12 @@ from sain_model.identification.evidence import (
     picked,
     scales_of,
 )
-from sain_model.identification.parameters import FRICTION, config_at
+from sain_model.identification.masses import MassFilter, mass_filter
+from sain_model.identification.parameters import FRICTION, MASS_RATIO, config_at
 from sain_model.identification.posterior import Posterior, infer, step_rows
 from sain_model.network.settings import ANY_SHAPE
 from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import with_mass_ratio
 
 if TYPE_CHECKING:
     from sain_model.dynamics.sain import SainDynamics
@@ -43,6 +45,7 @@ class Learned:
     model: "SainDynamics"  # before them
     history: PushHistory
     likelihood: Float[ndarray, "M F"] | None = None  # of each friction for each push, logarithm
+    masses: MassFilter | None = None  # likelihoods are of its pairs; None: of frictions alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +81,49 @@ def after_pushes(model: "SainDynamics", history: PushHistory) -> dict[str, Any]:
         "prior": replace(model.prior, config=config),
         "corrects": bool(told.corrected[0]),
         "conditioned_log_std": float(posterior.friction_log_std[0]),
+        "mass_log_std": float(posterior.mass_log_std[0]),
         "learned": Learned(model, history),
     }
+
+
+def after_noisy_pushes(model: "SainDynamics", history: PushHistory) -> dict[str, Any]:
+    """Return the fields of a model with unknown masses as pushes seen with noise leave it.
+
+    They tell friction and the ratio of masses, on the model's own prior.
+    """
+    assert model.belief is not None and model.friction is not None
+    assert isinstance(model.prior, PlanarPrior)
+    masses = mass_filter(model.prior, model.friction, model.belief.mass_log_std)
+    likelihood = masses.likelihoods(history)
+    told = masses.told(likelihood.sum(axis=0, keepdims=True), np.array([len(history)]))
+    config = replace(
+        model.prior.config,
+        friction=float(told.friction[0]),
+        mass_ratio=model.prior.config.mass_ratio * float(told.mass_ratio[0]),
+    )
+    return {
+        "prior": replace(model.prior, config=config),
+        "conditioned_log_std": float(told.friction_log_std[0]),
+        "mass_log_std": float(told.mass_log_std[0]),
+        "learned": Learned(model, history, likelihood, masses),
+    }
+
+
+def predict_past(told: Learned) -> Prediction:
+    """Predict each push of a history from those before it, and say how sure that is."""
+    model, past, likelihood = told.model, told.history, told.likelihood
+    order = np.zeros(len(past), np.int64), np.arange(len(past))
+    if likelihood is None:
+        return predict_rows(model, past, learn(model, past, Known.earlier(*order)))
+    if told.masses is None:
+        assert model.filter is not None
+        known = model.filter.earlier(likelihood, *order)
+        return model.predict(past.state, past.action, known.mean, known.spread)
+    earlier = Known.earlier(*order)
+    found = told.masses.told(earlier.total(likelihood), earlier.counts)
+    scenes = with_mass_ratio(past.state, found.mass_ratio)
+    spreads = found.friction_log_std, found.mass_log_std
+    return model.predict(scenes, past.action, found.friction, *spreads)
 
 
 def before_pushes(model: "SainDynamics", belief: Belief) -> dict[str, Any]:
@@ -102,6 +146,7 @@ def before_pushes(model: "SainDynamics", belief: Belief) -> dict[str, Any]:
         "belief": belief,
         "prior": replace(model.prior, config=likeliest.config),
         "corrects": likeliest.corrected and belief.network_log_odds > 0.0,
+        "mass_log_std": belief.mass_log_std,
     }
 
 
@@ -109,16 +154,27 @@ def predict_rows(model: "SainDynamics", pushes: Transitions, told: LearnedRows) 
     """Predict push i with what row i tells, and say how sure that is."""
     posterior = told.posterior
     physics_next = _step(model, pushes, posterior)
-    mean = _corrected(model, pushes, physics_next, told.corrected)
+    mean = _corrected(model, pushes, physics_next, told)
+    physics = _spread(model, pushes, told, FRICTION)
+    if posterior.mass_log_std.any():
+        physics = np.hypot(physics, _spread(model, pushes, told, MASS_RATIO))
+    weighed = _weighed(model, pushes.state, posterior)
+    members = model.members_spread(weighed, pushes.action, physics_next)
+    return model.with_regions(Prediction(mean, members, physics), pushes.state, pushes.action)
+
+
+def _spread(
+    model: "SainDynamics", pushes: Transitions, told: LearnedRows, column: int
+) -> Float[ndarray, "M N"]:
+    """Return how far places move with the standard deviation of one parameter [m]."""
     ends = []
     for way in (-1.0, 1.0):
-        places = posterior.places.copy()
-        places[:, FRICTION] += way * posterior.spreads[:, FRICTION]
-        after = _step(model, pushes, replace(posterior, places=places))
-        ends.append(_corrected(model, pushes, after, told.corrected)[..., POSITION])
-    friction = np.linalg.norm(ends[1] - ends[0], axis=-1) / 2
-    members = model.members_spread(pushes.state, pushes.action, physics_next)
-    return model.with_regions(Prediction(mean, members, friction), pushes.state, pushes.action)
+        places = told.posterior.places.copy()
+        places[:, column] += way * told.posterior.spreads[:, column]
+        moved = replace(told, posterior=replace(told.posterior, places=places))
+        after = _step(model, pushes, moved.posterior)
+        ends.append(_corrected(model, pushes, after, moved)[..., POSITION])
+    return np.asarray(np.linalg.norm(ends[1] - ends[0], axis=-1) / 2)
 
 
 def _correction_odds(
@@ -133,8 +189,10 @@ def _correction_odds(
         return np.zeros(len(rows))
     told = picked(pushes, known.push)
     scale = scales_of(told, model.bodies)
-    physics_next = _step(model, told, posterior.of_rows(rows[known.row]))
-    corrected = model.network_correct(told.state, told.action, physics_next)
+    believed = posterior.of_rows(rows[known.row])
+    physics_next = _step(model, told, believed)
+    weighed = _weighed(model, told.state, believed)
+    corrected = model.network_correct(weighed, told.action, physics_next)
     plain, better = (
         over_factors(known.gather(log_density(errors_of(some, told.next_state), scale)))
         for some in (physics_next, corrected)
@@ -148,12 +206,19 @@ def _step(model: "SainDynamics", pushes: Transitions, posterior: Posterior) -> S
 
 
 def _corrected(
-    model: "SainDynamics", pushes: Transitions, physics_next: Scenes, rows: Bool[ndarray, "R"]
+    model: "SainDynamics", pushes: Transitions, physics_next: Scenes, told: LearnedRows
 ) -> Scenes:
     """Return predictions, those of some rows corrected by the network."""
-    after = physics_next.copy()
+    after, rows = physics_next.copy(), told.corrected
     if rows.any():
-        after[rows] = model.network_correct(
-            pushes.state[rows], pushes.action[rows], physics_next[rows]
-        )
+        weighed = _weighed(model, pushes.state, told.posterior)[rows]
+        after[rows] = model.network_correct(weighed, pushes.action[rows], physics_next[rows])
     return after
+
+
+def _weighed(model: "SainDynamics", scenes: Scenes, posterior: Posterior) -> Scenes:
+    """Return scenes (R, N, 8) for a model's network, which applies the ratio of its own prior."""
+    assert model.belief is not None and isinstance(model.prior, PlanarPrior)
+    ratios = np.array([structure.config.mass_ratio for structure in model.belief.structures])
+    found = ratios[posterior.structure] * posterior.mass_ratio
+    return with_mass_ratio(scenes, found / model.prior.config.mass_ratio)

@@ -14,7 +14,7 @@ from sain_core.dynamics import Dynamics, Radii, StepwiseRollout, scenes_before
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH, pushed_bodies
-from sain_core.scene import POSITION, THETA, wrap_angle
+from sain_core.scene import MASS, POSITION, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
 from sain_model.compute.batch_checks import check_batch, check_physics_next
@@ -24,15 +24,16 @@ from sain_model.data.shaped_physics import prior_for
 from sain_model.dynamics.intervals import Intervals, Prediction, pushed_errors
 from sain_model.dynamics.learning import (
     Learned,
+    after_noisy_pushes,
     after_pushes,
     before_pushes,
-    learn,
-    predict_rows,
+    predict_past,
 )
 from sain_model.dynamics.settings import IDENTITY
+from sain_model.dynamics.spreads import physics_spread
 from sain_model.identification.belief_file import read_belief
 from sain_model.identification.beliefs import Belief
-from sain_model.identification.evidence import Known
+from sain_model.identification.masses import MassFilter
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import ANY_SHAPE, ON_STATE
@@ -40,6 +41,7 @@ from sain_model.network.shape_features import elongations, network_inputs, push_
 from sain_model.network.torch_network import TorchNetwork
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
 from sain_model.physics.planar import PlanarPrior, step_knowing
+from sain_model.physics.planar_config import with_mass_ratio
 
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
 RESIDUAL: Final = "residual"  # Fig. 1c, equation 2
@@ -68,6 +70,8 @@ class SainDynamics:
         learned: what `with_history` was told; None: nothing.
         belief: kinds of physics and parameters that pushes choose from; None: friction alone.
         corrects: whether the network's correction counts.
+        mass_log_std: standard deviation of the logarithm of the ratio of masses that its prior is
+            conditioned on; 0: masses are measured.
     """
 
     network: InteractionNetwork
@@ -85,6 +89,7 @@ class SainDynamics:
     learned: Learned | None = None
     belief: Belief | None = None
     corrects: bool = True
+    mass_log_std: float = 0.0
 
     def __post_init__(self) -> None:
         """Stop whatever a network does in training alone."""
@@ -124,19 +129,30 @@ class SainDynamics:
             return None
         return self.prior.filter(self.friction)
 
+    @property
+    def trials(self) -> int:
+        """How many predictions it makes of each earlier push that it is told, at least 1."""
+        friction = self.filter
+        if friction is None:
+            return 1
+        return MassFilter(friction, self.belief.mass_log_std if self.belief else 0.0).size
+
     def with_history(self, history: PushHistory) -> Self:
         """Return this model on the physics that an episode's earlier pushes tell of.
 
         With a belief, that is the kind of physics, its parameters, and whether the network's
         correction counts; else the friction with the table. It is the model itself without
         pushes, and where it was not trained to learn from them. From noisy observations it is
-        friction alone: the errors of more parameters would be those of the observation.
+        friction alone, with the ratio of masses where these are not measured: the errors of more
+        parameters would be those of the observation.
         """
         friction = self.filter
         if friction is None or len(history) == 0:
             return self
         if self.belief is not None and history.noise is None:
             return self._with_same_weights(replace(self, **after_pushes(self, history)))
+        if self.belief is not None and self.belief.mass_log_std > 0.0:
+            return self._with_same_weights(replace(self, **after_noisy_pushes(self, history)))
         likelihood = friction.likelihoods(history)
         belief = friction.believe(likelihood)
         told = replace(
@@ -151,19 +167,10 @@ class SainDynamics:
         Each is predicted from those before it. No plan waits for this: only regions need it.
         """
         told, intervals = self.learned, self.intervals
-        friction = told.model.filter if told else None
-        if told is None or friction is None or intervals is None or not intervals.adapts:
+        if told is None or intervals is None or not intervals.adapts:
             return 1.0
-        past, count = told.history, len(told.history)
-        order = np.zeros(count, np.int64), np.arange(count)
-        if told.likelihood is None:
-            rows = learn(told.model, past, Known.earlier(*order))
-            predicted = predict_rows(told.model, past, rows)
-        else:
-            known = friction.earlier(told.likelihood, *order)
-            predicted = told.model.predict(past.state, past.action, known.mean, known.spread)
-        total = intervals.excess(*pushed_errors(predicted, past)).sum()
-        return float(intervals.widening(np.array([total]), np.array([count]))[0])
+        total = intervals.excess(*pushed_errors(predict_past(told), told.history)).sum()
+        return float(intervals.widening(np.array([total]), np.array([len(told.history)]))[0])
 
     def at(self, friction: float, friction_log_std: float = 0.0) -> Self:
         """Return this model conditioned on a friction and the standard deviation of its log.
@@ -190,6 +197,15 @@ class SainDynamics:
         others = self.any_shape.with_belief(belief) if self.any_shape else None
         believing = replace(self, **before_pushes(self, belief), any_shape=others)
         return self._with_same_weights(believing)
+
+    def with_unknown_masses(self) -> Self:
+        """Return this model where masses are not measured: earlier pushes tell their ratio.
+
+        It is the model itself without a belief: then it infers friction alone.
+        """
+        if self.belief is None:
+            return self
+        return self.with_belief(self.belief.with_unknown_masses())
 
     def believing(self, path: Path) -> Self:
         """Return this model with the belief in a file of ``sain_model identify``.
@@ -246,8 +262,9 @@ class SainDynamics:
         pushes: Pushes,
         friction: Scalars | None = None,
         friction_log_std: Scalars | None = None,
+        mass_log_std: Scalars | None = None,
     ) -> Prediction:
-        """Predict as `step` does, and say how sure that is; it costs two to four times as much.
+        """Predict as `step` does, and say how sure that is; it costs two to six times as much.
 
         Args:
             scenes: settled scenes.
@@ -255,15 +272,18 @@ class SainDynamics:
             friction: with the table (B,); None: what this model believes.
             friction_log_std: standard deviation of its logarithm (B,); None: what this model
                 believes, or 0 where the friction is given.
+            mass_log_std: likewise of the ratio of masses (B,); None: what this model believes.
         """
         if friction_log_std is None:
             usual = self.friction_log_std if friction is None else 0.0
             friction_log_std = np.full(len(pushes), usual)
+        if mass_log_std is None:
+            mass_log_std = np.full(len(pushes), self.mass_log_std)
         physics_next = step_knowing(self.prior, scenes, pushes, friction)
         prediction = Prediction(
             self.correct(scenes, pushes, physics_next),
             self.members_spread(scenes, pushes, physics_next),
-            self._friction_spread(scenes, pushes, friction, friction_log_std),
+            physics_spread(self, scenes, pushes, friction, friction_log_std, mass_log_std),
         )
         told = self.with_regions(prediction, scenes, pushes)
         if told.radius is None or self.widening == 1.0:
@@ -301,13 +321,19 @@ class SainDynamics:
             InvalidInputError: arrays that do not fit together.
         """
         check_physics_next(scenes, physics_next)
-        corrected = self._forward.correct(scenes, pushes, physics_next, self.bodies)
+        weighed = self._weighed(scenes)
+        corrected = self._forward.correct(weighed, pushes, physics_next, self.bodies)
         if self.bodies is not None and self.bodies.fixed:
             fixed = list(self.bodies.fixed)
             corrected[:, fixed] = physics_next[:, fixed]
         if self.network.config.residual == ON_STATE:
             return _carried_over(corrected, physics_next, scenes)
         return corrected
+
+    def _weighed(self, scenes: Scenes) -> Scenes:
+        """Return scenes with masses as the prior takes them to be."""
+        ratio = self.prior.config.mass_ratio if isinstance(self.prior, PlanarPrior) else 1.0
+        return with_mass_ratio(scenes, ratio)
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
         """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8).
@@ -328,7 +354,9 @@ class SainDynamics:
             return StepwiseRollout(self).rollout(scene, pushes)
         flat = pushes.reshape(-1, pushes.shape[-1])
         check_batch(np.broadcast_to(scene, (len(flat), *scene.shape)), flat)
-        return forward.rollout(self.prior, scene, pushes)
+        predicted = forward.rollout(self.prior, self._weighed(scene[None])[0], pushes)
+        predicted[..., MASS] = scene[:, MASS]
+        return predicted
 
     def regions(
         self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
@@ -353,21 +381,12 @@ class SainDynamics:
         settle_threads()
         config = self.network.config
         frames = push_frames(config, scenes, pushes, self.bodies)
-        features = network_inputs(config, scenes, frames, physics_next, self.bodies)
+        weighed = self._weighed(scenes)
+        features = network_inputs(config, weighed, frames, physics_next, self.bodies)
         with torch.inference_mode():
             each = self.network.to(self.device).each(*features.tensors(self.device))[..., :2]
         variance = each.double().var(dim=0).sum(dim=-1)  # (B, N), in any frame
         return np.where(pushes[:, LENGTH, None] == 0.0, 0.0, variance.sqrt().cpu().numpy())
-
-    def _friction_spread(
-        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None, log_std: Scalars
-    ) -> Float[ndarray, "B N"]:
-        """Return how far places move with a standard deviation of the friction's logarithm [m]."""
-        if not isinstance(self.prior, PlanarPrior) or not np.any(log_std):
-            return np.zeros(scenes.shape[:2])
-        usual = np.full(len(pushes), self.prior.config.friction) if friction is None else friction
-        less, more = (self.step(scenes, pushes, usual * np.exp(way * log_std)) for way in (-1, 1))
-        return np.asarray(np.linalg.norm((more - less)[..., POSITION], axis=-1) / 2)
 
 
 def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Scenes:

@@ -11,7 +11,7 @@ from sain_core.errors import CheckpointError
 from sain_core.storage import write_json
 from sain_core.untrusted.json_text import read_json
 from sain_model.identification.beliefs import Belief
-from sain_model.identification.parameters import COUNT, parameters_of
+from sain_model.identification.parameters import COUNT
 from sain_model.identification.structures import Structure
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar_config import PlanarConfig
@@ -66,9 +66,7 @@ def _written(structure: Structure) -> dict[str, Any]:
             "spread": float(parameter.spread * deviation),
             "spread_is": "of the logarithm" if parameter.factor else "of the value",
         }
-        for parameter, deviation in zip(
-            parameters_of(structure.config), deviations.tolist(), strict=True
-        )
+        for parameter, deviation in zip(structure.parameters, deviations.tolist(), strict=True)
     ]
     return {
         "name": structure.name,
@@ -83,8 +81,12 @@ def _written(structure: Structure) -> dict[str, Any]:
 
 def _read(part: dict[str, Any]) -> Structure:
     covariance = np.array(part["covariance"], dtype=np.float64)
-    if covariance.shape != (COUNT, COUNT) or not np.isfinite(covariance).all():
-        raise ValueError(f"a covariance has shape {covariance.shape}, not {(COUNT, COUNT)}")
+    allowed = [(count, count) for count in (COUNT, COUNT + 1)]  # without and with masses
+    if covariance.shape not in allowed or not np.isfinite(covariance).all():
+        raise ValueError(
+            f"a covariance has shape {covariance.shape}; allowed: {allowed[0]} or {allowed[1]},"
+            " finite"
+        )
     if np.linalg.eigvalsh(covariance)[0] <= 0.0:
         raise ValueError("a covariance is not positive")
     return Structure(

@@ -1,7 +1,7 @@
 """What is believed of a laboratory before an episode's first push."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 
@@ -35,6 +35,16 @@ class Belief:
     any_shape_log_odds: float = KEEP
     card: dict[str, Any] = field(default_factory=dict)
     curves: PushCurves = field(default_factory=PushCurves)
+
+    @property
+    def mass_log_std(self) -> float:
+        """Standard deviation of the logarithm of the ratio of masses; 0: they are measured."""
+        return self.likeliest.mass_log_std
+
+    def with_unknown_masses(self) -> Self:
+        """Return this belief where masses are not measured."""
+        structures = tuple(structure.with_unknown_masses() for structure in self.structures)
+        return replace(self, structures=structures, curves=PushCurves())
 
     @property
     def likeliest(self) -> Structure:

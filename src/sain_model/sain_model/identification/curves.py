@@ -1,4 +1,4 @@
-"""How well each friction explains single pushes, for one kind of physics; kept for a while."""
+"""How well pairs of a ratio of masses and a friction explain pushes, for one kind of physics."""
 
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -13,8 +13,9 @@ from sain_core.dataset import Transitions
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
 from sain_model.identification.evidence import errors_of, log_density, picked, scales_of
+from sain_model.identification.masses import MassFilter, mass_filter
 from sain_model.identification.structures import Structure
-from sain_model.physics.friction import CHUNK, WATCHED, FrictionFilter, ways
+from sain_model.physics.friction import CHUNK, WATCHED, ways
 from sain_model.physics.planar import PlanarPrior
 
 KEPT: Final = 256  # pushes
@@ -23,15 +24,15 @@ Key = tuple[str, Bodies | None, bytes]
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """For each of M pushes and F frictions.
+    """For each of M pushes and G pairs of a ratio of masses and a friction.
 
     Attributes:
         likelihood: logarithm, with the noise of a structure's own inference of friction.
         density: logarithm, for each factor of the noise.
     """
 
-    likelihood: Float[ndarray, "M F"]
-    density: Float[ndarray, "M F K"]
+    likelihood: Float[ndarray, "M G"]
+    density: Float[ndarray, "M G K"]
 
 
 class PushCurves:
@@ -65,32 +66,25 @@ class PushCurves:
 
 
 def curves_of(structure: Structure, bodies: Bodies | None, pushes: Transitions) -> Curves:
-    """Return how well each friction explains each push."""
-    friction, scale = filter_of(structure, bodies), scales_of(pushes, bodies)
-    grid, moved = friction.grid, ways(pushes.state, pushes.next_state)
-    size = max(CHUNK // len(grid), 1)
+    """Return how well each pair explains each push."""
+    masses, scale = filter_of(structure, bodies), scales_of(pushes, bodies)
+    moved, size = ways(pushes.state, pushes.next_state), max(CHUNK // masses.size, 1)
     parts: list[tuple[ndarray, ndarray]] = []
     for first in range(0, len(pushes), size):
         rows = slice(first, first + size)
-        off = _errors(friction, picked(pushes, rows))  # (m, F, N, 3)
+        predicted = masses.predict(pushes.state[rows], pushes.action[rows])
+        off = errors_of(predicted, pushes.next_state[rows, None])  # (m, G, N, 3)
         watched = np.linalg.norm(off[:, :, WATCHED, POSITION], axis=-1)
         parts.append(
             (
-                friction.weigh(watched, moved[rows]),
+                masses.friction.weigh(watched, moved[rows]),
                 log_density(off, scale[rows, None]),
             )
         )
     return Curves(*(np.concatenate(some) for some in zip(*parts, strict=True)))
 
 
-def filter_of(structure: Structure, bodies: Bodies | None) -> FrictionFilter:
-    """Return what infers the friction of an episode with one kind of physics."""
-    return PlanarPrior(structure.config, bodies).filter(structure.friction)
-
-
-def _errors(friction: FrictionFilter, pushes: Transitions) -> Float[ndarray, "M F N 3"]:
-    count, grid = len(pushes), friction.grid
-    scenes, actions = (np.repeat(a, len(grid), axis=0) for a in (pushes.state, pushes.action))
-    predicted = friction.physics.step(scenes, actions, np.tile(grid, count))
-    predicted = predicted.reshape(count, len(grid), *pushes.state.shape[1:])
-    return errors_of(predicted, pushes.next_state[:, None])
+def filter_of(structure: Structure, bodies: Bodies | None) -> MassFilter:
+    """Return what infers friction and masses of an episode with one kind of physics."""
+    prior = PlanarPrior(structure.config, bodies)
+    return mass_filter(prior, structure.friction, structure.mass_log_std)

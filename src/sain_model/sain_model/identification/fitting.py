@@ -8,6 +8,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.dataset import Transitions
+from sain_core.scene import MASS
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scenes
 from sain_model.identification.evidence import (
@@ -21,9 +22,10 @@ from sain_model.identification.evidence import (
     picked,
     scales_of,
 )
-from sain_model.identification.parameters import Places, physics_at
+from sain_model.identification.parameters import Places, mass_ratio_at, physics_at
 from sain_model.identification.structures import Structure
 from sain_model.identification.varied_pushes import step_varied
+from sain_model.physics.planar_config import with_mass_ratio
 
 STEPS: Final = 3
 DIFFERENCE: Final = 0.2  # [spreads], of a finite difference
@@ -91,8 +93,11 @@ def step_at(
     structure: Structure, bodies: Bodies | None, pushes: Transitions, places: Places
 ) -> Scenes:
     """Predict pushes (P), each with parameters z of its own (P, D)."""
-    rows = physics_at(structure.config, places)
-    return step_varied(structure.config, bodies, pushes.state, pushes.action, *rows)
+    config, ratio = structure.config, mass_ratio_at(structure.config, places)
+    scenes = with_mass_ratio(pushes.state, ratio)
+    after = step_varied(config, bodies, scenes, pushes.action, *physics_at(config, places))
+    after[..., MASS] = pushes.state[..., MASS]
+    return after
 
 
 def slopes_of(

@@ -16,7 +16,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_model.identification.curves import curves_of, filter_of
 from sain_model.identification.evidence import FACTORS, log_density, scales_of
 from sain_model.identification.fitting import errors_at, normal_terms, slopes_of
-from sain_model.identification.parameters import COUNT, FRICTION, Places, parameters_of
+from sain_model.identification.parameters import FRICTION, Places
 from sain_model.identification.structures import Structure
 
 STEPS: Final = 12
@@ -79,8 +79,8 @@ def fit_laboratory(structure: Structure, parts: Sequence[RecordedPushes]) -> Lab
     `structure` states what is believed of them beforehand.
     """
     count = count_episodes(parts)
-    shared, frictions = np.zeros(COUNT), _first_frictions(structure, parts, count)
     believed = structure.precision
+    shared, frictions = np.zeros(len(believed)), _first_frictions(structure, parts, count)
     score, factor = _score(structure, parts, believed, shared, frictions)
     for _ in range(STEPS):
         normal = _normal(structure, parts, shared, frictions, factor, count)
@@ -112,14 +112,14 @@ def _first_frictions(
     structure: Structure, parts: Sequence[RecordedPushes], count: int
 ) -> Float[ndarray, "E"]:
     """Return the friction of each episode with all other parameters as believed."""
-    unit = parameters_of(structure.config)[FRICTION].spread
-    sums, pushes = np.zeros((count, structure.friction.points)), np.zeros(count, np.int64)
+    unit, masses = structure.parameters[FRICTION].spread, filter_of(structure, None)
+    sums, pushes = np.zeros((count, masses.size)), np.zeros(count, np.int64)
     for part in parts:
         curves = curves_of(structure, part.bodies, part)
         np.add.at(sums, part.episode, curves.likelihood)
         np.add.at(pushes, part.episode, 1)
-    told = filter_of(structure, None).told(sums, pushes)
-    return np.asarray(np.log(told.mean / structure.config.friction) / unit)
+    told = masses.told(sums, pushes)
+    return np.asarray(np.log(told.friction / structure.config.friction) / unit)
 
 
 def _score(
@@ -142,7 +142,7 @@ def _score(
 
 
 def _without_friction(shared: Float[ndarray, "D"]) -> Float[ndarray, "D"]:
-    return np.where(np.arange(COUNT) == FRICTION, 0.0, shared)
+    return np.where(np.arange(len(shared)) == FRICTION, 0.0, shared)
 
 
 def _normal(
@@ -153,7 +153,8 @@ def _normal(
     factor: float,
     count: int,
 ) -> _Normal:
-    information, pull = np.zeros((count, COUNT, COUNT)), np.zeros((count, COUNT))
+    size = len(shared)
+    information, pull = np.zeros((count, size, size)), np.zeros((count, size))
     for part in parts:
         scale = factor * scales_of(part, part.bodies)
         places = _places(shared, frictions[part.episode])
@@ -207,8 +208,8 @@ def _covariance(
     inverse = np.linalg.inv(rest)
     scores = np.delete(normal.pull, FRICTION, axis=1)
     scores = scores - ties * (normal.pull[:, FRICTION] / own)[:, None]
-    covariance = np.zeros((COUNT, COUNT))
-    others = np.arange(COUNT) != FRICTION
+    covariance = np.zeros_like(believed)
+    others = np.arange(len(believed)) != FRICTION
     covariance[np.ix_(others, others)] = inverse + inverse @ (scores.T @ scores) @ inverse
     room = np.linalg.slogdet(rest)[1] - np.linalg.slogdet(_others(believed))[1]
     return covariance, float(room + np.log(own / believed[FRICTION, FRICTION]).sum())

@@ -1,7 +1,8 @@
 """The parameters of the planar prior that pushes can tell, each in units of its spread.
 
 A vector z has one number for each parameter. 0 is what a `PlanarConfig` states, and 1 is one spread
-away: a logarithm for `factor`s, else a difference. Values are held inside their ranges.
+away: a logarithm for `factor`s, else a difference. Values are held inside their ranges. The last
+parameter is the ratio of masses: vectors are without it where masses are measured.
 """
 
 from collections.abc import Sequence
@@ -60,20 +61,24 @@ ACROSS: Final = Parameter(
 ALONG_AXES: Final = Parameter(
     "axes_yield", "give of the friction along the solver's axes", 0.3, False, 0.3, 3.0
 )
+RATIO: Final = Parameter(
+    "mass_ratio", "masses of bodies 1 and on over that of body 0, times stated", 0.3, True, 0.1, 10
+)
 
 
 def parameters_of(config: PlanarConfig) -> tuple[Parameter, ...]:
-    """Return the D parameters of a prior; one with a solver's axes has another last one."""
-    return (*COMMON, ALONG_AXES if config.has_axes else ACROSS)
+    """Return all parameters of a prior; one with a solver's axes has one that others lack."""
+    return (*COMMON, ALONG_AXES if config.has_axes else ACROSS, RATIO)
 
 
-COUNT: Final = len(COMMON) + 1  # D
+COUNT: Final = len(COMMON) + 1  # D where masses are measured; else one more
+MASS_RATIO: Final = COUNT  # the place of the ratio of masses among the parameters
 
 
 def values_at(config: PlanarConfig, places: Places) -> Float[ndarray, "R D"]:
     """Return the values of all parameters at vectors z (R, D)."""
     values = np.empty_like(places)
-    for column, parameter in enumerate(parameters_of(config)):
+    for column, parameter in enumerate(parameters_of(config)[: places.shape[1]]):
         base, away = getattr(config, parameter.name), parameter.spread * places[:, column]
         value = base * np.exp(away) if parameter.factor else base + away
         values[:, column] = np.clip(value, parameter.least, parameter.most)
@@ -82,18 +87,30 @@ def values_at(config: PlanarConfig, places: Places) -> Float[ndarray, "R D"]:
 
 def physics_at(config: PlanarConfig, places: Places) -> tuple[Scalars, PhysicsRows]:
     """Return the friction with the table (R,) and the numbers of the physics (R, 20)."""
-    values = values_at(config, places)
+    values = values_at(config, places[:, :COUNT])
     rows = np.tile(np.array(config.physics()), (len(places), 1))
     rows[:, _columns(config)] = values[:, 1:]
     return np.ascontiguousarray(values[:, FRICTION]), rows
 
 
+def mass_ratio_at(config: PlanarConfig, places: Places) -> Scalars:
+    """Return the ratio of masses (R,) at vectors z (R, D)."""
+    if places.shape[1] <= MASS_RATIO:
+        return np.full(len(places), config.mass_ratio)
+    return np.ascontiguousarray(values_at(config, places)[:, MASS_RATIO])
+
+
+def mass_factor(places: Places) -> Scalars:
+    """Return the ratio of masses (R,) at vectors z (R, D), times that of the prior; 1: measured."""
+    return np.asarray(np.exp(RATIO.spread * places[:, MASS_RATIO:].sum(axis=1)))
+
+
 def config_at(config: PlanarConfig, place: Float[ndarray, "D"]) -> PlanarConfig:
     """Return the settings of a prior at one vector z (D,)."""
     values = values_at(config, place[None])[0]
-    names = (parameter.name for parameter in parameters_of(config))
+    names = (parameter.name for parameter in parameters_of(config)[: len(place)])
     return replace(config, **dict(zip(names, values.tolist(), strict=True)))
 
 
 def _columns(config: PlanarConfig) -> Sequence[int]:
-    return [Physics._fields.index(one.name) for one in parameters_of(config)[1:]]
+    return [Physics._fields.index(one.name) for one in parameters_of(config)[1:COUNT]]

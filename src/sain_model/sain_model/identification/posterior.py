@@ -1,8 +1,8 @@
 """What earlier pushes of an episode tell of the physics: its kind and its parameters.
 
-Of each kind of physics, friction is inferred on a grid with all other parameters as believed. About
-the kind with the greater evidence, all parameters are inferred together. What has the greatest
-evidence predicts.
+Of each kind of physics, friction is inferred on a grid with all other parameters as believed, and
+the ratio of masses with it where these are not measured. About the kind with the greater evidence,
+all parameters are inferred together. What has the greatest evidence predicts.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from sain_model.identification.beliefs import Belief
 from sain_model.identification.curves import Curves, filter_of
 from sain_model.identification.evidence import Known, log_sum, over_factors, picked
 from sain_model.identification.fitting import EpisodeFits, fit, step_at
-from sain_model.identification.parameters import COUNT, FRICTION, Places, parameters_of
+from sain_model.identification.parameters import FRICTION, MASS_RATIO, RATIO, Places, mass_factor
 from sain_model.identification.structures import Structure
 
 
@@ -29,12 +29,12 @@ class Posterior:
 
     Attributes:
         structure: number of the most likely kind of physics.
-        inferred: whether all parameters are inferred; else friction alone.
+        inferred: whether all parameters are inferred; else friction and masses alone.
         places: the parameters' vectors z.
         spreads: standard deviations of z.
         friction: with the table.
         friction_log_std: standard deviation of its logarithm.
-        log_evidence: of each kind with friction alone, and of all parameters inferred.
+        log_evidence: of each kind with friction and masses alone, and of all parameters inferred.
         pushes: how many pushes each row knows.
     """
 
@@ -46,6 +46,16 @@ class Posterior:
     friction_log_std: Scalars
     log_evidence: Float[ndarray, "R H"]
     pushes: Int[ndarray, "R"]
+
+    @property
+    def mass_ratio(self) -> Scalars:
+        """Masses of bodies 1 and on over that of body 0, times that believed before, (R,)."""
+        return mass_factor(self.places)
+
+    @property
+    def mass_log_std(self) -> Scalars:
+        """Standard deviation of its logarithm (R,); 0: masses are measured."""
+        return np.asarray(RATIO.spread * self.spreads[:, MASS_RATIO:].sum(axis=1))
 
     def of_rows(self, rows: Int[ndarray, "C"]) -> Self:
         """Return some rows, any of them as often as its number is given."""
@@ -66,18 +76,16 @@ def infer(belief: Belief, bodies: Bodies | None, pushes: Transitions, known: Kno
         pushes: M of them.
         known: which of them each row knows.
     """
+    usual = np.sqrt(np.diag(belief.likeliest.covariance))
     alone = [
-        _friction_alone(structure, bodies, belief.curves.of(structure, bodies, pushes), known)
+        _on_grid(structure, bodies, belief.curves.of(structure, bodies, pushes), known, usual)
         for structure in belief.structures
     ]
-    means, spreads, log_evidence = (
+    starts, spreads, log_evidence = (
         np.stack([part[index] for part in alone], axis=1) for index in range(3)
-    )  # (R, S)
+    )  # (R, S, D), (R, S, D), (R, S)
     best, row = log_evidence.argmax(axis=1), np.arange(known.rows)
-    start = np.zeros((known.rows, COUNT))
-    start[:, FRICTION] = means[row, best]
-    wide = np.tile(_usual_spreads(belief), (known.rows, 1))
-    wide[:, FRICTION] = spreads[row, best]
+    start, wide = starts[row, best], spreads[row, best]
     places, information = start.copy(), np.full(known.rows, -np.inf)
     inferred = np.zeros(known.rows, dtype=bool)
     for number, structure in enumerate(belief.structures):
@@ -108,23 +116,29 @@ def step_rows(
     return predicted
 
 
-def _friction_alone(
-    structure: Structure, bodies: Bodies | None, curves: Curves, known: Known
-) -> tuple[Scalars, Scalars, Scalars]:
-    """Return mean and spread of the friction's z, and the logarithm of the evidence, (R,)."""
-    friction = filter_of(structure, bodies)
-    told = friction.told(known.total(curves.likelihood), known.counts)
-    unit = parameters_of(structure.config)[FRICTION].spread
-    prior = friction.start().log_weights
-    prior = prior - log_sum(prior, 0)
-    densities = log_sum(known.total(curves.density) + prior[:, None], 1)
+def _on_grid(
+    structure: Structure,
+    bodies: Bodies | None,
+    curves: Curves,
+    known: Known,
+    usual: Float[ndarray, "D"],
+) -> tuple[Places, Places, Scalars]:
+    """Return means and spreads of z (R, D), and the logarithm of the evidence (R,).
+
+    Parameters other than friction and masses stay as believed, with their usual spreads.
+    """
+    masses = filter_of(structure, bodies)
+    told = masses.told(known.total(curves.likelihood), known.counts)
+    densities = log_sum(known.total(curves.density) + masses.log_prior[:, None], 1)
     log_evidence = over_factors(densities) + structure.log_odds
-    place = np.log(told.mean / structure.config.friction) / unit
-    return place, told.spread / unit, log_evidence
-
-
-def _usual_spreads(belief: Belief) -> Float[ndarray, "D"]:
-    return np.sqrt(np.diag(belief.likeliest.covariance))
+    places, spreads = np.zeros((known.rows, len(usual))), np.tile(usual, (known.rows, 1))
+    unit = structure.parameters[FRICTION].spread
+    places[:, FRICTION] = np.log(told.friction / structure.config.friction) / unit
+    spreads[:, FRICTION] = told.friction_log_std / unit
+    if structure.mass_log_std:
+        places[:, MASS_RATIO] = np.log(told.mass_ratio) / RATIO.spread
+        spreads[:, MASS_RATIO] = told.mass_log_std / RATIO.spread
+    return places, spreads, log_evidence
 
 
 def _spreads(structure: Structure, found: EpisodeFits) -> Places:
@@ -144,7 +158,7 @@ def _posterior(
 ) -> Posterior:
     """Return a posterior; the first structure's where a row knows nothing."""
     nominal = np.array([structure.config.friction for structure in belief.structures])[best]
-    unit = parameters_of(belief.structures[0].config)[FRICTION].spread
+    unit = belief.structures[0].parameters[FRICTION].spread
     friction = nominal * np.exp(unit * places[:, FRICTION])
     log_std = unit * spreads[:, FRICTION]
     return Posterior(best, inferred, places, spreads, friction, log_std, log_evidence, known.counts)

@@ -31,7 +31,7 @@ from sain_model.physics.corrections import (
 )
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
 from sain_model.physics.outlines import Touched, push_bodies
-from sain_model.physics.planar_config import PlanarConfig
+from sain_model.physics.planar_config import PlanarConfig, with_mass_ratio
 from sain_model.physics.planar_kernels import CHUNK, push_block, push_conditioned_block
 
 NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
@@ -144,8 +144,13 @@ class PlanarPrior:
         if friction is None:
             friction = np.full(len(scenes), self.config.friction)
         limits = PushLimits(tool_radius=self.config.tool_radius, clearance=self.config.clearance)
-        world = self.bodies, limits, self._physics
-        return push_bodies(scenes, pushes, friction, *world, corrections)
+        world, weighed = (self.bodies, limits, self._physics), self._weighed(scenes)
+        after, touched = push_bodies(weighed, pushes, friction, *world, corrections)
+        after[..., MASS] = scenes[..., MASS]
+        return after, touched
+
+    def _weighed(self, scenes: Scenes) -> Scenes:
+        return with_mass_ratio(scenes, self.config.mass_ratio)
 
     def _tool_distance(self, scenes: Scenes, pushes: Pushes) -> Scalars:
         """Return how far from the pushed disk's centre the tool's axis starts, (B,) [m]."""
@@ -165,7 +170,7 @@ class PlanarPrior:
         if friction is None:
             friction = np.full(batch, self.config.friction)
         order = disks_first(scenes, pushed_bodies(pushes))
-        after = np.ascontiguousarray(np.take_along_axis(scenes, order, axis=1))
+        after = np.ascontiguousarray(np.take_along_axis(self._weighed(scenes), order, axis=1))
         touched = np.zeros(scenes.shape[:2], dtype=bool)
         rows = after, plain(pushes), plain(friction), start
         corrections = None if told is None else np.take_along_axis(told, order, axis=1)
@@ -179,6 +184,7 @@ class PlanarPrior:
         run_blocks(work, batch, CHUNK)
         predicted, pressed = np.empty_like(after), np.empty_like(touched)
         np.put_along_axis(predicted, order, after, axis=1)
+        predicted[..., MASS] = scenes[..., MASS]
         np.put_along_axis(pressed, order[..., 0], touched, axis=1)
         return predicted, pressed
 

@@ -3,8 +3,12 @@
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from sain_core.config import Config, option
 from sain_core.push import TOOL_RADIUS
+from sain_core.scene import MASS, MID
+from sain_core.types import Scalars, Scenes
 from sain_model.physics.body_kernels import Physics
 
 
@@ -85,6 +89,13 @@ class PlanarConfig(Config):
         maximum=0.3,
     )
 
+    mass_ratio: float = option(
+        1.0,
+        "masses of bodies 1 and on over that of body 0, times what scenes state",
+        minimum=0.01,
+        maximum=100.0,
+    )
+
     @property
     def has_axes(self) -> bool:
         """Whether friction is solved along the world's axes."""
@@ -93,6 +104,24 @@ class PlanarConfig(Config):
     def physics(self) -> Physics:
         """Return the numbers that the compiled kernels take."""
         return Physics(*(float(getattr(self, name)) for name in Physics._fields))
+
+
+def with_mass_ratio(scenes: Scenes, ratio: Scalars | float) -> Scenes:
+    """Return scenes (B, N, 8) whose masses of bodies 1 and on, over that of body 0, are scaled.
+
+    Half of the logarithm goes to body 0: the masses stay near those that networks were trained on.
+
+    Args:
+        scenes: as observed.
+        ratio: by how much, one for all or (B,).
+    """
+    if np.all(ratio == 1.0):
+        return scenes
+    root = np.sqrt(ratio)
+    scaled = scenes.copy()
+    scaled[..., MID, MASS] /= root
+    scaled[..., MID + 1 :, MASS] *= np.asarray(root)[..., None]
+    return scaled
 
 
 AXES: Final = PlanarConfig(

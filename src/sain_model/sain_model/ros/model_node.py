@@ -1,6 +1,5 @@
 """The model as a service: single pushes in a batch, or whole sequences in one call."""
 
-import traceback
 from collections.abc import Callable
 from dataclasses import asdict
 from time import perf_counter
@@ -13,13 +12,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from sain_core import wire
-from sain_core.errors import BusyError, ErrorCode, SainError, error_reply
+from sain_core.errors import BusyError, error_reply
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
 from sain_core.ros.introspection import introspect
+from sain_core.ros.limits import LONGEST_PATH, shortened
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.qos import SERVICE
+from sain_core.ros.reception import Reception
+from sain_core.ros.state_file import StateFile
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
 from sain_core.shapes.received import decode_request_bodies
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 Response = TypeVar("Response", PredictResidual.Response, Rollout.Response)
 REPORT_PERIOD = 1.0  # [s]
+MOST_LOADS = 16  # models that wait to be loaded
 
 
 class ModelNode(Node):
@@ -53,10 +55,15 @@ class ModelNode(Node):
         self.server = self.worker.call(lambda: load_server(config))
         self.prepared: ModelServer | None = None
         self.record = ServiceRecord()
+        self.reception = Reception(self)
         self.status, self.message = OK, "serving"
         steady_timer(self, REPORT_PERIOD, self._report)
-        self.diagnostics = Diagnostics(self)
+        self.diagnostics = Diagnostics(self, "predictions", more=lambda: self.reception.figures)
         self._offer(config.service_introspection)
+        self.state_file = StateFile(self, config.state_file)
+        served = self.state_file.read().get("model", config.model)
+        if served != config.model:  # it was changed before a crash
+            self.set_parameters([Parameter("model", value=str(served))])
         self.get_logger().info(f"ready: serves {config.model}")
 
     def _offer(self, introspection: str) -> None:
@@ -67,10 +74,7 @@ class ModelNode(Node):
             (DescribeModel, "describe_model", self._on_describe),
             (LoadModel, "load_model", self._on_load),
         ):
-            service = self.create_service(
-                kind, name, callback, qos_profile=SERVICE, callback_group=group
-            )
-            introspect(self, service, introspection)
+            introspect(self, self.reception.serve(kind, name, callback, group), introspection)
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self.add_post_set_parameters_callback(self._after_set_parameters)
 
@@ -78,6 +82,7 @@ class ModelNode(Node):
         self, request: Rollout.Request, response: Rollout.Response
     ) -> Rollout.Response:
         def work(server: "ModelServer") -> None:
+            server.check_work(request.samples * request.horizon, request.disks)
             scene, pushes = wire.decode_rollout_request(request)
             known = wire.decode_past(request), decode_request_bodies(request)
             predicted = server.rollout(scene, pushes, *known)
@@ -93,6 +98,7 @@ class ModelNode(Node):
         self, request: PredictResidual.Request, response: PredictResidual.Response
     ) -> PredictResidual.Response:
         def work(server: "ModelServer") -> None:
+            server.check_work(request.batch, request.disks)
             asked = wire.decode_predict_request(request)
             known = wire.decode_past(request), decode_request_bodies(request)
             residual, next_state = server.predict(*asked, history=known[0], bodies=known[1])
@@ -109,22 +115,23 @@ class ModelNode(Node):
         for name, value in asdict(server.description).items():
             setattr(response, name, value)
         response.max_work, response.max_disks = server.config.max_work, server.config.max_disks
-        response.error_code = int(ErrorCode.OK)
         return response
 
     async def _on_load(
         self, request: LoadModel.Request, response: LoadModel.Response
     ) -> LoadModel.Response:
-        done = await self.loader.run(lambda: self.server.with_model(request.model))
-        error = done.exception()
-        if error is None:
+        try:
+            if self.loader.pending >= MOST_LOADS:
+                raise BusyError(f"{MOST_LOADS} models wait to be loaded already; ask again later")
+            done = await self.loader.run(lambda: self.server.with_model(request.model))
             self.prepared = done.result()
             self.set_parameters([Parameter("model", value=request.model)])
-            response.error_code = int(ErrorCode.OK)
-        else:
-            response.error_code, response.error_message = self._refusal(error)
-        described = self.server.description
-        response.model, response.model_hash = described.model, described.model_hash
+        except Exception as error:
+            self._warn_of(error)
+            raise
+        finally:
+            described = self.server.description
+            response.model, response.model_hash = described.model, described.model_hash
         return response
 
     def _on_set_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
@@ -132,11 +139,14 @@ class ModelNode(Node):
         names = [str(one.value) for one in parameters if one.name == "model"]
         if not names or self.prepared is not None:
             return SetParametersResult(successful=True)
+        if len(names[-1]) > LONGEST_PATH:
+            reason = f"the model has {len(names[-1])} characters; at most {LONGEST_PATH} may be"
+            return SetParametersResult(successful=False, reason=reason)
         done = self.loader.wait(lambda: self.server.with_model(names[-1]))
         error = done.exception()
         if error is not None:
-            reason = self._refusal(error)[1]
-            return SetParametersResult(successful=False, reason=reason)
+            self._warn_of(error)
+            return SetParametersResult(successful=False, reason=self.reception.explain(error)[1])
         self.prepared = done.result()
         return SetParametersResult(successful=True)
 
@@ -144,14 +154,13 @@ class ModelNode(Node):
         if self.prepared is not None:
             self.server, self.prepared = self.prepared, None
             described = self.server.description
+            self.state_file.write(model=self.server.config.model)
             self.get_logger().info(f"serves {described.model} now, {described.model_hash[:16]}")
             self._report()
 
-    def _refusal(self, error: BaseException) -> tuple[int, str]:
-        code, message = error_reply(error)
-        self.get_logger().warning(f"goes on serving {self.server.config.model}: {message}")
-        self._log_defect(error)
-        return code, message
+    def _warn_of(self, error: BaseException) -> None:
+        going_on = f"goes on serving {self.server.config.model}"
+        self.get_logger().warning(f"{going_on}: {shortened(error_reply(error)[1])}")
 
     async def _answer(self, work: "Callable[[ModelServer], None]", response: Response) -> Response:
         """Do the work on the thread for it, and fill in what every answer has."""
@@ -160,16 +169,12 @@ class ModelNode(Node):
         if error is None:
             done = await self.worker.run(lambda: self._compute(work, response))
             error = done.exception()
-        if error is None:
-            response.error_code = int(ErrorCode.OK)
-        else:
-            response.error_code, response.error_message = error_reply(error)
-            self._log_defect(error)
         self.record.answer(perf_counter() - taken, well=error is None)
-        self.status = OK if error is None else WARN
-        self.message = "serving" if error is None else f"refused: {response.error_message}"
+        self.status, self.message = OK, "serving"
         if error is not None:  # else the timer reports: nobody is to wait for it
+            self.status, self.message = WARN, f"refused: {shortened(error_reply(error)[1])}"
             self._report()
+            raise error
         return response
 
     def _overload(self) -> BaseException | None:
@@ -187,11 +192,6 @@ class ModelNode(Node):
             work(server)
         finally:
             response.compute_time = perf_counter() - begun
-
-    def _log_defect(self, error: BaseException) -> None:
-        """Leave a trace of what should never happen; a `SainError` tells enough by itself."""
-        if not isinstance(error, SainError):
-            self.get_logger().error("".join(traceback.format_exception(error)))
 
     def _report(self) -> None:
         described = self.server.description

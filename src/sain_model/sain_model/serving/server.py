@@ -14,7 +14,7 @@ from sain_core.model_checks.response_check import (
     check_rollout,
     check_step,
 )
-from sain_core.plugins import load_dynamics, with_belief
+from sain_core.plugins import as_observed, load_dynamics, with_belief
 from sain_core.scene import THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
@@ -94,7 +94,7 @@ class ModelServer:
         """
         if history is None or len(history) == 0:
             return shaped(self._usual, bodies)
-        self._check_work(len(history) * self._frictions(), history.disks)
+        self.check_work(len(history) * self._frictions(), history.disks)
         kept = self._learned
         if kept is None or not (kept[0] is history or kept[0].equals(history)) or kept[1] != bodies:
             self._learned = history, bodies, informed(shaped(self._usual, bodies), history)
@@ -127,7 +127,7 @@ class ModelServer:
             TooMuchWorkError: K x H x N is above the limit, or N alone.
             ModelUnavailableError: the model answers with something that no answer can be.
         """
-        self._check_work(pushes.shape[0] * pushes.shape[1], len(scene))
+        self.check_work(pushes.shape[0] * pushes.shape[1], len(scene))
         check_asked_scenes(scene[None], bodies)
         check_asked_pushes(pushes, bodies)
         predicted = as_rollout(self.knowing(history, bodies)).rollout(scene, pushes)
@@ -174,7 +174,7 @@ class ModelServer:
             InvalidInputError, OutOfRangeError, TooMuchWorkError, ModelUnavailableError: as
                 `rollout`, for B x N predictions.
         """
-        self._check_work(len(scenes), scenes.shape[1])
+        self.check_work(len(scenes), scenes.shape[1])
         check_asked_scenes(scenes, bodies)
         check_asked_pushes(pushes, bodies)
         dynamics = self.knowing(history, bodies)
@@ -191,13 +191,16 @@ class ModelServer:
         return _residual(next_state, physics_next), next_state
 
     def _frictions(self) -> int:
-        """Return how many predictions a past push costs: one at each friction looked at."""
+        """Return how many predictions a past push costs: one for each pair that is looked at."""
         if isinstance(self._usual, PlanarPrior):
             return len(self._usual.filter().grid)
+        if is_residual(self._usual):
+            return self._usual.trials
         friction = self._usual.filter if is_learned(self._usual) else None
         return 1 if friction is None else len(friction.grid)
 
-    def _check_work(self, predictions: int, disks: int) -> None:
+    def check_work(self, predictions: int, disks: int) -> None:
+        """Raise `TooMuchWorkError` where a request is larger than the settings allow."""
         if disks > self.config.max_disks:
             raise TooMuchWorkError(
                 f"scenes of {disks} disks; at most {self.config.max_disks} are accepted"
@@ -219,7 +222,7 @@ def load_server(config: ServingConfig) -> ModelServer:
         ModelUnavailableError: it predicts NaN or Inf.
     """
     dynamics = with_belief(config.model, load_dynamics(config.model), config.belief)
-    server = ModelServer(dynamics, config)
+    server = ModelServer(as_observed(dynamics, config.unknown), config)
     server.try_out()
     return server
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from sain_core.config import Config, option
+from sain_core.observation import unknown_names
 from sain_model.compute.devices import AUTO, DEVICES
 
 
@@ -16,6 +17,9 @@ class ServingConfig(Config):
     belief: str = option(
         "", "file of `sain_model identify`, with which each episode begins; empty: none"
     )
+    unknown: str = option(
+        "", "what scenes state as nominal, with commas: mass is inferred by models that can; radius"
+    )
     device: str = option(
         AUTO, "device of the network; auto: a GPU if there is one", choices=DEVICES
     )
@@ -26,8 +30,16 @@ class ServingConfig(Config):
     max_queue: int = option(
         1000, "largest number of waiting requests; others are refused", minimum=1
     )
+    state_file: str = option(
+        "", "file that keeps the model served last, and is gone on from; empty: none"
+    )
     service_introspection: str = option(
         "disabled",
         "published service events: none, metadata, or requests and replies too",
         choices=("disabled", "metadata", "contents"),
     )
+
+    def __post_init__(self) -> None:
+        """Check the fields and the names of what is unknown."""
+        super().__post_init__()
+        unknown_names(self.unknown)

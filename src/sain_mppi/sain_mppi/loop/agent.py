@@ -6,9 +6,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from sain_core.config import Config, option
+from sain_core.config import Config, live_group, option
 from sain_core.dynamics import RolloutModel
-from sain_core.errors import CancelledError, InvalidInputError, SainError
+from sain_core.errors import CancelledError, ErrorCode, InvalidInputError, SainError
 from sain_core.feasibility import Feasibility
 from sain_core.push import push_ids
 from sain_core.scene import check_on_table
@@ -36,7 +36,7 @@ class AgentConfig(Config):
     prior: str = option("planar", "name of the prior that replaces a failed model")
     seed: int = option(0, "seed; the same seed and scenes give the same plans", minimum=0)
     history: bool = option(True, "infer friction from the earlier pushes of the episode")
-    planner: PlannerConfig = PlannerConfig()
+    planner: PlannerConfig = live_group(PlannerConfig())
     goal_tracker: GoalTrackerConfig = GoalTrackerConfig()
     estimator: EstimatorConfig = EstimatorConfig()
     feasibility: Feasibility = Feasibility()
@@ -50,6 +50,9 @@ class MppiConfig(AgentConfig):
     model: str = option("sain", "model in process: its name, or the path of a checkpoint")
     model_timeout: float = option(
         2.0, "longest wait for a reply of the model", unit="s", minimum=0.01, maximum=600.0
+    )
+    state_file: str = option(
+        "", "file that is kept to go on from after a crash, and gone on from; empty: none"
     )
 
 
@@ -68,7 +71,7 @@ class Agent:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Let this decider choose the pushes. Begin without a goal and without a scene."""
-        self._decider = decider
+        self.decider = decider
         self._config = config
         self._clock = clock
         self._tracker = GoalTracker(config.goal_tracker, config.feasibility.table, clock)
@@ -88,10 +91,10 @@ class Agent:
         """Pushes sent for the goal, without refused ones."""
         return self._tracker.pushes
 
-    def aim(self, task: Task) -> Stop | None:
-        """Follow a new goal, from scratch; return why it cannot be served, if so."""
+    def aim(self, task: Task, pushes: int = 0) -> Stop | None:
+        """Follow a new goal, for which so many pushes were sent; return why not, if it fails."""
         try:
-            self._tracker.aim(task)
+            self._tracker.aim(task, pushes)
         except SainError as error:
             return Stop(task, StopReason.FAILED, error=error)
         return None
@@ -139,6 +142,11 @@ class Agent:
         if self._estimator is not None:
             self._estimator.answered(push_id, code, time)
         return self._tracker.answered(push_id, code)
+
+    def world_restarted(self, time: float) -> None:
+        """Take note [s] that who executes pushes began anew: the push under way has no result."""
+        if (push_id := self._tracker.awaited_push) is not None:
+            self.answered(push_id, ErrorCode.STALE_SCENE, time)
 
     def next(self) -> PlanJob | Stop | None:
         """Return what is to be decided now, or why no push follows; None: there is nothing to do.
@@ -188,7 +196,7 @@ class Agent:
         try:
             check_on_table(job.view.scene, self._config.feasibility.table)
             random = generator(self._config.seed, "plan", *job.stream)
-            decision = self._decider.decide(job, random)
+            decision = self.decider.decide(job, random)
             self._config.feasibility.limits.check(decision.push)  # nothing else is ever sent
         except CancelledError:
             return None
@@ -213,7 +221,7 @@ class Agent:
 
     def complete(self, decision: PushDecision) -> PushDecision:
         """Return the latest decision with what its push need not wait for. May take long."""
-        completed = self._decider.complete(decision)
+        completed = self.decider.complete(decision)
         return completed if self._estimator is None else self._estimator.completed(completed)
 
     def prepare(self, decision: PushDecision) -> None:
@@ -225,7 +233,7 @@ class Agent:
         self._ahead = decision.job
         random = generator(self._config.seed, "ahead", *decision.job.stream)
         with suppress(CancelledError):
-            self._decider.prepare(decision, random)
+            self.decider.prepare(decision, random)
 
     def act(self) -> PushDecision | Stop | None:
         """Decide what is to be decided now, all at once; None: there is nothing to do."""

@@ -7,13 +7,14 @@ from threading import Event
 
 import numpy as np
 
-from sain_core.errors import InvalidInputError, SainError
+from sain_core.errors import ConfigError, InvalidInputError, SainError
 from sain_core.history import PushHistory
 from sain_core.scene import MASS, POSITION, RADIUS, Table, target_distance
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_mppi.loop.progress_monitor import LastPush
 from sain_mppi.loop.uncertainty import Uncertainty
+from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.goal import Goal, goal_reached
 from sain_mppi.search.poses import Errors, PoseGoal
 from sain_mppi.search.result import PlanResult
@@ -169,6 +170,7 @@ class PushDecision:
         concern: why the plan is wider than usual; empty: it is not.
         last: what became of the push before; None: there was none, or nobody compares.
         push_id: of the push, once the agent counts it as sent.
+        settings: what the planner was asked to plan with; None: it was not planned.
     """
 
     job: PlanJob
@@ -178,6 +180,7 @@ class PushDecision:
     concern: str = ""
     last: LastPush | None = None
     push_id: int = 0
+    settings: PlannerConfig | None = None
 
     @property
     def predicted(self) -> Scene | None:
@@ -203,7 +206,7 @@ class Stop:
     task: Task
     reason: StopReason
     job: PlanJob | None = None
-    error: SainError | None = None
+    error: BaseException | None = None
 
     @property
     def failure(self) -> str:
@@ -215,7 +218,7 @@ class Stop:
 
 
 class Decider(ABC):
-    """Chooses the push for one job after another. All its methods belong to one thread."""
+    """Chooses the push for one job after another. All but `adjust` belong to one thread."""
 
     @abstractmethod
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
@@ -240,3 +243,7 @@ class Decider(ABC):
     def complete(self, decision: PushDecision) -> PushDecision:
         """Return the latest decision with what its push need not wait for."""
         return decision
+
+    def adjust(self, planner: PlannerConfig) -> None:
+        """Plan with other settings from the next job on; raise `ConfigError` if it has none."""
+        raise ConfigError(f"{type(self).__name__} does not plan: it has no settings to change")

@@ -68,13 +68,13 @@ class GoalTracker:
         self._session = 0
         self._start: View | None = None  # of the session
 
-    def aim(self, task: Task) -> None:
-        """Follow a new goal, from scratch.
+    def aim(self, task: Task, pushes: int = 0) -> None:
+        """Follow a new goal, for which so many pushes were sent before.
 
         Raises:
             SainError: a goal that cannot be served; there is none to follow then.
         """
-        self.task, self.pushes, self._refused, self._start = None, 0, (), None
+        self.task, self.pushes, self._refused, self._start = None, pushes, (), None
         self._decided, self._awaited, self._latest = None, None, None
         self._unanswered.clear()
         if not isinstance(task.goal, PoseGoal):  # poses need the bodies: the planner checks them
@@ -156,6 +156,11 @@ class GoalTracker:
         if awaited:
             self.view = None
         return True
+
+    @property
+    def awaited_push(self) -> int | None:
+        """The id of the push whose result is waited for."""
+        return None if self._awaited is None else self._awaited[0]
 
     def _result_is_under_way(self) -> bool:
         """Tell whether to wait for what became of the push that led to this scene.

@@ -37,6 +37,10 @@ class PlanningDecider(Decider):
         self._config, self._feasibility = config, feasibility
         self._session: int | None = None
 
+    def adjust(self, planner: PlannerConfig) -> None:
+        """Plan with other settings from the next job on."""
+        self._config = planner
+
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
         """Plan from the job's scene and take the first push.
 
@@ -45,7 +49,10 @@ class PlanningDecider(Decider):
             NoPushError, NoProgressError, UnreachableError: there is no push to make.
             SainError: a scene that cannot exist, or a disk off the table.
         """
-        started, time = monotonic(), self._config.deadline
+        config = self._config
+        started, time = monotonic(), config.deadline
+        self._planner.use(config)
+        self._monitor.use(config.progress)
         if job.session != self._session:
             self._planner.reset()
             self._monitor.reset()
@@ -69,12 +76,12 @@ class PlanningDecider(Decider):
         )
         self._monitor.expect(scene, plan.predicted[0])
         failure, last = self._model.failure, self._monitor.last
-        return PushDecision(job, plan.push, plan, failure, concern, last)
+        return PushDecision(job, plan.push, plan, failure, concern, last, settings=config)
 
     def _look(self, job: PlanJob) -> None:
         """Compare the scene with what was expected; raise when it is no use going on."""
         scene, monitor = job.view.scene, self._monitor
-        weights = self._config.weights
+        weights = self._planner.config.weights
         goal = make_objective(job.task.goal, job.start, weights, self._feasibility, job.bodies)
         sure = job.view.sure
         monitor.look(scene, goal.rest_cost(scene), None if sure is None else 3.0 * sure.places)
@@ -88,7 +95,7 @@ class PlanningDecider(Decider):
     def prepare(self, decision: PushDecision, generator: np.random.Generator) -> bool:
         """Plan from the scene to which the push should lead, unless that is the end."""
         job, plan = decision.job, decision.plan
-        if plan is None or decision.failure is not None or not self._config.ahead:
+        if plan is None or decision.failure is not None or not self._planner.config.ahead:
             return False
         expected = replace(job.view, scene=plan.predicted[0], settled=True)
         last = job.task.max_pushes and job.pushes + 1 >= job.task.max_pushes

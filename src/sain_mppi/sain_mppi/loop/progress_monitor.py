@@ -33,6 +33,10 @@ class ProgressMonitor:
         self._config = config
         self.reset()
 
+    def use(self, config: ProgressConfig) -> None:
+        """Judge by other settings from now on."""
+        self._config = config
+
     def reset(self) -> None:
         """Forget how pushes came out."""
         self._before: Scene | None = None

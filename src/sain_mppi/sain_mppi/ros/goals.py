@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import atan2
-from typing import Any, Final, cast
+from typing import Any, Final, NamedTuple, cast
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionServer, CancelResponse
@@ -17,11 +17,13 @@ from sain_core import wire
 from sain_core.errors import CancelledError, error_reply
 from sain_core.push import push_ids
 from sain_core.ros.codec import WORLD_FRAME, encode_disks, header
-from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, RELIABLE
+from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, RELIABLE, SERVICE
+from sain_core.ros.reception import Reception
 from sain_core.shapes.bodies import Bodies
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import DiskState, Goal, GoalPose, Plan
 
+RESULTS_KEPT: Final = 60  # [s], of actions, for clients that ask late
 REMEMBERED: Final = 100  # messages, so that none counts twice
 
 
@@ -36,40 +38,50 @@ class ActionGoal:
     latest: Plan
 
 
+class Aims(NamedTuple):
+    """What becomes of goals."""
+
+    aim: Callable[[Goal], None]  # called for each
+    refuse: Callable[[Goal, BaseException], None]  # ... that cannot be one
+    drop: Callable[[CancelledError], None]  # when an action is cancelled
+
+
 class Goals:
     """Listens for goals. Poses and actions become messages on ``goal``, so recordings have them."""
 
     def __init__(
         self,
         node: Node,
-        aim: Callable[[Goal], None],
-        drop: Callable[[CancelledError], None],
+        reception: Reception,
+        aims: Aims,
         bodies: Callable[[], Bodies | None],
     ) -> None:
-        """Call `aim` for each goal, and `drop` when an action is cancelled.
-
-        `bodies` are those of the scene, as far as known.
-        """
+        """Hear goals from now on. `bodies` are those of the scene, as far as known."""
         self._node = node
-        self._aim = aim
-        self._drop = drop
+        self._reception = reception
+        self._aims = aims
         self._bodies = bodies
-        self._seen: deque[int] = deque(maxlen=REMEMBERED)
+        self.seen: deque[int] = deque(maxlen=REMEMBERED)
         self._ids = push_ids()  # far from those that people count from 1
         self._publisher: Any = None  # only with a goal of our own: `goal` has one owner in a graph
         self._followed: ActionGoal | None = None
         # Latched goals are heard by who comes late; `ros2 topic pub` offers none that are latched.
         # With queues of one length, what is heard first is never older than what was heard before.
+        self._hear = reception.guarded("goal", self._on_goal, aims.refuse)
         for qos in (LATCHED_QUEUE, RELIABLE):
-            node.create_subscription(Goal, "goal", cast(Any, self._on_goal), qos)
-        node.create_subscription(PoseStamped, "goal_pose", self._on_pose, RELIABLE)
+            node.create_subscription(Goal, "goal", cast(Any, self._on_heard), qos)
+        reception.listen(PoseStamped, "goal_pose", self._on_pose, RELIABLE)
         self._server = ActionServer(
             node,
             Reach,
             "reach",
-            self._execute,
+            reception.act("reach", self._reach, self._abort),
             cancel_callback=self._on_cancel,
             callback_group=ReentrantCallbackGroup(),
+            result_timeout=RESULTS_KEPT,
+            goal_service_qos_profile=SERVICE,
+            result_service_qos_profile=SERVICE,
+            cancel_service_qos_profile=SERVICE,
         )
 
     def follow(self, plan: Plan, pushes: int) -> None:
@@ -94,14 +106,16 @@ class Goals:
         """Stop listening for actions."""
         self._server.destroy()
 
-    def _on_goal(self, message: Goal, info: Any) -> None:
+    def _on_heard(self, message: Goal, info: Any) -> None:
         sent = info["source_timestamp"]
-        if sent in self._seen:  # both subscriptions hear a latched goal
-            return
-        self._seen.append(sent)
+        if sent not in self.seen:  # both subscriptions hear a latched goal
+            self.seen.append(sent)
+            self._hear(message)
+
+    def _on_goal(self, message: Goal) -> None:
         if self._followed is not None and self._followed.goal_id != message.goal_id:
             self._end(CancelledError(f"goal {message.goal_id} was given"))
-        self._aim(message)
+        self._aims.aim(message)
 
     def _on_pose(self, message: PoseStamped) -> None:
         if message.header.frame_id not in ("", WORLD_FRAME):
@@ -132,7 +146,11 @@ class Goals:
         goal.header = header(self._node.get_clock().now().to_msg())
         self._publisher.publish(goal)  # and is heard here, as by all others
 
-    async def _execute(self, handle: ServerGoalHandle) -> Reach.Result:
+    def _abort(self, handle: ServerGoalHandle, code: int, message: str) -> Reach.Result:
+        handle.abort()
+        return Reach.Result(status=Plan.NO_PUSH, error_code=code, error_message=message)
+
+    async def _reach(self, handle: ServerGoalHandle) -> Reach.Result:
         goal = handle.request.goal
         goal.goal_id = goal.goal_id or next(self._ids)
         self._end(CancelledError(f"goal {goal.goal_id} was given"))
@@ -164,7 +182,7 @@ class Goals:
         if followed is not None and followed.handle == handle:
             error = CancelledError(f"goal {followed.goal_id} was cancelled")
             self._end(error)
-            self._drop(error)  # the client has its result by then
+            self._aims.drop(error)  # the client has its result by then
         return CancelResponse.ACCEPT
 
     def _end(self, error: CancelledError | None) -> None:

@@ -9,12 +9,13 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Vector3
 from jaxtyping import Float
+from rclpy.node import Node
 from std_msgs.msg import ColorRGBA
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import Marker
 
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.push import pushed_bodies
-from sain_core.ros.markers import body_marker, line_marker, make_marker, make_pose
+from sain_core.ros.markers import MarkerBoard, body_marker, line_marker, make_marker, make_pose
 from sain_core.scene import DISK_HEIGHT, TARGET, X, Y
 from sain_core.types import Scene
 from sain_mppi.loop.decision import PlanJob, PushDecision
@@ -25,7 +26,6 @@ LINE_WIDTH: Final = 0.006  # [m]
 GOAL_HEIGHT: Final = 0.002  # [m]
 THIN_LINE: Final = 0.0015  # [m]
 GOAL_COLOUR: Final = rgba(PALETTE.goal, 0.8)
-BODY_GROUPS: Final = ("path", "ghost", "region")  # a marker of each for a body
 
 GHOST_ALPHA: Final = 0.25
 REGION_COLOUR: Final = (0.96, 0.76, 0.20, 0.35)
@@ -35,27 +35,45 @@ DEAR: Final = np.array([0.75, 0.25, 0.20, 0.15])
 State = Float[np.ndarray, "8"]
 
 
-def plan_markers(decision: PushDecision, stamp: Time) -> MarkerArray:
+class PlanMarkers:
+    """The topic of a plan's markers."""
+
+    def __init__(self, node: Node, topic: str) -> None:
+        """Publish on this topic, at first nothing."""
+        self._board = MarkerBoard(node, topic)
+        self._episode: int | None = None
+
+    def show(self, decision: PushDecision, stamp: Time) -> None:
+        """Show a plan."""
+        self._episode = decision.job.view.episode_id
+        self._board.show(plan_markers(decision, stamp))
+
+    def see(self, episode_id: int) -> None:
+        """Clear what is shown once another episode has begun."""
+        if self._episode not in (None, episode_id):
+            self._episode = None
+            self._board.show(())
+
+
+def plan_markers(decision: PushDecision, stamp: Time) -> list[Marker]:
     """Return the goal and, for the bodies that matter, the way that the plan expects."""
     job, result = decision.job, decision.plan
-    array = goal_markers(job, stamp)
+    markers = goal_markers(job, stamp)
     if result is None:
-        return array
-    scene, bodies, shown = job.view.scene, job.known_bodies, shown_bodies(decision)
-    array.markers.append(_others(scene, result.others, aimed_body(job), stamp))
-    for body in range(len(bodies)):
-        if body not in shown:
-            array.markers += [_gone(group, body, stamp) for group in BODY_GROUPS]
-            continue
+        return markers
+    scene, bodies = job.view.scene, job.known_bodies
+    markers += _others(scene, result.others, aimed_body(job), stamp)
+    for body in shown_bodies(decision):
         colour, after = rgba(PALETTE.disk(body), 0.9), result.predicted[0, body]
         way = result.way(scene, body)
-        array.markers.append(line_marker("path", body, way, DISK_HEIGHT, LINE_WIDTH, colour, stamp))
+        markers.append(line_marker("path", body, way, DISK_HEIGHT, LINE_WIDTH, colour, stamp))
         ghost = (*colour[:3], GHOST_ALPHA)
         shape = bodies.shapes[body]
-        array.markers.append(body_marker("ghost", body, shape, after.tolist(), ghost, stamp))
+        markers.append(body_marker("ghost", body, shape, after.tolist(), ghost, stamp))
         radius = 0.0 if result.regions is None else float(result.regions[0, body])
-        array.markers.append(_region(body, after, radius, stamp))
-    return array
+        if radius > 0.0:
+            markers.append(_region(body, after, radius, stamp))
+    return markers
 
 
 def shown_bodies(decision: PushDecision) -> tuple[int, ...]:
@@ -74,7 +92,7 @@ def aimed_body(job: PlanJob) -> int:
     return goal.poses[0].body if isinstance(goal, PoseGoal) else TARGET
 
 
-def goal_markers(job: PlanJob, stamp: Time) -> MarkerArray:
+def goal_markers(job: PlanJob, stamp: Time) -> list[Marker]:
     """Return the goal: a flat disk as wide as the tolerance, or outlines in their poses.
 
     A pose without a heading is a flat disk, too.
@@ -82,22 +100,19 @@ def goal_markers(job: PlanJob, stamp: Time) -> MarkerArray:
     goal, scene, bodies = job.task.goal, job.view.scene, job.known_bodies
     if not isinstance(goal, PoseGoal):
         x, y = goal.tolist()
-        others = range(1, len(bodies))
-        disk = _goal_disk(0, x, y, job.task.tolerance, stamp)
-        return MarkerArray(markers=[disk, *(_gone("goal", number, stamp) for number in others)])
-    markers = {number: _gone("goal", number, stamp) for number in range(len(bodies))}
+        return [_goal_disk(0, x, y, job.task.tolerance, stamp)]
+    markers = []
     for pose in goal.poses:
         if pose.heading is None:
-            marker = _goal_disk(pose.body, pose.x, pose.y, pose.tolerance, stamp)
-        else:
-            state = goal.placed(scene)[pose.body]
-            outline = bodies.shapes[pose.body].placed(state)
-            ring = np.concatenate([outline, outline[:1]])
-            marker = line_marker(
-                "goal", pose.body, ring, GOAL_HEIGHT, LINE_WIDTH, GOAL_COLOUR, stamp
-            )
-        markers[pose.body] = marker
-    return MarkerArray(markers=list(markers.values()))
+            markers.append(_goal_disk(pose.body, pose.x, pose.y, pose.tolerance, stamp))
+            continue
+        state = goal.placed(scene)[pose.body]
+        outline = bodies.shapes[pose.body].placed(state)
+        ring = np.concatenate([outline, outline[:1]])
+        markers.append(
+            line_marker("goal", pose.body, ring, GOAL_HEIGHT, LINE_WIDTH, GOAL_COLOUR, stamp)
+        )
+    return markers
 
 
 def _goal_disk(number: int, x: float, y: float, tolerance: float, stamp: Time) -> Marker:
@@ -107,21 +122,13 @@ def _goal_disk(number: int, x: float, y: float, tolerance: float, stamp: Time) -
     return marker
 
 
-def _gone(group: str, number: int, stamp: Time) -> Marker:
-    """Return what takes an earlier marker away."""
-    marker = make_marker(group, number, Marker.CYLINDER, GOAL_COLOUR, stamp)
-    marker.action = Marker.DELETE
-    return marker
-
-
-def _others(scene: Scene, others: Shown, body: int, stamp: Time) -> Marker:
+def _others(scene: Scene, others: Shown, body: int, stamp: Time) -> list[Marker]:
     """Return where other sequences lead a body, from green (cheap) to a pale red (dear)."""
-    marker = make_marker("others", 0, Marker.LINE_LIST, (0.0, 0.0, 0.0, 1.0), stamp)
-    marker.scale = Vector3(x=THIN_LINE)
     count, horizon = others.predicted.shape[:2]
     if not count:
-        marker.action = Marker.DELETE
-        return marker
+        return []
+    marker = make_marker("others", 0, Marker.LINE_LIST, (0.0, 0.0, 0.0, 1.0), stamp)
+    marker.scale = Vector3(x=THIN_LINE)
     ways = others.ways(scene, body)
     legs = np.stack([ways[:, :-1], ways[:, 1:]], axis=2)  # (R, H, 2, 2), from and to
     marker.points = [Point(x=x, y=y, z=DISK_HEIGHT) for x, y in legs.reshape(-1, 2).tolist()]
@@ -129,14 +136,12 @@ def _others(scene: Scene, others: Shown, body: int, stamp: Time) -> Marker:
     for red, green, blue, alpha in ((1.0 - rank) * CHEAP + rank * DEAR).tolist():
         colour = ColorRGBA(r=red, g=green, b=blue, a=alpha)
         marker.colors.extend([colour] * (2 * horizon))
-    return marker
+    return [marker]
 
 
 def _region(disk: int, state: State, radius: float, stamp: Time) -> Marker:
-    """Return the region that should hold a disk's centre after the push; none where unknown."""
+    """Return the region that should hold a disk's centre after the push."""
     marker = make_marker("region", disk, Marker.CYLINDER, REGION_COLOUR, stamp)
-    if radius <= 0.0:
-        marker.action = Marker.DELETE
     x, y = state[[X, Y]].tolist()
     marker.pose = make_pose(x, y, DISK_HEIGHT + LINE_WIDTH)
     marker.scale = Vector3(x=2 * radius, y=2 * radius, z=GOAL_HEIGHT)

@@ -5,18 +5,22 @@ from functools import partial
 from itertools import count
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
-from visualization_msgs.msg import MarkerArray
 
 from sain_core import wire
 from sain_core.dynamics import as_rollout
 from sain_core.errors import ErrorCode, SainError
-from sain_core.plugins import load_dynamics
+from sain_core.plugins import as_observed, load_dynamics
 from sain_core.ros import codec
-from sain_core.ros.diagnostics import OK, WARN, Diagnostics
+from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
+from sain_core.ros.limits import shortened
+from sain_core.ros.listeners import Return, listeners
 from sain_core.ros.node_main import NAMESPACE
-from sain_core.ros.parameters import read_parameters
-from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_core.ros.ownership import Ownership
+from sain_core.ros.parameters import LiveParameters, read_parameters
+from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
+from sain_core.ros.reception import Reception, outcome
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
 from sain_core.scene import is_settled
@@ -27,8 +31,8 @@ from sain_interfaces.msg import Scene as SceneMessage
 from sain_mppi.loop.agent import SERVICE, MppiConfig, planning_agent
 from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, StopReason
 from sain_mppi.ros.goal_message import decode_task
-from sain_mppi.ros.goals import Goals
-from sain_mppi.ros.markers import plan_markers
+from sain_mppi.ros.goals import Aims, Goals
+from sain_mppi.ros.markers import PlanMarkers
 from sain_mppi.ros.plan_message import (
     plan_of_bad_goal,
     plan_of_decision,
@@ -37,8 +41,11 @@ from sain_mppi.ros.plan_message import (
     summary,
 )
 from sain_mppi.ros.remote import RemoteRollout
+from sain_mppi.ros.resumption import Notes
 
 MOST_EARLY = 500  # scenes that are kept until their shapes are known
+LOOK_AROUND = 1.0  # [s] between looks for who listens
+LOOK_FOR_RIVALS = 0.5  # [s] between looks for other planners
 LOOK_AGAIN = 0.1  # [s] between looks for what no message tells of
 
 
@@ -48,33 +55,60 @@ class MppiNode(Node):
     def __init__(self, **options: Any) -> None:
         """Get the agent ready, and wait for a scene and a goal."""
         super().__init__("mppi_node", namespace=NAMESPACE, **options)
+        self.ownership = Ownership(self, ("plan",))  # people and players send pushes, too
         self.config = config = read_parameters(self, MppiConfig)
         in_process = config.dynamics != SERVICE
         self.remote = None if in_process else RemoteRollout(self, config.model_timeout)
-        model = self.remote or as_rollout(load_dynamics(config.model))
+        model = self.remote or as_rollout(
+            as_observed(load_dynamics(config.model), config.estimator.unknown)
+        )
         self.agent = planning_agent(model, as_rollout(load_dynamics(config.prior)), config)
+        LiveParameters(self, config, self._on_settings)
         self.worker = Worker(self, "planning")
-        self.plan_ids = count(1)
+        self.notes = Notes(self, config.state_file)
+        self.plan_ids = count(self.notes.plans + 1)
         self.bodies: tuple[int, CoreBodies] | None = None  # the latest, and of which episode
         self.early: list[SceneMessage] = []  # of an episode whose shapes are not known yet
+        self.ownership.refuse(0.0, strangers=False)
         self._offer()
-        self.starting = True
+        self._resume()
+        self.starting, self.rival = True, ""
         self.diagnostics.set(WARN, "no model serves rollout yet: plans rest on the prior")
         steady_timer(self, LOOK_AGAIN, self._look_again)
+        steady_timer(self, LOOK_FOR_RIVALS, self._look_for_rivals)
+        if config.state_file:
+            steady_timer(self, LOOK_AROUND, self._look_around)
         where = "a service" if self.remote else config.model
         self.ready = f"plans with {where}, or else with {config.prior}"
 
     def _offer(self) -> None:
         self.push_publisher = self.create_publisher(Push, "push", RELIABLE)
         self.plan_publisher = self.create_publisher(Plan, "plan", RELIABLE)
-        self.marker_publisher = self.create_publisher(MarkerArray, "plan_markers", RELIABLE)
-        self.diagnostics = Diagnostics(self)
-        self.create_subscription(SceneMessage, "scene", self._on_scene, RELIABLE)
-        self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
-        self.create_subscription(Bodies, "shapes", self._on_bodies, LATCHED)
+        self.plan_markers = PlanMarkers(self, "plan_markers")
+        self.reception = reception = Reception(self)
+        self.diagnostics = Diagnostics(self, "planning", more=lambda: reception.figures)
+        reception.listen(SceneMessage, "scene", self._on_scene, RELIABLE, self._ignore_scene)
+        reception.listen(PushResult, "push_result", self._on_result, QUEUE)
+        reception.listen(Bodies, "shapes", self._on_bodies, LATCHED, self._ignore_bodies)
         self.goals = Goals(
-            self, self._on_goal, self._drop, lambda: None if self.bodies is None else self.bodies[1]
+            self,
+            reception,
+            Aims(self._on_goal, self._refuse_goal, self._drop),
+            lambda: None if self.bodies is None else self.bodies[1],
         )
+
+    def _resume(self) -> None:
+        """Go on where another process was left."""
+        notes = self.notes
+        self.goals.seen.extend(notes.heard)
+        self.back = Return(self, "plan", notes.listeners)
+        for result in notes.results:
+            self._learn(result)
+        if notes.goal is not None:
+            self.agent.aim(decode_task(notes.goal), notes.pushes)
+            self.get_logger().warning(
+                f"goes on with goal {notes.goal.goal_id}, after {notes.pushes} pushes"
+            )
 
     def _look_again(self) -> None:
         """Look for the model at the start, and go on where a message that was waited for fails."""
@@ -83,14 +117,30 @@ class MppiNode(Node):
             self.diagnostics.set(OK, "ready")
         self._go_on()
 
+    def _look_around(self) -> None:
+        if self.back.complete():
+            self.notes.heard_by(listeners(self, "plan"))
+
+    def _look_for_rivals(self) -> None:
+        before, self.rival = self.rival, self.ownership.rival()
+        if self.rival:
+            self.diagnostics.set(ERROR, self.rival)
+        elif before:
+            self.diagnostics.set(OK, "ready")
+
+    def _on_settings(self, config: MppiConfig) -> None:
+        self.config = config
+        self.agent.decider.adjust(config.planner)
+        self.get_logger().info("the next plan is made with the parameters as they are now")
+
     def _on_goal(self, message: Goal) -> None:
-        try:
-            task = decode_task(message)
-        except SainError as error:
-            self._publish(plan_of_bad_goal(message, error))
-            return
+        task = decode_task(message)
+        self.notes.aimed(message, self.goals.seen)
         self._tell(self.agent.aim(task))
         self._go_on()
+
+    def _refuse_goal(self, message: Goal, error: BaseException) -> None:
+        self._publish(plan_of_bad_goal(message, error))
 
     def _drop(self, error: SainError) -> None:
         """Follow no goal any more; a push that is under way is executed to its end."""
@@ -99,20 +149,21 @@ class MppiNode(Node):
         self._go_on()
 
     def _on_bodies(self, message: Bodies) -> None:
-        try:
-            bodies = decode_bodies(message)
-            if self.bodies is not None and self.bodies[0] == message.episode_id:
-                check_unchanged(self.bodies[1], bodies)
-        except SainError as error:
-            text = f"the shapes of episode {message.episode_id} are ignored: {error}"
-            self.get_logger().error(text)
-            self.diagnostics.set(WARN, text)
-            return
+        bodies = decode_bodies(message)
+        if self.bodies is not None and self.bodies[0] == message.episode_id:
+            check_unchanged(self.bodies[1], bodies)
+            # They are told at the start of an episode, and of a process that goes on with it.
+            self.agent.world_restarted(codec.decode_time(message.header.stamp))
         self.bodies = message.episode_id, bodies
         self.agent.meet(*self.bodies)
         early, self.early = self.early, []
         for scene in early:
             self._on_scene(scene)
+
+    def _ignore_bodies(self, message: Bodies, error: BaseException) -> None:
+        text = f"the shapes of episode {message.episode_id} are ignored: {shortened(str(error))}"
+        self.get_logger().error(text)
+        self.diagnostics.set(WARN, text)
 
     def _waits_for_shapes(self, episode_id: int) -> bool:
         """Tell whether a simulator sends shapes, and those of an episode have not come yet.
@@ -123,11 +174,8 @@ class MppiNode(Node):
         return not known and self.count_publishers("shapes") > 0
 
     def _on_scene(self, message: SceneMessage) -> None:
-        try:
-            scene = wire.decode_disks(message.disks)
-        except SainError as error:
-            self.diagnostics.set(WARN, f"scene {message.scene_id} is ignored: {error}")
-            return
+        scene = wire.decode_disks(message.disks)
+        self.plan_markers.see(message.episode_id)
         if self._waits_for_shapes(message.episode_id):
             same = [early for early in self.early if early.episode_id == message.episode_id]
             self.early = [*same[-MOST_EARLY:], message]
@@ -142,27 +190,48 @@ class MppiNode(Node):
         self.agent.see(scene, message.episode_id, message.scene_id, message.settled, observed)
         self._go_on()
 
+    def _ignore_scene(self, message: SceneMessage, error: BaseException) -> None:
+        text = f"scene {message.scene_id} is ignored: {shortened(str(error))}"
+        self.diagnostics.set(WARN, text)
+
     def _on_result(self, message: PushResult) -> None:
         push_id, code = message.push_id, message.error_code
         if code == ErrorCode.OK:
-            try:
-                self.agent.learn(message.episode_id, *wire.decode_result(message))
-            except SainError as error:
-                self.get_logger().warning(f"nothing is learned of push {push_id}: {error}")
+            self._learn(message)
         if self.agent.answered(push_id, code, codec.decode_time(message.header.stamp)):
             self.get_logger().warning(f"push {push_id} refused: {message.error_message}")
+            self.notes.counted(self.agent.pushes)
+        elif code == ErrorCode.OK:
+            self.notes.learned(message, self.agent.pushes)
         self._go_on()
+
+    def _learn(self, message: PushResult) -> None:
+        try:
+            self.agent.learn(message.episode_id, *wire.decode_result(message))
+        except SainError as error:
+            self.get_logger().warning(f"nothing is learned of push {message.push_id}: {error}")
 
     def _go_on(self) -> None:
         """Start on what is to be decided next, if anything."""
-        step = self.agent.next()
+        if not self.back.complete():
+            return
+        step: PlanJob | Stop | None
+        if self._failed(done := outcome(self.agent.next)):
+            task = self.agent.drop()
+            error = done.exception()
+            step = None if task is None else Stop(task, StopReason.FAILED, error=error)
+        else:
+            step = done.result()
         if isinstance(step, PlanJob):
-            self.worker.submit(partial(self.agent.decide, step), self._on_decided)
+            decided = partial(self._on_decided, step)
+            self.worker.submit(partial(self.agent.decide, step), decided)
         else:
             self._tell(step)
 
-    def _on_decided(self, done: "Future[PushDecision | Stop | None]") -> None:
-        decision = self.agent.conclude(done.result())
+    def _on_decided(self, job: PlanJob, done: "Future[PushDecision | Stop | None]") -> None:
+        error = done.exception() if self._failed(done) else None
+        stop = None if error is None else Stop(job.task, StopReason.FAILED, job, error)
+        decision = self.agent.conclude(stop or done.result())
         if isinstance(decision, PushDecision):
             self._send(decision)
         else:
@@ -172,25 +241,31 @@ class MppiNode(Node):
     def _send(self, decision: PushDecision) -> None:
         stamp, source = self.get_clock().now().to_msg(), self.get_fully_qualified_name()
         self.push_publisher.publish(push_message(decision, stamp, source))
+        self.notes.counted(self.agent.pushes)
         model = self.config.model if self.remote is None else self.remote.model
         model = model if decision.failure is None else self.config.prior
-        plan = plan_of_decision(decision, model, self.config.planner)
+        plan = plan_of_decision(decision, model)
         complete = partial(self.agent.complete, decision)
         self.worker.submit(complete, partial(self._on_complete, plan))
-        self.worker.submit(partial(self.agent.prepare, decision), self._on_prepared)
+        self.worker.submit(partial(self.agent.prepare, decision), self._failed)
 
     def _on_complete(self, plan: Plan, done: "Future[PushDecision]") -> None:
         """Publish a plan whose push is on its way, with all that is now known of it."""
-        decision = done.result()
-        if decision.plan is not None and decision.plan.regions is not None:
-            plan.regions = codec.encode_floats(decision.plan.regions)
+        decision = None if self._failed(done) else done.result()
+        if decision is not None and decision.plan is not None:
+            regions = decision.plan.regions
+            plan.regions = codec.encode_floats(np.empty(0) if regions is None else regions)
         self._publish(plan)
-        self.marker_publisher.publish(plan_markers(decision, self.get_clock().now().to_msg()))
+        if decision is not None:
+            self.plan_markers.show(decision, self.get_clock().now().to_msg())
         self._go_on()  # noisy scenes after the push may have waited for what is known now
 
-    def _on_prepared(self, done: "Future[None]") -> None:
-        """Let an error that should not be surface."""
-        done.result()
+    def _failed(self, done: "Future[Any]") -> bool:
+        """Tell whether work failed that never should, and leave a trace of it."""
+        error = done.exception()
+        if error is not None:
+            self.reception.log_defect(error)
+        return error is not None
 
     def _tell(self, stop: Stop | None) -> None:
         if stop is not None:
@@ -198,6 +273,7 @@ class MppiNode(Node):
 
     def _publish(self, plan: Plan) -> None:
         plan.plan_id = next(self.plan_ids)
+        self.notes.planned(plan)
         plan.header = codec.header(self.get_clock().now().to_msg())
         self.plan_publisher.publish(plan)
         self.goals.follow(plan, self.agent.pushes)

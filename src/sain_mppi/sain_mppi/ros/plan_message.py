@@ -7,12 +7,12 @@ from typing import Final
 import numpy as np
 from builtin_interfaces.msg import Time
 
-from sain_core.errors import ErrorCode, SainError, error_reply
+from sain_core.errors import ErrorCode, error_reply
 from sain_core.ros import codec
+from sain_core.ros.limits import shortened
 from sain_core.scene import POSITION
 from sain_interfaces.msg import Goal, Plan, Push
 from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, StopReason, Task
-from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.result import PlanResult
 
 STATUS: Final = {
@@ -41,7 +41,7 @@ def push_message(decision: PushDecision, stamp: Time, source: str) -> Push:
     )
 
 
-def plan_of_decision(decision: PushDecision, model: str, config: PlannerConfig) -> Plan:
+def plan_of_decision(decision: PushDecision, model: str) -> Plan:
     """Return the plan whose first push is sent."""
     plan = _empty_plan(decision.job.task, Plan.PUSH, decision.failure)
     _fill_job(plan, decision.job)
@@ -51,7 +51,8 @@ def plan_of_decision(decision: PushDecision, model: str, config: PlannerConfig) 
     plan.concern = decision.concern
     if decision.plan is not None:
         _fill_result(plan, decision.plan)
-    plan.samples, plan.algorithm, plan.deadline = config.samples, config.algorithm, config.deadline
+    if (asked := decision.settings) is not None:
+        plan.samples, plan.algorithm, plan.deadline = asked.samples, asked.algorithm, asked.deadline
     if decision.last is not None:
         plan.last_errors = codec.encode_floats(decision.last.errors)
         plan.last_expected = codec.encode_floats(decision.last.expected)
@@ -66,10 +67,11 @@ def plan_of_stop(stop: Stop) -> Plan:
     return plan
 
 
-def plan_of_bad_goal(goal: Goal, error: SainError) -> Plan:
+def plan_of_bad_goal(goal: Goal, error: BaseException) -> Plan:
     """Return a plan that says why a goal cannot be read."""
     plan = Plan(goal_id=goal.goal_id, episode_id=goal.episode_id, status=Plan.NO_PUSH)
     plan.error_code, plan.error_message = error_reply(error)
+    plan.error_message = shortened(plan.error_message)
     return plan
 
 

@@ -34,6 +34,11 @@ class Pacer:
         """The simulated time [ns]."""
         return round(self._now * 1e9)
 
+    def go_on_from(self, now: float) -> None:
+        """Continue from a simulated time [s] of another process."""
+        self._idle_s += now - self._now
+        self._now = now
+
     def idle(self) -> None:
         """Add the wall time since the last call, while the world rests."""
         wall = self._wall()

@@ -54,10 +54,16 @@ class SimulatorConfig(TruthConfig):
     peer_wait: float = option(
         1.0, "time to look for another simulator at the start", unit="s", minimum=0.0, maximum=60.0
     )
+    frame_prefix: str = option(
+        "", "prefix of frames on /tf; empty: the namespace, but for /sain, where there is none"
+    )
     service_introspection: str = option(
         "disabled",
         "publish service calls: not at all, time and client, or with contents",
         choices=("disabled", "metadata", "contents"),
+    )
+    state_file: str = option(
+        "", "file that is kept to go on from after a crash, and gone on from; empty: none"
     )
     bullet: WorldConfig = WorldConfig()
     camera: WorldCameraConfig = WorldCameraConfig()
@@ -131,7 +137,7 @@ class Simulator:
             self.camera.begin(seed, parameters)
         if self.shadow is not None:
             self.shadow.truth = parameters  # for the shapes, which the nominal world shares
-        return self._look()
+        return self.look()
 
     @property
     def radii(self) -> tuple[float, ...]:
@@ -157,7 +163,7 @@ class Simulator:
 
         begun = perf_counter()
         outcome = self.world.push(push, on_step=show, every=self._every, seen=seen)
-        return Pushed(outcome, self._look(), perf_counter() - begun, predict())
+        return Pushed(outcome, self.look(), perf_counter() - begun, predict())
 
     def _predict(self, scene: Scene, push: PushArray) -> Scene | SainError | None:
         if self.shadow is None:
@@ -173,7 +179,8 @@ class Simulator:
         if self.shadow is not None:
             self.shadow.close()
 
-    def _look(self) -> Sample:
+    def look(self) -> Sample:
+        """Return the worlds as they are now."""
         sample = self.world.sample()
         self.pacer.follow(sample.time)
         return sample

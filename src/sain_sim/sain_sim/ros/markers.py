@@ -4,7 +4,7 @@ from typing import Final
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Vector3
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import Marker
 
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.push import TOOL_RADIUS
@@ -22,16 +22,16 @@ LABEL_COLOUR: Final = rgba(PALETTE.ink)
 LABELS: Final = ("mid", "target")
 
 
-def scene_markers(sample: Sample, bodies: Bodies, table: Table, stamp: Time) -> MarkerArray:
+def scene_markers(sample: Sample, bodies: Bodies, table: Table, stamp: Time) -> list[Marker]:
     """Return markers of the world as it is; ids are constant."""
-    array = MarkerArray(markers=[_table(table, stamp), _tool(sample, stamp)])
+    markers = [_table(table, stamp), _tool(sample, stamp)]
     names = body_labels(bodies)
     for disk, (row, shape) in enumerate(zip(sample.scene.tolist(), bodies.shapes, strict=True)):
-        array.markers += [
+        markers += [
             body_marker("disks", disk, shape, row, rgba(PALETTE.disk(disk)), stamp),
             _label(disk, names[disk], row, stamp),
         ]
-    return array
+    return markers
 
 
 def body_labels(bodies: Bodies) -> list[str]:

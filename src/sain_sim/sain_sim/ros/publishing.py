@@ -5,11 +5,12 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
-from visualization_msgs.msg import MarkerArray
 
 from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.ros import codec
-from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_core.ros.limits import shortened
+from sain_core.ros.markers import MarkerBoard
+from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
 from sain_core.scene import is_settled
 from sain_core.types import Scene
 from sain_interfaces.msg import Bodies, Push, PushPrediction, PushResult, WorldParameters
@@ -18,6 +19,7 @@ from sain_sim.arm.panda import JOINT_NAMES
 from sain_sim.node.session import Session
 from sain_sim.node.simulator import SHADOW_MODEL, Pushed, Simulator
 from sain_sim.ros.markers import scene_markers
+from sain_sim.ros.transforms import Transforms, frame_prefix
 from sain_sim.world.outcome import Sample
 
 
@@ -32,11 +34,15 @@ class Publishing:
         # Before the scene's: a planner that sees scenes can see that there are shapes to wait for.
         self._shapes = node.create_publisher(Bodies, "shapes", LATCHED)
         self._scene = node.create_publisher(SceneMessage, "scene", RELIABLE)
-        self._result = node.create_publisher(PushResult, "push_result", RELIABLE)
+        self._result = node.create_publisher(PushResult, "push_result", QUEUE)
         self._prediction = node.create_publisher(PushPrediction, "physics_prediction", RELIABLE)
         self._joints = node.create_publisher(JointState, "joint_states", RELIABLE)
-        self._markers = node.create_publisher(MarkerArray, "markers", RELIABLE)
+        self._markers = MarkerBoard(node, "markers")
         self._world = node.create_publisher(WorldParameters, "world_parameters", LATCHED)
+        config = simulator.config
+        prefix = frame_prefix(node, config.frame_prefix)
+        self._transforms = Transforms(node, config.bullet, prefix)
+        self._transforms.describe(self.now())
 
     def now(self) -> Time:
         """Return the simulated time."""
@@ -57,16 +63,17 @@ class Publishing:
         )
 
     def state(self, sample: Sample, scene: SceneMessage) -> None:
-        """Publish time, joints and markers, and the scene unless a camera sees it."""
+        """Publish time, joints, frames and markers, and the scene unless a camera sees it."""
         self.clock()
         stamp = scene.header.stamp
         joints = JointState(header=codec.header(stamp), name=list(JOINT_NAMES))
         joints.position = codec.encode_floats(sample.joint_positions)
         joints.velocity = codec.encode_floats(sample.joint_velocities)
         self._joints.publish(joints)
+        self._transforms.publish(sample, self._simulator.pacer.now_ns)
         table = self._simulator.config.bullet.feasibility.table
         bodies = self._simulator.parameters.bodies
-        self._markers.publish(scene_markers(sample, bodies, table, stamp))
+        self._markers.show(scene_markers(sample, bodies, table, stamp))
         if self._simulator.camera is None:
             self._scene.publish(scene)
 
@@ -122,9 +129,10 @@ class Publishing:
         message.wall_time = pushed.wall_time
         self._result.publish(message)
 
-    def refusal(self, push: Push, scene: SceneMessage, error: SainError) -> None:
+    def refusal(self, push: Push, scene: SceneMessage, error: BaseException) -> None:
         """Publish why a push was refused; the scene is unchanged."""
-        message = self._reply(push, *error_reply(error))
+        code, text = error_reply(error)
+        message = self._reply(push, code, shortened(text))
         message.before = message.after = scene
         self._result.publish(message)
 

@@ -1,0 +1,1 @@
+"""Faults injected below the nodes: see ``benchmarks.graph_faults``."""

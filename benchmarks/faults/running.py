@@ -1,0 +1,201 @@
+"""A graph that plays episodes one after the other, while something goes wrong with it."""
+
+import io
+import random
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from math import inf
+from pathlib import Path
+from typing import Any, Final
+
+from rich.console import Console
+
+from sain_bringup.display import Display, EpisodeView
+from sain_bringup.graph import (
+    MODEL,
+    PLANNER,
+    RECORDER,
+    SIMULATOR,
+    graph_commands,
+    restart_command,
+    ros_arguments,
+)
+from sain_bringup.options import GraphOptions
+from sain_bringup.processes import RestartConfig, StopConfig, Supervisor
+from sain_bringup.ros.director import Director
+from sain_core.errors import ErrorCode, SainError
+from sain_core.ros.node_main import ros_context
+from sain_core.ros.qos import QUEUE
+from sain_eval.scenes.scenarios import SCENARIOS
+from sain_interfaces.msg import PushResult, Scene
+
+PARTS: Final = (SIMULATOR, MODEL, PLANNER, RECORDER)
+TOLERANCE: Final = 0.02  # [m]
+NEVER: Final = RestartConfig(crashes=10**9)  # too many crashes: they are what is wanted here
+STOP: Final = StopConfig(interrupt=60.0)  # to join a recording that was cut off many times
+
+
+@dataclass
+class Observed:
+    """What a bystander heard of pushes, and what is wrong with it."""
+
+    results: list[tuple[float, PushResult]] = field(default_factory=list)  # and when [s]
+
+    def on_result(self, message: PushResult) -> None:
+        """Take note of a result."""
+        self.results.append((time.monotonic(), message))
+
+    @property
+    def latest(self) -> float:
+        """When the last push was heard of that was executed [s]; never: 0."""
+        return max(
+            (at for at, one in self.results[-9:] if one.error_code == ErrorCode.OK), default=0.0
+        )
+
+    @property
+    def executed(self) -> list[PushResult]:
+        """Results of pushes that were executed."""
+        return [one for _, one in self.results if one.error_code == ErrorCode.OK]
+
+    @property
+    def twice(self) -> int:
+        """Pushes that were executed more than once."""
+        ids = [one.push_id for one in self.executed]
+        return len(ids) - len(set(ids))
+
+    @property
+    def broken(self) -> int:
+        """Pushes that did not begin where the push before had led."""
+        pairs = zip(self.executed, self.executed[1:], strict=False)
+        return sum(
+            one.episode_id == other.episode_id
+            and other.before.scene_id == one.after.scene_id
+            and places(one.after) != places(other.before)
+            for one, other in pairs
+        )
+
+
+def places(scene: Scene) -> list[tuple[float, float, float]]:
+    """Return the poses in a scene; bodies that rest may have some speed left."""
+    return [(disk.x, disk.y, disk.theta) for disk in scene.disks]
+
+
+@dataclass
+class Graph:
+    """A graph that runs, and the node that plays on it."""
+
+    supervisor: Supervisor
+    director: Director
+    observed: Observed
+    folder: Path
+    told: deque[str]
+    interference: Callable[[], None] = lambda: None
+    seed: int = 0
+
+    def play(self) -> EpisodeView:
+        """Play the next episode; raises `SainError` where it does not come to its end."""
+        scene = SCENARIOS["anywhere"].scene(self.seed)
+        self.seed += 1
+        view = EpisodeView(Display(Console(file=io.StringIO())), "")
+        self.director.play(scene, TOLERANCE, view)
+        return view
+
+    def process(self, name: str) -> int:
+        """Return the number of a process."""
+        return next(c.process.pid for c in self.supervisor.children if c.name == name)
+
+
+@contextmanager
+def graph(
+    folder: Path,
+    options: GraphOptions | None = None,
+    environment: dict[str, str] | None = None,
+    restarts: RestartConfig = NEVER,
+    timeout: float = 60.0,
+) -> Iterator[Graph]:
+    """Run a graph with a recording, and end it."""
+    told: deque[str] = deque()
+    made: list[Graph] = []
+
+    def check() -> None:
+        supervisor.check()
+        for one in made:
+            one.interference()
+
+    with ros_context(), Supervisor(folder, STOP, restarts, told.append) as supervisor:
+        director = Director(check, timeout, supervisor)
+        observed = Observed()
+        director.create_subscription(PushResult, "push_result", observed.on_result, QUEUE)
+        options = options or GraphOptions(bag=folder / "bag")
+        for name, command in graph_commands(options, ros_arguments(()), folder).items():
+            again = restart_command(name, command)
+            supervisor.start(name, command, environment, patient=name == RECORDER, again=again)
+        director.wait_for_graph(lambda: supervisor.starting(PARTS), lambda text: None)
+        made.append(Graph(supervisor, director, observed, folder, told))
+        try:
+            yield made[0]
+        finally:
+            made.clear()
+            supervisor.close_files(STOP.interrupt)
+            supervisor.stop()
+            director.destroy_node()
+
+
+class Strikes:
+    """Strikes one process at random times, each time when the graph works again."""
+
+    def __init__(self, running: Graph, strike: Callable[[int], None], name: str, seed: int) -> None:
+        """Strike a process of a graph, by its number."""
+        self._graph, self._strike, self._name = running, strike, name
+        self._random = random.Random(seed)
+        self._due = self._draw()
+        self.times: list[float] = []  # [s]
+        self.recoveries: list[float] = []  # [s], until a push was executed with all parts there
+        self.spared: list[tuple[float, float]] = []  # from each strike until then [s]
+        self.survived = 0  # strikes in episodes that came to their end
+
+    def repeat(self, tries: int) -> None:
+        """Play until the process was struck so often, and works again."""
+        while len(self.recoveries) < tries:
+            before = len(self.times)
+            self._graph.interference = lambda: self._look(tries)
+            try:
+                self._graph.play()
+            except SainError as error:
+                print(f"{self._name}: {error}", flush=True)
+                self.recoveries += [inf] * (len(self.times) - len(self.recoveries))
+                self._due = self._draw()
+            else:
+                self.survived += len(self.times) - before
+            finally:
+                self._graph.interference = lambda: None
+
+    def _look(self, tries: int) -> None:
+        """Strike if it is time, and see whether the graph works again; called again and again."""
+        now = time.monotonic()
+        if len(self.recoveries) == len(self.times):
+            if now >= self._due and len(self.times) < tries:
+                self._strike(self._graph.process(self._name))
+                self.times.append(time.monotonic())
+            return
+        struck, back = self.times[-1], self._graph.supervisor.back_at
+        executed = self._graph.observed.latest
+        if struck < back < executed:
+            self.recoveries.append(executed - struck)
+            self.spared.append((struck - 1.0, executed))
+            self._due = self._draw()
+
+    def _draw(self) -> float:
+        return time.monotonic() + self._random.uniform(0.1, 2.0)
+
+
+def lost_rows(bag: Any, observed: Observed, spared: list[tuple[float, float]]) -> int:
+    """Return how many results are not in a bag, without those of times that are spared [s]."""
+    recorded = {received.message.push_id for received in bag.messages(["/sain/push_result"])}
+    return sum(
+        one.push_id not in recorded and not any(begin <= at <= end for begin, end in spared)
+        for at, one in observed.results
+    )

@@ -1,0 +1,125 @@
+"""Faults of what is below all processes: datagrams, the wall clock, memory and disks."""
+
+import subprocess
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from benchmarks.faults.running import graph
+from benchmarks.faults.table import Row
+from sain_bags.reading.reader import Bag
+from sain_bringup.children import ProcessDiedError
+from sain_bringup.options import GraphOptions
+from sain_bringup.processes import RestartConfig
+from sain_core.errors import SainError
+
+SOURCE: Final = Path(__file__).with_suffix(".c")
+DATAGRAMS: Final = {
+    "5 % of datagrams lost": {"FAULT_DROP": "0.05"},
+    "10 % of datagrams late by 20 ms": {"FAULT_DELAY": "0.1", "FAULT_LATE": "20000"},
+}
+JUMPS: Final = {"wall clock jumps ahead by 1 h": "3600", "wall clock jumps back by 1 h": "-3600"}
+SMALL: Final = "2m"  # disk
+
+
+def compiled(folder: Path) -> Path:
+    """Compile what is loaded into the processes; return its path."""
+    library = folder / "surroundings.so"
+    command = ["gcc", "-O2", "-shared", "-fPIC", "-o", str(library), str(SOURCE), "-ldl"]
+    subprocess.run(command, check=True)
+    return library
+
+
+def played(folder: Path, fault: str, episodes: int, environment: dict[str, str]) -> Row:
+    """Play episodes on a graph whose processes have these variables."""
+    survived = 0
+    with graph(folder, environment=environment) as running:
+        for _ in range(episodes):
+            try:
+                running.play()
+                survived += 1
+            except SainError as error:
+                print(f"{fault}: {error}", flush=True)
+    observed = running.observed
+    return Row(fault, episodes, survived, observed.twice + observed.broken)
+
+
+def datagrams(folder: Path, episodes: int) -> Iterator[Row]:
+    """Lose datagrams, and let them be late."""
+    library = str(compiled(folder))
+    for number, (fault, settings) in enumerate(DATAGRAMS.items()):
+        environment = {"LD_PRELOAD": library, **settings}
+        yield played(folder / f"datagrams_{number}", fault, episodes, environment)
+
+
+def clock_jumps(folder: Path, episodes: int) -> Iterator[Row]:
+    """Let the wall clock jump in the midst of episodes."""
+    library = str(compiled(folder))
+    for fault, jump in JUMPS.items():
+        environment = {
+            "LD_PRELOAD": library,
+            "FAULT_JUMP": jump,
+            "FAULT_JUMP_AT": str(time.monotonic() + 10.0),
+        }
+        yield played(folder / f"clock_{jump}", fault, episodes, environment)
+
+
+def full_memory(folder: Path, episodes: int) -> Row:
+    """Play where /dev/shm is full; needs the right to mount, in a namespace of its own."""
+    return played(folder / "memory", "full /dev/shm", episodes, {})
+
+
+def disks(folder: Path, tries: int) -> Iterator[Row]:
+    """Record to a disk that runs full, and to one that cannot be written."""
+    for fault, options in (("disk runs full", SMALL), ("disk is read-only", "ro")):
+        ended, whole = 0, 0
+        for number in range(tries):
+            place = folder / f"{options}_{number}"
+            with mounted(place, options):
+                ended += _ends_with_a_reason(folder / f"logs_{options}_{number}", place)
+                whole += _is_whole(place / "bag")
+        note = "the graph ends with the reason; what was recorded is whole"
+        yield Row(fault, tries, ended, tries - whole, note=note)
+
+
+def _ends_with_a_reason(folder: Path, place: Path) -> bool:
+    try:
+        with graph(folder, GraphOptions(bag=place / "bag"), restarts=RestartConfig()) as running:
+            for _ in range(1000):
+                running.play()
+    except ProcessDiedError as error:
+        return (
+            "space" in str(error) or "left on the disk" in str(error) or "Read-only" in str(error)
+        )
+    return False
+
+
+def _is_whole(bag: Path) -> bool:
+    if not bag.exists():
+        return True
+    Bag(bag).check()
+    return True
+
+
+@contextmanager
+def mounted(place: Path, options: str) -> Iterator[None]:
+    """Mount a small disk of memory at a place."""
+    place.mkdir(parents=True)
+    size = "ro" if options == "ro" else f"size={options}"
+    subprocess.run(["mount", "-t", "tmpfs", "-o", size, "tmpfs", str(place)], check=True)
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+def in_full_memory(command: Sequence[str]) -> int:
+    """Run a command where /dev/shm is full; return its exit code."""
+    words = " ".join(command)
+    script = (
+        "mount -t tmpfs -o size=64k tmpfs /dev/shm && "
+        f"{{ dd if=/dev/zero of=/dev/shm/full bs=1k 2>/dev/null; exec {words}; }}"
+    )
+    return subprocess.run(["unshare", "-m", "sh", "-c", script], check=False).returncode

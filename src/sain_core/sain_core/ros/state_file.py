@@ -1,0 +1,86 @@
+"""A small file from which a node goes on after a crash, as if nothing had happened."""
+
+import base64
+import json
+import os
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+
+from sain_core.errors import DatasetError, UntrustedFileError
+from sain_core.storage import PARTIAL
+from sain_core.untrusted.json_text import read_json
+
+M = TypeVar("M")
+
+
+class StateFile:
+    """Holds the latest state of one node, in JSON: messages as base64 of their CDR.
+
+    It outlives the process, not the machine: nothing waits until it is on the disk.
+    """
+
+    def __init__(self, node: Node, path: str) -> None:
+        """Keep the state of a node at this path; empty: nowhere."""
+        self._node = node
+        self._path = Path(path) if path else None
+
+    def __bool__(self) -> bool:
+        """Tell whether the state is kept at all."""
+        return self._path is not None
+
+    def __str__(self) -> str:
+        """Return its path."""
+        return str(self._path or "nothing")
+
+    def read(self) -> dict[str, Any]:
+        """Return what was written last; nothing where there is none.
+
+        Raises:
+            DatasetError: it is not such a file.
+        """
+        if self._path is None or not self._path.exists():
+            return {}
+        try:
+            state = read_json(self._path)
+        except (OSError, UntrustedFileError) as error:
+            raise DatasetError(f"{self._path} is not the state of a node: {error}") from error
+        if not isinstance(state, dict):
+            raise DatasetError(f"{self._path} is not the state of a node")
+        return state
+
+    def write(self, **state: Any) -> None:
+        """Replace the state by what JSON can hold; a full disk is reported, and stops nothing."""
+        if self._path is None:
+            return
+        partial = self._path.with_name(f".{self._path.name}.{os.getpid()}{PARTIAL}")
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            partial.write_text(json.dumps(state), encoding="utf-8")
+            partial.replace(self._path)
+        except OSError as error:
+            self._node.get_logger().error(
+                f"a crash now would lose the state: cannot write {self._path}:"
+                f" {error.strerror or error}",
+                throttle_duration_sec=10.0,
+            )
+
+
+def text_of(message: Any) -> str:
+    """Return a message as text."""
+    return base64.b64encode(serialize_message(message)).decode("ascii")
+
+
+def message_of(kind: type[M], text: Any) -> M:
+    """Return the message that a text holds.
+
+    Raises:
+        DatasetError: it holds none.
+    """
+    try:
+        message: M = deserialize_message(base64.b64decode(str(text), validate=True), kind)
+    except Exception as error:  # rclpy's own errors have no common base
+        raise DatasetError(f"no message of type {kind.__name__}: {error}") from error
+    return message

@@ -1,0 +1,83 @@
+"""What a planner keeps of its goal, so that another process goes on where it crashed."""
+
+from collections.abc import Iterable
+
+from rclpy.node import Node
+
+from sain_core.errors import DatasetError
+from sain_core.ros.state_file import StateFile, message_of, text_of
+from sain_interfaces.msg import Goal, Plan, PushResult
+from sain_mppi.loop.memory import MOST_PUSHES
+
+
+class Notes:
+    """The goal that is followed, the pushes sent for it, and what the episode's pushes led to."""
+
+    def __init__(self, node: Node, path: str) -> None:
+        """Keep them at this path, and begin with what is there; empty: keep nothing.
+
+        Raises:
+            DatasetError: what is there is damaged.
+        """
+        self._file = StateFile(node, path)
+        self.goal: Goal | None = None
+        self.pushes = 0
+        self.plans = 0  # made so far
+        self.heard: list[int] = []  # goals, by when they were sent
+        self.listeners: list[str] = []  # nodes
+        self.results: list[PushResult] = []
+        self._read()
+
+    def aimed(self, goal: Goal, heard: Iterable[int]) -> None:
+        """Note a new goal, and the goals that were heard so far."""
+        self.goal, self.pushes, self.heard = goal, 0, list(heard)
+        self.write()
+
+    def heard_by(self, names: Iterable[str]) -> None:
+        """Note who hears the planner."""
+        if (known := sorted(names)) != self.listeners:
+            self.listeners = known
+            self.write()
+
+    def counted(self, pushes: int) -> None:
+        """Note how many pushes were sent for the goal."""
+        self.pushes = pushes
+        self.write()
+
+    def planned(self, plan: Plan) -> None:
+        """Note a plan, and whether the goal is still followed after it."""
+        self.plans = plan.plan_id
+        over = plan.status != Plan.PUSH
+        if over and self.goal is not None and self.goal.goal_id == plan.goal_id:
+            self.goal = None
+        self.write()
+
+    def learned(self, result: PushResult, pushes: int) -> None:
+        """Note what a push led to."""
+        same = [one for one in self.results if one.episode_id == result.episode_id]
+        self.results = [*same, result][-MOST_PUSHES:]
+        self.counted(pushes)
+
+    def write(self) -> None:
+        """Write all of it."""
+        self._file.write(
+            goal="" if self.goal is None else text_of(self.goal),
+            pushes=self.pushes,
+            plans=self.plans,
+            heard=self.heard,
+            listeners=self.listeners,
+            results=[text_of(result) for result in self.results],
+        )
+
+    def _read(self) -> None:
+        state = self._file.read()
+        if not state:
+            return
+        try:
+            self.goal = message_of(Goal, state["goal"]) if state["goal"] else None
+            self.pushes, self.plans = int(state["pushes"]), int(state["plans"])
+            self.heard = [int(stamp) for stamp in state["heard"]]
+            self.listeners = [str(name) for name in state["listeners"]]
+            self.results = [message_of(PushResult, text) for text in state["results"]]
+        except (KeyError, TypeError, ValueError) as error:
+            raise DatasetError(f"the state of the planner is damaged: {error}") from error

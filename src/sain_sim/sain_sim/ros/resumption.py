@@ -1,0 +1,110 @@
+"""What a simulator keeps of its episode, so that another process goes on where it crashed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from rclpy.node import Node
+
+from sain_core.errors import DatasetError
+from sain_core.ros.listeners import Return, listeners
+from sain_core.ros.state_file import StateFile, message_of, text_of
+from sain_interfaces.msg import Push
+from sain_interfaces.srv import ResetScene
+
+HEARD: Final = "push_result"  # by all who follow an episode
+LOST_TIME: Final = 60.0  # [s], simulated: the clock had gone on, and never goes back
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """A settled scene, and all that it takes to be there again.
+
+    Attributes:
+        reset: what leads to the scene: seed, world, bodies with masses and radii, friction.
+        episode_id: as in `Session`.
+        scene_id: as in `Session`.
+        time: simulated [s].
+        push: the one that was under way; None: there was none.
+    """
+
+    reset: ResetScene.Request
+    episode_id: int
+    scene_id: int
+    time: float
+    push: Push | None = None
+
+    def write(self, file: StateFile, listeners: Sequence[str]) -> None:
+        """Replace what a file holds; with the nodes that hear the simulator."""
+        push = "" if self.push is None else text_of(self.push)
+        file.write(
+            reset=text_of(self.reset),
+            episode_id=self.episode_id,
+            scene_id=self.scene_id,
+            time=self.time,
+            push=push,
+            listeners=listeners,
+        )
+
+    @classmethod
+    def read(cls, state: Mapping[str, Any]) -> "Moment | None":
+        """Return what a file holds; None: nothing.
+
+        Raises:
+            DatasetError: it is damaged.
+        """
+        if not state:
+            return None
+        try:
+            ids = int(state["episode_id"]), int(state["scene_id"])
+            push = message_of(Push, state["push"]) if state["push"] else None
+            reset = message_of(ResetScene.Request, state["reset"])
+            return cls(reset, *ids, float(state["time"]), push)
+        except (KeyError, TypeError, ValueError) as error:
+            raise DatasetError(f"the state of the simulator is damaged: {error!r}") from error
+
+
+class Resumption:
+    """The state of a simulator in a file, and the wait for those who listened before a crash.
+
+    Attributes:
+        left: where another process was left; None: there was none.
+        waits: whether not all listen again yet.
+    """
+
+    def __init__(self, node: Node, path: str) -> None:
+        """Go on from the file at a path; empty: there is none.
+
+        Raises:
+            DatasetError: it is damaged.
+        """
+        self._node = node
+        self._file = StateFile(node, path)
+        state = self._file.read()
+        self.left = Moment.read(state)
+        self.waits = self.left is not None
+        self._listeners = [str(name) for name in state.get("listeners", ())]
+        self._back = Return(node, HEARD, self._listeners)
+
+    @property
+    def lost(self) -> Push | None:
+        """The push that was under way when the process before crashed."""
+        return None if self.left is None else self.left.push
+
+    @property
+    def keeps(self) -> bool:
+        """Whether the state is kept."""
+        return bool(self._file)
+
+    def keep(self, moment: Moment) -> None:
+        """Replace the state."""
+        moment.write(self._file, self._listeners)
+
+    def all_listen(self) -> bool:
+        """Tell whether all who listened before a crash listen again, or have had their time."""
+        return self._back.complete()
+
+    def look_around(self) -> None:
+        """Note who listens."""
+        if self.keeps:
+            self._listeners = sorted(listeners(self._node, HEARD))

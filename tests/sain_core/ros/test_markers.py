@@ -1,0 +1,65 @@
+"""Markers as viewers show them."""
+
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Vector3
+from visualization_msgs.msg import Marker, MarkerArray
+
+from sain_core.ros.markers import MarkerBoard, make_marker
+from tests.rviz import Rviz, shown
+
+
+def cubes(count):
+    made = [
+        make_marker("cubes", number, Marker.CUBE, (1.0,) * 4, Time()) for number in range(count)
+    ]
+    for marker in made:
+        marker.scale = Vector3(x=0.1, y=0.1, z=0.1)
+    return made
+
+
+@pytest.fixture
+def board(graph):
+    graph.listen("boxes", MarkerArray)
+    board = MarkerBoard(graph.bystander, "boxes")
+    graph.wait(board._publisher.get_subscription_count, "the viewer")
+    return board
+
+
+def arrays(graph, count):
+    graph.wait(lambda: len(graph.heard["boxes"]) >= count, f"{count} arrays")
+    return graph.heard["boxes"]
+
+
+def test_a_viewer_shows_the_latest_array_and_nothing_else(graph, board):
+    counts = (3, 1, 0, 2)
+    for count in counts:
+        board.show(cubes(count))
+    rviz = Rviz()
+    for array, count in zip(arrays(graph, len(counts)), counts, strict=True):
+        rviz.receive(array)
+        assert rviz.count().get("cubes", 0) == count
+    assert not rviz.problems
+
+
+def test_one_lost_array_leaves_nothing_behind(graph, board):
+    for count in (3, 1, 1):
+        board.show(cubes(count))
+    first, _, last = arrays(graph, 3)
+    assert shown([first, last]).count() == {"cubes": 1}
+
+
+def test_a_new_viewer_loses_the_markers_of_a_former_node(graph, board):
+    board.show(cubes(1))
+    arrays(graph, 1)
+    late = []
+    graph.bystander.create_subscription(MarkerArray, "boxes", late.append, 10)
+    graph.wait(lambda: board._publisher.get_subscription_count() == 2, "the new viewer")
+    board.show(cubes(1))
+    graph.wait(lambda: late, "an array")
+    rviz = shown([MarkerArray(markers=cubes(5))])
+    rviz.receive(late[0])
+    assert rviz.count() == {"cubes": 1}
+    board.show(cubes(1))
+    graph.wait(lambda: len(late) == 2, "another array")
+    assert [marker.action for marker in late[1].markers] == [Marker.ADD]

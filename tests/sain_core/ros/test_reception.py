@@ -1,0 +1,85 @@
+"""An error in a callback is an answer, and the node lives on."""
+
+import pytest
+from rclpy.node import Node
+
+from sain_core.errors import BusyError, ErrorCode
+from sain_core.ros.qos import QUEUE, SERVICE
+from sain_core.ros.reception import Reception, outcome
+from sain_interfaces.msg import Push
+from sain_interfaces.srv import LoadModel
+
+
+@pytest.fixture
+def node(graph) -> Node:
+    return graph.add(Node("node", namespace="sain", context=graph.context))
+
+
+def fail(error: Exception):
+    def callback(*_):
+        raise error
+
+    return callback
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "text", "defects"),
+    [
+        (BusyError("later"), ErrorCode.BUSY, "later", 0),
+        (ZeroDivisionError("by 0"), ErrorCode.INTERNAL, "ZeroDivisionError: by 0", 1),
+        (RuntimeError("x" * 10_000), ErrorCode.INTERNAL, "(10014 characters)", 1),
+    ],
+)
+def test_an_error_of_a_service_is_its_reply(graph, node, error, code, text, defects):
+    reception = Reception(node)
+    reception.serve(LoadModel, "load_model", fail(error))
+    for _ in range(2):
+        reply = graph.call(LoadModel, "load_model", LoadModel.Request())
+        assert ErrorCode(reply.error_code) is code
+        assert text in reply.error_message
+    assert reception.figures == {"received_load_model": 2, "defects": 2 * defects}
+
+
+def test_a_request_that_is_too_large_does_not_reach_the_callback(graph, node):
+    Reception(node).serve(LoadModel, "load_model", fail(AssertionError("it was called")))
+    reply = graph.call(LoadModel, "load_model", LoadModel.Request(model="x" * 10_000))
+    assert ErrorCode(reply.error_code) is ErrorCode.INVALID
+    assert "model has 10000 characters" in reply.error_message
+
+
+def test_a_reply_without_an_error_is_ok(graph, node):
+    async def describe(_, response):
+        response.model = "planar"
+
+    Reception(node).serve(LoadModel, "load_model", describe)
+    reply = graph.call(LoadModel, "load_model", LoadModel.Request())
+    assert (reply.error_code, reply.model) == (ErrorCode.OK, "planar")
+
+
+def test_a_message_that_fails_is_refused_with_the_error(graph, node):
+    reception, refused = Reception(node), []
+    error = ZeroDivisionError("by 0")
+    reception.listen(Push, "push", fail(error), QUEUE, lambda *told: refused.append(told))
+    graph.wait(lambda: graph.pushing.get_subscription_count() == 2, "who takes a push")
+    graph.pushing.publish(Push(push_id=3))
+    graph.pushing.publish(Push(push_id=4, source="x" * 10_000))
+    graph.wait(lambda: len(refused) == 2, "the refusals")
+    assert [(message.push_id, type(why).__name__) for message, why in refused] == [
+        (3, "ZeroDivisionError"),
+        (4, "InvalidInputError"),
+    ]
+    assert reception.figures == {"received_push": 2, "defects": 1}
+
+
+def test_a_burst_of_requests_is_answered(graph, node):
+    Reception(node).serve(LoadModel, "load_model", fail(BusyError("later")))
+    client = graph.bystander.create_client(LoadModel, "load_model", qos_profile=SERVICE)
+    graph.wait(client.service_is_ready, "the service")
+    futures = [client.call_async(LoadModel.Request()) for _ in range(1000)]
+    graph.wait(lambda: all(future.done() for future in futures), "all replies")
+    assert {future.result().error_code for future in futures} == {ErrorCode.BUSY}
+
+
+def test_the_outcome_of_work_is_its_value_or_its_error():
+    assert outcome(lambda: 3).result() == 3
+    assert isinstance(outcome(fail(KeyError("a"))).exception(), KeyError)

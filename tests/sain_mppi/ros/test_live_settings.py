@@ -1,0 +1,113 @@
+"""Settings of the planner as rqt_reconfigure and `ros2 param set` change them."""
+
+import pytest
+from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
+
+from sain_core.errors import ErrorCode
+from sain_core.scene import POSITION
+from sain_mppi.ros.mppi_node import MppiNode
+from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
+
+
+@pytest.fixture
+def planner(graph, straw):
+    node = graph.start(MppiNode, dynamics="in_process", model="planar", **SMALL)
+    graph.wait(lambda: straw.scenes.get_subscription_count() == 2, "the planner")
+    graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
+    return node
+
+
+@pytest.fixture
+def change(graph, planner):
+    def change(**values):
+        given = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
+        request = SetParametersAtomically.Request(parameters=[p.to_parameter_msg() for p in given])
+        return graph.call(
+            SetParametersAtomically, "mppi_node/set_parameters_atomically", request
+        ).result
+
+    return change
+
+
+def describe(graph, name: str) -> ParameterDescriptor:
+    request = DescribeParameters.Request(names=[name])
+    return graph.call(DescribeParameters, "mppi_node/describe_parameters", request).descriptors[0]
+
+
+def test_the_next_plan_is_made_with_what_was_set(graph, straw, change):
+    graph.aim(GOAL, 1)
+    straw.show()
+    first = plan(graph, push_id=nth_push(graph, 1).push_id)
+    assert (first.samples, first.horizon, first.rounds, first.algorithm) == (
+        64,
+        2,
+        2,
+        "mppi_rounds",
+    )
+    done = change(
+        planner__samples=40,
+        planner__horizon=3,
+        planner__rounds=1,
+        planner__algorithm="icem",
+        planner__deadline=30.0,
+        planner__weights__position=[200.0, 100.0],
+        planner__weights__effort=0.0,
+    )
+    assert (done.successful, done.reason) == (True, "")
+    straw.answer(nth_push(graph, 1), ErrorCode.OK, before=START, after=START)
+    moved = START.copy()
+    moved[:, POSITION] += [0.0, -0.05]
+    straw.show(scene_id=2, disks=moved)
+    second = plan(graph, push_id=nth_push(graph, 2).push_id)
+    assert (second.samples, second.horizon, second.algorithm) == (40, 3, "icem")
+    assert (second.deadline, len(second.pushes)) == (30.0, 3 * 3)
+    assert dict(zip(second.cost_terms, second.cost_values, strict=True))["effort"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"planner__samples": 0}, "planner.samples out of range. Min: 1, Max: 1000000"),
+        ({"planner__temperature": -0.1}, "planner.temperature out of range Min: 0.0"),
+        ({"planner__temperature": float("nan")}, "planner.temperature out of range"),
+        ({"planner__samples": 2.5}, "Wrong parameter type, expected 'Type.INTEGER'"),
+        ({"planner__algorithm": "best"}, "parameter 'planner.algorithm' is 'best'; allowed: 'mppi"),
+        (
+            {"planner__weights__position": [1.0]},
+            "parameter 'planner.weights.position' has 1 values; it must have 2",
+        ),
+        (
+            {"planner__weights__position": [1.0, -2.0]},
+            "parameter 'planner.weights.position'[1] is -2.0 1/m^2; it must be at least 0.0 1/m^2",
+        ),
+        (
+            {"planner__weights__position": "far"},
+            "'planner.weights.position' is 'far'; it must be a",
+        ),
+        ({"model": "sain"}, "read-only parameter: model"),
+        ({"seed": 5}, "read-only parameter: seed"),
+        ({"feasibility__limits__max_length": 0.1}, "read-only parameter: feasibility.limits.max_l"),
+        # All or nothing: the good one beside a bad one is not set either.
+        ({"planner__horizon": 3, "planner__samples": 0}, "planner.samples out of range"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_the_reason_and_nothing_changes(
+    planner, change, values, reason
+):
+    done = change(**values)
+    assert not done.successful
+    assert reason in done.reason
+    assert planner.get_parameter("planner.horizon").value == 2
+    assert planner.config.planner == planner.agent.decider._config
+    assert planner.config.planner.samples == 64
+
+
+def test_a_reader_sees_which_settings_can_be_changed(graph, planner):
+    samples, model = describe(graph, "planner.samples"), describe(graph, "model")
+    assert not samples.read_only
+    assert samples.additional_constraints == ""
+    assert not describe(graph, "planner.weights.position").read_only
+    assert model.read_only
+    assert "start the node anew" in model.additional_constraints

@@ -1,0 +1,102 @@
+"""What the simulator's node does where something fails that never should, or too much is sent."""
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.node import Node
+
+from sain_core.errors import ErrorCode
+from sain_core.ros import codec
+from sain_core.ros.ownership import Ownership
+from sain_core.ros.qos import QUEUE
+from sain_core.scene import make_scene
+from sain_interfaces.msg import DiskState, Push, PushResult
+from sain_interfaces.srv import ResetScene
+from sain_sim.ros.sim_node import SimNode
+
+AHEAD = (0.0, 0.0, 0.1)
+
+
+@pytest.fixture
+def simulator(graph):
+    node = graph.start(SimNode, peer_wait=0.0, idle_rate=20.0)
+    graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
+    return node
+
+
+def test_a_push_that_fails_unexpectedly_is_answered_and_the_next_one_is_executed(
+    graph, simulator, monkeypatch
+):
+    def fail(*_):
+        raise ZeroDivisionError("in the world")
+
+    scene = graph.find("scene", settled=True)[-1]
+    with monkeypatch.context() as patched:
+        patched.setattr(simulator.simulator, "push", fail)
+        graph.push(scene, 1, AHEAD)
+        result = graph.result(1)
+    assert ErrorCode(result.error_code) is ErrorCode.INTERNAL
+    assert result.error_message == "ZeroDivisionError: in the world"
+    assert result.after.scene_id == scene.scene_id + 1  # bodies may have moved
+    graph.push(result.after, 2, AHEAD)
+    assert graph.result(2).error_code == ErrorCode.OK
+    assert simulator.reception.figures["defects"] == 1
+
+
+def test_a_reset_that_fails_unexpectedly_is_answered(graph, simulator, monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError("in the world")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(simulator.simulator, "reset", fail)
+        reply = graph.call(ResetScene, "reset_scene", ResetScene.Request())
+    assert ErrorCode(reply.error_code) is ErrorCode.INTERNAL
+    assert reply.scene == simulator.settled
+    assert graph.reset(seed=3).episode_id == 2
+
+
+def test_a_push_that_is_too_large_is_answered_without_what_is_too_large(graph, simulator):
+    graph.wait(lambda: graph.pushing.get_subscription_count() == 2, "who takes a push")
+    graph.pushing.publish(Push(push_id=5, source="x" * 100_000, length=0.1))
+    result = graph.result(5)
+    assert ErrorCode(result.error_code) is ErrorCode.INVALID
+    assert result.error_message == "source has 100000 characters; at most 256 are accepted"
+    assert result.push == Push(push_id=5, length=0.1)
+
+
+def test_a_hundred_thousand_disks_are_refused(graph, simulator):
+    reply = graph.call(ResetScene, "reset_scene", ResetScene.Request(disks=[DiskState()] * 100_000))
+    assert ErrorCode(reply.error_code) is ErrorCode.INVALID
+    assert reply.error_message == "disks has 100000 elements; at most 32 are accepted"
+    many = make_scene(np.array([(0.3 + 0.01 * i, 0.0) for i in range(11)]), *np.full((2, 11), 0.1))
+    request = ResetScene.Request(disks=codec.encode_disks(many))
+    reply = graph.call(ResetScene, "reset_scene", request)
+    assert "the scene has 11 bodies; at most 10 are allowed" in reply.error_message
+
+
+def test_each_push_of_a_burst_is_answered(graph, simulator):
+    sender = graph.bystander.create_publisher(Push, "push", QUEUE)
+    results: list[int] = []
+    graph.bystander.create_subscription(
+        PushResult, "push_result", lambda result: results.append(result.push_id), QUEUE
+    )
+    graph.wait(lambda: sender.get_subscription_count() == 2, "who takes a push")
+    for push_id in range(1, 3001):
+        sender.publish(Push(push_id=push_id, episode_id=99))
+    graph.wait(lambda: len(results) == 3000, "all results")
+    assert sorted(results) == list(range(1, 3001))
+
+
+def test_a_rival_is_an_error_on_diagnostics_until_it_ends(graph, simulator):
+    graph.listen("/diagnostics", DiagnosticArray)
+    rival = graph.add(Node("rival", namespace="sain", context=graph.context))
+    Ownership(rival, ("scene",))
+    expected = "/sain/rival publishes /sain/scene, too; stop it, or start this one with another"
+
+    def status():
+        return graph.heard["/diagnostics"][-1].status[0] if graph.heard["/diagnostics"] else None
+
+    graph.wait(lambda: status() and status().level == DiagnosticStatus.ERROR, "the error")
+    assert status().message.startswith(expected)
+    graph.stop(rival)
+    graph.wait(lambda: status().level == DiagnosticStatus.OK, "the end of the rival")

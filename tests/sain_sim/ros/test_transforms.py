@@ -1,0 +1,129 @@
+"""What RViz reads of the arm and of the bodies: a description and a tree of frames."""
+
+import json
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ament_index_python import get_package_share_directory
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
+
+from sain_core import wire
+from sain_core.ros import codec
+from sain_core.scene import DISK_HEIGHT, THETA, make_scene
+from sain_sim.arm.kinematics import Kinematics
+from sain_sim.arm.panda import JOINT_NAMES
+from sain_sim.ros.sim_node import SimNode
+from tests.tf import Buffer
+
+OF_JAZZY = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
+LATE = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+FOUR = make_scene(
+    np.array([(0.4, 0.0), (0.6, 0.0), (0.5, 0.3), (0.5, -0.3)]), np.full(4, 8.0), np.full(4, 0.06)
+)
+
+
+class Viewer:
+    """Joins when the simulator is there already, as RViz does."""
+
+    def __init__(self, graph, description):
+        self.graph = graph
+        self.buffer = Buffer()
+        self.said, self.joints = [], []
+        node = graph.bystander
+        node.create_subscription(TFMessage, "/tf", self.buffer.receive, 100)
+        node.create_subscription(TFMessage, "/tf_static", self.buffer.receive, LATE)
+        node.create_subscription(String, description, self.said.append, LATE)
+        node.create_subscription(JointState, "joint_states", self.joints.append, 100)
+        graph.wait(lambda: self.said and self.frames, "the arm's description")
+
+    @property
+    def frames(self):
+        return set(self.buffer.latest)
+
+    def place(self, body):
+        pose = self.buffer.lookup(f"body_{body}")
+        return [*pose[:3, 3], np.arctan2(pose[1, 0], pose[0, 0])]
+
+    def sees(self, scene):
+        """Whether bodies are where a scene has them."""
+        rows = wire.decode_disks(scene.disks)
+        if not all(f"body_{body}" in self.frames for body in range(len(rows))):
+            return False
+        expected = [[x, y, DISK_HEIGHT / 2, theta] for x, y, theta in rows[:, : THETA + 1]]
+        seen = [self.place(body) for body in range(len(rows))]
+        return bool(np.allclose(seen, expected, atol=1e-9))
+
+
+@pytest.fixture
+def simulator(graph):
+    node = graph.start(SimNode, peer_wait=0.0, idle_rate=20.0)
+    graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
+    return node
+
+
+@pytest.fixture
+def viewer(graph, simulator):
+    return Viewer(graph, "robot_description")
+
+
+def test_the_type_of_the_topic_is_that_of_jazzy():
+    share = Path(get_package_share_directory("tf2_msgs"))
+    described = json.loads((share / "msg" / "TFMessage.json").read_text())
+    assert described["type_hashes"][0]["hash_string"] == OF_JAZZY
+
+
+def test_every_link_of_the_description_has_a_place_in_the_world(graph, viewer):
+    graph.wait(lambda: "panda_link7" in viewer.frames, "the links")
+    robot = ElementTree.fromstring(viewer.said[0].data)
+    for link in robot.findall("link"):
+        assert viewer.buffer.lookup(link.get("name")).shape == (4, 4)
+    moving = [j.get("name") for j in robot.findall("joint") if j.get("type") != "fixed"]
+    graph.wait(lambda: viewer.joints, "the joints")
+    assert moving == list(viewer.joints[-1].name) == list(JOINT_NAMES)
+
+
+def test_frames_follow_a_push_from_scene_to_scene(graph, viewer):
+    scene = graph.find("scene", settled=True)[-1]
+    graph.wait(lambda: viewer.sees(scene), "the bodies")
+    graph.push(scene, 7, (0.2, -0.1, 0.12))
+    after = graph.result(7).after
+    graph.wait(lambda: viewer.sees(after), "the bodies after the push")
+    joints = np.array(viewer.joints[-1].position)
+    tip = Kinematics(viewer.buffer.lookup("panda_link0")[2, 3], 0.22).tips(joints)
+    np.testing.assert_allclose(viewer.buffer.lookup("panda_tool")[:3, 3], tip, atol=1e-6)
+    assert not viewer.buffer.problems
+
+
+def test_a_reset_is_seen_although_time_stands_still(graph, viewer):
+    first = graph.reset(disks=codec.encode_disks(FOUR))
+    graph.wait(lambda: viewer.sees(first), "four bodies")
+    second = graph.reset(seed=5)
+    graph.wait(lambda: viewer.sees(second), "two others")
+    third = graph.reset(seed=6)
+    graph.wait(lambda: viewer.sees(third), "two others again")
+    assert not viewer.buffer.problems
+
+
+def test_a_late_viewer_gets_every_frame_without_a_push(graph, simulator):
+    scene = graph.find("scene", settled=True)[-1]
+    for _ in range(2):
+        viewer = Viewer(graph, "robot_description")
+        graph.wait(lambda viewer=viewer: viewer.sees(scene), "the bodies")
+        assert not viewer.buffer.problems
+
+
+@pytest.mark.parametrize(("given", "prefix"), [("", "lab/"), ("left_", "left_")])
+def test_frames_of_another_graph_have_a_prefix(graph, given, prefix):
+    def node(**options):
+        return SimNode(cli_args=["--ros-args", "-r", "__ns:=/lab"], **options)
+
+    graph.start(node, peer_wait=0.0, idle_rate=20.0, frame_prefix=given)
+    viewer = Viewer(graph, "/lab/robot_description")
+    graph.wait(lambda: f"{prefix}body_0" in viewer.frames, "bodies")
+    assert {name[: len(prefix)] for name in viewer.frames} == {prefix}
+    assert np.isfinite(viewer.buffer.lookup(f"{prefix}panda_tool")).all()

@@ -1,0 +1,60 @@
+"""Simulators as processes: of several that start together one remains, and a killed one leaves."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+import pytest
+
+pytestmark = pytest.mark.system
+
+CODE = "import sys; from sain_sim.commands import sim_node; sys.exit(sim_node())"
+PATIENCE = 60.0  # [s]
+REFUSED = "sim_node: /sain/sim_node publishes /sain/scene already; stop it, or start this one"
+
+
+@contextmanager
+def started(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    command = [sys.executable, "-c", CODE, "--ros-args", *arguments]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        yield process
+        process.terminate()
+
+
+def wait_until_ready(process: subprocess.Popen[str]) -> None:
+    assert process.stderr is not None
+    said = []
+    for line in process.stderr:
+        said.append(line)
+        if "ready" in line:
+            return
+    raise AssertionError("".join(said))
+
+
+def test_of_three_that_start_together_one_remains(ros_domain):
+    with ExitStack() as stack:
+        processes = [stack.enter_context(started("-p", "peer_wait:=0.0")) for _ in range(3)]
+        end = time.monotonic() + PATIENCE
+        while sum(one.poll() is None for one in processes) > 1 and time.monotonic() < end:
+            time.sleep(0.1)
+        time.sleep(1.0)
+        assert sorted(str(one.poll()) for one in processes) == ["1", "1", "None"]
+        for process in processes:
+            if process.poll() is not None:
+                assert process.stderr is not None
+                assert REFUSED in process.stderr.read()
+
+
+def test_after_a_killed_one_the_next_starts_at_once(ros_domain):
+    with started() as first:
+        wait_until_ready(first)
+        first.send_signal(signal.SIGKILL)
+        first.wait()
+        with started() as second:
+            wait_until_ready(second)
+            with started() as third:
+                assert third.wait(PATIENCE) == 1
+            assert second.poll() is None
