@@ -1,8 +1,8 @@
 """Faults of what is below all processes: datagrams, the wall clock, memory and disks."""
 
+import struct
 import subprocess
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
@@ -20,7 +20,7 @@ DATAGRAMS: Final = {
     "5 % of datagrams lost": {"FAULT_DROP": "0.05"},
     "10 % of datagrams late by 20 ms": {"FAULT_DELAY": "0.1", "FAULT_LATE": "20000"},
 }
-JUMPS: Final = {"wall clock jumps ahead by 1 h": "3600", "wall clock jumps back by 1 h": "-3600"}
+JUMPS: Final = {"wall clock jumps ahead by 1 h": 3600.0, "wall clock jumps back by 1 h": -3600.0}
 SMALL: Final = "2m"  # disk
 
 
@@ -32,11 +32,19 @@ def compiled(folder: Path) -> Path:
     return library
 
 
-def played(folder: Path, fault: str, episodes: int, environment: dict[str, str]) -> Row:
-    """Play episodes on a graph whose processes have these variables."""
+def played(
+    folder: Path,
+    fault: str,
+    episodes: int,
+    environment: dict[str, str],
+    begin: Callable[[], object] = lambda: None,
+) -> Row:
+    """Play episodes on a graph whose processes have these variables; `begin` after the first."""
     survived = 0
     with graph(folder, environment=environment) as running:
-        for _ in range(episodes):
+        for number in range(episodes):
+            if number == 1:
+                begin()
             try:
                 running.play()
                 survived += 1
@@ -54,16 +62,19 @@ def datagrams(folder: Path, episodes: int) -> Iterator[Row]:
         yield played(folder / f"datagrams_{number}", fault, episodes, environment)
 
 
-def clock_jumps(folder: Path, episodes: int, after: float = 10.0) -> Iterator[Row]:
-    """Let the wall clock jump in the midst of episodes, so long [s] after the start."""
+def clock_jumps(folder: Path, episodes: int) -> Iterator[Row]:
+    """Let the wall clock jump between the first episode and the second."""
     library = str(compiled(folder))
     for fault, jump in JUMPS.items():
-        environment = {
-            "LD_PRELOAD": library,
-            "FAULT_JUMP": jump,
-            "FAULT_JUMP_AT": str(time.monotonic() + after),
-        }
-        yield played(folder / f"clock_{jump}", fault, episodes, environment)
+        clock = folder / f"clock_{jump:g}"
+        clock.write_bytes(struct.pack("d", 0.0))
+        environment = {"LD_PRELOAD": library, "FAULT_CLOCK": str(clock)}
+
+        def leap(clock: Path = clock, jump: float = jump) -> None:
+            with clock.open("r+b") as file:
+                file.write(struct.pack("d", jump))
+
+        yield played(folder / f"jump_{jump:g}", fault, episodes, environment, leap)
 
 
 def full_memory(folder: Path, episodes: int) -> Row:

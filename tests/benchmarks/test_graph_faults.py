@@ -29,7 +29,7 @@ def test_lost_and_late_datagrams_change_nothing(tmp_path):
 
 
 def test_jumps_of_the_wall_clock_change_nothing(tmp_path):
-    for row in surroundings.clock_jumps(tmp_path, episodes=3, after=2.0):
+    for row in surroundings.clock_jumps(tmp_path, episodes=3):
         assert (row.survived, row.lost) == (3, 0), row
 
 

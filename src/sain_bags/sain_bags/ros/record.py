@@ -19,6 +19,7 @@ from sain_core.errors import ConfigError
 from sain_core.ros.node_main import ros_context
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed
+SILENCE: Final = 5.0  # [s] after which nothing seems to be said
 DRAIN_TIME: Final = 0.5  # [s], at most, for messages that have come before the stop
 QUIET_PASSES: Final = 5  # without a message: nothing more is on its way
 
@@ -61,7 +62,6 @@ def record(options: RecordOptions, console: Console) -> None:
     stop = StopSignal()
     with BagWriter(options.out, options.bag, custom_data) as writer:
         recorder = Recorder(writer, selection)
-        notify.ready()
 
         def status() -> RecordingStatus:
             elapsed = time.monotonic() - started
@@ -71,9 +71,13 @@ def record(options: RecordOptions, console: Console) -> None:
 
         try:
             with StatusDisplay(console, options.status_period) as display:
+                ready = False
                 while not stop.wait(PASS_PERIOD):
+                    written = recorder.work()
+                    if not ready and (written or time.monotonic() - started > SILENCE):
+                        ready = True  # it hears what is said, if anything is
+                        notify.ready()
                     notify.alive()
-                    recorder.work()
                     display.show(status)
                 drain(recorder)
         finally:
