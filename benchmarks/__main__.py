@@ -46,6 +46,7 @@ ON_DATA = {
     "rough_world",
     "shapes_collect",
     "shapes_learning",
+    "soak",
     "without_history",
 }
 
