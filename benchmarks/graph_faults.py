@@ -35,6 +35,7 @@ from sain_bags.reading.reader import Bag
 from sain_bringup.graph import RECORDER
 from sain_core.ros.node_main import ros_context
 
+RESULTS_KEPT: Final = 60.0  # [s], of actions
 STOPPED: Final = 10.0  # [s]
 KINDS: Final = ("kill", "stop", "datagrams", "clock", "memory", "disk", "messages", "files")
 
@@ -123,7 +124,7 @@ def messages(count: int, seed: int) -> Iterator[Row]:
     """Flood each node with hostile messages, and with texts of 10 MB."""
     for name in ("sim_node", "model_node", "mppi_node"):
         with own_domain(), ros_context():
-            found = list(flood_node(name, count, 10, seed))
+            found = list(flood_node(name, count, 10, seed, rest_s=RESULTS_KEPT + 10.0))
         arrived = sum(one.flood.arrived or 0 for one in found)
         asked = [one.flood for one in found if one.flood.answered is not None]
         silent = sum(max((one.arrived or 0) - (one.answered or 0), 0) for one in asked)

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import deepcopy
@@ -65,8 +66,8 @@ class Row:
         yield from ("yes" if self.died else "no", f"{self.before:.0f}", f"{self.after:.0f}")
 
 
-def flood_node(name: str, count: int, texts: int, seed: int) -> Iterator[Row]:
-    """Flood one node; yield what became of it."""
+def flood_node(name: str, count: int, texts: int, seed: int, rest_s: float = 0.0) -> Iterator[Row]:
+    """Flood one node; yield what became of it, last after a rest [s]: results are kept for 60 s."""
     flooder, random = Flooder(name, max(count, AT_ONCE) + 100), np.random.default_rng(seed)
     with running(name) as process:
         try:
@@ -80,6 +81,11 @@ def flood_node(name: str, count: int, texts: int, seed: int) -> Iterator[Row]:
                 if entry.text and texts:
                     long = (with_text(entry) for _ in range(texts))
                     yield _flood(flooder, process, entry, "10 MB", long)
+            if rest_s > 0.0:
+                before = resident(process)
+                time.sleep(rest_s)
+                died = process.poll() is not None
+                yield Row(entry, "at rest", Flood(), died, before, resident(process))
         finally:
             flooder.close()
 
