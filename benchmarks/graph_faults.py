@@ -61,7 +61,7 @@ class Options:
     page: Path | None = None
     """Markdown page to write"""
     rows: Path | None = None
-    """JSON lines that keep rows which were measured; these are not measured again"""
+    """JSON lines that rows are added to; the page has all that are there, also from before"""
     seed: int = 0
 
 
@@ -162,6 +162,8 @@ def main() -> None:
                 with options.rows.open("a") as file:
                     file.write(json.dumps(asdict(row)) + "\n")
     if options.page is not None:
+        if options.rows is not None:
+            rows = [Row(**json.loads(line)) for line in options.rows.read_text().splitlines()]
         write_page(options.page, rows, "make faults")
     sys.exit(0 if all(row.is_well for row in rows) else 1)
 
