@@ -10,7 +10,7 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -65,9 +65,11 @@ class Options:
     seed: int = 0
 
 
-def strikes(folder: Path, kind: str, tries: int, seed: int) -> Iterator[Row]:
+def strikes(
+    folder: Path, kind: str, tries: int, seed: int, parts: Sequence[str] = PARTS
+) -> Iterator[Row]:
     """Kill or stop each process in turn."""
-    for name in PARTS:
+    for name in parts:
         place = folder / f"{kind}_{name}"
         with graph(place) as running:
             striking = Strikes(running, kill if kind == "kill" else stop, name, seed)
