@@ -14,6 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from benchmarks.hostile_entries import Entry
 from sain_core.errors import ErrorCode
+from sain_core.ros.diagnostics import node_of
 from sain_interfaces import action, msg
 
 QUIET_S: Final = 2.0  # without anything new, before the counts are final
@@ -53,7 +54,7 @@ class Flooder(Node):
 
     def _on_diagnostics(self, array: DiagnosticArray) -> None:
         for status in array.status:
-            if status.name == f"/sain/{self._target}":
+            if node_of(status) == f"/sain/{self._target}":
                 self._values = {value.key: value.value for value in status.values}
 
     def _on_result(self, result: msg.PushResult) -> None:

@@ -26,11 +26,10 @@ class ProcessDiedError(SainError):
         exit_code: of the process, as a shell has it.
     """
 
-    def __init__(self, reason: str, log: Path, said: str, exit_code: int) -> None:
+    def __init__(self, text: str, reason: str = "", exit_code: int = 1) -> None:
         """Say why, and what the process said last."""
-        more = f"; the end of {log}:\n{said}" if said else " and said nothing"
-        super().__init__(reason + more)
-        self.reason, self.exit_code = reason, exit_code
+        super().__init__(text)
+        self.reason, self.exit_code = reason or text, exit_code
 
 
 @dataclass(frozen=True)
@@ -136,7 +135,9 @@ class Child:
         """Return the error that says how it ended and what it said last."""
         code = self.process.returncode or 0
         exit_code = code if code >= 0 else 128 - code
-        return ProcessDiedError(f"{self.name} {trouble}", self.log, self.last_lines(), exit_code)
+        reason, said = f"{self.name} {trouble}", self.last_lines()
+        more = f"; the end of {self.log}:\n{said}" if said else " and said nothing"
+        return ProcessDiedError(reason + more, reason, exit_code)
 
     def last_lines(self, count: int = LAST_LINES) -> str:
         """Return the end of its log."""
