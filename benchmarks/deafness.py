@@ -5,10 +5,10 @@ waits until it hears what a publisher says all the time. The machine is kept bus
 """
 
 import random
-import selectors
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import dataclass
 from typing import Final
@@ -98,14 +98,14 @@ def heard_after(patience: float) -> float | None:
     assert listener.stdout is not None
     listener.stdout.readline()
     begun = time.monotonic()
-    try:
-        with selectors.DefaultSelector() as selector:
-            selector.register(listener.stdout, selectors.EVENT_READ)
-            found = selector.select(patience)
-        return time.monotonic() - begun if found else None
-    finally:
-        listener.kill()
-        listener.wait()
+    # A thread waits for the line: `select` would not see what is in Python's own buffer.
+    waiting = threading.Thread(target=listener.stdout.readline, daemon=True)
+    waiting.start()
+    waiting.join(patience)
+    seconds = None if waiting.is_alive() else time.monotonic() - begun
+    listener.kill()
+    listener.wait()
+    return seconds
 
 
 if __name__ == "__main__":

@@ -36,6 +36,7 @@ LOOK: Final = 0.1  # [s] between looks at the graph: each costs some ms
 EARLY: Final = 0.5  # [s] in which no simulator that was just started can publish
 OWNED: Final = ("scene", "push", "goal", "/clock")  # topics with one publisher in a graph
 REUNION: Final = 0.5  # [s] in which nodes find one that is back after a crash
+LOST: Final = 5.0  # [s] after which a request has got lost, where a process has crashed
 PREDICTION_TIME: Final = 5.0  # [s] for the nominal world to predict the last push
 
 
@@ -186,8 +187,10 @@ class Director(Node):
 
         def answered() -> bool:
             nonlocal asked_at, future
-            if asked_at < self._back_at() + REUNION < time.monotonic() and not future.done():
-                asked_at, future = time.monotonic(), self._servers[name].call_async(request)
+            now, back = time.monotonic(), self._back_at()
+            due = back + REUNION if asked_at < back + REUNION else asked_at + LOST
+            if back > -inf and now > due and not future.done():
+                asked_at, future = now, self._servers[name].call_async(request)
             return bool(future.done())
 
         self.wait(answered, lambda: f"{name} did not answer")
