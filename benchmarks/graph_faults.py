@@ -26,7 +26,7 @@ from benchmarks.faults.surroundings import (
     datagrams,
     disks,
     full_memory,
-    in_full_memory,
+    with_own_memory,
 )
 from benchmarks.faults.table import Row, show, write_page
 from benchmarks.hostile_files import run_files
@@ -114,10 +114,10 @@ def measure(options: Options, folder: Path) -> Iterator[Row]:
 
 
 def memory(folder: Path, episodes: int) -> Iterator[Row]:
-    """Measure in a process that has a full /dev/shm of its own."""
+    """Measure in a process that has a /dev/shm of its own."""
     rows = folder / "memory.json"
     command = [sys.executable, "-m", "benchmarks.graph_faults", "--only", "_memory"]
-    in_full_memory([*command, "--episodes", str(episodes), "--rows", str(rows)])
+    with_own_memory([*command, "--episodes", str(episodes), "--rows", str(rows)])
     for line in rows.read_text().splitlines():
         yield Row(**json.loads(line))
 
@@ -154,7 +154,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if options.only == ("_memory",):
-            measured: Iterator[Row] = iter([full_memory(folder, options.episodes)])
+            measured: Iterator[Row] = full_memory(folder, options.episodes)
         else:
             measured = measure(options, folder)
         for row in measured:

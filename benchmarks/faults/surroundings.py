@@ -1,9 +1,10 @@
 """Faults of what is below all processes: datagrams, the wall clock, memory and disks."""
 
+import shlex
 import struct
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -11,8 +12,10 @@ from benchmarks.faults.running import graph
 from benchmarks.faults.table import Row
 from sain_bags.reading.reader import Bag
 from sain_bringup.children import ProcessDiedError
+from sain_bringup.graph import executable
 from sain_bringup.options import GraphOptions
 from sain_bringup.processes import RestartConfig
+from sain_core.cli.shared_memory import SHARED
 from sain_core.errors import SainError
 
 SOURCE: Final = Path(__file__).with_suffix(".c")
@@ -22,6 +25,7 @@ DATAGRAMS: Final = {
 }
 JUMPS: Final = {"wall clock jumps ahead by 1 h": 3600.0, "wall clock jumps back by 1 h": -3600.0}
 SMALL: Final = "2m"  # disk
+STARTS: Final = 5
 
 
 def compiled(folder: Path) -> Path:
@@ -77,9 +81,22 @@ def clock_jumps(folder: Path, episodes: int) -> Iterator[Row]:
         yield played(folder / f"jump_{jump:g}", fault, episodes, environment, leap)
 
 
-def full_memory(folder: Path, episodes: int) -> Row:
-    """Play where /dev/shm is full; needs the right to mount, in a namespace of its own."""
-    return played(folder / "memory", "full /dev/shm", episodes, {})
+def full_memory(folder: Path, episodes: int) -> Iterator[Row]:
+    """Let /dev/shm, of which this process has its own, run full in the midst of episodes."""
+
+    def fill() -> None:
+        with suppress(OSError), (SHARED / "full").open("wb", buffering=0) as file:
+            while True:
+                file.write(bytes(1 << 12))
+
+    yield played(folder / "memory", "/dev/shm runs full", episodes, {}, fill)
+    refused = 0
+    for _ in range(STARTS):
+        command = [str(executable("sain_sim", "sim_node"))]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        refused += done.returncode == 1 and f"sim_node: {SHARED} is full" in done.stderr
+    note = "ROS itself cannot start there: a node says so and ends with exit code 1"
+    yield Row("start with full /dev/shm", STARTS, refused, 0, note=note)
 
 
 def disks(folder: Path, tries: int) -> Iterator[Row]:
@@ -126,11 +143,7 @@ def mounted(place: Path, options: str) -> Iterator[None]:
         subprocess.run(["umount", "-l", str(place)], check=True)
 
 
-def in_full_memory(command: Sequence[str]) -> int:
-    """Run a command where /dev/shm is full; return its exit code."""
-    words = " ".join(command)
-    script = (
-        "mount -t tmpfs -o size=64k tmpfs /dev/shm && "
-        f"{{ dd if=/dev/zero of=/dev/shm/full bs=1k 2>/dev/null; exec {words}; }}"
-    )
+def with_own_memory(command: Sequence[str]) -> int:
+    """Run a command that has a small /dev/shm of its own; return its exit code."""
+    script = f"mount -t tmpfs -o size=1m tmpfs {SHARED} && exec {shlex.join(command)}"
     return subprocess.run(["unshare", "-m", "sh", "-c", script], check=False).returncode

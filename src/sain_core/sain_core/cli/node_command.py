@@ -12,8 +12,9 @@ from typing import Any, Final
 
 from sain_core.cli.command_line import WRONG_USAGE, load, split_ros_arguments
 from sain_core.cli.interrupts import silent_interrupts
+from sain_core.cli.shared_memory import check_shared_memory
 from sain_core.config import Config, describe_values, show_value
-from sain_core.errors import INTERRUPTED
+from sain_core.errors import INTERRUPTED, OutputError
 
 WIDEST: Final = 100  # columns of the help
 
@@ -53,6 +54,11 @@ class NodeCommand:
             if own:
                 sys.stderr.write(f"{self.name.split()[1]}: {self._problem(own)}\n")
                 return WRONG_USAGE
+            try:
+                check_shared_memory()
+            except OutputError as error:
+                sys.stderr.write(f"{self.name.split()[1]}: {error}\n")
+                return 1
             from sain_core.ros.node_main import node_main
 
             node = load(self.name, self.node)
