@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections.abc import Callable
 from typing import Final
 
 from rich.console import Console
@@ -20,6 +21,7 @@ from sain_core.ros.node_main import ros_context
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed
 SILENCE: Final = 5.0  # [s] after which nothing seems to be said
+REST: Final = 1.0  # [s] from the first message until the other topics are heard, too
 DRAIN_TIME: Final = 0.5  # [s], at most, for messages that have come before the stop
 QUIET_PASSES: Final = 5  # without a message: nothing more is on its way
 
@@ -71,12 +73,9 @@ def record(options: RecordOptions, console: Console) -> None:
 
         try:
             with StatusDisplay(console, options.status_period) as display:
-                ready = False
+                heard = first_heard(started)
                 while not stop.wait(PASS_PERIOD):
-                    written = recorder.work()
-                    if not ready and (written or time.monotonic() - started > SILENCE):
-                        ready = True  # it hears what is said, if anything is
-                        notify.ready()
+                    heard(recorder.work())
                     notify.alive()
                     display.show(status)
                 drain(recorder)
@@ -87,6 +86,22 @@ def record(options: RecordOptions, console: Console) -> None:
             recorder.destroy_node()
     size = sum(path.stat().st_size for path in options.out.iterdir())
     console.print(last.final(options.out, size), highlight=False, markup=False)
+
+
+def first_heard(started: float) -> Callable[[int], None]:
+    """Return what takes the number of messages of each pass, and once tells that all is ready."""
+    ready_at, told = started + SILENCE, False
+
+    def heard(written: int) -> None:
+        nonlocal ready_at, told
+        now = time.monotonic()
+        if written:
+            ready_at = min(ready_at, now + REST)
+        if now >= ready_at and not told:
+            told = True
+            notify.ready()
+
+    return heard
 
 
 def about_silence(recorder: Recorder, silent: tuple[str, ...]) -> dict[str, str]:
