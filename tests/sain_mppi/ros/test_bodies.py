@@ -125,6 +125,7 @@ def test_a_scene_of_other_bodies_than_its_shapes_gets_no_push(graph, straw, shap
         ({"x": np.nan}, (), ErrorCode.INVALID, "x of the goal of body 0 is nan"),
         ({"heading": np.inf}, (), ErrorCode.INVALID, "heading of the goal of body 0 is inf"),
         ({"tolerance": -0.1}, (), ErrorCode.OUT_OF_RANGE, "tolerance of body 0 is -0.1"),
+        ({"tolerance": 1e308}, (), ErrorCode.OUT_OF_RANGE, "tolerance of body 0 is 1e+308"),
         ({"heading_tolerance": -1.0}, (), ErrorCode.OUT_OF_RANGE, "heading_tolerance of body 0"),
         ({"body": 7}, (), ErrorCode.INVALID, "a goal is given for body 7; the scene has bodies 0"),
         ({"body": 1}, (), ErrorCode.INVALID, "goal of body 1 has heading 0.300 rad; it is a disk"),

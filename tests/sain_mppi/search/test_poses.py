@@ -84,8 +84,8 @@ def test_numbers_that_are_none_are_refused(values, kind):
     assert isinstance(caught.value, kind) and next(iter(values)) in str(caught.value)
 
 
-@pytest.mark.parametrize("tolerance", [-0.01, 0.0, float("nan")])
-def test_a_kept_body_has_a_positive_tolerance(tolerance: float):
+@pytest.mark.parametrize("tolerance", [-0.01, 0.0, 2.0, float("nan")])
+def test_a_kept_body_has_a_positive_tolerance_below_a_metre(tolerance: float):
     with pytest.raises(OutOfRangeError, match=f"keep_tolerance is {tolerance}"):
         PoseGoal((BodyPose(0, 0.5, 0.0),), (1,), tolerance)
 

@@ -20,6 +20,7 @@ Goal = Float[ndarray, "2"]
 
 SIDES: Final = 72  # from which a goal is looked at
 SLIDE: Final = 0.03  # [m], how far disks may slide on behind a tool that stops
+MOST_TOLERANCE: Final = 1.0  # [m]
 
 
 def check_goal(goal: Goal, table: Table) -> Goal:
@@ -64,13 +65,15 @@ def check_in_reach(goal: Goal, scene: Scene, feasibility: Feasibility) -> None:
 
 
 def check_tolerance(tolerance: float) -> float:
-    """Return the tolerance [m] when it is a positive number.
+    """Return the tolerance [m] when it is positive, and less than a table is wide.
 
     Raises:
         OutOfRangeError: it is not.
     """
-    if not (np.isfinite(tolerance) and tolerance > 0):
-        raise OutOfRangeError(f"the tolerance is {tolerance} m; it must be positive and finite")
+    if not 0.0 < tolerance <= MOST_TOLERANCE:
+        raise OutOfRangeError(
+            f"the tolerance is {tolerance} m; allowed: above 0, up to {MOST_TOLERANCE:g} m"
+        )
     return tolerance
 
 

@@ -14,6 +14,7 @@ from sain_core.shapes.disk import DISK
 from sain_core.shapes.outline import outline_of
 from sain_core.shapes.registry import get_shape
 from sain_core.types import Angles, Scene, Scenes
+from sain_mppi.search.goal import MOST_TOLERANCE
 
 Errors = Float[ndarray, "*B P"]  # of P poses
 
@@ -52,11 +53,12 @@ class BodyPose:
                 raise InvalidInputError(
                     f"{name} of the goal of body {self.body} is {value}; it must be finite"
                 )
-        for name in ("tolerance", "heading_tolerance"):
+        most = {"tolerance": MOST_TOLERANCE, "heading_tolerance": TURN_PER_METRE * MOST_TOLERANCE}
+        for name, limit in most.items():
             value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
+            if not 0.0 < value <= limit:
                 raise OutOfRangeError(
-                    f"{name} of body {self.body} is {value}; it must be positive and finite"
+                    f"{name} of body {self.body} is {value}; allowed: above 0, up to {limit:g}"
                 )
 
 
@@ -76,9 +78,10 @@ class PoseGoal:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        if not (np.isfinite(self.keep_tolerance) and self.keep_tolerance > 0.0):
+        if not 0.0 < self.keep_tolerance <= MOST_TOLERANCE:
             raise OutOfRangeError(
-                f"keep_tolerance is {self.keep_tolerance}; it must be positive and finite"
+                f"keep_tolerance is {self.keep_tolerance} m;"
+                f" allowed: above 0, up to {MOST_TOLERANCE:g} m"
             )
 
     @property
