@@ -1,6 +1,8 @@
-"""The view for RViz: it names what RViz has and what the graph publishes."""
+"""The views for RViz and Foxglove: they name what these have and what the graph publishes."""
 
 import importlib.util
+import json
+import re
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -12,12 +14,16 @@ import yaml
 from sain_bringup.options import GraphOptions
 from sain_bringup.rviz import view_of
 from sain_core.cli.command_line import read_options
+from sain_interfaces.msg import Plan, PushResult
 from sain_mppi.commands import mppi_node
 from sain_sim.commands import sim_node
 from tests.paths import ROOT
 
 BRINGUP = ROOT / "src" / "sain_bringup"
 VIEW = BRINGUP / "config" / "sain.rviz"
+LAYOUT = BRINGUP / "config" / "foxglove.json"
+PANELS = {"3D", "Plot", "DiagnosticSummary", "RawMessages"}  # types that Foxglove has
+PLOTTED = {"/sain/plan": Plan, "/sain/push_result": PushResult}
 CLASSES = {  # of RViz 2 in Jazzy: plugins_description.xml of rviz_default_plugins, and rviz_common
     *(f"rviz_common/{name}" for name in ("Displays", "Tool Properties", "Views", "Time")),
     *(
@@ -81,6 +87,36 @@ def test_another_namespace_has_a_view_of_its_own():
         t.replace("/sain/", "/lab/left/") for t in topics_of(VIEW.read_text())
     }
     assert values_of("TF Prefix", yaml.safe_load(text)) == ["lab/left"]
+
+
+def panels_of(layout: Any) -> list[str]:
+    """The panels in a tree of halves, from left to right and from the top."""
+    if isinstance(layout, str):
+        return [layout]
+    assert layout["direction"] in ("row", "column")
+    return panels_of(layout["first"]) + panels_of(layout["second"])
+
+
+def test_the_layout_for_foxglove_shows_each_of_its_panels_once():
+    layout = json.loads(LAYOUT.read_text())
+    shown = panels_of(layout["layout"])
+    assert sorted(shown) == sorted(layout["configById"])
+    assert {name.split("!")[0] for name in shown} == PANELS
+
+
+def test_what_the_layout_for_foxglove_shows_is_published():
+    panels = json.loads(LAYOUT.read_text())["configById"]
+    said = {f"/sain/{name}" for node in (sim_node, mppi_node) for name in node.publishes}
+    table = panels["3D!table"]
+    assert {*table["topics"], table["layers"]["arm"]["topic"]} <= said
+    assert table["publish"]["poseTopic"] == "/sain/goal_pose"
+    assert table["followTf"] == "world"
+    paths = [path["value"] for panel in panels.values() for path in panel.get("paths", ())]
+    for path in (*paths, panels["RawMessages!result"]["topicPath"]):
+        topic, field = path.split(".")
+        assert topic in said
+        kind = PLOTTED[topic].get_fields_and_field_types()[re.sub(r"\[\d\]$", "", field)]
+        assert kind.startswith("sequence") == field.endswith("]")
 
 
 class Made(SimpleNamespace):
