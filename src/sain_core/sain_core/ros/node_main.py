@@ -100,13 +100,14 @@ def trim_memory(node: Node) -> None:
     """Have a node return free pages between what is in use, now and then; glibc keeps them."""
     if (malloc_trim := getattr(ctypes.CDLL(None), "malloc_trim", None)) is None:
         return
-    known = resident_bytes()
+    known, again = resident_bytes(), False
 
     def look() -> None:
-        nonlocal known
-        if resident_bytes() > known + TRIM_GROWTH:
+        nonlocal known, again
+        grown = resident_bytes() > known + TRIM_GROWTH
+        if grown or again:
             malloc_trim(0)
-            known = resident_bytes()
+            known, again = resident_bytes(), grown  # what was in use is free by the next look
 
     steady_timer(node, TRIM_PERIOD, look)
 
