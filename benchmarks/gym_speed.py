@@ -2,11 +2,10 @@ r"""Pushes a second of the Gymnasium environment, beside those of its bare world
 
     ./env python -m benchmarks.gym_speed
 
-Two worlds on two cores: ``gymnasium.make_vec(..., vectorization_mode="async")`` beside two processes
-that only call `World.reset` and `World.push`. Both play the same episodes: scenes of `anywhere`
-with the same random pushes, none of which is refused. Blocks are played in turns; ratios are of
-medians, with the smallest and largest block. gym-pusht has random actions; its step is 0.1 s of
-simulated time, ours a whole push until all is at rest.
+Two worlds on two cores: `gymnasium.make_vec` with worlds in processes, beside two processes that
+only call `World.reset` and `World.push`. Both play the same episodes: scenes of `anywhere` with the
+same random pushes, none of which is refused. Blocks are played in turns; ratios are of medians.
+gym-pusht has random actions; its step is 0.1 s, ours a whole push until all is at rest.
 """
 
 import argparse
@@ -14,14 +13,15 @@ import multiprocessing
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any, Final
 
+import gym_pusht  # noqa: F401  (registers its environment)
 import gymnasium
-import gym_pusht  # noqa: F401  # isort: skip  (registers the environment)
 import numpy as np
 
-import sain_gym  # noqa: F401  (registers the environment)
+import sain_gym  # noqa: F401  (registers ours)
 from sain_core.errors import SainError
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION
@@ -43,7 +43,9 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=12, help="of each world in a block")
     parser.add_argument("--blocks", type=int, default=5)
     arguments = parser.parse_args()
-    print("| steps a second, median [smallest, largest block] | one process | two | ratio to bare |")
+    print(
+        "| steps a second, median [smallest, largest block] | one process | two | ratio to bare |"
+    )
     print("| --- | ---: | ---: | ---: |")
     for engine in ("bullet", "mujoco"):
         compare(engine, arguments.episodes, arguments.blocks)
@@ -70,10 +72,12 @@ def compare(engine: str, count: int, blocks: int) -> None:
     }
     works: dict[Any, Callable[[], None]] = {("bare", n): one.play for n, one in bare.items()}
     for (observation, worlds), env in envs.items():
-        works[observation, worlds] = lambda env=env, n=worlds: play_in_gym(env, lists[:n])
+        works[observation, worlds] = partial(play_in_gym, env, lists[:worlds])
     speeds = in_turns(works, {key: key[1] * count * PUSHES for key in works}, blocks)
-    for env in (*envs.values(), *bare.values()):
+    for env in envs.values():
         env.close()
+    for one in bare.values():
+        one.close()
     for name in ("bare", "state", "image"):
         row = [speeds[name, worlds] for worlds in (1, WORLDS)]
         share = np.median(row[1]) / np.median(speeds["bare", WORLDS])
@@ -114,7 +118,8 @@ def drawn_episodes(engine: str, count: int, world: int) -> list[Episode]:
 
 def drawn_pushes(world: World, random: np.random.Generator) -> list[np.ndarray]:
     """Return random pushes that were carried out in a world, fewer where no other one can be."""
-    feasibility, made = Feasibility(), []
+    feasibility = Feasibility()
+    made: list[np.ndarray] = []
     for push in feasibility.limits.sample(random, TRIES):
         scene = world.observe()
         if len(made) == PUSHES or not feasibility.table.contains(scene[:, POSITION]).all():
@@ -167,7 +172,7 @@ class BareWorlds:
             process.join()
 
 
-def play_in_gym(env: gymnasium.vector.VectorEnv, lists: Sequence[list[Episode]]) -> None:
+def play_in_gym(env: Any, lists: Sequence[list[Episode]]) -> None:
     """Play the episodes of each world in a vectorised environment."""
     for together in zip(*lists, strict=True):
         env.reset(seed=[seed for seed, _ in together])

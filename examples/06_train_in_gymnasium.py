@@ -15,8 +15,8 @@ import numpy as np
 
 import sain_gym  # noqa: F401  (registers the environment)
 
-ROUNDS = int(sys.argv[1]) if len(sys.argv) > 1 else 25
-POLICIES, BEST, SCENES, PUSHES = 24, 6, 2, 5
+ROUNDS = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+POLICIES, BEST, SCENES, PUSHES = 24, 6, 4, 5
 TEST_SCENES = range(20)
 
 envs = gymnasium.make_vec(

@@ -8,6 +8,7 @@ from sain_core.errors import ConfigError, NoPushError
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.shape_scenarios import StreakScenario
 from sain_eval.tolerance import Tolerance
 from sain_gym import AgentPolicy
 from sain_gym.push_env import PushEnv
@@ -85,13 +86,17 @@ def test_asked_twice_it_answers_the_same(make: MakeEnv) -> None:
     assert policy(*state).tolist() == kept
 
 
-def test_it_follows_the_goals_of_a_streak(make: MakeEnv) -> None:
+def test_goals_in_a_row_are_those_of_an_evaluation(
+    make: MakeEnv, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(SCENARIOS, "streak", StreakScenario(goals=3))
     env = make(scenario="streak")
-    policy = AgentPolicy(env, "planar")
-    observation, info = env.reset(seed=0)
-    while info["goals_reached"] < 2:
-        observation, _, terminated, truncated, info = env.step(policy(observation, info))
-        assert not (terminated or truncated)
+    pushes, info = play(env, AgentPolicy(env, "planar"), seed=0)
+    outcome = evaluated(env, "planar", seed=0)
+    assert [push.tolist() for push in pushes] == [
+        record.push.tolist() for goal in outcome.records for record in goal.pushes
+    ]
+    assert (info["goals_reached"], info["is_success"], outcome.failure) == (3, True, "")
 
 
 def test_without_a_push_it_states_why(make: MakeEnv) -> None:

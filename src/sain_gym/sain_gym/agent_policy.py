@@ -3,13 +3,14 @@
 from typing import Any, Final
 
 import gymnasium
+import numpy as np
 
 from sain_core.errors import ConfigError, ErrorCode, NoPushError
 from sain_core.types import PushArray
 from sain_eval.loop.controllers import agent_maker
 from sain_gym.episode import PushEpisode
 from sain_gym.push_env import PushEnv
-from sain_mppi.loop.agent import Agent, AgentConfig
+from sain_mppi.loop.agent import AgentConfig
 from sain_mppi.loop.decision import PushDecision, Stop, Task
 
 EPISODE: Final = 1  # its id; the agent is new in each
@@ -40,6 +41,8 @@ class AgentPolicy:
         self._env = inner
         self._make = agent_maker(controller, config)
         self._episode: PushEpisode | None = None
+        self._goals = self._push_id = self._decided = 0  # goals reached, and steps then
+        self._action = np.zeros(0)
 
     def __call__(self, observation: Any = None, info: Any = None) -> PushArray:
         """Return an action for the environment as it is; neither argument is looked at.
@@ -68,7 +71,6 @@ class AgentPolicy:
     def _begin(self, episode: PushEpisode) -> None:
         """Let a new agent meet the bodies of an episode and follow its first goal."""
         self._episode, self._agent = episode, self._make(episode.case)
-        self._goals = 0
         bodies = episode.case.parameters().bodies
         if not bodies.are_paper_disks:  # an agent takes bodies to be these
             self._agent.meet(EPISODE, bodies)
@@ -93,6 +95,5 @@ class AgentPolicy:
             self._aim(episode)
 
     def _decide(self, episode: PushEpisode) -> PushDecision | Stop | None:
-        agent: Agent = self._agent
-        agent.see(episode.scene, EPISODE, episode.pushes + 1, settled=True)
-        return agent.act()
+        self._agent.see(episode.scene, EPISODE, episode.pushes + 1, settled=True)
+        return self._agent.act()

@@ -1,6 +1,6 @@
 """The environment: a scenario's scenes, pushes as actions, rewards and success of an evaluation."""
 
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
@@ -32,7 +32,7 @@ class PushEnv(gymnasium.Env[Any, Any]):
     early pays -(d + t / 5) for each push that was left.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": [RGB_ARRAY], "render_fps": 2}
+    metadata: dict[str, Any] = {"render_modes": [RGB_ARRAY], "render_fps": 2}  # noqa: RUF012
 
     def __init__(self, render_mode: str | None = None, **settings: Any) -> None:
         """Make the spaces; the engine is loaded at the first `reset`.
