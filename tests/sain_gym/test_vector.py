@@ -12,12 +12,18 @@ from tests.sain_gym.playing import MakeEnv
 COUNT = 2
 
 
-@pytest.fixture(params=["async", "sync"])
+MODES = {
+    "sync": {"vectorization_mode": "sync"},
+    "fork": {"vectorization_mode": "async"},
+    "spawn": {"vectorization_mode": "async", "vector_kwargs": {"context": "spawn"}},
+}
+
+
+@pytest.fixture(params=MODES)
 def envs(request: pytest.FixtureRequest) -> Iterator[gymnasium.vector.VectorEnv]:
     """Two environments."""
-    made = gymnasium.make_vec(
-        "sain/Push-v0", num_envs=COUNT, vectorization_mode=request.param, scenario="anywhere"
-    )
+    mode = MODES[request.param]
+    made = gymnasium.make_vec("sain/Push-v0", num_envs=COUNT, scenario="anywhere", **mode)
     yield made
     made.close()
 
