@@ -25,7 +25,7 @@ def run(name: str, *arguments: str, folder: Path) -> str:
 
 
 def test_a_policy_learns(tmp_path: Path) -> None:
-    rounds = 6
+    rounds = 3
     printed = run("06_train_in_gymnasium.py", str(rounds), folder=tmp_path)
     means = [float(value) for value in re.findall(r"mean return +(-[\d.]+)", printed)]
     assert len(means) == rounds
