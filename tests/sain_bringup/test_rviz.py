@@ -1,6 +1,7 @@
 """The view for RViz: it names what RViz has and what the graph publishes."""
 
 import importlib.util
+import re
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -9,7 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
-from sain_bringup.options import GraphOptions
+from sain_bringup.graph_options import GraphOptions
 from sain_bringup.rviz import view_of
 from sain_core.cli.command_line import read_options
 from sain_mppi.commands import mppi_node
@@ -131,6 +132,27 @@ def test_the_launch_file_gives_the_graph_its_options(launch_file):
     assert goal.arguments == ["0.6", "0.1"]
     with pytest.raises(ValueError, match="'perhaps' is neither true nor false"):
         launched(launch_file, record="perhaps")
+
+
+def test_the_launch_file_takes_a_robot(launch_file, tmp_path):
+    bodies = tmp_path / "bodies.yaml"
+    bodies.write_text("bodies: [{shape: disk, radius: 0.08}]")
+    given = {
+        "robot": "python3 -m my_robot.robot_node",
+        "bodies": str(bodies),
+        "noise": "0.001,0.01",
+    }
+    (graph,) = launched(launch_file, **given)
+    options = read_options(GraphOptions, "graph", graph.arguments, False)
+    assert (options.robot, options.bodies) == (given["robot"], bodies)
+    assert options.camera.noise == "0.001,0.01"
+
+
+def test_the_launch_file_of_the_example_gives_what_this_one_takes(launch_file):
+    path = ROOT / "examples" / "my_robot" / "launch" / "my_robot.launch.py"
+    given = re.findall(r'^    "(\w+)":', path.read_text(), re.M)
+    assert given == ["robot", "bodies", "noise"]
+    assert set(given) <= set(launch_file.ARGUMENTS)
 
 
 def test_the_launch_ends_with_the_graph_and_its_code(launch_file, monkeypatch):
