@@ -39,7 +39,7 @@ def test_seeds_count_up() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"scenario": "anywere"}, r"--scenario is 'anywere' \(did you mean 'anywhere'\?\)"),
+        ({"scenario": "anywere"}, r"scenario 'anywere' is unknown \(did you mean 'anywhere'\?\)"),
         ({"episodes": 0}, "episodes is 0; it must be at least 1"),
         ({"tolerance": 0.0}, "tolerance is 0.0 m; it must be at least 0.0001 m"),
         ({"tolerance": float("nan")}, "tolerance is nan; it must be finite"),

@@ -1,6 +1,5 @@
 """Options of this package's commands, and the checks before any process starts."""
 
-import difflib
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -12,10 +11,10 @@ import tyro
 
 from sain_bringup.graph_options import GraphOptions
 from sain_core.config import Config, option
-from sain_core.errors import ConfigError, OutputError
+from sain_core.errors import OutputError
 from sain_core.observation import ObservationConfig, told_settings
 from sain_core.storage import make_folder
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_sim.world.engines import BULLET, ENGINES
 
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
@@ -38,7 +37,8 @@ class ClosedLoopOptions(Config):
         None, "episodes to play; by default 1 of a chosen scenario", minimum=1
     )
     scenario: str | None = option(
-        None, f"one of {', '.join(SCENARIOS)}; by default those of the demo"
+        None,
+        f"one of {', '.join(SCENARIOS)}, or of an installed package; by default those of the demo",
     )
     seed: int = option(0, "seed of the first episode; the next one has the next seed", minimum=0)
     tolerance: float = option(
@@ -74,11 +74,8 @@ class ClosedLoopOptions(Config):
     def __post_init__(self) -> None:
         """Check the fields, the model's name, the scenario and the file of parameters."""
         super().__post_init__()
-        if self.scenario is not None and self.scenario not in SCENARIOS:
-            near = difflib.get_close_matches(self.scenario, SCENARIOS, n=1)
-            hint = f" (did you mean {near[0]!r}?)" if near else ""
-            known = ", ".join(SCENARIOS)
-            raise ConfigError(f"--scenario is {self.scenario!r}{hint}; allowed: {known}")
+        if self.scenario is not None:
+            OFFERED.check(self.scenario)
         self.graph(None)  # which checks what concerns the graph
 
     def graph(self, bag: Path | None) -> GraphOptions:

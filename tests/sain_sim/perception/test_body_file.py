@@ -52,7 +52,10 @@ def test_shape_and_radius_suffice(tmp_path: Path) -> None:
             "bodies: [{shape: disk, radus: 0.1}]",
             r"body 0 has the key 'radus' \(did you mean 'radius'\?\)",
         ),
-        ("bodies: [{shape: dsk, radius: 0.1}]", "shape of body 0 is 'dsk'; allowed: "),
+        (
+            "bodies: [{shape: dsk, radius: 0.1}]",
+            "shape of body 0 is 'dsk' .did you mean 'disk'.*; allowed: ",
+        ),
         ("bodies: [{shape: disk, radius: 50}]", "radius of body 0 is 50; allowed: 0.001 to 0.5 m"),
         ("bodies: [{shape: disk, radius: .nan}]", "radius of body 0 is nan; allowed"),
         ("bodies: [{shape: disk, radius: 0.1, mass: light}]", "mass of body 0 is 'light'; allowed"),
