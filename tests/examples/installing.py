@@ -10,11 +10,16 @@ from tests.paths import ROOT
 
 
 def install(name: str, folder: Path) -> dict[str, str]:
-    """Install a package below a folder; return the variables of processes that find it."""
-    build, site = folder / "build", folder / "site"
+    """Install a package of `examples/` below a folder, as `install_folder`."""
+    build = folder / "build"
     copytree(ROOT / "examples" / name, build, ignore=ignore_patterns("__pycache__"))
+    return install_folder(build, folder / "site")
+
+
+def install_folder(package: Path, site: Path) -> dict[str, str]:
+    """Install the package in a folder; return the variables of processes that find it."""
     flags = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet", "--target", str(site)]
-    pip = [sys.executable, "-m", "pip", "install", *flags, str(build)]
+    pip = [sys.executable, "-m", "pip", "install", *flags, str(package)]
     subprocess.run(pip, check=True, capture_output=True, text=True)
     paths = [str(site), os.environ.get("PYTHONPATH", "")]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "COLUMNS": "200"}

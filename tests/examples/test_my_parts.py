@@ -1,6 +1,7 @@
 """The package of `examples/my_parts`: its shape, cost, planner and scenario, installed and run."""
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -23,10 +24,9 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     package = folder / "site" / "broken_parts-0.3.dist-info"
     package.mkdir()
     (package / "METADATA").write_text("Metadata-Version: 2.1\nName: broken-parts\nVersion: 0.3\n")
-    points = "".join(
-        f"[{group}]\n{name} = broken_parts:{name}\n" for group, (name, _) in BROKEN.items()
-    )
-    (package / "entry_points.txt").write_text(points + "my_planner_2 = broken_parts:none\n")
+    offers = [(group, name) for group, (name, _) in BROKEN.items()]
+    points = "".join(f"[{group}]\n{name} = broken_parts:{name}\n" for group, name in offers)
+    (package / "entry_points.txt").write_text(points)
     code = "\n".join(code for _, code in BROKEN.values())
     (folder / "site" / "broken_parts.py").write_text(code + "\n")
     return variables
@@ -42,13 +42,8 @@ def test_all_four_play_together(environment: dict[str, str], tmp_path: Path) -> 
     arguments = ["--scenario", "my_scenario", "--planner.algorithm", "my_planner"]
     run(environment, evaluate(*arguments, "--planner.weights.more", "my_centre:0.5", "--out", out))
     results = json.loads((out / "results.json").read_text())
-    assert "my_scenario" in json.dumps(results)
-    (row,) = (
-        [r for r in results["summary"] if r["tolerance"] == 0.05]
-        if "summary" in results
-        else [None]
-    )
-    assert row is None or row["scenario"] == "my_scenario"
+    assert {row["scenario"] for row in results["summary"]} == {"my_scenario"}
+    assert [row["successes"] for row in results["summary"]] == [1, 1]
 
 
 def test_a_shape_is_pushed(environment: dict[str, str], tmp_path: Path) -> None:
@@ -68,8 +63,6 @@ def test_the_new_terms_count_where_nothing_is_done(environment: dict[str, str]) 
         ".rest_cost(scene) for m in ('', 'my_centre:2.0')];"
         " print(round(costs[1] - costs[0], 6))"
     )
-    import sys
-
     assert run(environment, [sys.executable, "-c", lines]).strip() == str(
         round(2.0 * (0.1**2 + 0.3**2) ** 0.5, 6)
     )
@@ -96,7 +89,7 @@ def test_the_new_terms_count_where_nothing_is_done(environment: dict[str, str]) 
         ),
         (
             ["--scenario", "bad_scenario"],
-            "scenario 'bad_scenario' of package broken-parts 0.3: broken_parts:bad_scenario is a int",
+            "scenario 'bad_scenario' of package broken-parts 0.3: broken_parts:bad_scenario is a",
         ),
     ],
 )
