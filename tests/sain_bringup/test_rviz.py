@@ -1,7 +1,7 @@
 """The view for RViz: it names what RViz has and what the graph publishes."""
 
 import importlib.util
-import re
+import runpy
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -15,6 +15,7 @@ from sain_bringup.rviz import view_of
 from sain_core.cli.command_line import read_options
 from sain_mppi.commands import mppi_node
 from sain_sim.commands import sim_node
+from sain_sim.perception.body_file import read_bodies
 from tests.paths import ROOT
 
 BRINGUP = ROOT / "src" / "sain_bringup"
@@ -148,11 +149,19 @@ def test_the_launch_file_takes_a_robot(launch_file, tmp_path):
     assert options.camera.noise == "0.001,0.01"
 
 
-def test_the_launch_file_of_the_example_gives_what_this_one_takes(launch_file):
-    path = ROOT / "examples" / "my_robot" / "launch" / "my_robot.launch.py"
-    given = re.findall(r'^    "(\w+)":', path.read_text(), re.M)
-    assert given == ["robot", "bodies", "noise"]
-    assert set(given) <= set(launch_file.ARGUMENTS)
+def test_the_launch_file_of_the_example_gives_what_this_one_takes(launch_file, monkeypatch):
+    example = ROOT / "examples" / "my_robot"
+    monkeypatch.syspath_prepend(str(example))
+    monkeypatch.setattr(sys.modules["launch.actions"], "IncludeLaunchDescription", Made, False)
+    made = runpy.run_path(str(example / "launch" / "my_robot.launch.py"))
+    (included,) = made["generate_launch_description"]().given[0]
+    assert Path(included.given[0]).name == "closed_loop.launch.py"
+    given = dict(included.launch_arguments)
+    assert given["robot"] == "ros2 run my_robot robot_node"
+    assert len(read_bodies(Path(given["bodies"])).names) == 2
+    (graph,) = launched(launch_file, **{**given, "robot": "elsewhere"})
+    assert {f"--bodies={given['bodies']}", f"--noise={given['noise']}"} <= set(graph.arguments)
+    read_options(GraphOptions, "graph", graph.arguments, False)
 
 
 def test_the_launch_ends_with_the_graph_and_its_code(launch_file, monkeypatch):

@@ -1,5 +1,6 @@
 """From poses to scenes: ids, rest, jumps, and poses that are old."""
 
+import re
 from math import pi
 
 import numpy as np
@@ -187,6 +188,19 @@ def test_noise_is_no_motion(seed: int) -> None:
     lab.random = np.random.default_rng(seed)
     lab.look(300)
     assert lab.tracker.settled and lab.ids == (1, 1)
+
+
+def test_noise_that_nobody_stated_is_named_as_the_reason() -> None:
+    lab = Laboratory()
+    lab.noise = (0.002, 0.01)
+    lab.look(100)
+    assert not lab.tracker.settled and not lab.tracker.problem
+    lab.look(80)
+    assert re.match(
+        r"the bodies have not come to rest for \d s: places scatter by \d\.\d mm, headings by"
+        r" 0\.0\d+ rad, and noise is 0,0; give the noise of the poses",
+        lab.tracker.problem,
+    )
 
 
 def test_a_symmetric_body_that_is_seen_turned_has_not_moved() -> None:

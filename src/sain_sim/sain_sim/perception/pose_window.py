@@ -94,6 +94,11 @@ class PoseWindow:
         poses = np.stack([poses for _, poses in self._known])
         return bool((np.abs(poses - poses.mean(axis=0)) <= self.slack).all())
 
+    def scatter(self) -> tuple[float, float]:
+        """Return the largest standard deviation of a body's place [m] and of its heading [rad]."""
+        spread = np.std([poses for _, poses in self._known], axis=0)
+        return float(spread[:, :2].max()), float(spread[:, 2].max())
+
     def velocities(self) -> Poses:
         """Return the velocities (N, 3) [m/s, rad/s], as differences."""
         for stamp, poses in reversed(self._known):

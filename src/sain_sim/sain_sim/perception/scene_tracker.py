@@ -17,6 +17,7 @@ from sain_sim.perception.settings import TrackingConfig
 
 REMEMBERED = 1000  # answered pushes: answers may come before the pushes
 CREEP = 2.0 * SETTLED_SPEED  # [m/s], where rest is not known yet
+RESTLESS = 5.0  # [s] of motion without a push
 FUTURE = "is the camera's clock set, and is use_sim_time the same for all nodes?"
 
 
@@ -35,6 +36,7 @@ class SceneTracker:
         self._jump = ""
         self._age = ""
         self._under_way: OrderedDict[int, float] = OrderedDict()  # pushes, and since when
+        self._restless_since = 0.0  # [s]
         self._answered: deque[int] = deque(maxlen=REMEMBERED)
         self.lost = ""  # a push without a result, in words
         self.began = False  # whether the latest poses began an episode
@@ -49,7 +51,7 @@ class SceneTracker:
         """Why no push should be made, in words; empty: nothing is wrong."""
         if not self._window:
             return self._age or "no poses have come"
-        return self._age or self._jump
+        return self._age or self._jump or self._restless()
 
     @property
     def ready(self) -> bool:
@@ -99,7 +101,10 @@ class SceneTracker:
             self._window.clear()  # whoever sends them began anew
         self._jump = self._window.add(poses, stamp) or self._jump
         self._expire(now)
-        if not self._under_way and self._window.at_rest():
+        rests = self._window.at_rest()
+        if rests or self._under_way or not self._restless_since:
+            self._restless_since = stamp
+        if rests and not self._under_way:
             self._rest()
         return True
 
@@ -138,6 +143,18 @@ class SceneTracker:
             self.scene_id += 1
             self._reference = None
             self._window.forget_until(end)
+
+    def _restless(self) -> str:
+        """Return in words that bodies do not come to rest; empty: they may."""
+        time = self.stamp - self._restless_since
+        if time < RESTLESS:
+            return ""
+        place, turn = self._window.scatter()
+        return (
+            f"the bodies have not come to rest for {time:.0f} s: places scatter by"
+            f" {1e3 * place:.1f} mm, headings by {turn:.3f} rad, and noise is {self._config.noise};"
+            " give the noise of the poses"
+        )
 
     def _expire(self, now: float) -> None:
         for push_id, since in list(self._under_way.items()):
