@@ -1,10 +1,8 @@
 """The robot of `examples/my_robot` in place of the simulator: the graph without `sim_node`."""
 
-import os
 import re
 import signal
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +18,7 @@ from sain_interfaces.msg import Plan
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.ros.poses_node import PosesNode
+from tests.examples.installing import install
 from tests.paths import ROOT
 
 EXAMPLE = ROOT / "examples" / "my_robot"
@@ -138,13 +137,25 @@ def test_two_foreign_robots_are_named_and_nothing_is_pushed(graph: Any, robot: A
     assert len(graph.find("scene", settled=True)) == count
 
 
+def test_a_push_that_takes_long_is_not_sent_again(graph: Any, robot_class: Any) -> None:
+    graph.start(robot_class, speed=0.05, noise=NOISE)
+    graph.start(PosesNode, bodies=str(BODIES), noise=NOISE, peer_wait=0.0)
+    graph.start(ModelNode, model="planar")
+    graph.start(MppiNode, estimator__noise=NOISE, goal_tracker__answer_timeout=0.3, **SMALL)
+    graph.aim((0.70, 0.05), 1, tolerance=0.02, max_pushes=2)
+    graph.wait(lambda: ended(graph, 1), "the end")
+    results = graph.heard["push_result"]
+    assert {result.error_code for result in results} == {ErrorCode.OK}
+    assert len(results) == len(graph.heard["push"]) > 0
+    assert max(result.duration for result in results) > 1.0
+
+
 @pytest.mark.system
 def test_the_whole_graph_runs_without_a_simulator(ros_domain: int, tmp_path: Path) -> None:
-    paths = [str(EXAMPLE), os.environ.get("PYTHONPATH", "")]
-    variables = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
-    robot = f"{sys.executable} -m my_robot.robot_node"
-    graph = [str(executable("sain_bringup", "graph")), "--robot", robot, "--bodies", str(BODIES)]
-    graph += ["--noise", NOISE, "--model", "planar", "--bag", str(tmp_path / "bag")]
+    variables, site = install("my_robot", tmp_path), tmp_path / "site"
+    robot, bodies = site / "bin" / "robot_node", site / "my_robot" / "bodies.yaml"
+    graph = [str(executable("sain_bringup", "graph")), "--robot", str(robot), "--bodies"]
+    graph += [str(bodies), "--noise", NOISE, "--model", "planar", "--bag", str(tmp_path / "bag")]
     with subprocess.Popen(graph, env=variables, stdout=subprocess.PIPE, text=True) as running:
         try:
             goal = [str(executable("sain_bringup", "goal")), "0.62", "-0.08", "--timeout", "60"]

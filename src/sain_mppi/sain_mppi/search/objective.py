@@ -58,9 +58,8 @@ class Objective(ABC):
         """
         terms = self.own_terms(scene, sequences, predicted, regions)
         if more := self.weights.more:
-            moving = sequences[..., LENGTH] > 0.0
             before = scenes_before(scene, predicted)
-            rollout = Rollout(before, predicted, sequences, moving)
+            rollout = Rollout(before, predicted, sequences, sequences[..., LENGTH] > 0.0)
             terms |= further_costs(more, rollout, self, terms)
         return terms
 
