@@ -18,7 +18,7 @@ from sain_interfaces.msg import Plan
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.ros.poses_node import PosesNode
-from tests.examples.installing import install
+from tests.examples.installing import install, run
 from tests.paths import ROOT
 
 EXAMPLE = ROOT / "examples" / "my_robot"
@@ -168,9 +168,6 @@ def test_the_whole_graph_runs_without_a_simulator(ros_domain: int, tmp_path: Pat
     for node in ("robot_node", "poses_to_scene", "mppi_node", "model_node"):
         assert node in said
     assert "sim_node" not in said
-    info = subprocess.run(
-        [str(executable("sain_bags", "info")), str(tmp_path / "bag")],
-        capture_output=True, text=True,
-    )  # fmt: skip
-    assert info.returncode == 0, info.stderr
-    assert "/sain/push_result" in info.stdout
+    bag, data = tmp_path / "bag", tmp_path / "data"
+    convert = [str(executable("sain_bags", "to_dataset"))]
+    assert "transitions of 1 episodes" in run(variables, convert, bag, "--out", data)
