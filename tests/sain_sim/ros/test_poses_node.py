@@ -18,7 +18,7 @@ from geometry_msgs.msg import (
 from tf2_msgs.msg import TFMessage
 
 from sain_core import wire
-from sain_core.errors import BusyError, ConfigError
+from sain_core.errors import BusyError, ConfigError, DatasetError
 from sain_core.ros import codec
 from sain_core.scene import POSE, VELOCITY
 from sain_sim.ros.poses_node import PosesNode
@@ -153,6 +153,13 @@ def test_ids_go_on_after_a_crash(graph, camera, tmp_path) -> None:
     start(graph, tmp_path, ARRAY, state_file=state)
     camera.until(camera.poses, lambda: graph.find("scene", episode_id=2, settled=True), "a scene")
     assert graph.find("scene", episode_id=2)[-1].scene_id == 2
+
+
+def test_a_damaged_state_is_named(graph, tmp_path) -> None:
+    state = tmp_path / "state.json"
+    state.write_text('{"episode_id": "many"}')
+    with pytest.raises(DatasetError, match=r"state\.json is damaged: .*; remove it"):
+        start(graph, tmp_path, ARRAY, state_file=str(state))
 
 
 def test_without_a_file_of_bodies_it_does_not_start(graph) -> None:

@@ -129,7 +129,7 @@ class SceneTracker:
         """Take note of a push: until its result, its scene is not settled."""
         if (episode_id, scene_id) != (self.episode_id, self.scene_id):
             return  # who executes pushes refuses it
-        if push_id not in self._answered:
+        if push_id not in self._answered and len(self._under_way) < REMEMBERED:
             self._under_way.setdefault(push_id, now)
 
     def answered(self, push_id: int, code: int, end: float) -> None:

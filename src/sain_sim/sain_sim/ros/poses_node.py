@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from tf2_msgs.msg import TFMessage
 
-from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.errors import ConfigError, DatasetError, InvalidInputError
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.limits import shortened
@@ -49,8 +49,7 @@ class PosesNode(Node):
         self.ownership = Ownership(self, OWNED)
         self.ownership.refuse(config.peer_wait)
         self.state = StateFile(self, config.state_file)
-        left = self.state.read()
-        ids = int(left.get("episode_id", 0)), int(left.get("scene_id", 0))
+        ids = self._ids_left()
         self.tracker = SceneTracker(self.bodies, config, ids)
         self.kept, self.trouble, self.rival = ids, "", ""
         self.last: SceneMessage | None = None
@@ -62,6 +61,14 @@ class PosesNode(Node):
         self.ready = f"{len(self.bodies.names)} bodies, {self.source}"
         if not self.bodies.weighed:
             self.ready += "; not all masses are known: give planner and model unknown:=mass"
+
+    def _ids_left(self) -> tuple[int, int]:
+        """Return the ids of the process before; 0: there was none."""
+        left = self.state.read()
+        try:
+            return int(left.get("episode_id", 0)), int(left.get("scene_id", 0))
+        except (TypeError, ValueError) as error:
+            raise DatasetError(f"{self.state} is damaged: {error}; remove it") from error
 
     def _listen(self) -> None:
         self.reception = reception = Reception(self)
