@@ -13,7 +13,7 @@ from sain_core.observation import ObservationConfig
 from sain_core.push import LENGTH
 from sain_core.scene import POSE, THETA, move_apart
 from sain_core.seeding import generator
-from sain_core.types import PushArray, Scene
+from sain_core.types import PushArray
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_sim.perception.body_file import read_bodies
 
@@ -43,34 +43,30 @@ class PretendTable:
         self._physics = PlanarPrior(PlanarConfig(friction=config.friction), self.bodies)
         self._random = generator(config.seed, "my_robot")
         self._noise = ObservationConfig(noise=config.noise).noise_std
-        self._way: list[Scene] = []  # the scenes that are still to come
         places = np.arange(len(self.bodies))
         self.set_up(np.stack([0.42 + 0.18 * places, 0.05 * places, 0.0 * places], axis=1))
 
-    @property
-    def moves(self) -> bool:
-        """Whether bodies are being moved."""
-        return bool(self._way)
-
     def set_up(self, poses: np.ndarray) -> None:
         """Put the bodies to poses (N, 3), as a person does."""
-        self.scene, self._way = self.file.scene(poses), []
+        self.scene = self._start = self.file.scene(poses)
+        self._way = np.zeros_like(poses)
+        self._began, self._duration = 0.0, 1.0
 
-    def push(self, push: PushArray) -> None:
-        """Begin to push."""
+    def push(self, push: PushArray, now: float) -> float:
+        """Begin to push at a time [s]; return when bodies will rest."""
         after = self._physics.step(self.scene[None], push[None])[0]
         way = after[:, POSE] - self.scene[:, POSE]
         way *= 1.0 + self.config.spread * self._random.standard_normal((len(way), 1))
-        steps = max(round(RATE * push[LENGTH] / self.config.speed), 2)
-        for share in [*np.linspace(0.0, 1.0, steps), *(1.0,) * round(RATE * SETTLING)]:
-            scene = self.scene.copy()
-            scene[:, POSE] += share * way
-            self._way.append(move_apart(scene) if self.bodies.all_round else scene)
+        self._start, self._way, self._began = self.scene, way, now
+        self._duration = max(float(push[LENGTH]) / self.config.speed, 0.1)
+        return now + self._duration + SETTLING
 
-    def look(self) -> np.ndarray:
-        """Let a camera's period pass; return the poses (N, 3) as the camera sees them."""
-        if self._way:
-            self.scene = self._way.pop(0)
+    def look(self, now: float) -> np.ndarray:
+        """Return the poses (N, 3) as the camera sees them at a time [s]."""
+        share = float(np.clip((now - self._began) / self._duration, 0.0, 1.0))
+        scene = self._start.copy()
+        scene[:, POSE] += share * self._way
+        self.scene = move_apart(scene) if self.bodies.all_round else scene
         seen = self.scene[:, POSE].copy()
         place, turn = self._noise
         seen[:, :THETA] += place * self._random.standard_normal((len(seen), 2))

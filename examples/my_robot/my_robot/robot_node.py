@@ -42,7 +42,7 @@ class RobotNode(Node):
         self.session = Session()
         self.scene: Scene | None = None  # the latest, as the converter sees it
         self.before: Scene | None = None  # of the push that is under way
-        self.push, self.began, self.ended = Push(), 0.0, np.inf
+        self.push, self.began, self.ended = Push(), 0.0, 0.0
         self.results = self.create_publisher(PushResult, "push_result", QUEUE)
         self.poses = self.create_publisher(PoseArray, "poses", RELIABLE)
         self.truth = self.create_publisher(PoseArray, "true_poses", RELIABLE)  # for who judges
@@ -78,8 +78,8 @@ class RobotNode(Node):
         except Exception:
             self.session.finish(executed=False)
             raise
-        self.table.push(push)  # here a real robot moves
-        self.push, self.before, self.began, self.ended = message, scene, self.now, np.inf
+        self.push, self.before, self.began = message, scene, self.now
+        self.ended = self.table.push(push, self.began)  # here a real robot moves
 
     def _refuse(self, message: Push, error: BaseException) -> None:
         code, text = error_reply(error)
@@ -88,11 +88,10 @@ class RobotNode(Node):
 
     def _on_frame(self) -> None:
         """Do what the camera does: publish where the bodies are."""
-        seen, stamp = self.table.look(), self.get_clock().now().to_msg()
+        now = self.now
+        seen, stamp = self.table.look(now), codec.encode_time(round(1e9 * now))
         self.poses.publish(encode_poses(seen, stamp))
         self.truth.publish(encode_poses(self.table.scene[:, : THETA + 1], stamp))
-        if self.session.busy and not self.table.moves:
-            self.ended = min(self.ended, self.now)
 
     def _on_scene(self, message: Scene) -> None:
         """Take note of a scene; the first at rest after a push is where that led."""
@@ -101,9 +100,10 @@ class RobotNode(Node):
         if self.before is None or seen < self.ended + AFTER or not is_at_rest(message):
             return
         before, self.before = self.before, None
-        message.scene_id, message.settled = before.scene_id + 1, True
+        after = Scene(header=message.header, disks=message.disks, settled=True)
+        after.episode_id, after.scene_id = before.episode_id, before.scene_id + 1
         self.session.finish(executed=True)
-        self._answer(self.push, ErrorCode.OK, "", before, message)
+        self._answer(self.push, ErrorCode.OK, "", before, after)
 
     def _answer(self, push: Push, code: int, text: str, before: Scene, after: Scene) -> None:
         ended = self.ended if code == ErrorCode.OK else self.now
