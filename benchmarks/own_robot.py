@@ -92,11 +92,12 @@ class Person(Node):
 
     def play(self, number: int, scene: Scene, goal: Points) -> tuple[float, int, bool]:
         """Return the true distance [m] at the end, the pushes, and whether the planner is done."""
-        episode = 0 if self.scene is None else self.scene.episode_id
+        self.wait(lambda: self._settled(0), "a settled scene")
+        assert self.scene is not None
+        episode = self.scene.episode_id
         self.wait(lambda: self.setting.get_subscription_count() > 0, "the robot")
         self.setting.publish(encode(scene))
         self.wait(lambda: self._settled(episode), "the next episode")
-        assert self.scene is not None
         stamp = self.get_clock().now().to_msg()
         fields = {"episode_id": self.scene.episode_id, "max_pushes": MOST_PUSHES}
         message = codec.encode_goal(
