@@ -12,10 +12,12 @@ from sain_core.config import Config, show_value
 from sain_model.serving.settings import ServingConfig
 from sain_mppi.loop.agent import MppiConfig
 from sain_sim.node.simulator import SimulatorConfig
+from sain_sim.perception.settings import PosesConfig
 
 PAGE = Path(__file__).parents[1] / "docs" / "parameters.md"
 NODES = {
     "sain_sim sim_node": SimulatorConfig(),
+    "sain_sim poses_to_scene": PosesConfig(),
     "sain_model model_node": ServingConfig(),
     "sain_mppi mppi_node": MppiConfig(),
 }
