@@ -1,4 +1,4 @@
-"""Writes the table of columns in docs/formats.md, made from the schema in `sain_core.dataset`.
+"""Writes the table of columns in docs/reference/formats.md, from the schema in `sain_core.dataset`.
 
 ./env python tools/columns.py
 """
@@ -10,7 +10,7 @@ from pathlib import Path
 from sain_core.dataset import ROUGH, Column
 from sain_core.shapes.names import MARKS
 
-PAGE = Path(__file__).parents[1] / "docs" / "formats.md"
+PAGE = Path(__file__).parents[1] / "docs/reference/formats.md"
 BEGIN, END = "<!-- columns: made by tools/columns.py -->\n", "<!-- end of columns -->\n"
 HEAD = (
     "| column | shape of a row | type | unit | `collect` | `to_dataset` | meaning |\n"
