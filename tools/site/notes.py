@@ -18,6 +18,8 @@ BLOCK = re.compile(
     r"(?P<code>.*?)^(?P=indent)(?P=fence) *$",
     re.DOTALL | re.MULTILINE,
 )
+STARTS = ("make ", "./env ", "ros2 ", "python ", "pip ", "docker ", "nice ", "for ", "train ",
+          "benchmarks/", "examples/")  # fmt: skip
 INDENTED = re.compile(
     r"(?:^<!-- not tested: (?P<reason>[^\n]+?) -->\n)?^\n(?P<code>(?:    [^\n]*\n|\n)+)",
     re.MULTILINE,
@@ -53,13 +55,25 @@ def code_blocks(text: str) -> Iterator[CodeBlock]:
             yield CodeBlock(code + "\n", "", found["reason"] or "", line)
 
 
-def with_notes(text: str) -> str:
-    """Return a page that shows below each marked block why it is not tested."""
+def holds_commands(code: str) -> bool:
+    """Tell whether the first line of a block that is no comment starts a program."""
+    lines = [line for line in code.splitlines() if line.strip() and not line.startswith("#")]
+    return bool(lines) and lines[0].startswith(STARTS)
+
+
+def with_notes(text: str, default: str = "") -> str:
+    """Return a page that shows below each marked block why it is not tested.
+
+    Args:
+        text: the page.
+        default: the reason for commands without a mark; "": a test runs them.
+    """
 
     def change(match: re.Match[str]) -> str:
-        if not match["reason"]:
+        reason = match["reason"] or (default if holds_commands(match["code"]) else "")
+        if not reason:
             return match[0]
-        block = match[0].partition("-->")[2].lstrip("\n")
-        return f'{block}\n\n<p class="not-tested">Not tested: {match["reason"]}.</p>'
+        block = match[0].partition("-->")[2].lstrip("\n") if match["reason"] else match[0]
+        return f'{block}\n\n<p class="not-tested">Not tested: {reason}.</p>'
 
     return BLOCK.sub(change, text)
