@@ -1,6 +1,11 @@
 """The pages of the Python API: which modules they show; their text is made from the docstrings."""
 
+import ast
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Final
+
+SOURCE: Final = Path(__file__).resolve().parents[2] / "src"
 
 PACKAGES: Final = {
     "sain_core": (
@@ -39,6 +44,15 @@ most of it. Arrays have the sizes K samples, H horizon, N bodies, B batch.
 | package | holds |
 | --- | --- |
 """
+ROOMS: Final = """
+## Rooms
+
+Each folder of modules has one purpose.
+[Architecture](../../explanation/architecture.md#packages) shows what may import what.
+
+| folder | holds |
+| --- | --- |
+"""
 
 
 def pages() -> dict[str, str]:
@@ -48,5 +62,13 @@ def pages() -> dict[str, str]:
         rows.append(f"| [`{package}`]({package}.md) | {about} |\n")
         shown = "\n\n".join(f"::: {package}.{module}" for module in modules)
         found[f"reference/api/{package}.md"] = f"# {package}\n\n{about}\n\n{shown}\n"
-    found["reference/api/index.md"] = INTRODUCTION + "".join(rows)
+    found["reference/api/index.md"] = "".join([INTRODUCTION, *rows, ROOMS, *rooms()])
     return found
+
+
+def rooms() -> Iterator[str]:
+    """Yield a row for each folder of modules, with the docstring of its ``__init__.py``."""
+    for package in PACKAGES:
+        for path in sorted((SOURCE / package / package).glob("*/__init__.py")):
+            if about := ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))):
+                yield f"| `{package}.{path.parent.name}` | {' '.join(about.split())} |\n"
