@@ -1,5 +1,7 @@
 """Every command of every page: what it names exists, and a test runs it or it is marked."""
 
+import ast
+from importlib import import_module
 from pathlib import Path
 from shlex import split
 
@@ -9,6 +11,7 @@ from tests.documentation.coverage import BY_TEST, PAGES_BY_TEST, program, runner
 from tests.documentation.programs import problems
 from tests.documentation.shell import PAGES, command_blocks, commands_in, page_name
 from tests.paths import ROOT
+from tools.site.notes import code_blocks
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
@@ -44,6 +47,23 @@ def test_the_tests_that_run_commands_start_their_programs() -> None:
             f"{test} does not start {name}"
         )
     assert all((ROOT / test).exists() for test in PAGES_BY_TEST.values())
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_python_is_python_and_imports_what_there_is(page: Path) -> None:
+    for block in code_blocks(page.read_text(encoding="utf-8")):
+        if block.language == "python":
+            for node in ast.walk(ast.parse(block.code)):
+                if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("sain_"):
+                    module = import_module(node.module or "")
+                    assert [one.name for one in node.names if not hasattr(module, one.name)] == []
+
+
+def test_the_first_steps_in_python_are_run(capsys: pytest.CaptureFixture[str]) -> None:
+    page = (ROOT / "docs/tutorials/first_steps.md").read_text()
+    (code,) = [block.code for block in code_blocks(page) if block.language == "python"]
+    exec(compile(code, "docs/tutorials/first_steps.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("[ 0.69")
 
 
 def test_a_wrong_command_is_found() -> None:
