@@ -1,17 +1,20 @@
 """Commands of the pages that need no graph are run, on a few rows, scenes and epochs."""
 
+import shutil
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from sain_bags.writing.writer import BagWriter
 from sain_core.cli.command_line import Command
 from sain_eval.cli import shapes
 from tests.documentation.coverage import PAGES_BY_TEST, SMALL, program
 from tests.documentation.shell import PAGES, command_blocks, commands_in, page_name
 from tests.sain_bags.conftest import Messages, Recording
 from tests.sain_bags.driven import Drive
-from tests.sain_model.rolling import make_episodes
+from tests.sain_model.rolling import EPISODES, EVERY, PUSHES, make_episodes
 
 LESS = {  # options whose value is smaller here than on the pages
     "--episodes": "1", "--floor-episodes": "1", "--workers": "1", "--scenes": "1", "--epochs": "1",
@@ -37,17 +40,22 @@ def small(name: str, words: list[str]) -> list[str]:
     return shrunk if name != "sain_model train" or "..." not in words else ["DATASET", *shrunk]
 
 
-def inputs(arguments: list[str], folder: Path) -> None:
-    """Put recordings and rows where a command reads them and no earlier command has written."""
+def prepare(arguments: list[str], folder: Path) -> None:
+    """Put recordings and rows where a command reads them, and clear the place that it writes to."""
+    sources = []
+    shutil.rmtree(folder / "results", ignore_errors=True)
     for before, word in zip(["", *arguments], arguments, strict=False):
-        if before == "--out" or (folder / word).exists():
-            continue
-        if word == "DATASET" or word.startswith("data/"):
-            (folder / word).parent.mkdir(exist_ok=True)
-            (folder / word).symlink_to(folder / "rows")
-        elif word.startswith("bags/"):
-            (folder / word).parent.mkdir(exist_ok=True)
-            (folder / word).symlink_to(folder / "bag")
+        path = folder / word
+        if before == "--out":
+            shutil.rmtree(path, ignore_errors=True)
+        elif word == "DATASET" or word.startswith("data/"):
+            sources.append(path)
+        elif word.startswith("bags/") and not path.exists():
+            shutil.copytree(folder / "bag", path)
+    shares = np.array_split(np.arange(EPISODES), max(len(sources), 1))
+    for path, episodes in zip(sources, shares, strict=False):
+        shutil.rmtree(path, ignore_errors=True)
+        make_episodes(path, EVERY[np.isin(EVERY // PUSHES, episodes)])
 
 
 def commands_of(page: Path, folder: Path) -> list[list[str]]:
@@ -68,7 +76,7 @@ def run(words: list[str], folder: Path) -> int:
         return shapes.main(["shapes.png"])
     package, executable = name.split()
     arguments = small(name, words[words.index(executable) + 1 :])
-    inputs(arguments, folder)
+    prepare(arguments, folder)
     command = getattr(import_module(f"{package}.commands"), executable)
     assert isinstance(command, Command)
     return command(arguments)
@@ -79,13 +87,10 @@ def is_run_here(page: Path) -> bool:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Rows of pushes and a recording, from which commands begin."""
-    from sain_bags.writing.writer import BagWriter
-
-    folder = tmp_path_factory.mktemp("made")
-    make_episodes(folder / "rows")
-    recording = Recording(BagWriter(folder / "bag"), Messages())
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording from which commands begin."""
+    folder = tmp_path_factory.mktemp("made") / "bag"
+    recording = Recording(BagWriter(folder), Messages())
     drive = Drive(recording)
     for episode in range(1, 6):
         drive.episode(episode, [10 * episode + place for place in range(3)])
@@ -95,13 +100,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("page", filter(is_run_here, PAGES), ids=page_name)
 def test_commands_of_a_page_run(
-    page: Path, made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     scratch = tmp_path / "shell"
     scratch.mkdir()
-    for name in ("rows", "bag"):
-        (tmp_path / name).symlink_to(made / name)
+    (tmp_path / "bag").symlink_to(recorded)
     monkeypatch.chdir(tmp_path)
     for words in commands_of(page, scratch):
         assert run(words, tmp_path) == 0, f"{words}: {capsys.readouterr()}"
