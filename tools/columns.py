@@ -39,7 +39,7 @@ def families() -> str:
     """Return the lines of the columns whose names depend on the world."""
     which = "older data sets, in place of `shapes`: which bodies have this shape, as in `cubes`"
     marks = f"| `SHAPE{MARKS}` | N | bool | | no | no | {which} |\n"
-    about = "numbers of a rough world, one column for each ([the worlds](worlds.md))"
+    about = "numbers of a rough world, one column for each ([the worlds](../explanation/worlds.md))"
     return f"{marks}| `{ROUGH}*` | the world's | | | where rough | no | {about} |\n"
 
 

@@ -18,12 +18,12 @@ from tests.sain_model.rolling import EPISODES, EVERY, PUSHES, make_episodes
 
 LESS = {  # options whose value is smaller here than on the pages
     "--episodes": "1", "--floor-episodes": "1", "--workers": "1", "--scenes": "1", "--epochs": "1",
-    "--rollout-epochs": "1", "--steps-ahead": "2", "--pictures": "1", "--transitions": "40",
+    "--rollout-epochs": "1", "--steps-ahead": "2", "--steps": "20", "--pictures": "1", "--transitions": "40",
 }  # fmt: skip
 ALWAYS = {  # options that keep a command short and are not on every page
     "sain_sim collect": ("--episodes",),
     "sain_model train": ("--epochs", "--rollout-epochs"),
-    "sain_model train_correction": ("--epochs",),
+    "sain_model train_correction": ("--epochs", "--steps"),
     "sain_eval evaluate": ("--scenes",),
 }
 
@@ -98,7 +98,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("page", filter(is_run_here, PAGES), ids=page_name)
+@pytest.mark.parametrize("page", [page for page in PAGES if is_run_here(page)], ids=page_name)
 def test_commands_of_a_page_run(
     page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
