@@ -43,6 +43,7 @@ def module_problem(name: str, words: list[str]) -> Iterator[str]:
         return
     output, before = io.StringIO(), sys.argv
     sys.argv = [name, *words]
+    sys.modules.pop(name, None)  # another page may have imported it
     try:
         with parsers_stop(), contextlib.redirect_stderr(output), contextlib.redirect_stdout(output):
             runpy.run_module(name, run_name="__main__")
