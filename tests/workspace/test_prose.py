@@ -82,6 +82,11 @@ def test_words_are_counted_outside_of_fences() -> None:
     assert PROSE["words"](text) == 2 + 2 + 1 + 2
 
 
+def test_words_of_comments_and_of_what_tools_write_are_not_counted() -> None:
+    table = "<!-- columns: made by tools/columns.py -->\n\n| cell |\n\n<!-- end of columns -->\n"
+    assert PROSE["words"](f"two words\n\n{table}\n<!-- not tested: takes hours -->\none\n") == 3
+
+
 def test_too_many_words_fail_and_decisions_do_not_count(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -6,7 +6,7 @@ A package offers dynamics through entry points in the group ``sain.dynamics``::
 
 Each is a function from the name that was asked for to a `Dynamics`. A name that no package offers
 is taken as the path of a checkpoint, and goes to the entry point called ``checkpoint``. Every
-command and node finds its models here; docs/your_model.md states what a model must do.
+command and node finds its models here; docs/guides/your_model.md states what a model must do.
 """
 
 from importlib.metadata import EntryPoint

@@ -176,7 +176,7 @@ class ResultsOptions(Config):
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
         "the --out folders of evaluations; of two with the same cell, the later one counts"
     )
-    out: Path = option(Path("docs/results.md"), "the page to write")
+    out: Path = option(Path("docs/reference/results.md"), "the page to write")
     names: str = option(
         "", "names of models in the page, with commas: runs/here/sain.safetensors=SAIN trained here"
     )

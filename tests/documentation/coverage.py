@@ -1,0 +1,60 @@
+"""Which test runs a command of a page that is not marked as not tested.
+
+Commands without a graph are run by `test_small_runs.py`, on a few rows, scenes and epochs.
+"""
+
+SMALL = {
+    "sain_sim collect", "sain_model train", "sain_model train_correction", "sain_model evaluate",
+    "sain_model identify", "sain_eval evaluate", "sain_bags info",
+    "sain_bags recover", "sain_bags to_dataset", "sain_bags report", "sain_eval.cli.shapes",
+}  # fmt: skip
+SESSION = "tests/documentation/test_session.py"
+CLOSED_LOOP = "tests/system/test_closed_loop.py"
+EXAMPLES = "tests/examples/test_examples.py"
+BY_TEST = {  # program -> test that starts it
+    "make demo": CLOSED_LOOP,
+    "make docs": "tests/documentation/test_site.py",
+    "sain_bringup closed_loop": CLOSED_LOOP,
+    "sain_bringup graph": SESSION,
+    "sain_bringup watch": SESSION,
+    "sain_bringup push": SESSION,
+    "sain_bringup goal": SESSION,
+    "sain_bags record": SESSION,
+    "sain_bags play": "tests/system/test_play.py",
+    "sain_sim sim_node": "tests/sain_core/ros/test_node_main.py",
+    "sain_model model_node": "tests/system/test_play.py",
+    "sain_mppi mppi_node": "tests/system/test_play.py",
+    "examples/01_push_a_disk.py": EXAMPLES,
+    "examples/02_plan_a_push.py": EXAMPLES,
+    "examples/03_closed_loop_without_ros.py": EXAMPLES,
+    "examples/04_compare_planners.py": EXAMPLES,
+}
+PAGES_BY_TEST = {  # pages whose commands are those of one test
+    "docs/tutorials/walk.md": "tests/system/test_walk.py",
+    "examples/my_model/README.md": "tests/examples/test_my_model.py",
+}
+
+
+def program(words: list[str]) -> str:
+    """What a command starts: package and executable, target, script or module."""
+    words = [word for word in words if word not in ("./env", "nice")]
+    match words:
+        case ["ros2", "run", package, name, *_]:
+            return f"{package} {name}"
+        case ["python", "-m", module, *_]:
+            return module
+        case ["python", path, *_]:
+            return path
+        case ["make", target, *_]:
+            return f"make {target}"
+    return words[0]
+
+
+def runner(page: str, words: list[str]) -> str:
+    """The test that runs a command of a page; "": none does."""
+    if page in PAGES_BY_TEST:
+        return PAGES_BY_TEST[page]
+    if "--help" in words:
+        return "tests/workspace/test_commands.py"
+    name = program(words)
+    return "tests/documentation/test_small_runs.py" if name in SMALL else BY_TEST.get(name, "")
