@@ -8,18 +8,18 @@ SMALL = {
     "sain_model identify", "sain_eval evaluate", "sain_bags info",
     "sain_bags recover", "sain_bags to_dataset", "sain_bags report", "sain_eval.cli.shapes",
 }  # fmt: skip
-SESSION = "tests/documentation/test_session.py"
+TERMINAL = "tests/documentation/test_terminal.py"
 CLOSED_LOOP = "tests/system/test_closed_loop.py"
 EXAMPLES = "tests/examples/test_examples.py"
 BY_TEST = {  # program -> test that starts it
     "make demo": CLOSED_LOOP,
     "make docs": "tests/documentation/test_site.py",
     "sain_bringup closed_loop": CLOSED_LOOP,
-    "sain_bringup graph": SESSION,
-    "sain_bringup watch": SESSION,
-    "sain_bringup push": SESSION,
-    "sain_bringup goal": SESSION,
-    "sain_bags record": SESSION,
+    "sain_bringup graph": TERMINAL,
+    "sain_bringup watch": TERMINAL,
+    "sain_bringup push": TERMINAL,
+    "sain_bringup goal": TERMINAL,
+    "sain_bags record": TERMINAL,
     "sain_bags play": "tests/system/test_play.py",
     "sain_sim sim_node": "tests/sain_core/ros/test_node_main.py",
     "sain_model model_node": "tests/system/test_play.py",

@@ -1,4 +1,4 @@
-"""A session at the terminal, with the commands of README: a graph, driven and recorded."""
+"""Commands of README in a terminal: a graph is started, looked at, driven and recorded."""
 
 import os
 import signal
@@ -35,21 +35,21 @@ def started(folder: Path, log: str, package: str, name: str, *words: str) -> Ite
 
 
 @pytest.fixture(scope="module")
-def session(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def place(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder in which a graph runs."""
-    folder = tmp_path_factory.mktemp("session")
+    folder = tmp_path_factory.mktemp("terminal")
     with started(folder, "graph.log", "sain_bringup", "graph", "--model", "planar"):
         yield folder
     assert all(Bag(path).message_count for path in (folder / "bags").iterdir())
 
 
 @pytest.fixture(scope="module")
-def run(session: Path) -> Run:
+def run(place: Path) -> Run:
     """Runs a command to its end and returns what it prints."""
 
     def run(package: str, name: str, *words: str) -> str:
         done = subprocess.run(
-            [executable(package, name), *words], cwd=session, capture_output=True, text=True,
+            [executable(package, name), *words], cwd=place, capture_output=True, text=True,
             timeout=PATIENCE, env={**os.environ, "COLUMNS": "200"},
         )  # fmt: skip
         assert done.returncode == 0, done.stdout + done.stderr
@@ -67,11 +67,11 @@ def test_a_push_is_sent_and_its_result_printed(run: Run) -> None:
     assert "mm" in said
 
 
-def test_a_goal_is_reached_and_recorded(run: Run, session: Path) -> None:
-    recording = session / "bags" / "mine"
+def test_a_goal_is_reached_and_recorded(run: Run, place: Path) -> None:
+    recording = place / "bags" / "mine"
     with (
-        started(session, "record.log", "sain_bags", "record", "--out", str(recording)),
-        started(session, "watch.log", "sain_bringup", "watch", "plan"),
+        started(place, "record.log", "sain_bags", "record", "--out", str(recording)),
+        started(place, "watch.log", "sain_bringup", "watch", "plan"),
     ):
         deadline = time.monotonic() + PATIENCE
         while not recording.exists():
