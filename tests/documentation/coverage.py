@@ -11,6 +11,8 @@ SMALL = {
 TERMINAL = "tests/documentation/test_terminal.py"
 CLOSED_LOOP = "tests/system/test_closed_loop.py"
 EXAMPLES = "tests/examples/test_examples.py"
+GYMNASIUM = "tests/examples/test_gymnasium_examples.py"
+PARTS = "tests/examples/test_my_parts.py"
 BY_TEST = {  # program -> test that starts it
     "make demo": CLOSED_LOOP,
     "make docs": "tests/documentation/test_site.py",
@@ -28,10 +30,15 @@ BY_TEST = {  # program -> test that starts it
     "examples/02_plan_a_push.py": EXAMPLES,
     "examples/03_closed_loop_without_ros.py": EXAMPLES,
     "examples/04_compare_planners.py": EXAMPLES,
+    "examples/06_train_in_gymnasium.py": GYMNASIUM,
+    "examples/07_demonstrations_for_lerobot.py": GYMNASIUM,
 }
 PAGES_BY_TEST = {  # pages whose commands are those of one test
     "docs/tutorials/walk.md": "tests/system/test_walk.py",
     "examples/my_model/README.md": "tests/examples/test_my_model.py",
+    "docs/guides/your_model.md": "tests/examples/test_my_model.py",
+    "docs/guides/your_robot.md": "tests/examples/test_my_robot.py",
+    **{f"docs/guides/your_{part}.md": PARTS for part in ("shape", "cost", "planner", "scenario")},
 }
 
 

@@ -23,6 +23,10 @@ REQUIRED = {  # what an ellipsis stands for
     "sain_eval evaluate": [],
     "sain_model train": ["data", "--out", "o"],
 }
+INSTALLED = {  # what the packages of the examples offer -> what is there without them
+    "my_model": "planar", "my_arrow": "cube", "my_centre:0.5": "", "my_planner": "mppi",
+    "my_scenario": "anywhere", "robot_node": "elsewhere",
+}  # fmt: skip
 STOCK = {"topic": ("echo", "pub", "list"), "action": ("send_goal",), "bag": ("info",),
          "param": ("set", "get"), "service": ("call",), "interface": ("show",),
          "pkg": ("executables",)}  # fmt: skip
@@ -120,7 +124,9 @@ def read(command: Command, own: list[str]) -> None:
 
 def value(word: str) -> str:
     """A placeholder, or the name of a package that is not installed here, as what is allowed."""
-    return {"EFFECT": "tilt"}.get(word, word.replace("my_model", "planar"))
+    for name, known in INSTALLED.items():
+        word = word.replace(name, known)
+    return {"EFFECT": "tilt"}.get(word, word)
 
 
 def plain(text: str) -> str:
