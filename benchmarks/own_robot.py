@@ -113,7 +113,7 @@ class Person(Node):
         return distance, pushes, end.status == Plan.REACHED
 
     def _settled(self, before: tuple[int, int]) -> bool:
-        """Tell whether a later scene than one is settled: where frames come seldom, no body jumps."""
+        """Tell whether a later scene than these ids is settled."""
         scene = self.scene
         return scene is not None and scene.settled and (scene.episode_id, scene.scene_id) > before
 
