@@ -92,12 +92,12 @@ class Person(Node):
 
     def play(self, number: int, scene: Scene, goal: Points) -> tuple[float, int, bool]:
         """Return the true distance [m] at the end, the pushes, and whether the planner is done."""
-        self.wait(lambda: self._settled(0), "a settled scene")
+        self.wait(lambda: self._settled((0, 0)), "a settled scene")
         assert self.scene is not None
-        episode = self.scene.episode_id
+        before = self.scene.episode_id, self.scene.scene_id
         self.wait(lambda: self.setting.get_subscription_count() > 0, "the robot")
         self.setting.publish(encode(scene))
-        self.wait(lambda: self._settled(episode), "the next episode")
+        self.wait(lambda: self._settled(before), "the next scene")
         stamp = self.get_clock().now().to_msg()
         fields = {"episode_id": self.scene.episode_id, "max_pushes": MOST_PUSHES}
         message = codec.encode_goal(
@@ -112,8 +112,10 @@ class Person(Node):
         distance = float(np.hypot(place.x - goal[0], place.y - goal[1]))
         return distance, pushes, end.status == Plan.REACHED
 
-    def _settled(self, episode: int) -> bool:
-        return self.scene is not None and self.scene.settled and self.scene.episode_id > episode
+    def _settled(self, before: tuple[int, int]) -> bool:
+        """Tell whether a later scene than these ids is settled."""
+        scene = self.scene
+        return scene is not None and scene.settled and (scene.episode_id, scene.scene_id) > before
 
     def _ended(self, goal_id: int) -> list[Plan]:
         return [p for p in self.plans if p.goal_id == goal_id and p.status != Plan.PUSH]

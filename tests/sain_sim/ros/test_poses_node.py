@@ -123,7 +123,7 @@ def test_old_frames_are_named(graph, camera, tmp_path) -> None:
 
 
 def test_a_jump_is_named_and_settles_nothing(graph, camera, tmp_path) -> None:
-    start(graph, tmp_path, ARRAY)
+    start(graph, tmp_path, ARRAY, max_speed=0.2)
     camera.until(camera.poses, lambda: graph.find("scene", settled=True), "a scene")
     camera.places = ((0.4, 0.0), (0.6, 0.4))
     camera.until(camera.poses, lambda: camera.told("body 1 (t) jumped by 0.300 m"), "why")
