@@ -17,6 +17,8 @@ from sain_core.plugins import check_model_name
 from sain_core.storage import make_folder
 from sain_core.untrusted.yaml_text import read_yaml
 from sain_eval.scenes.scenarios import SCENARIOS
+from sain_live.settings import PageConfig
+from sain_sim.episodes.start import WORLDS
 from sain_sim.world.engines import BULLET, ENGINES, check_engine
 
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
@@ -60,6 +62,29 @@ class GraphOptions(Config):
         check_engine(self.engine)
         if self.params_file is not None:
             _check_parameter_file(self.params_file)
+
+
+@dataclass(frozen=True)
+class LiveOptions(GraphOptions):
+    """Start the whole graph and a page in the browser that shows and steers it.
+
+    The page has the scene, goals to drag, the planner's settings, charts and a log. It prints its
+    address. Only browsers on this computer can open it, unless --host says otherwise. What dies
+    or hangs is restarted. Ctrl-C ends all of it.
+    """
+
+    scenario: str = option("push_t", "scene to begin with", choices=tuple(SCENARIOS))
+    world: str = option("randomised", "hidden truth about friction and contacts", choices=WORLDS)
+    host: str = option("127.0.0.1", "address to listen at; 0.0.0.0: open to other computers")
+    port: int = option(8080, "port to listen at", minimum=1, maximum=65535)
+    real_time_factor: float = option(
+        1.0, "simulated time over wall time; 0: as fast as possible", minimum=0.0, maximum=100.0
+    )
+
+    @property
+    def page(self) -> PageConfig:
+        """The settings of the page."""
+        return PageConfig(self.host, self.port, self.scenario, self.seed)
 
 
 @dataclass(frozen=True)
