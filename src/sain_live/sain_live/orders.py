@@ -1,16 +1,22 @@
 """What a viewer can ask for. The node carries it out; tests of the page take note of it."""
 
+import dataclasses
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
+from sain_core.config import Config
 from sain_core.errors import ConfigError
 from sain_eval.scenes.disk_scenarios import AnywhereScenario
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.scenes.shape_scenarios import PoseScenario, StreakScenario
 from sain_live.aims import Aim
+from sain_mppi.search.config import PlannerConfig
 
 AS_DRAWN: Final = "as the scenario has it"
+PREFIX: Final = "planner."  # of its parameters
+Field = dataclasses.Field[Any]
 
 
 @dataclass(frozen=True)
@@ -68,3 +74,19 @@ class Orders(Protocol):
 
     def load(self, model: str) -> None:
         """Serve another model."""
+
+
+def planner_settings(
+    config: Config = PlannerConfig(), prefix: str = PREFIX
+) -> Iterator[tuple[str, str, Field, Any]]:
+    """Yield group, parameter, field and default of each setting of the planner."""
+    group = prefix.removesuffix(".").rpartition(".")[2]
+    nested = []
+    for item in dataclasses.fields(config):
+        value = getattr(config, item.name)
+        if isinstance(value, Config):
+            nested.append((item.name, value))
+        else:
+            yield group, prefix + item.name, item, value
+    for name, value in nested:
+        yield from planner_settings(value, f"{prefix}{name}.")

@@ -55,8 +55,7 @@ def check_free(host: str, port: int) -> None:
             probe.listen(1)
     except PermissionError as error:
         raise ConfigError(
-            f"port {port} is reserved for the system; choose one above 1023, for example"
-            " port 8081"
+            f"port {port} is reserved for the system; choose one above 1023, for example port 8081"
         ) from error
     except OSError as error:
         if isinstance(error, socket.gaierror) or error.errno == 99:

@@ -60,7 +60,7 @@ class ChartsView:
             height=HEIGHT,
             scales={"x": {"time": False}},
             legend={"show": False},
-            axes=({"size": 26, "font": "11px sans-serif"}, {"size": 36, "font": "11px sans-serif"}),
+            axes=({"size": 26, "font": "11px sans-serif"}, {"size": 46, "font": "11px sans-serif"}),
             cursor={"show": False},
         )
 

@@ -82,9 +82,13 @@ class ControlsView:
     def _add_model(self) -> None:
         names = (*dynamics_names(), *checkpoints(Path("runs")))
         choice = self._gui.add_dropdown("known", names)
-        path = self._gui.add_text("or a path", "", hint="of a checkpoint, as the model's node has it")
+        path = self._gui.add_text(
+            "or a path", "", hint="of a checkpoint, as the model's node has it"
+        )
         button = self._gui.add_button("Load", icon=viser.Icon.DOWNLOAD)
-        button.on_click(self._guarded(lambda: self._orders.load(path.value.strip() or choice.value)))
+        button.on_click(
+            self._guarded(lambda: self._orders.load(path.value.strip() or choice.value))
+        )
 
     def _reset(self) -> None:
         world = "" if self._world.value == AS_STARTED else self._world.value

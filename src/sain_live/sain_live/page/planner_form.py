@@ -1,35 +1,17 @@
 """A control for each setting of the planner, made from its dataclasses."""
 
-import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 import viser
 
-from sain_core.config import Config, describe_values, show_value
-from sain_live.orders import Orders
+from sain_core.config import describe_values, show_value
+from sain_live.orders import Field, Orders, planner_settings
 from sain_live.state import Kind, Known
-from sain_mppi.search.config import PlannerConfig
 
-PREFIX: Final = "planner."
 STEPS: Final = 100  # of a slider for a number
 MOST_STEPS: Final = 1000  # of one for a whole number
 OPEN: Final = "planner"
-Field = dataclasses.Field[Any]
-
-
-def settings_of(config: Config, prefix: str = PREFIX) -> Iterator[tuple[str, str, Field, Any]]:
-    """Yield group, parameter, field and default of each setting."""
-    group = prefix.removesuffix(".").rpartition(".")[2]
-    nested = []
-    for item in dataclasses.fields(config):
-        value = getattr(config, item.name)
-        if isinstance(value, Config):
-            nested.append((item.name, value))
-        else:
-            yield group, prefix + item.name, item, value
-    for name, value in nested:
-        yield from settings_of(value, f"{prefix}{name}.")
 
 
 class PlannerForm:
@@ -41,7 +23,7 @@ class PlannerForm:
         self._shown: Mapping[str, Any] = {}
         self._controls: dict[str, tuple[Any, Any]] = {}
         gui, folders = server.gui, {}
-        for group, name, item, default in settings_of(PlannerConfig()):
+        for group, name, item, default in planner_settings():
             if group not in folders:
                 folders[group] = gui.add_folder(group, expand_by_default=group == OPEN)
             with folders[group]:
@@ -95,7 +77,9 @@ def make_control(gui: viser.GuiApi, item: Field, default: Any) -> Any:
     text = about.get("description", "")
     hint = f"{text}{f' ({allowed})' if allowed and not about.get('choices') else ''}"
     if choices := about.get("choices"):
-        return gui.add_dropdown(label, tuple(map(str, choices)), initial_value=str(default), hint=hint)
+        return gui.add_dropdown(
+            label, tuple(map(str, choices)), initial_value=str(default), hint=hint
+        )
     if isinstance(default, bool):
         return gui.add_checkbox(label, default, hint=hint)
     if isinstance(default, str | tuple):

@@ -92,7 +92,9 @@ class PlanView:
         self._draw_others(plan, aimed)
         ways = np.concatenate([plan.start[None], plan.predicted])[:, :, POSITION]
         self._lines("plan", "chosen", line(ways[:, shown].swapaxes(0, 1), TOP), CHOSEN, THICK)
-        later = [outline(bodies.shapes[b], after[b], TOP) for after in plan.predicted for b in shown]
+        later = [
+            outline(bodies.shapes[b], after[b], TOP) for after in plan.predicted for b in shown
+        ]
         self._lines("plan", "later", later, PREDICTED, THIN)
         for body in shown:
             state = plan.predicted[0, body]

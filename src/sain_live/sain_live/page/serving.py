@@ -16,8 +16,8 @@ from sain_core.errors import BusyError
 from sain_live.settings import PageConfig, check_free, is_loopback
 
 TITLE: Final = "SAIN live"
-CAMERA: Final = (1.75, -0.85, 1.15)  # [m], in front of the table, to its right
-LOOK_AT: Final = (0.42, 0.0, 0.18)
+CAMERA: Final = (1.52, -0.72, 1.02)  # [m], in front of the table, to its right
+LOOK_AT: Final = (0.42, 0.02, 0.14)
 FIELD_OF_VIEW: Final = 0.72  # [rad]
 PANEL_WIDTH: Final = 330  # pixels
 

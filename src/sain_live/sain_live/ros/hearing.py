@@ -160,7 +160,7 @@ class Hearing:
         error = message.error_message if message.error_code not in SILENT else ""
         phase = ENDED.get(message.status, Phase.ENDED if error else Phase.PAUSED)
         why = f"{known.pushes} pushes" if phase is Phase.REACHED else error
-        known.update(phase=phase, why=why)
+        known.update(phase=phase, why=why, plan=None)
         if error:
             known.tell(Kind.REFUSAL, f"planner: {error}")
 
