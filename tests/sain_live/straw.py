@@ -15,7 +15,9 @@ from sain_live.settings import PageConfig
 from sain_live.state import Known, SeenScene
 from sain_mppi.search.poses import BodyPose, PoseGoal
 
-SCENE = make_scene(np.array([(0.45, 0.1), (0.6, -0.2)]), np.array([1.0, 1.0]), np.array([0.1, 0.08]))
+SCENE = make_scene(
+    np.array([(0.45, 0.1), (0.6, -0.2)]), np.array([1.0, 1.0]), np.array([0.1, 0.08])
+)
 BODIES = Bodies.named(["t", "disk"], ["pushable", "fixed"])
 AIM = Aim(PoseGoal((BodyPose(0, 0.5, 0.2, 0.5),)))
 

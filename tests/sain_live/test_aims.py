@@ -36,7 +36,7 @@ def test_out_of_reach_is_refused_in_words():
 @pytest.mark.parametrize("role", ["fixed", "movable"])
 def test_into_a_body_that_stays_is_refused_in_words(role):
     bodies = Bodies.named(["t", "disk"], ["pushable", role])
-    with pytest.raises(InvalidInputError, match="goal of body 0 .*body 1"):
+    with pytest.raises(InvalidInputError, match=r"goal of body 0 .*body 1"):
         check_aim(AIM.moved(0, 0.6, -0.2, 0.0), SCENE, bodies)
 
 

@@ -20,7 +20,7 @@ def test_a_port_in_use_is_named_and_what_to_do():
 
 
 def test_an_address_of_another_computer_is_refused():
-    with pytest.raises(ConfigError, match="host is '192.0.2.1'; this computer has no such"):
+    with pytest.raises(ConfigError, match=r"host is '192\.0\.2\.1'; this computer has no such"):
         check_free("192.0.2.1", 8080)
 
 

@@ -16,7 +16,13 @@ MAY_IMPORT = {
     "sain_eval": {"sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags"},
     "sain_live": {"sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval"},
     "sain_bringup": {
-        "sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval", "sain_live",
+        "sain_core",
+        "sain_sim",
+        "sain_model",
+        "sain_mppi",
+        "sain_bags",
+        "sain_eval",
+        "sain_live",
     },
 }
 ROS_MODULE = re.compile(r"rclpy|launch|launch_ros|sain_interfaces|.*_msgs|.*_interfaces")

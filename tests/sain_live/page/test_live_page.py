@@ -73,7 +73,7 @@ def test_who_leaves_while_dragging_changes_nothing(shown):
 
 
 def test_viewers_see_the_same_also_after_a_reload(shown):
-    known, orders, page, viewer = shown
+    _, orders, page, viewer = shown
     others = [Viewer(page.server.get_port()) for _ in range(2)]
     viewer.drag(GOAL, (0.4, 0.0))
     for other in others:
