@@ -20,6 +20,8 @@ HELPERS = {
     "hostile_flood",
     "hostile_table",
     "identification",
+    "live_browser",
+    "live_viewer",
     "made_bags",
     "peer_figure",
     "peer_optimizers",
