@@ -12,7 +12,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_live.aims import Aim
 from sain_live.page.live_page import LivePage
 from sain_live.settings import PageConfig
-from sain_live.state import Known, SeenScene
+from sain_live.state import LiveScene, LiveState
 from sain_mppi.search.poses import BodyPose, PoseGoal
 
 SCENE = make_scene(
@@ -41,12 +41,12 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def made_up() -> Known:
-    return Known(scene=SeenScene(SCENE, 1, 1), bodies=BODIES, aim=AIM)
+def made_up() -> LiveState:
+    return LiveState(scene=LiveScene(SCENE, 1, 1), bodies=BODIES, aim=AIM)
 
 
 @contextmanager
-def served(known: Known, orders: Any, **settings: Any) -> Iterator[LivePage]:
+def served(known: LiveState, orders: Any, **settings: Any) -> Iterator[LivePage]:
     page = LivePage(known, orders, PageConfig(port=free_port(), **settings))
     known.changed.set()
     try:

@@ -52,7 +52,7 @@ class Reset:
 
 
 class Orders(Protocol):
-    """Each returns at once; what became of it is seen in `Known`."""
+    """Each returns at once; what became of it is seen in `LiveState`."""
 
     def start(self) -> None:
         """Follow the goal, push by push."""

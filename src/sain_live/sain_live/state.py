@@ -1,6 +1,6 @@
 """What is known of the graph: the node writes it, the page shows it. Plain data.
 
-Every attribute of `Known` is replaced and never changed in place, so that a reader on another
+Every attribute of `LiveState` is replaced and never changed in place, so that a reader on another
 thread sees each as a whole and can tell by identity whether it is new.
 """
 
@@ -44,7 +44,7 @@ class Phase(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class SeenScene:
+class LiveScene:
     """A scene (N, 8) as it was observed, with its ids and time [s]."""
 
     disks: Scene
@@ -55,7 +55,7 @@ class SeenScene:
 
 
 @dataclass(frozen=True, eq=False)
-class SeenPlan:
+class LivePlan:
     """A plan that sent a push.
 
     Attributes:
@@ -78,7 +78,7 @@ class SeenPlan:
 
 
 @dataclass(frozen=True, eq=False)
-class SeenResult:
+class LiveResult:
     """A push that was carried out, beside what was predicted (N, 8) of it."""
 
     push_id: int
@@ -98,7 +98,7 @@ class LogLine:
 
 
 @dataclass(frozen=True, eq=False)
-class Curves:
+class LiveCurves:
     """The charts of an episode, a number for each push; NaN where one is not known.
 
     Attributes:
@@ -115,7 +115,7 @@ class Curves:
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class LiveArm:
     """The arm: its URDF, and the pose (x y z, quaternion w x y z) of its root in the world."""
 
     description: str
@@ -124,17 +124,17 @@ class Arm:
 
 
 @dataclass(eq=False)
-class Known:
+class LiveState:
     """All that is known. `changed` is set after each change, `log` is appended to."""
 
-    scene: SeenScene | None = None
+    scene: LiveScene | None = None
     bodies: Bodies | None = None
     aim: Aim | None = None
-    plan: SeenPlan | None = None
-    result: SeenResult | None = None
-    arm: Arm | None = None
+    plan: LivePlan | None = None
+    result: LiveResult | None = None
+    arm: LiveArm | None = None
     joints: Mapping[str, float] = field(default_factory=dict)
-    curves: Curves = Curves()
+    curves: LiveCurves = LiveCurves()
     phase: Phase = Phase.WAITING
     why: str = ""  # it is in this phase
     pushes: int = 0  # sent for the goal

@@ -9,7 +9,7 @@ from sain_core.errors import BusyError
 from sain_live.page.live_page import LivePage
 from sain_live.page.serving import refusal
 from sain_live.settings import PageConfig
-from sain_live.state import Arm, Kind, SeenPlan, SeenResult, SeenScene
+from sain_live.state import Kind, LiveArm, LivePlan, LiveResult, LiveScene
 from sain_sim.arm.frames import describe_arm
 from tests.sain_live.straw import AIM, BODIES, SCENE, Written, made_up, served
 
@@ -32,7 +32,7 @@ def test_bodies_are_where_they_are(shown):
     assert viewer.nodes["/bodies/1"]["position"][:2] == pytest.approx((0.6, -0.2))
     moved = SCENE.copy()
     moved[1, :3] = 0.7, 0.1, np.pi / 2
-    known.update(scene=SeenScene(moved, 1, 2))
+    known.update(scene=LiveScene(moved, 1, 2))
     viewer.wait(lambda: viewer.nodes["/bodies/1"]["position"][0] > 0.69, "body 1 to move")
     assert viewer.nodes["/bodies/1"]["wxyz"] == pytest.approx((0.5**0.5, 0, 0, 0.5**0.5))
 
@@ -144,8 +144,8 @@ def test_plan_and_result_are_drawn_and_cleared(shown):
     after[:, 0, 0] += 0.05
     ways = np.zeros((3, 2, 2, 2)) + 0.4
     pushes = np.array([(0.0, 0.0, 0.1)] * 2)
-    plan = SeenPlan(7, SCENE, pushes, after, np.full((2, 2), 0.01), np.arange(3.0), ways)
-    known.update(plan=plan, result=SeenResult(7, SCENE, SCENE, after[0], None))
+    plan = LivePlan(7, SCENE, pushes, after, np.full((2, 2), 0.01), np.arange(3.0), ways)
+    known.update(plan=plan, result=LiveResult(7, SCENE, SCENE, after[0], None))
     drawn = {f"/plan/{n}" for n in ("others", "chosen", "later", "ghost0", "regions", "push")}
     drawn |= {"/result/predicted", "/result/reality", "/result/label"}
     viewer.wait(lambda: drawn <= set(viewer.nodes), "the plan")
@@ -155,7 +155,7 @@ def test_plan_and_result_are_drawn_and_cleared(shown):
 
 def test_the_arm_follows_its_joints(shown):
     known, _, _, viewer = shown
-    known.update(arm=Arm(describe_arm(0.012, 0.22)), joints={"panda_joint1": 0.0})
+    known.update(arm=LiveArm(describe_arm(0.012, 0.22)), joints={"panda_joint1": 0.0})
     joint = "/arm/panda_link1"
     viewer.wait(lambda: joint in viewer.nodes, "the arm")
     known.update(joints={"panda_joint1": np.pi / 2})
@@ -165,7 +165,7 @@ def test_the_arm_follows_its_joints(shown):
 
 def test_an_arm_that_cannot_be_drawn_is_told(shown):
     known, _, _, viewer = shown
-    known.update(arm=Arm("<robot"))
+    known.update(arm=LiveArm("<robot"))
     viewer.wait(lambda: "the arm is not drawn" in viewer.texts, "the words")
 
 
@@ -195,5 +195,5 @@ def test_bodies_of_the_next_episode_replace_the_others(shown):
     known, _, _, viewer = shown
     known.update(bodies=None, scene=None, aim=None)
     viewer.wait(lambda: GOAL not in viewer.nodes, "no goal")
-    known.update(bodies=BODIES, scene=SeenScene(SCENE[::-1].copy(), 2, 1), aim=AIM)
+    known.update(bodies=BODIES, scene=LiveScene(SCENE[::-1].copy(), 2, 1), aim=AIM)
     viewer.wait(lambda: GOAL in viewer.nodes, "the goal")

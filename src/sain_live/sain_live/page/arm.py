@@ -12,7 +12,7 @@ import viser
 
 from sain_core.errors import ConfigError
 from sain_live.page.geometry import Quaternion, Vector, about, of_angles, turned
-from sain_live.state import Arm, Kind, Known
+from sain_live.state import Kind, LiveArm, LiveState
 
 LARGEST_MESH: Final = 50_000_000  # bytes of a file
 PLAIN: Final = (210, 212, 215)
@@ -47,11 +47,11 @@ class ArmView:
         """Draw nothing yet."""
         self._scene = server.scene
         self._root: Any = None
-        self._drawn: Arm | None = None
+        self._drawn: LiveArm | None = None
         self._moving: list[tuple[Joint, Any]] = []
         self._joints: Mapping[str, float] = {}
 
-    def show(self, known: Known) -> None:
+    def show(self, known: LiveState) -> None:
         """Draw what has changed."""
         if known.arm is None:
             return
@@ -71,7 +71,7 @@ class ArmView:
             frame.position, frame.wxyz = joint.pose(value)
         self._joints = known.joints
 
-    def _make(self, arm: Arm) -> None:
+    def _make(self, arm: LiveArm) -> None:
         if self._root is not None:
             self._root.remove()
         self._moving = []
@@ -115,29 +115,27 @@ class ArmView:
         visual: ElementTree.Element,
         colours: Mapping[str, tuple[int, int, int]],
     ) -> None:
-        place, turn = _origin(visual)
-        pose = {"position": place, "wxyz": turn}
-        colour = _colour(visual, colours)
         geometry = visual.find("geometry")
         shape = None if geometry is None else next(iter(geometry), None)
         if shape is None:
             return
+        place, turn = _origin(visual)
+        colour, scene = _colour(visual, colours), self._scene
+        scene.add_frame(name, show_axes=False, position=place, wxyz=turn)
         if shape.tag == "mesh":
             scale = _numbers(shape.get("scale", "1 1 1"))
             parts = read_mesh(shape.get("filename", ""), colour or PLAIN, colour is None)
             for number, (vertices, faces, own) in enumerate(parts):
-                self._scene.add_mesh_simple(
-                    f"{name}/{number}", vertices * scale, faces, color=own, **pose
-                )
+                scene.add_mesh_simple(f"{name}/{number}", vertices * scale, faces, color=own)
         elif shape.tag == "box":
             size = _numbers(shape.get("size", "0 0 0"))
-            self._scene.add_box(name, color=colour or PLAIN, dimensions=size, **pose)
+            scene.add_box(f"{name}/box", color=colour or PLAIN, dimensions=size)
         elif shape.tag == "cylinder":
             radius, length = float(shape.get("radius", 0)), float(shape.get("length", 0))
-            self._scene.add_cylinder(name, radius, length, color=colour or PLAIN, **pose)
+            scene.add_cylinder(f"{name}/cylinder", radius, length, color=colour or PLAIN)
         elif shape.tag == "sphere":
             radius = float(shape.get("radius", 0))
-            self._scene.add_icosphere(name, radius, color=colour or PLAIN, **pose)
+            scene.add_icosphere(f"{name}/ball", radius, color=colour or PLAIN)
 
 
 def read_joint(part: ElementTree.Element) -> Joint:
@@ -169,14 +167,14 @@ def read_mesh(
     if not path.is_file() or path.stat().st_size > LARGEST_MESH:
         raise ConfigError(f"mesh {path} is missing or larger than {LARGEST_MESH >> 20} MB")
     parts: dict[tuple[int, int, int], list[Any]] = {}
-    loaded = trimesh.load(path, force="scene")
-    for part in loaded.dump():  # type: ignore[union-attr]
+    loaded: Any = trimesh.load(path, force="scene")
+    for part in loaded.dump():
         material = getattr(getattr(part, "visual", None), "material", None)
         main = getattr(material, "main_color", None)
         red, green, blue = colour if main is None or not own else map(int, main[:3])
         parts.setdefault((red, green, blue), []).append(part)
     for shade, group in parts.items():
-        whole = trimesh.util.concatenate(group)
+        whole: Any = trimesh.util.concatenate(group)
         yield np.asarray(whole.vertices), np.asarray(whole.faces), shade
 
 

@@ -11,7 +11,7 @@ from sain_core.shapes.bodies import Bodies, Role
 from sain_core.types import Scene
 from sain_live.aims import FEASIBILITY
 from sain_live.page.geometry import line, mesh, rgb, ring, upright
-from sain_live.state import Known
+from sain_live.state import LiveState
 
 THICKNESS: Final = 0.02  # [m], of the table
 EDGE: Final = 0.0025  # [m], of lines
@@ -31,7 +31,7 @@ class BodiesView:
         self._shown: Scene | None = None
         self._draw_table()
 
-    def show(self, known: Known) -> None:
+    def show(self, known: LiveState) -> None:
         """Draw what has changed."""
         seen, bodies = known.scene, known.bodies
         if seen is None or bodies is None or len(bodies) != len(seen.disks):

@@ -8,7 +8,7 @@ import viser
 from viser import uplot
 
 from sain_core.drawing.palette import PALETTE
-from sain_live.state import Curves, Kind, Known, LogLine
+from sain_live.state import Kind, LiveCurves, LiveState, LogLine
 
 LINES: Final = 14  # of the log that are shown
 HEIGHT: Final = 96  # pixels of a chart
@@ -31,7 +31,7 @@ class ChartsView:
 
     def __init__(self, server: viser.ViserServer) -> None:
         """Make the panel."""
-        self._drawn: Curves | None = None
+        self._drawn: LiveCurves | None = None
         self._lines = -1
         panel = server.gui.add_panel()
         gui = server.gui
@@ -64,7 +64,7 @@ class ChartsView:
             cursor={"show": False},
         )
 
-    def show(self, known: Known) -> None:
+    def show(self, known: LiveState) -> None:
         """Draw what has changed."""
         if known.curves is not self._drawn:
             self._drawn = curves = known.curves

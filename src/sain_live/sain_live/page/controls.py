@@ -14,7 +14,7 @@ from sain_core.shapes.registry import footprint_names
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_live.orders import AS_DRAWN, Orders, Reset
 from sain_live.settings import PageConfig
-from sain_live.state import Kind, Known, Phase
+from sain_live.state import Kind, LiveState, Phase
 from sain_sim.episodes.start import WORLDS
 
 START, ONCE, PAUSE = "Start", "One push", "Pause"
@@ -35,7 +35,7 @@ class ControlsView:
     """The tab with buttons and choices."""
 
     def __init__(
-        self, server: viser.ViserServer, known: Known, orders: Orders, config: PageConfig
+        self, server: viser.ViserServer, known: LiveState, orders: Orders, config: PageConfig
     ) -> None:
         """Make the controls."""
         self._gui, self._known, self._orders = server.gui, known, orders
@@ -47,7 +47,7 @@ class ControlsView:
         with self._gui.add_folder("Model", expand_by_default=False):
             self._add_model()
 
-    def show(self, known: Known) -> None:
+    def show(self, known: LiveState) -> None:
         """Show how the loop is doing."""
         text = status_text(known)
         if text != self._status:
@@ -67,7 +67,7 @@ class ControlsView:
         self._scenario = gui.add_dropdown(
             "scenario", tuple(SCENARIOS), initial_value=config.scenario or FIRST
         )
-        self._seed = gui.add_number("seed", config.seed, min=0, max=LARGEST_SEED, step=1)
+        self._seed: Any = gui.add_number("seed", config.seed, min=0, max=LARGEST_SEED, step=1)
         self._shape = gui.add_dropdown(
             "shape", (AS_DRAWN, *footprint_names()), hint="of the bodies, where it is free"
         )
@@ -117,7 +117,7 @@ def checkpoints(folder: Path) -> Sequence[str]:
     return [str(path) for path in found[:MOST_CHECKPOINTS]]
 
 
-def status_text(known: Known) -> str:
+def status_text(known: LiveState) -> str:
     """Return how the loop is doing, as HTML."""
     colour = COLOURS.get(known.phase, PALETTE.soft)
     facts = [("model", known.model or "-"), ("engine", known.engine or "-")]
@@ -142,7 +142,7 @@ def status_text(known: Known) -> str:
     )
 
 
-def distance_text(known: Known) -> str:
+def distance_text(known: LiveState) -> str:
     """Return how far the bodies are from the goal; "": the goal is of another scene."""
     assert known.aim is not None and known.scene is not None and known.bodies is not None
     count = min(len(known.scene.disks), len(known.bodies))

@@ -13,7 +13,7 @@ from sain_core.types import Scene
 from sain_live.aims import Aim, check_aim
 from sain_live.orders import Orders
 from sain_live.page.geometry import circle, heading_of, line, mesh, rgb, ring, upright
-from sain_live.state import Kind, Known
+from sain_live.state import Kind, LiveState
 from sain_mppi.search.poses import BodyPose
 
 HANDLE: Final = 0.11  # [m], length of the arrows
@@ -27,7 +27,7 @@ START, END = "start", "end"
 class GoalsView:
     """Draws the goal and takes what viewers do with it."""
 
-    def __init__(self, server: viser.ViserServer, known: Known, orders: Orders) -> None:
+    def __init__(self, server: viser.ViserServer, known: LiveState, orders: Orders) -> None:
         """Draw nothing yet."""
         self._server = server
         self._known = known
@@ -37,7 +37,7 @@ class GoalsView:
         self._shown: Aim | None = None
         self._dragged: dict[int, int] = {}  # bodies, by the viewer who drags
 
-    def show(self, known: Known) -> None:
+    def show(self, known: LiveState) -> None:
         """Draw what has changed; a goal that is being dragged stays with its viewer."""
         aim, seen, bodies = known.aim, known.scene, known.bodies
         if aim is None or seen is None or bodies is None:
@@ -99,7 +99,7 @@ class GoalsView:
 
     def _on_update(self, body: int) -> Any:
         async def take(event: viser.TransformControlsEvent) -> None:
-            viewer = int(event.client_id)
+            viewer = -1 if event.client_id is None else event.client_id
             if event.phase == START:
                 self._dragged[viewer] = body
             elif event.phase == END:

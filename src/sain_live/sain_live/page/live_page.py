@@ -17,7 +17,7 @@ from sain_live.page.planner_form import PlannerForm
 from sain_live.page.plans import PlanView
 from sain_live.page.serving import open_server
 from sain_live.settings import PageConfig
-from sain_live.state import Kind, Known
+from sain_live.state import Kind, LiveState
 
 WAIT: Final = 0.5  # [s] between looks where nothing changes
 BEHIND: Final = 0.1  # [s] that the pace may catch up
@@ -28,7 +28,7 @@ logger = logging.getLogger(__name__)
 class LivePage:
     """Serves what is known to any number of viewers, and gives their orders."""
 
-    def __init__(self, known: Known, orders: Orders, config: PageConfig) -> None:
+    def __init__(self, known: LiveState, orders: Orders, config: PageConfig) -> None:
         """Listen and show what is known.
 
         Raises:

@@ -7,17 +7,17 @@ import viser
 
 from sain_core.config import describe_values, show_value
 from sain_live.orders import Field, Orders, planner_settings
-from sain_live.state import Kind, Known
+from sain_live.state import Kind, LiveState
 
-STEPS: Final = 100  # of a slider for a number
-MOST_STEPS: Final = 1000  # of one for a whole number
+STEPS: Final = 100  # of a slider
+WIDEST: Final = {float: 10.0, int: 200.0}  # range of a slider; beyond, a number is typed
 OPEN: Final = "planner"
 
 
 class PlannerForm:
     """The tab with the settings of the planner. A change counts from the next plan on."""
 
-    def __init__(self, server: viser.ViserServer, known: Known, orders: Orders) -> None:
+    def __init__(self, server: viser.ViserServer, known: LiveState, orders: Orders) -> None:
         """Make the controls, with the defaults."""
         self._known, self._orders = known, orders
         self._shown: Mapping[str, Any] = {}
@@ -31,7 +31,7 @@ class PlannerForm:
             self._controls[name] = (control, default)
             control.on_update(self._on_update(name))
 
-    def show(self, known: Known) -> None:
+    def show(self, known: LiveState) -> None:
         """Show the settings as the planner has them."""
         if known.planner is self._shown:
             return
@@ -86,16 +86,13 @@ def make_control(gui: viser.GuiApi, item: Field, default: Any) -> Any:
         shown = show_value(default) if isinstance(default, tuple) else default
         return gui.add_text(label, shown, hint=hint)
     low, high, kind = about.get("minimum"), about.get("maximum"), type(default)
-    step: float = 1 if kind is int else 0.0
-    if low is not None and high is not None:
-        step = step or (high - low) / STEPS
-        if (high - low) / step <= MOST_STEPS:
-            bounds = kind(low), kind(high), kind(step)
-            return gui.add_slider(label, *bounds, default, hint=hint)
+    if low is not None and high is not None and high - low <= WIDEST[kind]:
+        step = kind(1) if kind is int else (high - low) / STEPS
+        return gui.add_slider(label, kind(low), kind(high), step, default, hint=hint)
     limits = {
         name: kind(value) for name, value in (("min", low), ("max", high)) if value is not None
     }
-    return gui.add_number(label, default, step=step or None, hint=hint, **limits)
+    return gui.add_number(label, default, step=1 if kind is int else None, hint=hint, **limits)
 
 
 def read_numbers(text: str) -> list[float]:

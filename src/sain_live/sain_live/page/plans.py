@@ -22,7 +22,7 @@ from sain_live.page.geometry import (
     rgb,
     upright,
 )
-from sain_live.state import Known, SeenPlan, SeenResult, largest_error
+from sain_live.state import LivePlan, LiveResult, LiveState, largest_error
 
 CHEAP: Final = (38, 140, 85)
 DEAR: Final = (226, 176, 168)
@@ -47,11 +47,11 @@ class PlanView:
     def __init__(self, server: viser.ViserServer) -> None:
         """Draw nothing yet."""
         self._scene = server.scene
-        self._plan: SeenPlan | None = None
-        self._result: SeenResult | None = None
+        self._plan: LivePlan | None = None
+        self._result: LiveResult | None = None
         self._nodes: dict[str, list[Any]] = {"plan": [], "result": []}
 
-    def show(self, known: Known) -> None:
+    def show(self, known: LiveState) -> None:
         """Draw what is new."""
         bodies = known.bodies
         if known.plan is not self._plan:
@@ -85,7 +85,7 @@ class PlanView:
             )
             self._nodes[group].append(node)
 
-    def _draw_plan(self, plan: SeenPlan, bodies: Bodies, aimed: list[int]) -> None:
+    def _draw_plan(self, plan: LivePlan, bodies: Bodies, aimed: list[int]) -> None:
         if len(plan.start) != len(bodies) or not len(plan.predicted):
             return
         shown = sorted({*aimed, *pushed_bodies(plan.pushes).tolist()})
@@ -120,7 +120,7 @@ class PlanView:
             self._lines("plan", "regions", rings or [np.empty((0, 2, 3))], REGION)
         self._draw_push(plan, bodies)
 
-    def _draw_others(self, plan: SeenPlan, aimed: list[int]) -> None:
+    def _draw_others(self, plan: LivePlan, aimed: list[int]) -> None:
         """Draw where other sequences lead the bodies of the goal, from cheap to dear."""
         count, horizon = plan.places.shape[:2]
         if not count or not aimed:
@@ -133,7 +133,7 @@ class PlanView:
         both_ends = np.repeat(colours[:, None], 2, axis=1)
         self._lines("plan", "others", segments, both_ends, THIN)
 
-    def _draw_push(self, plan: SeenPlan, bodies: Bodies) -> None:
+    def _draw_push(self, plan: LivePlan, bodies: Bodies) -> None:
         push = plan.pushes[0]
         if push[LENGTH] <= 0.0:
             return
@@ -149,7 +149,7 @@ class PlanView:
         )
         self._nodes["plan"].append(arrow)
 
-    def _draw_result(self, result: SeenResult, bodies: Bodies) -> None:
+    def _draw_result(self, result: LiveResult, bodies: Bodies) -> None:
         after = result.after
         if len(after) != len(bodies):
             return
@@ -175,7 +175,7 @@ class PlanView:
             self._nodes["result"].append(node)
 
     @staticmethod
-    def _compared(result: SeenResult) -> list[int]:
+    def _compared(result: LiveResult) -> list[int]:
         """Return the bodies that the push was to move, or that it moved otherwise."""
         expected = result.planned if result.planned is not None else result.physics
         if expected is None or expected.shape != result.after.shape:
@@ -185,7 +185,7 @@ class PlanView:
         return np.flatnonzero(moved | (_way(expected, before) > MOVED)).tolist()
 
 
-def error_text(result: SeenResult) -> str:
+def error_text(result: LiveResult) -> str:
     """Return how far off the predictions of a push were, in words; "": nobody predicted."""
     parts = []
     for name, scene in (("prediction", result.planned), ("physics", result.physics)):
@@ -199,7 +199,7 @@ def _way(scene: Scene, other: Scene) -> np.ndarray:
     return np.asarray(np.hypot(*(scene[:, POSITION] - other[:, POSITION]).T))
 
 
-def _aimed(known: Known, count: int) -> list[int]:
+def _aimed(known: LiveState, count: int) -> list[int]:
     """Return the bodies of the goal."""
     poses = () if known.aim is None else known.aim.poses
     return [pose.body for pose in poses if pose.body < count]

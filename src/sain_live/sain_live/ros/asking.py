@@ -18,7 +18,7 @@ from sain_interfaces.srv import ResetScene
 from sain_live.aims import Aim
 from sain_live.orders import Reset
 from sain_live.ros.tuning import Tuning
-from sain_live.state import Kind, Known, Phase
+from sain_live.state import Kind, LiveState, Phase
 from sain_mppi.ros.goal_message import encode_pose_goal
 from sain_mppi.search.poses import PoseGoal
 
@@ -29,7 +29,7 @@ PATIENCE: Final = 60.0  # [s] for that push
 class Asking:
     """Carries out the orders of viewers, on the executor's thread."""
 
-    def __init__(self, node: Node, known: Known) -> None:
+    def __init__(self, node: Node, known: LiveState) -> None:
         """Look for the others."""
         self._node, self._known = node, known
         self._orders: SimpleQueue[Callable[[], None]] = SimpleQueue()
@@ -183,7 +183,7 @@ class Asking:
 
 def goal_message(aim: Aim, episode_id: int, most: int, stamp: Any) -> Goal:
     """Return a goal for so many pushes; 0: no limit."""
-    named = {"stamp": stamp, "goal_id": 0, "episode_id": episode_id, "max_pushes": most}
+    named = {"goal_id": 0, "episode_id": episode_id, "max_pushes": most}
     if isinstance(aim.goal, PoseGoal):
-        return encode_pose_goal(aim.goal, **named)
-    return encode_goal(aim.goal, tolerance=aim.tolerance, **named)
+        return encode_pose_goal(aim.goal, stamp=stamp, **named)
+    return encode_goal(aim.goal, stamp=stamp, tolerance=aim.tolerance, **named)

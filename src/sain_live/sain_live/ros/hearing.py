@@ -1,4 +1,4 @@
-"""What the page hears of the graph: messages become `Known`."""
+"""What the page hears of the graph: messages become `LiveState`."""
 
 from collections.abc import Callable
 from threading import Lock
@@ -33,7 +33,7 @@ from sain_interfaces.msg import (
 from sain_live.aims import Aim, first_aim
 from sain_live.ros.polling import Polling
 from sain_live.ros.pushes import Stories
-from sain_live.state import Arm, Kind, Known, Phase, SeenPlan, SeenScene
+from sain_live.state import Kind, LiveArm, LivePlan, LiveScene, LiveState, Phase
 from sain_mppi.ros.goal_message import decode_task
 
 Take = Callable[[Any], None]
@@ -47,13 +47,13 @@ SILENT: Final = (ErrorCode.OK, ErrorCode.UNKNOWN, ErrorCode.CANCELLED)
 class Hearing:
     """Listens to all that a viewer sees."""
 
-    def __init__(self, node: Node, known: Known) -> None:
+    def __init__(self, node: Node, known: LiveState) -> None:
         """Listen from now on."""
         self._node, self._known = node, known
         self._stories = Stories()
         self._bodies_of = 0  # episode
-        self._early: SeenScene | None = None  # whose bodies are not known yet
-        self._settled: SeenScene | None = None
+        self._early: LiveScene | None = None  # whose bodies are not known yet
+        self._settled: LiveScene | None = None
         self._root: tuple[Any, ...] = ()  # place and turn of the arm's, once they are known
         self._levels: dict[str, tuple[bytes, str]] = {}
         self._lock = Lock()  # scenes come on a thread of their own
@@ -91,13 +91,13 @@ class Hearing:
     def _on_scene(self, message: Scene) -> None:
         time = codec.decode_time(message.header.stamp)
         ids = message.episode_id, message.scene_id
-        seen = SeenScene(wire.decode_disks(message.disks), *ids, message.settled, time)
+        seen = LiveScene(wire.decode_disks(message.disks), *ids, message.settled, time)
         if self._bodies_of != message.episode_id and self._node.count_publishers("shapes"):
             self._early = seen
             return
         self._see(seen)
 
-    def _see(self, seen: SeenScene) -> None:
+    def _see(self, seen: LiveScene) -> None:
         known, before = self._known, self._known.scene
         if known.bodies is None or len(known.bodies) != len(seen.disks):
             known.update(bodies=CoreBodies.disks(len(seen.disks)))
@@ -113,7 +113,7 @@ class Hearing:
         if known.phase is Phase.WAITING:
             known.update(phase=Phase.PAUSED)
 
-    def _begin(self, seen: SeenScene) -> None:
+    def _begin(self, seen: LiveScene) -> None:
         """Forget the episode before."""
         self._stories.clear()
         self._known.update(plan=None, result=None, curves=self._stories.curves(), pushes=0)
@@ -133,7 +133,7 @@ class Hearing:
         if len(message.data) > LONGEST_DESCRIPTION:
             known.tell(Kind.FAULT, f"the arm is not drawn: {len(message.data)} characters of URDF")
         elif known.arm is None or known.arm.description != message.data:
-            known.update(arm=Arm(message.data, *self._root))
+            known.update(arm=LiveArm(message.data, *self._root))
 
     def _on_fixed_frames(self, message: TFMessage) -> None:
         """Take where the arm's root stands: the first frame that hangs on the world."""
@@ -142,7 +142,7 @@ class Hearing:
                 place, turn = frame.transform.translation, frame.transform.rotation
                 self._root = (place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z)
                 if (arm := self._known.arm) is not None:
-                    self._known.update(arm=Arm(arm.description, *self._root))
+                    self._known.update(arm=LiveArm(arm.description, *self._root))
                 return
 
     def _on_goal(self, message: Goal) -> None:
@@ -179,7 +179,7 @@ class Hearing:
         count = len(message.other_costs)
         places = np.asarray(message.other_places, dtype=np.float64)
         regions = np.asarray(message.regions, dtype=np.float64)
-        plan = SeenPlan(
+        plan = LivePlan(
             message.push_id,
             start.disks,
             pushes,

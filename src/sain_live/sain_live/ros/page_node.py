@@ -12,7 +12,7 @@ from sain_live.page.live_page import LivePage
 from sain_live.ros.asking import Asking
 from sain_live.ros.hearing import Hearing
 from sain_live.settings import NO_SCENARIO, PageConfig, check_free, is_loopback
-from sain_live.state import Known
+from sain_live.state import LiveState
 
 LOOK: float = 0.1  # [s] between looks for a simulator, at the start
 
@@ -25,7 +25,7 @@ class PageNode(Node):
         super().__init__("page_node", namespace=NAMESPACE, **options)
         self.config = config = read_parameters(self, PageConfig)
         check_free(config.host, config.port)
-        self.known = known = Known(world="")
+        self.known = known = LiveState(world="")
         self.asking = Asking(self, known)
         self.hearing = Hearing(self, known)
         self.page = LivePage(known, self.asking, config)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sain_core.types import Scene
-from sain_live.state import MOST_POINTS, Curves, SeenResult, largest_error
+from sain_live.state import MOST_POINTS, LiveCurves, LiveResult, largest_error
 
 UNKNOWN = float("nan")
 
@@ -39,14 +39,14 @@ class Stories:
             del self._stories[next(iter(self._stories))]
         return self._stories.setdefault(push_id, PushStory())
 
-    def result(self, push_id: int) -> SeenResult | None:
+    def result(self, push_id: int) -> LiveResult | None:
         """Return a push that was carried out, beside its predictions; None: it was not yet."""
         story = self.of(push_id)
         if story.after is None:
             return None
-        return SeenResult(push_id, story.after, story.before, story.planned, story.physics)
+        return LiveResult(push_id, story.after, story.before, story.planned, story.physics)
 
-    def curves(self) -> Curves:
+    def curves(self) -> LiveCurves:
         """Return the charts."""
         stories = list(self._stories.values())
         planned, physics = (
@@ -56,7 +56,7 @@ class Stories:
             )
             for name in ("planned", "physics")
         )
-        return Curves(
+        return LiveCurves(
             tuple(s.distance for s in stories),
             planned,
             physics,

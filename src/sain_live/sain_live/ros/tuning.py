@@ -13,7 +13,7 @@ from sain_core.ros.qos import RELIABLE
 from sain_core.ros.steady import steady_timer
 from sain_interfaces.srv import DescribeModel, LoadModel
 from sain_live.orders import planner_settings
-from sain_live.state import Kind, Known
+from sain_live.state import Kind, LiveState
 
 PLANNER: Final = "mppi_node"
 LOOK_AROUND: Final = 0.5  # [s]
@@ -22,7 +22,7 @@ LOOK_AROUND: Final = 0.5  # [s]
 class Tuning:
     """Follows and changes parameters and model. All calls come from the executor's thread."""
 
-    def __init__(self, node: Node, known: Known) -> None:
+    def __init__(self, node: Node, known: LiveState) -> None:
         """Look for planner and model."""
         self._node, self._known = node, known
         self._load_model = node.create_client(LoadModel, "load_model")
@@ -87,7 +87,7 @@ class Tuning:
     def _look_around(self) -> None:
         """Ask who is new what the page should know."""
         if not self._get.service_is_ready():
-            self._got = False
+            self._got = self._setting = False  # a planner that ended answers nothing any more
         elif not self._got:
             self._got = True
             asked = self._get.call_async(GetParameters.Request(names=self._names))
