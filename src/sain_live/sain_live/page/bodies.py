@@ -56,7 +56,7 @@ class BodiesView:
         for body, shape in enumerate(bodies.shapes):
             name, radius = f"/bodies/{body}", float(scene[body, RADIUS])
             colour = rgb(PALETTE.disk(body))
-            dark = tuple(round(DARKER * part) for part in colour)
+            red, green, blue = (round(DARKER * part) for part in colour)
             frame = self._scene.add_frame(name, show_axes=False)
             vertices, faces = mesh(shape, radius)
             self._scene.add_mesh_simple(
@@ -66,7 +66,9 @@ class BodiesView:
             if not shape.is_round:
                 tick = shape.circumradius * radius * np.array([[0.0, 0.0], [0.35, 0.0]])
                 edges = np.concatenate([edges, line(tick, DISK_HEIGHT / 2 + ABOVE)])
-            self._scene.add_line_segments(f"{name}/edges", edges, dark, thickness=EDGE)
+            self._scene.add_line_segments(
+                f"{name}/edges", edges, (red, green, blue), thickness=EDGE
+            )
             self._scene.add_label(
                 f"{name}/label",
                 label(body, bodies),

@@ -10,6 +10,8 @@ from viser import uplot
 from sain_core.drawing.palette import PALETTE
 from sain_live.state import Kind, LiveCurves, LiveState, LogLine
 
+FONT: Final = "11px sans-serif"
+WHOLE: Final = [1, 2, 5, 10, 20, 50, 100, 200]  # between two ticks: pushes are counted
 LINES: Final = 14  # of the log that are shown
 HEIGHT: Final = 96  # pixels of a chart
 WIDTH: Final = 330  # pixels of the panel
@@ -60,7 +62,10 @@ class ChartsView:
             height=HEIGHT,
             scales={"x": {"time": False}},
             legend={"show": False},
-            axes=({"size": 26, "font": "11px sans-serif"}, {"size": 46, "font": "11px sans-serif"}),
+            axes=(
+                {"size": 26, "font": FONT, "incrs": WHOLE},
+                {"size": 46, "font": FONT},
+            ),
             cursor={"show": False},
         )
 

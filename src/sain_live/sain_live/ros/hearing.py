@@ -194,6 +194,7 @@ class Hearing:
             pushes=known.pushes + 1,
             phase=Phase.PUSHING,
             why=message.concern,
+            model=known.model or message.dynamics,
         )
         if message.fallback:
             known.tell(Kind.FAULT, f"the physics prior plans: {message.error_message}")
@@ -230,10 +231,11 @@ class Hearing:
             if engine != self._known.engine:
                 self._known.update(engine=engine)
             level, before = bytes(status.level), self._levels.get(status.name, (OK, ""))
-            self._levels[status.name] = level, status.message
             if (level, status.message) == before or status.message == "starting":
                 continue
             if level != OK:
-                self._known.tell(Kind.FAULT, f"{status.name}: {status.message}")
+                kind = Kind.FAULT if status.name in self._levels else Kind.NOTE  # it starts
+                self._known.tell(kind, f"{status.name}: {status.message}")
             elif before[0] != OK:
                 self._known.tell(Kind.NOTE, f"{status.name}: fine again")
+            self._levels[status.name] = level, status.message
