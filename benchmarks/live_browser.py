@@ -22,7 +22,7 @@ FLAGS = (
     "--disable-background-networking", "--window-size=1366,768",
 )  # fmt: skip
 ADDRESS = re.compile(r"the page is at (\S+)")
-PATIENCE = 60.0  # [s]
+PATIENCE = 120.0  # [s]
 SEEN = """
 const texts = document.body ? document.body.innerText : "";
 const done = arguments[0];
@@ -35,6 +35,7 @@ def seconds_to_picture(live: LiveOptions) -> float:
     """Return the time [s] from the start of the command to the scene in a browser."""
     with tempfile.TemporaryDirectory() as folder:
         chrome = opened()
+        chrome.set_script_timeout(PATIENCE)
         said = Path(folder, "said.txt")
         options = ["--port", str(live.port), "--no-record", "--scenario", live.scenario]
         command = [str(executable("sain_bringup", "live")), *options]
