@@ -46,7 +46,7 @@ from sain_live.ros.asking import goal_message
 SCENARIO = "push_t"
 HANDLE = "/goals/0"
 LAST_LINK = "/arm" + "".join(f"/panda_link{link}" for link in range(1, 8))
-NEAR = 0.06  # [m], from the body to the goal that is dragged away
+NEAR = (0.05, 0.25)  # [m], from the body to the goal that is dragged away
 PATIENCE = 120.0  # [s]
 
 
@@ -183,9 +183,11 @@ def dragged(driver: Driver, shown: Viewer, count: int, seed: int) -> list[float]
         shown.turn("loop", "Start")
         shown.wait(lambda: "goal reached" in shown.texts, "an end", PATIENCE)
         time.sleep(0.3)
-        bearing = random.uniform(-math.pi, math.pi)
-        x = float(np.clip(body.x + NEAR * math.cos(bearing), 0.4, 0.6))
-        y = float(np.clip(body.y + NEAR * math.sin(bearing), -0.2, 0.2))
+        x, y = next(
+            (x, y)
+            for x, y in random.uniform((0.42, -0.2), (0.6, 0.2), (1000, 2)).tolist()
+            if NEAR[0] < math.hypot(x - body.x, y - body.y) < NEAR[1]
+        )
         before, ended = len(driver.pushes), len(driver.results)
         begun = time.monotonic()
         shown.drag(HANDLE, (x, y))

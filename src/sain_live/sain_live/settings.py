@@ -1,5 +1,6 @@
 """The settings of the page."""
 
+import errno
 import ipaddress
 import socket
 from contextlib import closing
@@ -58,7 +59,7 @@ def check_free(host: str, port: int) -> None:
             f"port {port} is reserved for the system; choose one above 1023, for example port 8081"
         ) from error
     except OSError as error:
-        if isinstance(error, socket.gaierror) or error.errno == 99:
+        if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
             raise ConfigError(
                 f"host is {host!r}; this computer has no such address: use 127.0.0.1, or 0.0.0.0"
                 " for all computers"

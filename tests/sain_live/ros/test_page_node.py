@@ -173,6 +173,14 @@ def test_a_page_at_a_port_in_use_does_not_start(graph, alone):
         graph.start(PageNode, port=alone.config.port)
 
 
+def test_who_leaves_the_graph_is_told(graph, whole):
+    graph.wait(lambda: "the planner is there" in told(whole), "the planner")
+    graph.stop(next(node for node in graph.nodes if isinstance(node, MppiNode)))
+    graph.wait(lambda: "the planner is gone" in told(whole), "the words")
+    whole.asking.start()
+    graph.wait(lambda: "no planner answers on /sain/reach" in told(whole), "the refusal")
+
+
 def type_of(topic):
     from tests.graph import HEARD
 

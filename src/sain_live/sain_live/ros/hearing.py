@@ -38,6 +38,7 @@ from sain_mppi.ros.goal_message import decode_task
 
 Take = Callable[[Any], None]
 RATE: Final = 60.0  # [Hz], looks for new scenes and joints
+RECENT: Final = 5.0  # [s]
 WORLD: Final = "world"
 LONGEST_DESCRIPTION: Final = 4_000_000  # characters of a URDF
 ENDED: Final = {Plan.REACHED: Phase.REACHED, Plan.EXHAUSTED: Phase.PAUSED}
@@ -150,7 +151,9 @@ class Hearing:
         aim = Aim(task.goal, task.tolerance)
         if not aim.same(known.aim):
             known.update(aim=aim)
-        known.update(pushes=0, phase=Phase.PLANNING, why="")
+        sent, scene = codec.decode_time(message.header.stamp), known.scene
+        if scene is not None and abs(sent - scene.time) < RECENT:  # else it was latched long ago
+            known.update(pushes=0, phase=Phase.PLANNING, why="")
 
     def _on_plan(self, message: Plan) -> None:
         known = self._known

@@ -32,6 +32,7 @@ class Tuning:
         self._names = [name for _, name, _, _ in planner_settings()]
         self._wanted: dict[str, Any] = {}  # parameters to set
         self._setting = self._got = self._described = False
+        self._there = {"the planner": False, "the model": False}
         steady_timer(node, LOOK_AROUND, self._look_around)
         events = "/parameter_events"
         node.create_subscription(ParameterEvent, events, self._on_parameters, RELIABLE)
@@ -85,7 +86,14 @@ class Tuning:
         self._load_model.call_async(LoadModel.Request(model=model)).add_done_callback(on_reply)
 
     def _look_around(self) -> None:
-        """Ask who is new what the page should know."""
+        """Ask who is new what the page should know; tell who comes and goes."""
+        clients = (self._get, self._describe)
+        for name, client in zip(self._there, clients, strict=True):
+            there = bool(client.service_is_ready())
+            if there != self._there[name]:
+                self._there[name] = there
+                kind = Kind.NOTE if there else Kind.FAULT
+                self._known.tell(kind, f"{name} is {'there' if there else 'gone'}")
         if not self._get.service_is_ready():
             self._got = self._setting = False  # a planner that ended answers nothing any more
         elif not self._got:
