@@ -67,15 +67,20 @@ class Row:
 
 
 def flood_node(name: str, count: int, texts: int, seed: int, rest_s: float = 0.0) -> Iterator[Row]:
-    """Flood one node; yield what became of it, last after a rest [s]: results are kept for 60 s."""
+    """Flood one node; yield what became of it, last after a rest [s]: results are kept for 60 s.
+
+    Before that it does what it is for, since a first plan and a first rollout take memory to stay.
+    """
     flooder, random = Flooder(name, max(count, AT_ONCE) + 100), np.random.default_rng(seed)
+    taken = [one for one in entries() if one.node == name]
     with running(name) as process:
         try:
-            for entry in (one for one in entries() if one.node == name):
-                first = spoilt(entry, 10, random)
+            for entry in taken:
+                flooder.flood(entry, iter([entry.valid]))
+            for entry in taken:
+                flooder.flood(entry, spoilt(entry, 10, random))
                 if entry.name in ("scene", "shapes"):  # goals are planned for in this scene
-                    first = iter([entry.valid])
-                flooder.flood(entry, first)
+                    flooder.flood(entry, iter([entry.valid]))
                 many = spoilt(entry, count, random)
                 yield _flood(flooder, process, entry, "hostile", many)
                 if entry.text and texts:

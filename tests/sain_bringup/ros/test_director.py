@@ -2,11 +2,14 @@
 
 from dataclasses import replace
 from io import StringIO
+from time import monotonic
 
 import pytest
 from rich.console import Console
 
+import sain_bringup.ros.director
 from sain_bringup.display import Display, EpisodeView
+from sain_bringup.processes import Supervisor
 from sain_bringup.ros.director import Director
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
@@ -41,14 +44,15 @@ class Straw:
     def on_goal(self, message):
         self.goals.append(message)
         ids = {"goal_id": message.goal_id, "episode_id": message.episode_id}
-        self.plans.publish(Plan(**ids, status=next(self.statuses), error_code=1))
+        if (status := next(self.statuses)) is not None:
+            self.plans.publish(Plan(**ids, status=status, error_code=1))
 
 
-def play(graph, statuses, case=CASE):
+def play(graph, statuses, case=CASE, supervisor=None):
     straw = Straw(graph, statuses)
     view = EpisodeView(Display(Console(file=StringIO(), width=120)), "1/1  streak 0")
     with ros_context():
-        director = Director(lambda: graph.executor.spin_once(timeout_sec=0.0), 20.0)
+        director = Director(lambda: graph.executor.spin_once(timeout_sec=0.0), 20.0, supervisor)
         director._graph_is_up = True  # or else the bystander, who could publish, is a rival
         director.wait(
             lambda: (
@@ -74,6 +78,25 @@ def test_goals_in_a_row_are_given_without_a_reset_until_one_is_missed(graph):
         assert message.max_pushes == 30
     assert not view.reached and view.goals == 2
     assert view.summary().endswith("2 of 4 goals in a row  no pushes left of 0")
+
+
+class Crashed(Supervisor):
+    """A supervisor that has restarted a process."""
+
+    def __init__(self):
+        self.restarted_at = monotonic()
+
+    @property
+    def back_at(self):
+        return self.restarted_at
+
+
+def test_a_goal_is_given_again_where_a_crash_swallowed_what_became_of_it(graph, monkeypatch):
+    monkeypatch.setattr(sain_bringup.ros.director, "SILENT", 0.3)
+    statuses = (Plan.REACHED, None, Plan.EXHAUSTED)
+    straw, view = play(graph, statuses, supervisor=Crashed())
+    assert [goal.goal_id for goal in straw.goals] == [1, 2, 2]
+    assert view.goals == 1
 
 
 def test_all_goals_reached_are_a_success(graph):

@@ -71,6 +71,29 @@ def test_a_goal_that_is_over_is_not_begun_again(graph, straw, path):
     assert len(graph.find("plan", goal_id=1)) == 1
 
 
+def test_a_planner_that_dies_while_it_says_reached_says_it_again(graph, straw, path, monkeypatch):
+    node = start(graph, path)
+    noted = []
+    publish = node.plan_publisher.publish
+
+    def publish_and_die(message):
+        publish(message)
+        noted.append(json.loads(path.read_text())["goal"])
+        monkeypatch.setattr(node.notes, "planned", lambda plan: None)
+
+    monkeypatch.setattr(node.plan_publisher, "publish", publish_and_die)
+    graph.aim(START[1, :2], 1)
+    straw.show()
+    assert plan(graph, goal_id=1).status == Plan.REACHED
+    assert noted[0], "the goal was noted as over before anybody was told"
+    graph.stop(node)
+    start(graph, path)
+    while len(graph.find("plan", goal_id=1)) < 2:
+        straw.show()
+        graph.executor.spin_once(timeout_sec=0.05)
+    assert graph.find("plan", goal_id=1)[1].status == Plan.REACHED
+
+
 def test_a_simulator_that_restarts_is_sent_another_push_at_once(graph, straw, path):
     """It tells the shapes again; nothing else may be heard of the push that was under way."""
     from sain_core.ros import codec

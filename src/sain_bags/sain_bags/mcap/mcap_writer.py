@@ -10,7 +10,7 @@ Format: https://mcap.dev/spec. Three things are done otherwise than `mcap`'s own
 
 import struct
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
 import lz4.frame
@@ -70,7 +70,7 @@ class McapWriter:
         self._index: dict[int, list[int]] = {}  # by channel: log time, offset, log time, ...
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
-        self._chunk_indexes: list[ChunkIndex] = []
+        self._chunk_indexes = bytearray()  # records: as objects they take ten times the memory
         self._metadata_indexes: list[MetadataIndex] = []
         self._write(MCAP0_MAGIC + _record(Header(Profile.ROS2, LIBRARY)))
 
@@ -143,7 +143,7 @@ class McapWriter:
         indexes, offsets = _message_indexes(places, start, self._end + len(chunk))
         start = self._end
         self._write(chunk + indexes)
-        self._chunk_indexes.append(
+        self._chunk_indexes += _record(
             ChunkIndex(
                 chunk_length=len(chunk),
                 chunk_start_offset=start,
@@ -188,16 +188,15 @@ class McapWriter:
             counts[channel] = counts.get(channel, 0) + len(index) // 2
 
     def _summary(self) -> bytes:
-        groups: tuple[tuple[int, Sequence[McapRecord]], ...] = (
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self.statistics]),
-            (Opcode.CHUNK_INDEX, self._chunk_indexes),
-            (Opcode.METADATA_INDEX, self._metadata_indexes),
+        groups = (
+            (Opcode.SCHEMA, _records(self._schemas)),
+            (Opcode.CHANNEL, _records(self._channels)),
+            (Opcode.STATISTICS, _record(self.statistics)),
+            (Opcode.CHUNK_INDEX, bytes(self._chunk_indexes)),
+            (Opcode.METADATA_INDEX, _records(self._metadata_indexes)),
         )
         summary, offsets = b"", b""
-        for opcode, records in groups:
-            content = b"".join(map(_record, records))
+        for opcode, content in groups:
             start = self._end + len(summary)
             if content:
                 offsets += _record(SummaryOffset(opcode, start, len(content)))
@@ -221,6 +220,10 @@ def _record(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()
+
+
+def _records(records: Iterable[McapRecord]) -> bytes:
+    return b"".join(map(_record, records))
 
 
 def _message_indexes(

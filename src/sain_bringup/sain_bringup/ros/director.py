@@ -37,6 +37,7 @@ EARLY: Final = 0.5  # [s] in which no simulator that was just started can publis
 OWNED: Final = ("scene", "push", "goal", "/clock")  # topics with one publisher in a graph
 REUNION: Final = 0.5  # [s] in which nodes find one that is back after a crash
 LOST: Final = 5.0  # [s] after which a request has got lost, where a process has crashed
+SILENT: Final = 10.0  # [s] without any news, after which a goal is given again after a crash
 PREDICTION_TIME: Final = 5.0  # [s] for the nominal world to predict the last push
 
 
@@ -151,12 +152,26 @@ class Director(Node):
         self, case: ScenarioScene, episode_id: int, tolerance: float, view: EpisodeView
     ) -> None:
         """Give the goal of a case, and follow what happens until the planner is done with it."""
-        self._give_goal(case, episode_id, tolerance)
+        goal = self._give_goal(case, episode_id, tolerance)
         while not self._is_over(view):
-            self.wait(lambda: bool(self._events), lambda: "no sign of planner or simulator")
+            self._wait_for_event(goal)
             event = self._events.popleft()
             if event.episode_id == episode_id:
                 self._follow(event, case, view)
+
+    def _wait_for_event(self, goal: Goal) -> None:
+        """Wait for news of the goal; give it again where a crash may have swallowed the last."""
+        since = time.monotonic()
+
+        def heard() -> bool:
+            nonlocal since
+            now = time.monotonic()
+            if -inf < self._back_at() < now - SILENT and since < now - SILENT:
+                since = now
+                self._goal.publish(goal)
+            return bool(self._events)
+
+        self.wait(heard, lambda: "no sign of planner or simulator")
 
     def wait(self, done: Callable[[], bool], problem: Callable[[], str]) -> None:
         """Spin until a condition holds.
@@ -213,7 +228,7 @@ class Director(Node):
         view.at(_distance(case, scene))
         return int(scene.episode_id)
 
-    def _give_goal(self, case: ScenarioScene, episode_id: int, tolerance: float) -> None:
+    def _give_goal(self, case: ScenarioScene, episode_id: int, tolerance: float) -> Goal:
         self._goals += 1
         self._sent.clear()
         self._last_sent = 0
@@ -224,6 +239,7 @@ class Director(Node):
         else:
             message = encode_goal(case.goal, stamp=stamp, tolerance=tolerance, **named)
         self._goal.publish(message)
+        return message
 
     def _is_over(self, view: EpisodeView) -> bool:
         """Tell whether the planner is done, and so is the last push it sent: news may overtake.

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import NoReturn
 
 import rclpy
@@ -35,7 +36,12 @@ SPIN = 0.05
 
 MMAP_THRESHOLD, MMAP_BYTES = -3, 4 << 20
 TRIM_THRESHOLD, TRIM_BYTES = -1, 16 << 20
-"""What mallopt(3) takes. By itself glibc keeps memory of up to 64 MB once that much was freed."""
+ARENA_MAX, ARENAS = -8, 1
+"""What mallopt(3) takes. By itself glibc keeps memory of up to 64 MB once that much was freed, in
+each of several arenas: the threads of the middleware have their own.
+"""
+TRIM_PERIOD, TRIM_GROWTH = 5.0, 8 << 20
+"""[s] between looks at the memory, and [bytes] of growth after which free pages are returned."""
 
 INTERRUPTS = (ExternalShutdownException, ROSInterruptException)
 
@@ -62,6 +68,7 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
                 if ready := getattr(node, "ready", ""):
                     node.get_logger().info(f"ready: {ready}")
                 notify.ready()
+                trim_memory(node)
                 if (period := notify.heartbeat_period()) > 0.0:
                     steady_timer(node, period, notify.alive)
                 executor.spin()
@@ -86,6 +93,28 @@ def give_memory_back() -> None:
     if mallopt := getattr(ctypes.CDLL(None), "mallopt", None):  # of glibc only
         mallopt(MMAP_THRESHOLD, MMAP_BYTES)
         mallopt(TRIM_THRESHOLD, TRIM_BYTES)
+        mallopt(ARENA_MAX, ARENAS)
+
+
+def trim_memory(node: Node) -> None:
+    """Have a node return free pages between what is in use, now and then; glibc keeps them."""
+    if (malloc_trim := getattr(ctypes.CDLL(None), "malloc_trim", None)) is None:
+        return
+    known = resident_bytes()
+
+    def look() -> None:
+        nonlocal known
+        if resident_bytes() > known + TRIM_GROWTH:
+            malloc_trim(0)
+            known = resident_bytes()
+
+    steady_timer(node, TRIM_PERIOD, look)
+
+
+def resident_bytes() -> int:
+    """Return how much memory this process occupies."""
+    pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+    return int(pages) * os.sysconf("SC_PAGE_SIZE")
 
 
 def node_main(make_node: Callable[[], Node], name: str) -> NoReturn:

@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 from rclpy.service import Service
 
 from sain_core.errors import ErrorCode, SainError, error_reply
-from sain_core.ros.limits import check_sizes, shortened
+from sain_core.ros.limits import check_sizes, emptied, shortened
 from sain_core.ros.qos import SERVICE
 
 T = TypeVar("T")
@@ -123,6 +123,7 @@ class Reception:
                 check_sizes(handle.request)
                 return await execute(handle)
             except Exception as error:  # noqa: BLE001 - an error is an answer
+                emptied(handle.request)  # which is kept as long as the result
                 return refuse(handle, *self.explain(error))
 
         return run

@@ -101,7 +101,7 @@ class MppiNode(Node):
         """Go on where another process was left."""
         notes = self.notes
         self.goals.seen.extend(notes.heard)
-        self.back = Return(self, "plan", notes.listeners)
+        self.back = Return(self, "plan", notes.listeners, anyone=notes.goal is not None)
         for result in notes.results:
             self._learn(result)
         if notes.goal is not None:
@@ -273,9 +273,9 @@ class MppiNode(Node):
 
     def _publish(self, plan: Plan) -> None:
         plan.plan_id = next(self.plan_ids)
-        self.notes.planned(plan)
         plan.header = codec.header(self.get_clock().now().to_msg())
         self.plan_publisher.publish(plan)
+        self.notes.planned(plan)  # killed before this, the next process publishes it again
         self.goals.follow(plan, self.agent.pushes)
         self.starting = False  # what became of a plan says more
         well = plan.error_code == ErrorCode.OK
