@@ -21,6 +21,7 @@ HELPERS = {
     "hostile_table",
     "identification",
     "live_browser",
+    "live_driver",
     "live_viewer",
     "made_bags",
     "peer_figure",

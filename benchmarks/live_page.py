@@ -12,42 +12,28 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import rclpy
 import tyro
-from rclpy.action import ActionClient
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rich.console import Console
 
 from benchmarks.live_browser import seconds_to_picture
+from benchmarks.live_driver import PATIENCE, SCENARIO, Driver
 from benchmarks.live_viewer import Viewer
 from sain_bringup.graph import PAGE, graph_commands, page_command, ros_arguments
 from sain_bringup.options import LiveOptions
 from sain_bringup.processes import Supervisor
 from sain_core.cli.fitting_table import FittingTable
-from sain_core.errors import ErrorCode
-from sain_core.ros.codec import encode_disks
-from sain_core.ros.node_main import NAMESPACE, ros_context
-from sain_core.ros.qos import QUEUE, RELIABLE
-from sain_interfaces.action import Reach
-from sain_interfaces.msg import Push, PushResult, Scene
-from sain_interfaces.srv import ResetScene
-from sain_live.aims import Aim
-from sain_live.orders import Reset
-from sain_live.ros.asking import goal_message
+from sain_core.ros.node_main import ros_context
 
-SCENARIO = "push_t"
 HANDLE = "/goals/0"
 LAST_LINK = "/arm" + "".join(f"/panda_link{link}" for link in range(1, 8))
 NEAR = (0.05, 0.25)  # [m], from the body to the goal that is dragged away
-PATIENCE = 120.0  # [s]
 
 
 @dataclass(frozen=True)
@@ -66,59 +52,6 @@ class Options:
     """Whether to start the page in Chromium, too."""
     seed: int = 0
     """Of the first one."""
-
-
-class Driver(Node):
-    """Plays episodes without a page, and hears pushes, results and scenes."""
-
-    def __init__(self) -> None:
-        """Join the graph."""
-        super().__init__("driver", namespace=NAMESPACE)
-        self.pushes: list[float] = []
-        self.results: list[float] = []
-        self.scene: Scene | None = None
-        self.create_subscription(Push, "push", lambda _: self._note(self.pushes), QUEUE)
-        self.create_subscription(PushResult, "push_result", self._on_result, QUEUE)
-        self.create_subscription(Scene, "scene", self._on_scene, RELIABLE)
-        self._reset = self.create_client(ResetScene, "reset_scene")
-        self._reach = ActionClient(self, Reach, "reach")
-        self.ready: Callable[[], None] = lambda: None  # waits until all of the graph is
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self)
-
-    def wait(self, done: Any, what: str) -> None:
-        """Let time pass until something is so."""
-        end = time.monotonic() + PATIENCE
-        while not done():
-            self._executor.spin_once(timeout_sec=0.01)
-            assert time.monotonic() < end, f"waited {PATIENCE} s for {what}"
-
-    def play(self, seed: int) -> float:
-        """Play an episode; return the wall time [s] from its goal to its end."""
-        case = Reset(SCENARIO, seed).case()
-        self.wait(lambda: self._reset.service_is_ready() and self._reach.server_is_ready(), "graph")
-        request = ResetScene.Request(seed=seed, disks=encode_disks(case.disks))
-        request.shapes, request.roles = list(case.shapes), list(map(str, case.roles))
-        request.friction = case.friction
-        asked = self._reset.call_async(request)
-        self.wait(asked.done, "reset")
-        assert asked.result().error_code == ErrorCode.OK, asked.result().error_message
-        begun = time.monotonic()
-        goal = goal_message(Aim(case.goal), 0, 30, self.get_clock().now().to_msg())
-        sent = self._reach.send_goal_async(Reach.Goal(goal=goal))
-        self.wait(sent.done, "planner")
-        ended = sent.result().get_result_async()
-        self.wait(ended.done, "end")
-        return time.monotonic() - begun
-
-    def _note(self, times: list[float]) -> None:
-        times.append(time.monotonic())
-
-    def _on_result(self, _: PushResult) -> None:
-        self._note(self.results)
-
-    def _on_scene(self, message: Scene) -> None:
-        self.scene = message
 
 
 @contextmanager
@@ -170,8 +103,8 @@ def viewer(port: int) -> Iterator[Viewer]:
     opened.close()
 
 
-def dragged(driver: Driver, shown: Viewer, count: int, seed: int) -> list[float]:
-    """Return the times [s] from the end of a drag to the push on the wire."""
+def dragged(driver: Driver, shown: Viewer, count: int, seed: int) -> np.ndarray:
+    """Return times (count, 2) [s] from the end of a drag to the push: all, and without planning."""
     random, times = np.random.default_rng(seed), []
     for _ in range(count):
         driver.wait(lambda: driver.scene and driver.scene.settled, "a scene")
@@ -192,24 +125,26 @@ def dragged(driver: Driver, shown: Viewer, count: int, seed: int) -> list[float]
         begun = time.monotonic()
         shown.drag(HANDLE, (x, y))
         driver.wait(lambda b=before: len(driver.pushes) > b, "a push")
-        times.append(driver.pushes[before] - begun)
+        taken, push = driver.pushes[before] - begun, driver.ids[before]
+        driver.wait(lambda p=push: p in driver.planning, "its plan")
+        times.append((taken, taken - driver.planning[push]))
         shown.turn("loop", "Pause")
         driver.wait(lambda e=ended: len(driver.results) > e, "its result")
         time.sleep(0.5)  # for the page to see the settled scene
         driver.scene = None
-    return times
+    return np.array(times)
 
 
 def rates(driver: Driver, viewers: list[Viewer], seed: int) -> list[float]:
-    """Return the updates per second of each viewer, while the arm moves."""
-    driver.pushes.clear()
-    driver.results.clear()
+    """Return scenes per second while the arm moves, and then the updates of each viewer."""
+    for times in (driver.pushes, driver.results, driver.scenes):
+        times.clear()
     for one in viewers:
         one.frames.clear()
     driver.play(seed)
     spans = list(zip(driver.pushes, driver.results, strict=False))
     length = sum(end - start for start, end in spans)
-    frames = [np.array(one.frames) for one in viewers]
+    frames = [np.array(times) for times in (driver.scenes, *(one.frames for one in viewers))]
     return [sum(((f > s) & (f < e)).sum() for s, e in spans) / length for f in frames]
 
 
@@ -243,14 +178,16 @@ def main(options: Options = Options()) -> None:
         seconds = time.monotonic() - begun
         table.add_row("start to the scene in a viewer", f"{seconds:.1f} s", "8 s")
         driver.ready()
-        times = 1e3 * np.array(dragged(driver, first, options.drags, options.seed))
-        p50, p95 = np.percentile(times, (50, 95))
-        table.add_row(f"drag to push, median of {len(times)}", f"{p50:.0f} ms", "")
-        table.add_row("drag to push, p95", f"{p95:.0f} ms", "300 ms")
-        (rate,) = rates(driver, [first], options.seed)
+        times = 1e3 * dragged(driver, first, options.drags, options.seed)
+        for name, column, most in (("", 0, "300 ms"), (", without planning", 1, "")):
+            p50, p95 = np.percentile(times[:, column], (50, 95))
+            table.add_row(f"drag to push, median of {len(times)}{name}", f"{p50:.0f} ms", "")
+            table.add_row(f"drag to push, p95{name}", f"{p95:.0f} ms", most)
+        scenes, rate = rates(driver, [first], options.seed)
+        table.add_row("scenes that the simulator publishes", f"{scenes:.1f}/s", "")
         table.add_row("updates of one viewer", f"{rate:.1f}/s", "30/s")
         with viewer(live.port) as second, viewer(live.port) as third:
-            least = min(rates(driver, [first, second, third], options.seed))
+            least = min(rates(driver, [first, second, third], options.seed)[1:])
             table.add_row("updates of each of three viewers, least", f"{least:.1f}/s", "30/s")
     for name, pace in (("real time", 1.0), ("as fast as possible", 0.0)):
         alone, watched = slowdown(options, replace(live, real_time_factor=pace))

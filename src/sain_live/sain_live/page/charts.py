@@ -11,7 +11,7 @@ from sain_core.drawing.palette import PALETTE
 from sain_live.state import Kind, LiveCurves, LiveState, LogLine
 
 FONT: Final = "11px sans-serif"
-WHOLE: Final = [1, 2, 5, 10, 20, 50, 100, 200]  # between two ticks: pushes are counted
+WHOLE: Final = (1, 2, 5, 10, 20, 50, 100, 200)  # between two ticks: pushes are counted
 LINES: Final = 14  # of the log that are shown
 HEIGHT: Final = 96  # pixels of a chart
 WIDTH: Final = 330  # pixels of the panel
