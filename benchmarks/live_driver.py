@@ -32,7 +32,7 @@ class Driver(Node):
         self.pushes: list[float] = []
         self.results: list[float] = []
         self.scenes: list[float] = []
-        self.planning: dict[int, float] = {}  # times [s], by push
+        self.searches: dict[int, float] = {}  # times [s] of the search, by push
         self.scene: Scene | None = None
         self.ids: list[int] = []  # of the pushes
         self.create_subscription(Push, "push", self._on_push, QUEUE)
@@ -75,7 +75,7 @@ class Driver(Node):
         self.ids.append(message.push_id)
 
     def _on_plan(self, message: Plan) -> None:
-        self.planning[message.push_id] = message.planning_time
+        self.searches[message.push_id] = message.search_time
 
     def _on_result(self, _: PushResult) -> None:
         self.results.append(time.monotonic())

@@ -29,7 +29,7 @@ class PageConfig(Config):
     )
     seed: int = option(0, "of that scene", minimum=0, maximum=2**31 - 1)
     rate: float = option(
-        30.0, "most updates sent to each viewer", unit="Hz", minimum=1.0, maximum=60.0
+        40.0, "most updates sent to each viewer", unit="Hz", minimum=1.0, maximum=60.0
     )
 
     @property

@@ -185,6 +185,19 @@ def test_names_that_lead_here_from_elsewhere_are_refused():
     assert "may not use" in refusal("0.0.0.0", {"Host": "lab:8080", "Origin": "http://x.org"})
 
 
+def test_nonsense_from_a_viewer_changes_nothing(shown):
+    known, orders, _, viewer = shown
+    for position in ("there", (), (1e308, -1e308, 0.0)):
+        viewer.send(
+            "TransformControlsUpdateMessage", name=GOAL, position=position, wxyz=(1, 0, 0, 0)
+        )
+        viewer.send("TransformControlsDragEndMessage", name=GOAL)
+    viewer.wait(lambda: viewer.texts.count("goal of body 0") >= 2, "the words")
+    viewer.drag(GOAL, (0.4, -0.1))
+    viewer.wait(lambda: orders.of("aim"), "the order")
+    assert known.aim.poses[0].x == 0.4
+
+
 def test_a_port_in_use_is_an_error(shown):
     _, orders, page, _ = shown
     with pytest.raises(BusyError, match=f"port {page.server.get_port()} of 127.0.0.1 is in use"):

@@ -118,11 +118,10 @@ class GoalsView:
         if left:
             self._snap_back(body, "the viewer who dragged it left; it is where it was")
             return
-        x, y = float(position[0]), float(position[1])
         try:
-            moved = aim.moved(body, x, y, heading_of(turn))
+            moved = aim.moved(body, float(position[0]), float(position[1]), heading_of(turn))
             check_aim(moved, seen.disks, bodies)
-        except SainError as error:
+        except (SainError, IndexError, TypeError, ValueError) as error:  # viewers send anything
             self._snap_back(body, f"{error}")
             return
         known.update(aim=moved)
