@@ -2,7 +2,7 @@
 
 .DEFAULT_GOAL := help
 LINTERS := lint-types lint-style lint-imports lint-prose lint-shell lint-docker
-.PHONY: help demo docs test lint $(LINTERS) format bench table faults clean
+.PHONY: help demo live docs test lint $(LINTERS) format bench table faults clean
 
 SHELL_SCRIPTS := env .ci/run tools/recipe.sh tools/setup.sh tools/jobs.sh tools/activation.sh tools/browser.sh docker/entrypoint.sh
 
@@ -12,6 +12,9 @@ help: ## this list
 
 demo: ## the closed loop on the whole graph, headless: a few episodes, a bag and a report page
 	@./env ros2 run sain_bringup closed_loop $(ARGS)
+
+live: ## the graph and its live page in the browser, until Ctrl-C; ARGS="--scenario rearrange_3 --port 8081"
+	@./env ros2 run sain_bringup live $(ARGS)
 
 docs: ## this documentation as a site in results/site, built without the network; ARGS=serve shows it on 127.0.0.1:8000
 	@NO_MKDOCS_2_WARNING=1 ./env python -m mkdocs $(or $(ARGS),build --strict --quiet) --config-file tools/site/mkdocs.yml

@@ -9,6 +9,7 @@ import dataclasses
 from pathlib import Path
 
 from sain_core.config import Config, show_value
+from sain_live.settings import PageConfig
 from sain_model.serving.settings import ServingConfig
 from sain_mppi.loop.agent import MppiConfig
 from sain_sim.node.simulator import SimulatorConfig
@@ -20,6 +21,7 @@ NODES = {
     "sain_sim poses_to_scene": PosesConfig(),
     "sain_model model_node": ServingConfig(),
     "sain_mppi mppi_node": MppiConfig(),
+    "sain_live page_node": PageConfig(),
 }
 INTRODUCTION = """# Parameters
 

@@ -24,6 +24,7 @@ setup(
         "console_scripts": [
             "closed_loop = sain_bringup.commands:closed_loop",
             "graph = sain_bringup.commands:graph",
+            "live = sain_bringup.commands:live",
             "goal = sain_bringup.commands:goal",
             "push = sain_bringup.commands:push",
             "watch = sain_bringup.commands:watch",

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from sain_bringup.graph_options import ELSEWHERE, GraphOptions
+from sain_bringup.graph_options import ELSEWHERE, GraphOptions, LiveOptions
 from sain_bringup.options import NAMESPACE
 from sain_core.cli.command_line import split_ros_arguments
 from sain_core.errors import ConfigError
@@ -19,6 +19,7 @@ POSES: Final = "poses"
 MODEL: Final = "model"
 PLANNER: Final = "planner"
 RECORDER: Final = "recorder"
+PAGE: Final = "page"
 FLUSH_PERIOD: Final = "0.25"  # [s], at most so much is lost with the recorder
 
 
@@ -32,7 +33,7 @@ def graph_commands(
     """Return the command of each process, by its name; the one that starts slowest comes first.
 
     Args:
-        options: of the graph; without a bag nothing is recorded.
+        options: of the graph; without a bag nothing is recorded. `LiveOptions` add the page.
         ros: arguments for ROS of every node, as `ros_arguments` returns them.
         states: folder for what nodes go on from after a crash.
         custom_data: what the bag should say about itself.
@@ -48,6 +49,10 @@ def graph_commands(
     told = told_settings(options.observed)
     simulator |= {f"camera.{name}": str(value) for name, value in told.items()}
     planner = {f"estimator.{name}": str(value) for name, value in told.items()}
+    if isinstance(options, LiveOptions):
+        pace = str(options.real_time_factor)
+        simulator |= {"bullet.full_motion": "true", "real_time_factor": pace}
+        simulator["world"] = options.world
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
     model = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
@@ -66,6 +71,8 @@ def graph_commands(
     planner |= {"dynamics": "service", **seed, **simulated}
     model |= {"model": options.model, **simulated}
     commands = {MODEL: node("sain_model", "model_node", **model)}
+    if isinstance(options, LiveOptions):
+        commands[PAGE] = page_command(options, ros)
     if options.bag is not None:
         about = [f"{key}={value}" for key, value in (custom_data or {}).items()]
         data = ["--custom-data", *about] if about else []
@@ -92,6 +99,15 @@ def _robot_commands(
     return commands
 
 
+def page_command(options: LiveOptions, ros: Sequence[str]) -> list[str]:
+    """Return the command of the live page."""
+    page = options.page
+    given = [("host", page.host), ("port", page.port), ("seed", page.seed)]
+    given.append(("scenario", page.scenario))
+    words = [word for name, value in given for word in ("-p", f"{name}:={value}")]
+    return [str(executable("sain_live", "page_node")), "--ros-args", *ros, *words]
+
+
 def ros_arguments(arguments: Sequence[str]) -> list[str]:
     """Return what of a command's arguments is for ROS; the namespace is ``/sain`` by default."""
     words = split_ros_arguments(list(arguments))[1]
@@ -106,6 +122,8 @@ def restart_command(name: str, command: Sequence[str]) -> list[str]:
         return [*command, "-p", "peer_wait:=0.0"]
     if name == ROBOT:  # nobody knows where its arm is
         return []
+    if name == PAGE:  # the episode that is played goes on
+        return [*command, "-p", "scenario:=''"]
     if name == RECORDER:
         return [command[0], "--resume", *command[1:]]
     return list(command)

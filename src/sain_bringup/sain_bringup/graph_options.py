@@ -1,4 +1,4 @@
-"""Options of ``graph``, and their checks before any process starts."""
+"""Options of ``graph`` and ``live``, and their checks before any process starts."""
 
 import shlex
 import shutil
@@ -13,6 +13,9 @@ from sain_core.errors import ConfigError, UntrustedFileError
 from sain_core.observation import MASSES, ObservationConfig
 from sain_core.plugins import check_model_name
 from sain_core.untrusted.yaml_text import read_yaml
+from sain_eval.scenes.scenarios import SCENARIOS
+from sain_live.settings import PageConfig
+from sain_sim.episodes.start import WORLDS
 from sain_sim.perception.body_file import read_bodies
 from sain_sim.world.engines import BULLET, ENGINES, check_engine
 
@@ -85,6 +88,29 @@ class GraphOptions(Config):
             raise ConfigError(f"--robot is {self.robot!r}; there is no command {words[0]!r}")
         if self.bodies is not None:
             read_bodies(self.bodies)
+
+
+@dataclass(frozen=True)
+class LiveOptions(GraphOptions):
+    """Start the whole graph and a page in the browser that shows and steers it.
+
+    The page has the scene, goals to drag, the planner's settings, charts and a log. It prints its
+    address. Only browsers on this computer can open it, unless --host says otherwise. What dies
+    or hangs is restarted. Ctrl-C ends all of it.
+    """
+
+    scenario: str = option("push_t", "scene to begin with", choices=tuple(SCENARIOS))
+    world: str = option("randomised", "hidden truth about friction and contacts", choices=WORLDS)
+    host: str = option("127.0.0.1", "address to listen at; 0.0.0.0: open to other computers")
+    port: int = option(8080, "port to listen at", minimum=1, maximum=65535)
+    real_time_factor: float = option(
+        1.0, "simulated time over wall time; 0: as fast as possible", minimum=0.0, maximum=100.0
+    )
+
+    @property
+    def page(self) -> PageConfig:
+        """The settings of the page."""
+        return PageConfig(self.host, self.port, self.scenario, self.seed)
 
 
 def _check_parameter_file(path: Path) -> None:

@@ -1,0 +1,1 @@
+"""The live page: the arm, the bodies, plans and goals in a browser."""

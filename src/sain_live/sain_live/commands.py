@@ -1,0 +1,30 @@
+"""The executables of this package, with the modules of it that they load."""
+
+from typing import Final
+
+from sain_core.cli.node_command import NodeCommand
+
+page_node: Final = NodeCommand(
+    "sain_live page_node",
+    about="Serves the live page: the arm, the bodies, plans, goals that can be dragged, controls"
+    " and charts. Works with every graph, also with a robot or a recording.",
+    node="ros.page_node:PageNode",
+    settings="settings:PageConfig",
+    publishes=(),
+    subscribes=(
+        "scene",
+        "shapes",
+        "goal",
+        "plan",
+        "push_result",
+        "physics_prediction",
+        "joint_states",
+        "robot_description",
+        "/tf_static",
+        "/diagnostics",
+        "/parameter_events",
+    ),
+    calls=("reset_scene", "load_model", "describe_model", "parameters of mppi_node"),
+    actions=("reach (sends goals)",),
+    example="port:=8081",
+)

@@ -1,0 +1,1 @@
+"""The page itself, on viser. It does not import ROS."""

@@ -1,0 +1,135 @@
+"""Goals that can be dragged: one handle for each body of the goal."""
+
+from typing import Any, Final
+
+import numpy as np
+import viser
+
+from sain_core.drawing.palette import PALETTE
+from sain_core.errors import SainError
+from sain_core.scene import DISK_HEIGHT, RADIUS
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Scene
+from sain_live.aims import Aim, check_aim
+from sain_live.orders import Orders
+from sain_live.page.geometry import circle, heading_of, line, mesh, rgb, ring, upright
+from sain_live.state import Kind, LiveState
+from sain_mppi.search.poses import BodyPose
+
+HANDLE: Final = 0.11  # [m], length of the arrows
+LOW: Final = 0.002  # [m], height over the table
+EDGE: Final = 0.004  # [m]
+ALPHA: Final = 0.28
+
+START, END = "start", "end"
+
+
+class GoalsView:
+    """Draws the goal and takes what viewers do with it."""
+
+    def __init__(self, server: viser.ViserServer, known: LiveState, orders: Orders) -> None:
+        """Draw nothing yet."""
+        self._server = server
+        self._known = known
+        self._orders = orders
+        self._handles: dict[int, Any] = {}
+        self._made: tuple[Any, ...] | None = None
+        self._shown: Aim | None = None
+        self._dragged: dict[int, int] = {}  # bodies, by the viewer who drags
+
+    def show(self, known: LiveState) -> None:
+        """Draw what has changed; a goal that is being dragged stays with its viewer."""
+        aim, seen, bodies = known.aim, known.scene, known.bodies
+        if aim is None or seen is None or bodies is None:
+            self._clear()
+            return
+        if any(pose.body >= len(bodies) for pose in aim.poses) or len(bodies) != len(seen.disks):
+            return  # of another episode
+        free = tuple((p.body, p.heading is None, p.tolerance) for p in aim.poses)
+        made = (bodies, seen.episode_id, free)
+        if self._made != made:
+            self._clear()
+            for pose in aim.poses:
+                self._handles[pose.body] = self._make(pose, seen.disks, bodies)
+            self._made = made
+        if aim is not self._shown:
+            self._shown = aim
+            for pose in aim.poses:
+                if pose.body not in self._dragged.values():
+                    self._place(pose)
+
+    def _clear(self) -> None:
+        for handle in self._handles.values():
+            handle.remove()
+        self._handles, self._made, self._shown = {}, None, None
+        self._dragged.clear()
+
+    def _place(self, pose: BodyPose) -> None:
+        handle = self._handles[pose.body]
+        handle.position = (pose.x, pose.y, LOW)
+        handle.wxyz = upright(pose.heading or 0.0)
+
+    def _make(self, pose: BodyPose, scene: Scene, bodies: Bodies) -> Any:
+        name, shape = f"/goals/{pose.body}", bodies.shapes[pose.body]
+        radius = float(scene[pose.body, RADIUS])
+        handle = self._server.scene.add_transform_controls(
+            name,
+            scale=HANDLE + shape.circumradius * radius,
+            line_width=3.0,
+            active_axes=(True, True, False),
+            disable_rotations=pose.heading is None,
+            depth_test=False,
+            opacity=0.9,
+        )
+        colour = rgb(PALETTE.goal)
+        scene_api, rest = self._server.scene, np.zeros(8)
+        rest[RADIUS] = radius
+        flat = np.array([1.0, 1.0, 2 * LOW / DISK_HEIGHT])
+        vertices, faces = mesh(shape, radius)
+        scene_api.add_mesh_simple(
+            f"{name}/area", vertices * flat, faces, color=colour, opacity=ALPHA, cast_shadow=False
+        )
+        edges = [ring(shape.outline(radius), LOW), circle(np.zeros(2), pose.tolerance, LOW)]
+        if pose.heading is not None:
+            reach = shape.circumradius * radius
+            edges.append(line(np.array([[0.5 * reach, 0.0], [1.2 * reach, 0.0]]), LOW))
+        scene_api.add_line_segments(f"{name}/edges", np.concatenate(edges), colour, thickness=EDGE)
+        handle.on_update(self._on_update(pose.body))
+        return handle
+
+    def _on_update(self, body: int) -> Any:
+        async def take(event: viser.TransformControlsEvent) -> None:
+            viewer = -1 if event.client_id is None else event.client_id
+            if event.phase == START:
+                self._dragged[viewer] = body
+            elif event.phase == END:
+                self._dragged.pop(viewer, None)
+                left = viewer not in self._server.get_clients()
+                self.drop(body, event.target.position, event.target.wxyz, left)
+
+        return take
+
+    def drop(self, body: int, position: Any, turn: Any, left: bool) -> None:
+        """Take a goal where a viewer let it go; where that cannot be, it snaps back."""
+        known = self._known
+        aim, seen, bodies = known.aim, known.scene, known.bodies
+        if aim is None or seen is None or bodies is None:
+            return
+        if left:
+            self._snap_back(body, "the viewer who dragged it left; it is where it was")
+            return
+        try:
+            moved = aim.moved(body, float(position[0]), float(position[1]), heading_of(turn))
+            check_aim(moved, seen.disks, bodies)
+        except (SainError, IndexError, TypeError, ValueError) as error:  # viewers send anything
+            self._snap_back(body, f"{error}")
+            return
+        known.update(aim=moved)
+        self._orders.aim(moved)
+
+    def _snap_back(self, body: int, why: str) -> None:
+        self._known.tell(Kind.REFUSAL, f"goal of body {body}: {why}")
+        aim = self._known.aim
+        for pose in () if aim is None else aim.poses:
+            if pose.body == body and body in self._handles:
+                self._place(pose)

@@ -1,0 +1,94 @@
+"""The page: drawn by one thread, whenever something has changed, and not faster than it may be."""
+
+import logging
+import time
+from threading import Event, Thread
+from typing import Final
+
+import viser
+
+from sain_live.orders import Orders
+from sain_live.page.arm import ArmView
+from sain_live.page.bodies import BodiesView
+from sain_live.page.charts import ChartsView
+from sain_live.page.controls import ControlsView
+from sain_live.page.goals import GoalsView
+from sain_live.page.planner_form import PlannerForm
+from sain_live.page.plans import PlanView
+from sain_live.page.serving import open_server
+from sain_live.settings import PageConfig
+from sain_live.state import Kind, LiveState
+
+WAIT: Final = 0.5  # [s] between looks where nothing changes
+BEHIND: Final = 0.1  # [s] that the pace may catch up
+
+logger = logging.getLogger(__name__)
+
+
+class LivePage:
+    """Serves what is known to any number of viewers, and gives their orders."""
+
+    def __init__(self, known: LiveState, orders: Orders, config: PageConfig) -> None:
+        """Listen and show what is known.
+
+        Raises:
+            BusyError: the port is in use.
+            ConfigError: this computer has no such address.
+        """
+        self._known, self._period = known, 1.0 / config.rate
+        self._end = Event()
+        self.server = server = open_server(config)
+        tabs = server.gui.add_tab_group()
+        with tabs.add_tab("Run", viser.Icon.PLAYER_PLAY):
+            controls = ControlsView(server, known, orders, config)
+        with tabs.add_tab("Planner", viser.Icon.ADJUSTMENTS):
+            self.form = PlannerForm(server, known, orders)
+        self.goals = GoalsView(server, known, orders)
+        self._views = (
+            BodiesView(server),
+            self.goals,
+            PlanView(server),
+            ArmView(server),
+            ChartsView(server),
+            controls,
+            self.form,
+        )
+        self.updates = 0  # sent
+        self._thread = Thread(target=self._run, name="page", daemon=True)
+        self._thread.start()
+
+    @property
+    def viewers(self) -> int:
+        """How many browsers show the page."""
+        return len(self.server.get_clients())
+
+    def close(self) -> None:
+        """Serve the page no more."""
+        self._end.set()
+        self._known.changed.set()
+        self._thread.join()
+        self.server.stop()
+
+    def draw(self) -> None:
+        """Send what has changed to all viewers, as one."""
+        self._known.changed.clear()
+        with self.server.atomic():
+            for view in self._views:
+                try:
+                    view.show(self._known)
+                except Exception as error:
+                    logger.exception("the page could not be drawn")
+                    text = f"{type(view).__name__} cannot draw: {type(error).__name__}: {error}"
+                    self._known.tell(Kind.FAULT, text)
+        self.updates += 1
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._end.is_set():
+            if not self._known.changed.wait(WAIT):
+                continue
+            due = max(due + self._period, time.monotonic() - BEHIND)
+            if (early := due - time.monotonic()) > 0.0:
+                time.sleep(early)
+            if not self._end.is_set():
+                self.draw()

@@ -1,0 +1,91 @@
+"""A viser server that listens where it should, and takes no orders from other websites."""
+
+import http
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+import viser
+import websockets.asyncio.server
+from viser import _messages
+
+from sain_core.drawing.palette import PALETTE, rgba
+from sain_core.errors import BusyError
+from sain_live.settings import PageConfig, check_free, is_loopback
+
+TITLE: Final = "SAIN live"
+CAMERA: Final = (1.52, -0.72, 1.02)  # [m], in front of the table, to its right
+LOOK_AT: Final = (0.42, 0.02, 0.14)
+FIELD_OF_VIEW: Final = 0.72  # [rad]
+PANEL_WIDTH: Final = 330  # pixels
+
+Check = Callable[[Any, Any], Any]
+
+
+def open_server(config: PageConfig) -> viser.ViserServer:
+    """Return a server at the address of a page, with nothing on it.
+
+    Raises:
+        BusyError: the port is in use.
+        ConfigError: this computer has no such address.
+    """
+    check_free(config.host, config.port)
+    with _checked_requests(config.host), redirect_stdout(StringIO()):  # it prints addresses
+        server = viser.ViserServer(config.host, config.port, label=TITLE, verbose=False)
+    if server.get_port() != config.port:  # somebody was faster
+        server.stop()
+        raise BusyError(f"port {config.port} of {config.host} is in use; choose another port")
+    for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+        server._websock_server.unregister_handler(message)  # a tunnel to the internet
+    _furnish(server)
+    return server
+
+
+def _furnish(server: viser.ViserServer) -> None:
+    red, green, blue, _ = (round(255 * part) for part in rgba(PALETTE.mid))
+    server.gui.configure_theme(
+        show_logo=False, show_share_button=False, brand_color=(red, green, blue)
+    )
+    server.gui.main_panel.dock_right()
+    server.gui.main_panel.set_width(PANEL_WIDTH)
+    server.scene.set_up_direction("+z")
+    server.scene.world_axes.visible = False
+    camera = server.initial_camera
+    camera.position, camera.look_at, camera.fov = CAMERA, LOOK_AT, FIELD_OF_VIEW
+
+
+@contextmanager
+def _checked_requests(host: str) -> Iterator[None]:
+    """Have a server that is made meanwhile check who asks: viser itself does not."""
+    module = websockets.asyncio.server
+    serve = module.serve
+
+    def checked(handler: Any, *where: Any, process_request: Check, **options: Any) -> Any:
+        def check(connection: Any, request: Any) -> Any:
+            if reason := refusal(host, request.headers):
+                return connection.respond(http.HTTPStatus.FORBIDDEN, reason + "\n")
+            return process_request(connection, request)
+
+        return serve(handler, *where, process_request=check, **options)
+
+    module.serve = checked  # type: ignore[misc,assignment]
+    try:
+        yield
+    finally:
+        module.serve = serve  # type: ignore[misc]
+
+
+def refusal(host: str, headers: Any) -> str:
+    """Return why a request is refused; "": it is not.
+
+    A browser lets any website connect to this computer, and names that site as the origin.
+    """
+    asked, origin = headers.get("Host", ""), headers.get("Origin")
+    name = urlsplit(f"//{asked}").hostname or ""
+    if is_loopback(host) and not is_loopback(name):
+        return f"this page is for this computer; open it as 127.0.0.1, not as {name!r}"
+    if origin is not None and urlsplit(origin).netloc != asked:
+        return f"{origin} may not use this page"
+    return ""

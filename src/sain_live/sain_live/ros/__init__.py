@@ -1,0 +1,1 @@
+"""The page as a ROS 2 node: topics, services and actions only."""

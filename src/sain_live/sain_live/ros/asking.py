@@ -1,0 +1,189 @@
+"""What the page asks of the graph: goals and resets; the rest is in `tuning`."""
+
+import time
+from collections.abc import Callable
+from queue import SimpleQueue
+from typing import Any, Final
+
+from rclpy.action import ActionClient
+from rclpy.node import Node
+
+from sain_core.errors import ErrorCode
+from sain_core.ros.codec import encode_disks, encode_goal
+from sain_core.ros.steady import steady_timer
+from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_interfaces.action import Reach
+from sain_interfaces.msg import Goal, Plan
+from sain_interfaces.srv import ResetScene
+from sain_live.aims import Aim
+from sain_live.orders import Reset
+from sain_live.ros.tuning import Tuning
+from sain_live.state import Kind, LiveState, Phase
+from sain_mppi.ros.goal_message import encode_pose_goal
+from sain_mppi.search.poses import PoseGoal
+
+AGAIN: Final = 0.1  # [s] between attempts to reset while a push is under way
+PATIENCE: Final = 60.0  # [s] for that push
+
+
+class Asking:
+    """Carries out the orders of viewers, on the executor's thread."""
+
+    def __init__(self, node: Node, known: LiveState) -> None:
+        """Look for the others."""
+        self._node, self._known = node, known
+        self._orders: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._guard = node.create_guard_condition(self._carry_out)
+        self._reach = ActionClient(node, Reach, "reach")
+        self._reset_scene = node.create_client(ResetScene, "reset_scene")
+        self._tuning = Tuning(node, known)
+        self._handle: Any = None  # of the goal that is followed
+        self._goal = 0  # number of it
+        self._retry: tuple[float, Callable[[], None]] | None = None
+        steady_timer(node, AGAIN, self._try_again)
+
+    @property
+    def has_simulator(self) -> bool:
+        """Whether there is one that can be reset."""
+        return bool(self._reset_scene.service_is_ready())
+
+    # --- orders, from any thread
+
+    def start(self) -> None:
+        """Follow the goal, push by push."""
+        self._put(lambda: self._follow(0))
+
+    def push_once(self) -> None:
+        """Follow the goal for one push."""
+        self._put(lambda: self._follow(1))
+
+    def pause(self) -> None:
+        """Follow no goal any more."""
+        self._put(self._pause)
+
+    def aim(self, aim: Aim) -> None:
+        """Take a goal that was dragged: follow it, unless the loop is paused."""
+        self._put(self._take_aim)
+
+    def reset(self, reset: Reset) -> None:
+        """Start a new episode; raises `ConfigError` where there is no such scene."""
+        case = reset.case()
+        self._put(lambda: self._begin_reset(case, reset.world))
+
+    def set(self, name: str, value: Any) -> None:
+        """Change a parameter of the planner."""
+        self._put(lambda: self._tuning.set(name, value))
+
+    def load(self, model: str) -> None:
+        """Serve another model."""
+        self._put(lambda: self._tuning.load(model))
+
+    def _put(self, order: Callable[[], None]) -> None:
+        self._orders.put(order)
+        self._guard.trigger()
+
+    # --- on the executor's thread
+
+    def _carry_out(self) -> None:
+        while not self._orders.empty():
+            self._orders.get()()
+
+    def _refuse(self, text: str) -> None:
+        self._known.tell(Kind.REFUSAL, text)
+
+    def _take_aim(self) -> None:
+        if self._known.followed:
+            self._follow(0)
+        else:
+            self._known.tell(Kind.NOTE, "the goal is placed; Start follows it")
+
+    def _follow(self, most: int) -> None:
+        known = self._known
+        if known.aim is None or known.scene is None:
+            self._refuse("there is no goal yet: no scene was seen")
+            return
+        if not self._reach.server_is_ready():
+            where = self._node.resolve_topic_name("reach")
+            self._refuse(f"no planner answers on {where}; a recording cannot be steered")
+            return
+        known.update(followed=most == 0)
+        self._goal += 1
+        number = self._goal
+        goal = goal_message(known.aim, known.scene.episode_id, most, self._stamp())
+        sent = self._reach.send_goal_async(Reach.Goal(goal=goal))
+        sent.add_done_callback(lambda done: self._on_accepted(number, done))
+
+    def _on_accepted(self, number: int, done: Any) -> None:
+        handle = done.result()
+        if handle is None or not handle.accepted:
+            self._refuse("the planner did not take the goal")
+            return
+        if number != self._goal:  # a newer one, or a pause, was faster
+            handle.cancel_goal_async()
+        self._handle = handle
+        handle.get_result_async().add_done_callback(lambda ended: self._on_end(number, ended))
+
+    def _on_end(self, number: int, done: Any) -> None:
+        if number != self._goal:
+            return
+        self._handle, result = None, done.result().result
+        if result.status == Plan.REACHED:
+            count = f"{result.pushes} push{'' if result.pushes == 1 else 'es'}"
+            text = f"reached with {count}, {1e3 * result.goal_distance:.0f} mm from the goal"
+            self._known.tell(Kind.NOTE, text)
+
+    def _pause(self) -> None:
+        self._goal += 1
+        self._known.update(followed=False)
+        if self._handle is not None:
+            self._handle.cancel_goal_async()
+            self._handle = None
+        elif self._known.phase in (Phase.PLANNING, Phase.PUSHING):
+            self._known.tell(Kind.NOTE, "the goal is another sender's; it ends by its own")
+
+    def _begin_reset(self, case: ScenarioScene, world: str) -> None:
+        if not self._reset_scene.service_is_ready():
+            where = self._reset_scene.srv_name
+            self._refuse(f"no simulator answers on {where}: reset a robot by hand")
+            return
+        if self._handle is not None or self._known.followed:
+            self._pause()
+        request = ResetScene.Request(
+            seed=case.seed,
+            world=world,
+            disks=encode_disks(case.disks),
+            shapes=list(case.shapes),
+            roles=list(map(str, case.roles)),
+            friction=case.friction,
+        )
+        self._ask_reset(case, request, time.monotonic() + PATIENCE)
+
+    def _ask_reset(self, case: ScenarioScene, request: Any, until: float) -> None:
+        def on_reply(done: Any) -> None:
+            reply, known = done.result(), self._known
+            if reply.error_code == ErrorCode.BUSY and time.monotonic() < until:
+                known.update(why="waits for the push under way, to reset")
+                self._retry = time.monotonic(), lambda: self._ask_reset(case, request, until)
+            elif reply.error_code != ErrorCode.OK:
+                self._refuse(f"reset: {reply.error_message}")
+            else:
+                known.update(aim=Aim(case.goal), phase=Phase.PAUSED, why="", pushes=0)
+                known.tell(Kind.NOTE, f"{case.scenario}, seed {case.seed}")
+
+        self._retry = None
+        self._reset_scene.call_async(request).add_done_callback(on_reply)
+
+    def _try_again(self) -> None:
+        if self._retry is not None:
+            self._retry[1]()
+
+    def _stamp(self) -> Any:
+        return self._node.get_clock().now().to_msg()
+
+
+def goal_message(aim: Aim, episode_id: int, most: int, stamp: Any) -> Goal:
+    """Return a goal for so many pushes; 0: no limit."""
+    named = {"goal_id": 0, "episode_id": episode_id, "max_pushes": most}
+    if isinstance(aim.goal, PoseGoal):
+        return encode_pose_goal(aim.goal, stamp=stamp, **named)
+    return encode_goal(aim.goal, stamp=stamp, tolerance=aim.tolerance, **named)

@@ -1,0 +1,51 @@
+"""The node of the live page."""
+
+from typing import Any
+
+from rclpy.node import Node
+
+from sain_core.ros.node_main import NAMESPACE
+from sain_core.ros.parameters import read_parameters
+from sain_core.ros.steady import steady_timer
+from sain_live.orders import Reset
+from sain_live.page.live_page import LivePage
+from sain_live.ros.asking import Asking
+from sain_live.ros.hearing import Hearing
+from sain_live.settings import NO_SCENARIO, PageConfig, check_free, is_loopback
+from sain_live.state import LiveState
+
+LOOK: float = 0.1  # [s] between looks for a simulator, at the start
+
+
+class PageNode(Node):
+    """Serves the page; knows and steers the graph by topics, services and actions alone."""
+
+    def __init__(self, **options: Any) -> None:
+        """Listen to the graph and to browsers."""
+        super().__init__("page_node", namespace=NAMESPACE, **options)
+        self.config = config = read_parameters(self, PageConfig)
+        check_free(config.host, config.port)
+        self.known = known = LiveState(world="")
+        self.asking = Asking(self, known)
+        self.hearing = Hearing(self, known)
+        self.page = LivePage(known, self.asking, config)
+        self._reset_to = config.scenario
+        steady_timer(self, LOOK, self._begin)
+        if not is_loopback(config.host):
+            self.get_logger().warning(
+                "whoever reaches this computer may open the page and steer the arm; there is no"
+                " password"
+            )
+        self.ready = f"the page is at {config.address}"
+
+    def _begin(self) -> None:
+        """Reset the scene to the scenario that was asked for, once there is a simulator."""
+        if self._reset_to != NO_SCENARIO and self.asking.has_simulator:
+            self.asking.reset(Reset(self._reset_to, self.config.seed))
+            self._reset_to = NO_SCENARIO
+
+    def destroy_node(self) -> None:
+        """Serve the page no more."""
+        self.hearing.close()
+        self.page.close()
+        super().destroy_node()

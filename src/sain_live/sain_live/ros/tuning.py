@@ -1,0 +1,123 @@
+"""The planner's parameters and the model: as they are, and as viewers want them."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+from sain_core.errors import ErrorCode
+from sain_core.ros.qos import RELIABLE
+from sain_core.ros.steady import steady_timer
+from sain_interfaces.srv import DescribeModel, LoadModel
+from sain_live.orders import planner_settings
+from sain_live.state import Kind, LiveState
+
+PLANNER: Final = "mppi_node"
+LOOK_AROUND: Final = 0.5  # [s]
+
+
+class Tuning:
+    """Follows and changes parameters and model. All calls come from the executor's thread."""
+
+    def __init__(self, node: Node, known: LiveState) -> None:
+        """Look for planner and model."""
+        self._node, self._known = node, known
+        self._load_model = node.create_client(LoadModel, "load_model")
+        self._describe = node.create_client(DescribeModel, "describe_model")
+        self._set = node.create_client(SetParameters, f"{PLANNER}/set_parameters")
+        self._get = node.create_client(GetParameters, f"{PLANNER}/get_parameters")
+        self._names = [name for _, name, _, _ in planner_settings()]
+        self._wanted: dict[str, Any] = {}  # parameters to set
+        self._setting = self._got = self._described = False
+        self._there = {"the planner": False, "the model": False}
+        steady_timer(node, LOOK_AROUND, self._look_around)
+        events = "/parameter_events"
+        node.create_subscription(ParameterEvent, events, self._on_parameters, RELIABLE)
+
+    def set(self, name: str, value: Any) -> None:
+        """Change a parameter of the planner."""
+        self._wanted[name] = value
+        if not self._setting:
+            self._send_settings()
+
+    def _send_settings(self) -> None:
+        """Send the latest of each setting; one request at a time, as sliders are fast."""
+        if not self._set.service_is_ready():
+            self._wanted.clear()
+            self._known.update(planner=dict(self._known.planner))
+            self._known.tell(Kind.REFUSAL, "no planner is there to take a setting")
+            return
+        wanted, self._wanted, self._setting = self._wanted, {}, True
+        request = SetParameters.Request()
+        request.parameters = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in wanted.items()
+        ]
+        self._set.call_async(request).add_done_callback(lambda done: self._on_set(wanted, done))
+
+    def _on_set(self, wanted: Mapping[str, Any], done: Any) -> None:
+        self._setting, planner = False, dict(self._known.planner)
+        for (name, value), result in zip(wanted.items(), done.result().results, strict=True):
+            if result.successful:
+                planner[name] = value
+            else:
+                self._known.tell(Kind.REFUSAL, f"{name} = {value!r}: {result.reason}")
+        self._known.update(planner=planner)  # also where refused: the control goes back
+        if self._wanted:
+            self._send_settings()
+
+    def load(self, model: str) -> None:
+        """Serve another model."""
+        if not self._load_model.service_is_ready():
+            self._known.tell(Kind.REFUSAL, "no model's node is there to load another model")
+            return
+        self._known.tell(Kind.NOTE, f"loads {model}")
+
+        def on_reply(done: Any) -> None:
+            reply = done.result()
+            if reply.error_code != ErrorCode.OK:
+                self._known.tell(Kind.REFUSAL, f"load {model}: {reply.error_message}")
+            else:
+                self._known.update(model=reply.model)
+                self._known.tell(Kind.NOTE, f"the model is {reply.model}")
+
+        self._load_model.call_async(LoadModel.Request(model=model)).add_done_callback(on_reply)
+
+    def _look_around(self) -> None:
+        """Ask who is new what the page should know; tell who comes and goes."""
+        clients = (self._get, self._describe)
+        for name, client in zip(self._there, clients, strict=True):
+            there = bool(client.service_is_ready())
+            if there != self._there[name]:
+                self._there[name] = there
+                kind = Kind.NOTE if there else Kind.FAULT
+                self._known.tell(kind, f"{name} is {'there' if there else 'gone'}")
+        if not self._get.service_is_ready():
+            self._got = self._setting = False  # a planner that ended answers nothing any more
+        elif not self._got:
+            self._got = True
+            asked = self._get.call_async(GetParameters.Request(names=self._names))
+            asked.add_done_callback(self._on_got)
+        if not self._describe.service_is_ready():
+            self._described = False
+        elif not self._described:
+            self._described = True
+            asked = self._describe.call_async(DescribeModel.Request())
+            asked.add_done_callback(lambda done: self._known.update(model=done.result().model))
+
+    def _on_got(self, done: Any) -> None:
+        values = map(parameter_value_to_python, done.result().values)
+        self._known.update(planner=dict(zip(self._names, values, strict=False)))
+
+    def _on_parameters(self, event: ParameterEvent) -> None:
+        if event.node != self._node.resolve_topic_name(PLANNER):
+            return
+        changed = {
+            one.name: parameter_value_to_python(one.value)
+            for one in (*event.new_parameters, *event.changed_parameters)
+            if one.name in self._names
+        }
+        if changed:
+            self._known.update(planner={**self._known.planner, **changed})

@@ -1,0 +1,80 @@
+"""The settings of the page."""
+
+import errno
+import ipaddress
+import socket
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Final
+
+from sain_core.config import Config, option
+from sain_core.errors import BusyError, ConfigError
+from sain_eval.scenes.scenarios import SCENARIOS
+
+NO_SCENARIO: Final = ""
+
+
+@dataclass(frozen=True)
+class PageConfig(Config):
+    """Where the page is served, and what it begins with."""
+
+    host: str = option(
+        "127.0.0.1", "address to listen at; 0.0.0.0: any computer may open the page and steer"
+    )
+    port: int = option(8080, "port to listen at", minimum=1, maximum=65535)
+    scenario: str = option(
+        NO_SCENARIO,
+        "scenario to reset the scene to, once the simulator is there; empty: leave it",
+        choices=(NO_SCENARIO, *SCENARIOS),
+    )
+    seed: int = option(0, "of that scene", minimum=0, maximum=2**31 - 1)
+    rate: float = option(
+        40.0, "most updates sent to each viewer", unit="Hz", minimum=1.0, maximum=60.0
+    )
+
+    @property
+    def address(self) -> str:
+        """The address to type into a browser on this computer."""
+        host = "127.0.0.1" if self.host in ("0.0.0.0", "") else self.host
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
+
+
+def check_free(host: str, port: int) -> None:
+    """Check that the page can be served at an address.
+
+    Raises:
+        BusyError: another program listens there.
+        ConfigError: this computer has no such address.
+    """
+    try:
+        family, kind, protocol, _, where = socket.getaddrinfo(
+            host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        with closing(socket.socket(family, kind, protocol)) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(where)
+            probe.listen(1)
+    except PermissionError as error:
+        raise ConfigError(
+            f"port {port} is reserved for the system; choose one above 1023, for example port 8081"
+        ) from error
+    except OSError as error:
+        if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+            raise ConfigError(
+                f"host is {host!r}; this computer has no such address: use 127.0.0.1, or 0.0.0.0"
+                " for all computers"
+            ) from error
+        raise BusyError(
+            f"port {port} of {host} is in use by another program; stop it, or choose another"
+            f" port, for example {port + 1 if port < 65535 else 8081}"
+        ) from error
+
+
+def is_loopback(host: str) -> bool:
+    """Tell whether an address can be reached from this computer only."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

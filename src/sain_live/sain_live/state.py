@@ -1,0 +1,171 @@
+"""What is known of the graph: the node writes it, the page shows it. Plain data.
+
+Every attribute of `LiveState` is replaced and never changed in place, so that a reader on another
+thread sees each as a whole and can tell by identity whether it is new.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from threading import Event
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Pushes, Scene, Scenes
+from sain_live.aims import Aim
+
+LOG_LINES: Final = 200  # that are kept
+LONGEST_LINE: Final = 400  # characters of one
+MOST_POINTS: Final = 400  # of a chart
+
+
+class Kind(StrEnum):
+    """What a line of the log is about."""
+
+    NOTE = "note"
+    REFUSAL = "refused"
+    FAULT = "fault"
+
+
+class Phase(StrEnum):
+    """What the loop is doing."""
+
+    WAITING = "waits for a scene"
+    PAUSED = "paused"
+    PLANNING = "planning"
+    PUSHING = "pushing"
+    REACHED = "goal reached"
+    ENDED = "stopped"
+
+
+@dataclass(frozen=True, eq=False)
+class LiveScene:
+    """A scene (N, 8) as it was observed, with its ids and time [s]."""
+
+    disks: Scene
+    episode_id: int = 0
+    scene_id: int = 0
+    settled: bool = True
+    time: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class LivePlan:
+    """A plan that sent a push.
+
+    Attributes:
+        push_id: of the push.
+        start: (N, 8), the scene that it was planned from.
+        pushes: (H, 3) or (H, 4).
+        predicted: (H, N, 8), the scene after each.
+        regions: (H, N) [m], radii that should hold each body; None: unknown.
+        costs: (R,), of other sequences, from cheap to dear.
+        places: (R, H, N, 2) [m], where these lead the bodies.
+    """
+
+    push_id: int
+    start: Scene
+    pushes: Pushes
+    predicted: Scenes
+    regions: Float[ndarray, "H N"] | None
+    costs: Float[ndarray, "R"]
+    places: Float[ndarray, "R H N 2"]
+
+
+@dataclass(frozen=True, eq=False)
+class LiveResult:
+    """A push that was carried out, beside what was predicted (N, 8) of it."""
+
+    push_id: int
+    after: Scene
+    before: Scene | None = None
+    planned: Scene | None = None
+    physics: Scene | None = None
+
+
+@dataclass(frozen=True)
+class LogLine:
+    """Something to read: when, in simulated seconds, what about, and the text."""
+
+    time: float
+    kind: Kind
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class LiveCurves:
+    """The charts of an episode, a number for each push; NaN where one is not known.
+
+    Attributes:
+        distance: [mm], largest distance from the goal before each push.
+        planned: [mm], largest error of the planner's prediction.
+        physics: [mm], of the nominal physics.
+        planning: [ms], from settled scene to push.
+    """
+
+    distance: tuple[float, ...] = ()
+    planned: tuple[float, ...] = ()
+    physics: tuple[float, ...] = ()
+    planning: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class LiveArm:
+    """The arm: its URDF, and the pose (x y z, quaternion w x y z) of its root in the world."""
+
+    description: str
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(eq=False)
+class LiveState:
+    """All that is known. `changed` is set after each change, `log` is appended to."""
+
+    scene: LiveScene | None = None
+    bodies: Bodies | None = None
+    aim: Aim | None = None
+    plan: LivePlan | None = None
+    result: LiveResult | None = None
+    arm: LiveArm | None = None
+    joints: Mapping[str, float] = field(default_factory=dict)
+    curves: LiveCurves = LiveCurves()
+    phase: Phase = Phase.WAITING
+    why: str = ""  # it is in this phase
+    pushes: int = 0  # sent for the goal
+    followed: bool = False  # whether goals are sent as they are dragged
+    model: str = ""
+    engine: str = ""
+    world: str = ""
+    planner: Mapping[str, Any] = field(default_factory=dict)  # parameters of the planner's node
+    log: "deque[LogLine]" = field(default_factory=lambda: deque(maxlen=LOG_LINES))
+    lines: int = 0  # ever logged
+    changed: Event = field(default_factory=Event)
+
+    def update(self, **values: Any) -> None:
+        """Replace what is known under these names."""
+        for name, value in values.items():
+            setattr(self, name, value)
+        self.changed.set()
+
+    def tell(self, kind: Kind, text: str) -> None:
+        """Add a line to the log; the same one again is not repeated."""
+        text = " ".join(text.split())
+        text = text if len(text) <= LONGEST_LINE else text[: LONGEST_LINE - 1] + "…"
+        if self.log and (self.log[-1].kind, self.log[-1].text) == (kind, text):
+            return
+        self.log.append(LogLine(0.0 if self.scene is None else self.scene.time, kind, text))
+        self.lines += 1
+        self.changed.set()
+
+
+def largest_error(predicted: Scene | None, after: Scene) -> float:
+    """Return the largest distance [mm] of a body from where it was predicted; NaN: it was not."""
+    if predicted is None or predicted.shape != after.shape:
+        return float("nan")
+    return 1e3 * float(np.hypot(*(predicted[:, :2] - after[:, :2]).T).max())

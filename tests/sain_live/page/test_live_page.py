@@ -1,0 +1,212 @@
+"""The page, without a graph and without a browser."""
+
+import numpy as np
+import pytest
+from websockets.exceptions import InvalidStatus
+
+from benchmarks.live_viewer import Viewer
+from sain_core.errors import BusyError
+from sain_live.page.live_page import LivePage
+from sain_live.page.serving import refusal
+from sain_live.settings import PageConfig
+from sain_live.state import Kind, LiveArm, LivePlan, LiveResult, LiveScene
+from sain_sim.arm.frames import describe_arm
+from tests.sain_live.straw import AIM, BODIES, SCENE, Written, made_up, served
+
+GOAL = "/goals/0"
+
+
+@pytest.fixture
+def shown():
+    known, orders = made_up(), Written()
+    with served(known, orders) as page:
+        viewer = Viewer(page.server.get_port())
+        viewer.wait(lambda: GOAL in viewer.nodes and page.viewers == 1, "the page")
+        yield known, orders, page, viewer
+        viewer.close()
+
+
+def test_bodies_are_where_they_are(shown):
+    known, _, _, viewer = shown
+    viewer.wait(lambda: "position" in viewer.nodes["/bodies/1"], "body 1")
+    assert viewer.nodes["/bodies/1"]["position"][:2] == pytest.approx((0.6, -0.2))
+    moved = SCENE.copy()
+    moved[1, :3] = 0.7, 0.1, np.pi / 2
+    known.update(scene=LiveScene(moved, 1, 2))
+    viewer.wait(lambda: viewer.nodes["/bodies/1"]["position"][0] > 0.69, "body 1 to move")
+    assert viewer.nodes["/bodies/1"]["wxyz"] == pytest.approx((0.5**0.5, 0, 0, 0.5**0.5))
+
+
+def test_a_dragged_goal_is_an_order(shown):
+    known, orders, _, viewer = shown
+    viewer.drag(GOAL, (0.45, 0.1), (0.4, -0.1))
+    viewer.wait(lambda: orders.of("aim"), "the order")
+    ((aim,),) = orders.of("aim")
+    assert (aim.poses[0].x, aim.poses[0].y) == (0.4, -0.1)
+    assert aim.poses[0].heading == pytest.approx(0.5)
+    assert known.aim is aim
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [((0.5, 0.9), "off the table"), ((0.6, -0.2), "overlaps fixed body 1"), ((0.5, np.nan), "nan")],
+)
+def test_a_goal_where_none_can_be_snaps_back_and_is_told(shown, place, words):
+    known, orders, _, viewer = shown
+    viewer.drag(GOAL, place)
+    viewer.wait(lambda: words in viewer.texts, "the words")
+    viewer.wait(lambda: viewer.nodes[GOAL]["position"][:2] == (0.5, 0.2), "the goal to snap back")
+    assert orders.of("aim") == []
+    assert known.aim is AIM
+
+
+def test_who_leaves_while_dragging_changes_nothing(shown):
+    known, orders, page, viewer = shown
+    other = Viewer(page.server.get_port())
+    other.wait(lambda: GOAL in other.nodes and page.viewers == 2, "the second viewer")
+    other.drag(GOAL, (0.4, 0.0), release=False)
+    viewer.wait(lambda: viewer.nodes[GOAL]["position"][0] == 0.4, "the drag, as others see it")
+    other.close()
+    viewer.wait(lambda: viewer.nodes[GOAL]["position"][0] == 0.5, "the goal to snap back")
+    viewer.wait(lambda: "the viewer who dragged it left" in viewer.texts, "the words")
+    assert (orders.of("aim"), known.aim) == ([], AIM)
+
+
+def test_viewers_see_the_same_also_after_a_reload(shown):
+    _, orders, page, viewer = shown
+    others = [Viewer(page.server.get_port()) for _ in range(2)]
+    viewer.drag(GOAL, (0.4, 0.0))
+    for other in others:
+        other.wait(lambda o=other: o.nodes.get(GOAL, {}).get("position", [0])[0] == 0.4, "the drag")
+        other.close()
+    again = Viewer(page.server.get_port())
+    again.wait(lambda: again.nodes.get(GOAL, {}).get("position", [0])[0] == 0.4, "it all again")
+    again.close()
+    assert len(orders.of("aim")) == 1
+
+
+def test_settings_are_controls_and_orders(shown):
+    known, orders, _, viewer = shown
+    known.update(planner={"planner.horizon": 6, "planner.weights.position": [90.0, 90.0]})
+    viewer.wait(lambda: viewer.controls[viewer.control("horizon")]["value"] == 6, "the value")
+    assert orders.of("set") == []  # what the planner has is no order
+    for label, value, name, expected in (
+        ("horizon", 3, "planner.horizon", 3),
+        ("thinning", 0.25, "planner.thinning", 0.25),
+        ("algorithm", "icem", "planner.algorithm", "icem"),
+        ("warm start", False, "planner.warm_start", False),
+        ("position [1/m^2]", "[50, 60]", "planner.weights.position", [50.0, 60.0]),
+    ):
+        viewer.turn(label, value)
+        viewer.wait(lambda n=name, e=expected: (n, e) in orders.of("set"), f"the order for {name}")
+    slider = viewer.controls[viewer.control("thinning")]
+    assert (slider["min"], slider["max"]) == (0.01, 1.0)
+    assert slider["hint"] == "factor on the samples from one round to the next (0.01 to 1)"
+
+
+def test_a_refused_setting_goes_back(shown):
+    known, orders, _, viewer = shown
+    known.update(planner={"planner.horizon": 6, "planner.weights.position": [90.0, 90.0]})
+    viewer.turn("position [1/m^2]", "many")
+    viewer.wait(lambda: "it must be numbers" in viewer.texts, "the words")
+    position = viewer.control("position [1/m^2]")
+    viewer.wait(lambda: viewer.controls[position]["value"] == "[90, 90]", "the value before")
+    viewer.turn("horizon", 50)
+    viewer.wait(lambda: orders.of("set"), "the order")
+    known.update(planner=dict(known.planner))  # as after the planner's refusal
+    horizon = viewer.control("horizon")
+    viewer.wait(lambda: viewer.controls[horizon]["value"] == 6, "the value before")
+
+
+def test_buttons_are_orders(shown):
+    _, orders, _, viewer = shown
+    for name, order in (("Start", "start"), ("One push", "push_once"), ("Pause", "pause")):
+        viewer.turn("loop", name)
+        viewer.wait(lambda o=order: orders.of(o) == [()], f"the order {order}")
+    viewer.turn("scenario", "rearrange_2")
+    viewer.turn("seed", 5)
+    viewer.turn("Reset", True)
+    viewer.wait(lambda: orders.of("reset"), "the reset")
+    (reset,) = orders.of("reset")[0]
+    assert (reset.scenario, reset.seed) == ("rearrange_2", 5)
+
+
+def test_texts_from_elsewhere_are_escaped(shown):
+    known, _, _, viewer = shown
+    known.tell(Kind.FAULT, "<script>alert(1)</script>")
+    viewer.wait(lambda: "alert" in viewer.texts, "the line")
+    assert "<script>" not in viewer.texts
+
+
+def test_plan_and_result_are_drawn_and_cleared(shown):
+    known, _, _, viewer = shown
+    after = np.stack([SCENE, SCENE])
+    after[:, 0, 0] += 0.05
+    ways = np.zeros((3, 2, 2, 2)) + 0.4
+    pushes = np.array([(0.0, 0.0, 0.1)] * 2)
+    plan = LivePlan(7, SCENE, pushes, after, np.full((2, 2), 0.01), np.arange(3.0), ways)
+    known.update(plan=plan, result=LiveResult(7, SCENE, SCENE, after[0], None))
+    drawn = {f"/plan/{n}" for n in ("others", "chosen", "later", "ghost0", "regions", "push")}
+    drawn |= {"/result/predicted", "/result/reality", "/result/label"}
+    viewer.wait(lambda: drawn <= set(viewer.nodes), "the plan")
+    known.update(plan=None, result=None)
+    viewer.wait(lambda: not drawn & set(viewer.nodes), "an empty table")
+
+
+def test_the_arm_follows_its_joints(shown):
+    known, _, _, viewer = shown
+    known.update(arm=LiveArm(describe_arm(0.012, 0.22)), joints={"panda_joint1": 0.0})
+    joint = "/arm/panda_link1"
+    viewer.wait(lambda: joint in viewer.nodes, "the arm")
+    known.update(joints={"panda_joint1": np.pi / 2})
+    expected = pytest.approx((0.5**0.5, 0, 0, 0.5**0.5))
+    viewer.wait(lambda: viewer.nodes[joint].get("wxyz") == expected, "the joint")
+
+
+def test_an_arm_that_cannot_be_drawn_is_told(shown):
+    known, _, _, viewer = shown
+    known.update(arm=LiveArm("<robot"))
+    viewer.wait(lambda: "the arm is not drawn" in viewer.texts, "the words")
+
+
+def test_other_websites_are_kept_out(shown):
+    _, _, page, _ = shown
+    port = page.server.get_port()
+    Viewer(port, origin=f"http://127.0.0.1:{port}").close()
+    with pytest.raises(InvalidStatus, match="403"):
+        Viewer(port, origin="http://example.org")
+
+
+def test_names_that_lead_here_from_elsewhere_are_refused():
+    assert refusal("127.0.0.1", {"Host": "127.0.0.1:8080"}) == ""
+    assert refusal("127.0.0.1", {"Host": "localhost:80", "Origin": "http://localhost:80"}) == ""
+    assert "open it as 127.0.0.1" in refusal("127.0.0.1", {"Host": "example.org:8080"})
+    assert refusal("0.0.0.0", {"Host": "lab:8080", "Origin": "http://lab:8080"}) == ""
+    assert "may not use" in refusal("0.0.0.0", {"Host": "lab:8080", "Origin": "http://x.org"})
+
+
+def test_nonsense_from_a_viewer_changes_nothing(shown):
+    known, orders, _, viewer = shown
+    for position in ("there", (), (1e308, -1e308, 0.0)):
+        viewer.send(
+            "TransformControlsUpdateMessage", name=GOAL, position=position, wxyz=(1, 0, 0, 0)
+        )
+        viewer.send("TransformControlsDragEndMessage", name=GOAL)
+    viewer.wait(lambda: viewer.texts.count("goal of body 0") >= 2, "the words")
+    viewer.drag(GOAL, (0.4, -0.1))
+    viewer.wait(lambda: orders.of("aim"), "the order")
+    assert known.aim.poses[0].x == 0.4
+
+
+def test_a_port_in_use_is_an_error(shown):
+    _, orders, page, _ = shown
+    with pytest.raises(BusyError, match=f"port {page.server.get_port()} of 127.0.0.1 is in use"):
+        LivePage(made_up(), orders, PageConfig(port=page.server.get_port()))
+
+
+def test_bodies_of_the_next_episode_replace_the_others(shown):
+    known, _, _, viewer = shown
+    known.update(bodies=None, scene=None, aim=None)
+    viewer.wait(lambda: GOAL not in viewer.nodes, "no goal")
+    known.update(bodies=BODIES, scene=LiveScene(SCENE[::-1].copy(), 2, 1), aim=AIM)
+    viewer.wait(lambda: GOAL in viewer.nodes, "the goal")

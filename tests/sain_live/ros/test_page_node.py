@@ -1,0 +1,187 @@
+"""The page's node in a graph of real nodes, and with no graph at all."""
+
+import numpy as np
+import pytest
+
+from benchmarks.live_viewer import Viewer
+from sain_core.errors import BusyError, ErrorCode
+from sain_core.ros import codec
+from sain_interfaces.msg import Plan
+from sain_live.orders import Reset
+from sain_live.ros.page_node import PageNode
+from sain_live.state import Phase
+from sain_model.ros.model_node import ModelNode
+from sain_mppi.ros.mppi_node import MppiNode
+from sain_sim.ros.sim_node import SimNode
+from tests.sain_live.straw import SCENE, free_port
+
+SMALL = {"planner__samples": 64, "planner__rounds": 2, "planner__horizon": 2}
+
+
+@pytest.fixture
+def alone(graph):
+    return graph.start(PageNode, port=free_port())
+
+
+@pytest.fixture
+def whole(graph):
+    graph.start(SimNode, peer_wait=0.0)
+    graph.start(ModelNode, model="planar")
+    planner = graph.start(MppiNode, **SMALL)
+    page = graph.start(PageNode, port=free_port(), scenario="anywhere", seed=2)
+    graph.wait(planner.remote._client.service_is_ready, "the model's service")
+    known = page.known
+    graph.wait(lambda: known.scene and known.scene.episode_id == 2, "the scenario")
+    graph.wait(lambda: known.planner and known.model and known.arm, "all about the graph")
+    graph.wait(lambda: "anywhere, seed 2" in told(page), "the goal")
+    return page
+
+
+def told(page):
+    return "\n".join(line.text for line in page.known.log)
+
+
+def drop(page, x, y):
+    """Let go of the first goal at a place."""
+    body = page.known.aim.poses[0].body
+    page.page.goals.drop(body, (x, y, 0.0), (1.0, 0.0, 0.0, 0.0), left=False)
+
+
+def test_the_loop_is_started_and_ends_at_the_goal(graph, whole):
+    assert (whole.known.phase, whole.known.model) == (Phase.PAUSED, "planar")
+    whole.asking.start()
+    graph.wait(lambda: whole.known.phase is Phase.REACHED, "the goal")
+    known, end = whole.known, graph.find("plan", status=Plan.REACHED)[-1]
+    assert known.pushes == len(known.curves.distance) == len(graph.heard["push"])
+    graph.wait(lambda: "reached with" in told(whole), "the line")
+    assert np.isfinite(known.curves.planned).all()
+    assert known.result.push_id == graph.heard["push_result"][-1].push_id
+    distance = pytest.approx(end.goal_distance)
+    graph.wait(
+        lambda: known.aim.errors(known.scene.disks, known.bodies)[0] == distance, "the last scene"
+    )
+
+
+def test_a_goal_that_is_dragged_while_the_loop_runs_is_followed(graph, whole):
+    drop(whole, 0.55, 0.1)
+    graph.wait(lambda: "Start follows it" in told(whole), "the note")
+    whole.asking.start()
+    graph.wait(lambda: graph.heard["push"], "a push")
+    drop(whole, 0.5, 0.15)
+    graph.wait(lambda: whole.known.phase is Phase.REACHED, "the goal")
+    distance = pytest.approx(graph.find("plan", status=Plan.REACHED)[-1].goal_distance)
+    graph.wait(
+        lambda: np.hypot(*(whole.known.scene.disks[1, :2] - (0.5, 0.15))) == distance,
+        "the body at the second goal",
+    )
+
+
+def test_one_push_is_one_push(graph, whole):
+    whole.asking.push_once()
+    graph.wait(lambda: graph.find("plan", status=Plan.EXHAUSTED), "the end")
+    graph.wait(lambda: whole.known.phase is Phase.PAUSED, "the pause")
+    assert len(graph.heard["push"]) == 1
+
+
+def test_pause_ends_the_goal(graph, whole):
+    whole.asking.start()
+    graph.wait(lambda: graph.heard["push"], "a push")
+    whole.asking.pause()
+    graph.wait(lambda: whole.known.phase is Phase.PAUSED, "the pause")
+    count = len(graph.heard["push"])
+    graph.wait(lambda: len(graph.heard["push_result"]) == count, "the push under way")
+    assert not whole.known.followed
+
+
+def test_a_reset_waits_for_the_push_under_way(graph, whole):
+    whole.asking.start()
+    graph.wait(lambda: graph.heard["push"], "a push")
+    whole.asking.reset(Reset("push_t", 1, world="nominal"))
+    graph.wait(lambda: whole.known.scene.episode_id == 3, "the episode")
+    graph.wait(lambda: "push_t, seed 1" in told(whole), "the line")
+    assert [shape.name for shape in whole.known.bodies.shapes] == ["t"]
+    assert (whole.known.world, whole.known.plan) == ("nominal", None)
+
+
+def test_settings_are_live_and_refusals_are_told(graph, whole):
+    planner = next(node for node in graph.nodes if isinstance(node, MppiNode))
+    whole.asking.set("planner.samples", 32)
+    graph.wait(lambda: planner.config.planner.samples == 32, "the setting")
+    whole.asking.set("planner.samples", 0)
+    graph.wait(lambda: "planner.samples = 0" in told(whole), "the refusal")
+    assert whole.known.planner["planner.samples"] == 32
+
+
+def test_a_setting_that_others_change_is_shown(graph, whole):
+    from rclpy.parameter import Parameter
+
+    planner = next(node for node in graph.nodes if isinstance(node, MppiNode))
+    planner.set_parameters([Parameter("planner.rounds", value=1)])
+    graph.wait(lambda: whole.known.planner["planner.rounds"] == 1, "the setting")
+
+
+def test_models_are_loaded_and_those_that_are_none_are_told(graph, whole):
+    whole.asking.load("identity")
+    graph.wait(lambda: whole.known.model == "identity", "the model")
+    whole.asking.load("nothing")
+    graph.wait(lambda: "load nothing:" in told(whole), "the refusal")
+    assert whole.known.model == "identity"
+
+
+def test_refused_pushes_are_told(graph, whole):
+    scene = whole.known.scene
+    message = codec.encode_scene(
+        scene.disks,
+        stamp=graph.bystander.get_clock().now().to_msg(),
+        episode_id=scene.episode_id,
+        scene_id=99,
+        settled=True,
+    )
+    graph.push(message, 5, (0.0, 0.0, 0.1))
+    assert graph.result(5).error_code == ErrorCode.STALE_SCENE
+    graph.wait(lambda: "push refused" in told(whole), "the line")
+
+
+def test_without_a_graph_orders_are_refused_in_words(graph, alone):
+    alone.asking.start()
+    alone.asking.reset(Reset("push_t", 0))
+    alone.asking.set("planner.samples", 3)
+    alone.asking.load("planar")
+    for words in ("no scene was seen", "no simulator answers", "no planner", "no model's node"):
+        graph.wait(lambda w=words: w in told(alone), words)
+
+
+def test_a_recording_is_shown_and_cannot_be_steered(graph, alone):
+    """Scenes alone are enough: bodies are disks, the goal is what is heard."""
+    scenes = graph.bystander.create_publisher(type_of("scene"), "scene", 10)
+    graph.wait(lambda: scenes.get_subscription_count() > 0, "the page")
+    stamp = graph.bystander.get_clock().now().to_msg()
+    ids = {"episode_id": 4, "scene_id": 1, "settled": True}
+    scenes.publish(codec.encode_scene(SCENE, stamp=stamp, **ids))
+    graph.wait(lambda: alone.known.scene, "the scene")
+    graph.aim((0.7, 0.05), 1, tolerance=0.03)
+    graph.wait(lambda: alone.known.aim.tolerance == 0.03, "the goal")
+    viewer = Viewer(alone.config.port)
+    viewer.wait(lambda: "/goals/1" in viewer.nodes, "the goal")
+    viewer.close()
+    alone.asking.start()
+    graph.wait(lambda: "a recording cannot be steered" in told(alone), "the words")
+
+
+def test_a_page_at_a_port_in_use_does_not_start(graph, alone):
+    with pytest.raises(BusyError, match=f"port {alone.config.port} of 127.0.0.1 is in use"):
+        graph.start(PageNode, port=alone.config.port)
+
+
+def test_who_leaves_the_graph_is_told(graph, whole):
+    graph.wait(lambda: "the planner is there" in told(whole), "the planner")
+    graph.stop(next(node for node in graph.nodes if isinstance(node, MppiNode)))
+    graph.wait(lambda: "the planner is gone" in told(whole), "the words")
+    whole.asking.start()
+    graph.wait(lambda: "no planner answers on /sain/reach" in told(whole), "the refusal")
+
+
+def type_of(topic):
+    from tests.graph import HEARD
+
+    return HEARD[topic]
