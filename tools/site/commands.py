@@ -14,7 +14,7 @@ from sain_core.cli.command_line import Command, describe_options, load
 from sain_core.cli.node_command import NodeCommand
 
 PACKAGES: Final = (
-    "sain_bringup", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval",
+    "sain_bringup", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval", "sain_live",
 )  # fmt: skip
 INTRODUCTION: Final = """# Commands
 
