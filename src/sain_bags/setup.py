@@ -37,6 +37,7 @@ setup(
         "console_scripts": [
             "record = sain_bags.commands:record",
             "play = sain_bags.commands:play",
+            "view = sain_bags.commands:view",
             "info = sain_bags.commands:info",
             "recover = sain_bags.commands:recover",
             "report = sain_bags.commands:report",

@@ -1,6 +1,5 @@
 """The processes of the graph: which executables, with which arguments."""
 
-import os
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Final
 from sain_bringup.graph_options import ELSEWHERE, GraphOptions, LiveOptions
 from sain_bringup.options import NAMESPACE
 from sain_core.cli.command_line import split_ros_arguments
-from sain_core.errors import ConfigError
+from sain_core.cli.executables import executable
 from sain_core.observation import told_settings
 from sain_sim.world.engines import BULLET
 
@@ -127,20 +126,3 @@ def restart_command(name: str, command: Sequence[str]) -> list[str]:
     if name == RECORDER:
         return [command[0], "--resume", *command[1:]]
     return list(command)
-
-
-def executable(package: str, name: str) -> Path:
-    """Return the file that ``ros2 run PACKAGE NAME`` starts.
-
-    Raises:
-        ConfigError: it is not installed.
-    """
-    prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
-    for prefix in prefixes:
-        path = Path(prefix, "lib", package, name)
-        if os.access(path, os.X_OK):
-            return path
-    raise ConfigError(
-        f"{package} {name} is not installed under AMENT_PREFIX_PATH; run inside ./env, or source"
-        " the workspace's install/setup.bash"
-    )
