@@ -2,7 +2,7 @@
 
 .DEFAULT_GOAL := help
 LINTERS := lint-types lint-style lint-imports lint-prose lint-shell lint-docker
-.PHONY: help demo live test lint $(LINTERS) format bench table faults clean
+.PHONY: help demo live docs test lint $(LINTERS) format bench table faults clean
 
 SHELL_SCRIPTS := env .ci/run tools/recipe.sh tools/setup.sh tools/jobs.sh tools/activation.sh tools/browser.sh docker/entrypoint.sh
 
@@ -15,6 +15,10 @@ demo: ## the closed loop on the whole graph, headless: a few episodes, a bag and
 
 live: ## the graph and its live page in the browser, until Ctrl-C; ARGS="--scenario rearrange_3 --port 8081"
 	@./env ros2 run sain_bringup live $(ARGS)
+
+docs: ## this documentation as a site in results/site, built without the network; ARGS=serve shows it on 127.0.0.1:8000
+	@NO_MKDOCS_2_WARNING=1 ./env python -m mkdocs $(or $(ARGS),build --strict --quiet) --config-file tools/site/mkdocs.yml
+	@$(if $(ARGS),,echo "results/site/index.html; make docs ARGS=serve shows it on http://127.0.0.1:8000")
 
 test: ## every test; a part of them with ARGS="tests/sain_core -k wrap"
 	@tools/browser.sh
@@ -42,7 +46,7 @@ bench: ## timings beside those of peers
 
 # Of one world: BULLET="--models runs/learned/sain.safetensors", ROUGH=..., MUJOCO=..., PUSHT="--episodes 20".
 # In the page: NAMES="--names 'runs/learned/sain.safetensors=learned only'".
-table: ## docs/results.md: all scenarios in Bullet, its rough world, MuJoCo and gym-pusht; fewer with ARGS="--scenes 5"
+table: ## docs/reference/results.md: all scenarios in Bullet, its rough world, MuJoCo and gym-pusht; fewer with ARGS="--scenes 5"
 	@./env ros2 run sain_eval evaluate --table --out results/table/bullet $(ARGS) $(BULLET)
 	@./env ros2 run sain_eval evaluate --table --world rough --out results/table/rough $(ARGS) $(ROUGH)
 	@./env ros2 run sain_eval evaluate --table --engine mujoco --out results/table/mujoco $(ARGS) $(MUJOCO)
@@ -50,8 +54,8 @@ table: ## docs/results.md: all scenarios in Bullet, its rough world, MuJoCo and 
 	@./env ros2 run sain_eval results results/table/bullet results/table/rough results/table/mujoco \
 		results/table/pusht $(NAMES)
 
-faults: ## docs/faults.md: what the graph makes of killed nodes, lost datagrams, full disks and hostile input; takes an hour
-	@./env python -m benchmarks.graph_faults --page docs/faults.md $(ARGS)
+faults: ## docs/reference/faults.md: what the graph makes of killed nodes, lost datagrams, full disks and hostile input; takes an hour
+	@./env python -m benchmarks.graph_faults --page docs/reference/faults.md $(ARGS)
 
 clean: ## removes the environment and all that was built; bags stay
 	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log

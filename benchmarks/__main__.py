@@ -40,6 +40,7 @@ ON_DATA = {
     "gradients",
     "graph_faults",
     "open_loop",
+    "own_robot",
     "paired_pushes",
     "paper_training",
     "peers",

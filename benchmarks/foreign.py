@@ -10,7 +10,7 @@ a network learns what that leaves. Errors are those of the target after one push
 folder, with the earlier pushes of its episode. Ratios have 95 % intervals over episodes. A sixth of
 the episodes to learn from chooses the best epoch and fits the regions.
 
-In closed loop, disks learn from bags as docs/identification.md shows, cubes and T by
+In closed loop, disks learn from bags as docs/explanation/identification.md shows, cubes and T by
 
     collect cubes --target cube --episodes 200 --seed 311
     collect ts --shapes t --bodies 1 --episodes 250 --seed 312

@@ -1,4 +1,4 @@
-"""What the graph makes of faults: ``make faults`` prints a table and writes docs/faults.md.
+"""What the graph makes of faults: ``make faults`` writes docs/reference/faults.md.
 
 Killed and stopped processes, lost and late datagrams, jumps of the wall clock, full memory and
 full disks. All of it is done below the nodes, which are those that users run.

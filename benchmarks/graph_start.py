@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rich.console import Console
 
 from sain_bringup.graph import MODEL, PLANNER, SIMULATOR, graph_commands, ros_arguments
-from sain_bringup.options import GraphOptions
+from sain_bringup.graph_options import GraphOptions
 from sain_bringup.processes import Supervisor
 from sain_bringup.ros.director import Director
 from sain_core.cli.fitting_table import FittingTable

@@ -13,7 +13,7 @@ from selenium.webdriver.chrome.options import Options
 from selenium.webdriver.chrome.service import Service
 
 from sain_bringup.graph import executable
-from sain_bringup.options import LiveOptions
+from sain_bringup.graph_options import LiveOptions
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = (

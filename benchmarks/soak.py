@@ -17,7 +17,7 @@ from rich.console import Console
 from benchmarks.faults.running import Graph, graph
 from sain_bags.bag.metadata import read_metadata
 from sain_bags.writing.gaps import MISSING_KEY
-from sain_bringup.options import GraphOptions
+from sain_bringup.graph_options import GraphOptions
 from sain_core.cli.fitting_table import FittingTable
 from sain_core.untrusted.json_text import parse_json
 

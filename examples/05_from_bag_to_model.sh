@@ -4,7 +4,7 @@
 #
 #   ./env examples/05_from_bag_to_model.sh [FOLDER] [EPISODES] [EPOCHS]
 #
-# The shipped model is trained on disks. Here the target is a cube. docs/walk.md shows the output of
+# The shipped model is trained on disks. Here the target is a cube. docs/tutorials/walk.md shows the output of
 # each step. FOLDER is created; it must not exist.
 
 set -euo pipefail

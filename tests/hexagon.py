@@ -16,6 +16,7 @@ def own_shapes() -> Iterator[None]:
     names, footprints = dict(registry._shapes), dict(registry._footprints)
     yield
     registry._load_offered.cache_clear()
+    registry._failed.clear()
     for known, before in ((registry._shapes, names), (registry._footprints, footprints)):
         known.clear()
         known.update(before)

@@ -16,9 +16,9 @@ from xdist.scheduler import LoadScopeScheduling
 
 MOST: Final = 4
 TOGETHER: Final = {  # files that share a worker, by a part of their path
-    "system": ("tests/system/",),
+    "system": ("tests/system/", "documentation/test_terminal"),
     "graph": ("/ros/",),
-    "browser": ("sain_bags/report/",),
+    "browser": ("sain_bags/report/", "documentation/test_site"),
     "formats": ("dataset/formats/", "test_dataset_export"),  # only one worker imports LeRobot
     "processes": ("sain_bringup/", "collecting/", "tests/workspace/"),
 }

@@ -1,4 +1,4 @@
-"""Writes the table of columns in docs/formats.md, made from the schema in `sain_core.dataset`.
+"""Writes the table of columns in docs/reference/formats.md, from the schema in `sain_core.dataset`.
 
 ./env python tools/columns.py
 """
@@ -10,7 +10,7 @@ from pathlib import Path
 from sain_core.dataset import ROUGH, Column
 from sain_core.shapes.names import MARKS
 
-PAGE = Path(__file__).parents[1] / "docs" / "formats.md"
+PAGE = Path(__file__).parents[1] / "docs/reference/formats.md"
 BEGIN, END = "<!-- columns: made by tools/columns.py -->\n", "<!-- end of columns -->\n"
 HEAD = (
     "| column | shape of a row | type | unit | `collect` | `to_dataset` | meaning |\n"
@@ -39,7 +39,7 @@ def families() -> str:
     """Return the lines of the columns whose names depend on the world."""
     which = "older data sets, in place of `shapes`: which bodies have this shape, as in `cubes`"
     marks = f"| `SHAPE{MARKS}` | N | bool | | no | no | {which} |\n"
-    about = "numbers of a rough world, one column for each ([the worlds](worlds.md))"
+    about = "numbers of a rough world, one column for each ([the worlds](../explanation/worlds.md))"
     return f"{marks}| `{ROUGH}*` | the world's | | | where rough | no | {about} |\n"
 
 

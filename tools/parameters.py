@@ -1,4 +1,4 @@
-"""Writes docs/parameters.md: every ROS parameter, made from the dataclasses that declare it.
+"""Writes docs/reference/parameters.md: every ROS parameter, from the dataclasses that declare it.
 
 ./env python tools/parameters.py
 """
@@ -13,10 +13,12 @@ from sain_live.settings import PageConfig
 from sain_model.serving.settings import ServingConfig
 from sain_mppi.loop.agent import MppiConfig
 from sain_sim.node.simulator import SimulatorConfig
+from sain_sim.perception.settings import PosesConfig
 
-PAGE = Path(__file__).parents[1] / "docs" / "parameters.md"
+PAGE = Path(__file__).parents[1] / "docs/reference/parameters.md"
 NODES = {
     "sain_sim sim_node": SimulatorConfig(),
+    "sain_sim poses_to_scene": PosesConfig(),
     "sain_model model_node": ServingConfig(),
     "sain_mppi mppi_node": MppiConfig(),
     "sain_live page_node": PageConfig(),

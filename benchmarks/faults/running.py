@@ -26,7 +26,7 @@ from sain_bringup.graph import (
     restart_command,
     ros_arguments,
 )
-from sain_bringup.options import GraphOptions
+from sain_bringup.graph_options import GraphOptions
 from sain_bringup.processes import RestartConfig, StopConfig, Supervisor
 from sain_bringup.ros.director import Director
 from sain_core.errors import ErrorCode, SainError

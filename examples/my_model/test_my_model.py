@@ -8,7 +8,7 @@ from sain_core.scene import MID, POSITION, make_scene
 
 
 def test_it_keeps_the_contract() -> None:
-    """All rules of docs/your_model.md."""
+    """All rules of docs/guides/your_model.md."""
     check_dynamics(load("my_model"))
 
 

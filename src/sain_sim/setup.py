@@ -20,6 +20,7 @@ setup(
     entry_points={
         "console_scripts": [
             "sim_node = sain_sim.commands:sim_node",
+            "poses_to_scene = sain_sim.commands:poses_to_scene",
             "collect = sain_sim.commands:collect",
         ],
         "sain.dynamics": [

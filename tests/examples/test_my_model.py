@@ -1,7 +1,6 @@
 """The package of `examples/my_model`, installed as its README says, is found by every command."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +10,7 @@ import pytest
 from sain_bringup.graph import executable
 from sain_core.errors import ConfigError, SainError
 from sain_core.plugins import load_dynamics
+from tests.examples.installing import install, run
 from tests.paths import ROOT
 from tests.sain_model.rolling import make_episodes
 
@@ -20,34 +20,12 @@ EXAMPLE = ROOT / "examples" / "my_model"
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """The variables of processes for which the package is installed, and for no others."""
-    folder = tmp_path_factory.mktemp("site")
-    build = tmp_path_factory.mktemp("build") / "my_model"
-    build.mkdir()
-    for path in EXAMPLE.iterdir():
-        if path.is_file():
-            (build / path.name).write_bytes(path.read_bytes())
-    flags = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet", "--target", str(folder)]
-    pip = [sys.executable, "-m", "pip", "install", *flags, str(build)]
-    subprocess.run(pip, check=True, capture_output=True, text=True)
-    paths = [str(folder), os.environ.get("PYTHONPATH", "")]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "COLUMNS": "200"}
+    return install("my_model", tmp_path_factory.mktemp("model"))
 
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_episodes(tmp_path_factory.mktemp("data"))
-
-
-def run(environment: dict[str, str], command: list[str], *arguments: object) -> str:
-    done = subprocess.run(
-        [*command, *map(str, arguments)],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr + done.stdout
-    return done.stdout
 
 
 def test_its_own_test_passes(environment: dict[str, str], tmp_path: Path) -> None:

@@ -54,14 +54,14 @@ class Browser:
     def __init__(self, chrome: webdriver.Chrome) -> None:
         self.chrome = chrome
 
-    def open(self, page: Path, width: int = 1400, scheme: str = "light") -> None:
-        """Load a page anew."""
+    def open(self, page: Path | str, width: int = 1400, scheme: str = "light") -> None:
+        """Load a page anew, by its file or its address."""
         self._logs("performance"), self._logs("browser")
         size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
         feature = {"name": "prefers-color-scheme", "value": scheme}
         self.chrome.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         self.chrome.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
-        self.chrome.get(page.resolve().as_uri())
+        self.chrome.get(page if isinstance(page, str) else page.resolve().as_uri())
         self.settle()
 
     def settle(self) -> None:

@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from sain_bringup.graph import executable, graph_commands, restart_command, ros_arguments
+from sain_bringup.graph_options import GraphOptions, LiveOptions
 from sain_bringup.options import (
     ClosedLoopOptions,
-    GraphOptions,
-    LiveOptions,
     episode_plans,
     make_output_folder,
 )
@@ -43,7 +42,7 @@ def test_seeds_count_up() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"scenario": "anywere"}, r"--scenario is 'anywere' \(did you mean 'anywhere'\?\)"),
+        ({"scenario": "anywere"}, r"scenario 'anywere' is unknown \(did you mean 'anywhere'\?\)"),
         ({"episodes": 0}, "episodes is 0; it must be at least 1"),
         ({"tolerance": 0.0}, "tolerance is 0.0 m; it must be at least 0.0001 m"),
         ({"tolerance": float("nan")}, "tolerance is nan; it must be finite"),
@@ -176,6 +175,48 @@ def test_what_is_not_installed_is_named(prefix: Path) -> None:
     assert executable("sain_bags", "record") == prefix / "lib" / "sain_bags" / "record"
     with pytest.raises(ConfigError, match="sain_sim nothing is not installed"):
         executable("sain_sim", "nothing")
+
+
+ROBOT = "bodies: [{shape: disk, radius: 0.08, mass: 8.0}, {shape: disk, radius: 0.06%s}]\n"
+
+
+def test_a_robot_takes_the_place_of_the_simulator(tmp_path: Path) -> None:
+    bodies = tmp_path / "bodies.yaml"
+    bodies.write_text(ROBOT % "")
+    seen = ObservationConfig(noise="0.001,0.01")
+    options = GraphOptions(robot="python3 'my driver.py' -v", bodies=bodies, camera=seen)
+    commands = graph_commands(options, ["-r", "__ns:=/lab"], tmp_path)
+    assert list(commands) == ["model", "poses", "robot", "planner"]
+    assert commands["robot"] == [
+        "python3", "my driver.py", "-v", "--ros-args", "-r", "__ns:=/lab",
+    ]  # fmt: skip
+    assert {f"bodies:={bodies}", "noise:=0.001,0.01"} <= set(commands["poses"])
+    assert {"estimator.noise:=0.001,0.01", "estimator.unknown:=mass"} <= set(commands["planner"])
+    assert "unknown:=mass" in commands["model"]
+    assert not any("use_sim_time:=true" in command for command in commands.values())
+    assert restart_command("robot", commands["robot"]) == []
+    assert restart_command("poses", commands["poses"]) == commands["poses"]
+    bodies.write_text(ROBOT % ", mass: 8.0")
+    known = graph_commands(replace(options, robot="elsewhere"), [], tmp_path)
+    assert list(known) == ["model", "poses", "planner"]
+    assert "estimator.unknown:=mass" not in known["planner"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"bodies": Path("b.yaml")}, "--bodies is for a robot; give --robot, too"),
+        ({"robot": "python3", "gui": True}, "--robot replaces the simulator; --gui and --engine"),
+        ({"robot": "python3", "engine": "mujoco"}, "--robot replaces the simulator"),
+        ({"robot": "no_such_driver"}, "there is no command 'no_such_driver'"),
+        ({"robot": "python3 '"}, "No closing quotation"),
+        ({"robot": "python3 --ros-args"}, "--robot has --ros-args; the graph adds its own"),
+        ({"robot": "python3", "bodies": Path("b.yaml")}, r"bodies file b\.yaml: No such file"),
+    ],
+)
+def test_a_robot_that_makes_no_sense(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        GraphOptions(**change)  # type: ignore[arg-type]
 
 
 def test_the_live_page_is_part_of_its_graph(tmp_path: Path) -> None:

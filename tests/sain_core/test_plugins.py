@@ -7,6 +7,7 @@ import pytest
 from sain_core import plugins
 from sain_core.dynamics import IdentityPrior
 from sain_core.errors import ConfigError
+from sain_core.extensions import offers
 
 
 @pytest.fixture
@@ -17,9 +18,9 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     module.load = lambda name: names.append(name) or IdentityPrior()  # type: ignore[attr-defined]
     module.broken = lambda name: object()  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "offering", module)
-    offers = {"planar": "load", "checkpoint": "load", "broken": "broken"}
-    entries = [EntryPoint(n, f"offering:{f}", plugins.GROUP) for n, f in offers.items()]
-    monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
+    offered = {"planar": "load", "checkpoint": "load", "broken": "broken"}
+    entries = [EntryPoint(n, f"offering:{f}", plugins.GROUP) for n, f in offered.items()]
+    monkeypatch.setattr(offers, "entry_points", lambda group: entries)
     return names
 
 
@@ -73,21 +74,21 @@ class Package:
         self.name, self.version = name, version
 
 
-def offer(monkeypatch: pytest.MonkeyPatch, *offers: tuple[str, str, str]) -> None:
+def offer(monkeypatch: pytest.MonkeyPatch, *offered: tuple[str, str, str]) -> None:
     """Let packages of these names offer models: name, value of the entry point, package."""
     entries = []
-    for name, value, package in offers:
+    for name, value, package in offered:
         entry = EntryPoint(name, value, plugins.GROUP)
         vars(entry)["dist"] = Package(package, "1.2")
         entries.append(entry)
-    monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
+    monkeypatch.setattr(offers, "entry_points", lambda group: entries)
 
 
 def test_a_name_of_two_packages_is_refused_and_names_both(
     asked: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    offers = [("mine", "offering:load", "one"), ("mine", "other:load", "two")]
-    offer(monkeypatch, *offers, ("good", "offering:load", "one"))
+    both = [("mine", "offering:load", "one"), ("mine", "other:load", "two")]
+    offer(monkeypatch, *both, ("good", "offering:load", "one"))
     message = (
         r"model 'mine' is offered by package one 1.2 \(offering:load\) and package two 1.2"
         r" \(other:load\); uninstall one of them"
@@ -136,6 +137,6 @@ def test_a_name_is_checked_without_an_import(
 
 
 def test_without_any_package_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plugins, "entry_points", lambda group: [])
+    monkeypatch.setattr(offers, "entry_points", lambda group: [])
     with pytest.raises(ConfigError, match="none: no installed package has the entry points"):
         plugins.load_dynamics("sain")

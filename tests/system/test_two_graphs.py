@@ -95,6 +95,6 @@ def test_two_graphs_do_not_hear_each_other_and_each_has_its_clock(ros_domain):
 
 
 def test_the_page_has_these_commands():
-    page = (ROOT / "docs" / "architecture.md").read_text()
+    page = (ROOT / "docs/explanation/architecture.md").read_text()
     for graph in ("a", "b"):
         assert "-r " + " -r ".join(REMAPPED[1::2]).format(graph=graph) in page

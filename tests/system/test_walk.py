@@ -1,4 +1,4 @@
-"""The walk of docs/walk.md, small: a recording becomes a model that closes the loop."""
+"""The walk of docs/tutorials/walk.md, small: a recording becomes a model that closes the loop."""
 
 import json
 import os

@@ -7,6 +7,7 @@ import pytest
 
 from tests.workspace.source_tree import PYTHON_PACKAGES, SOURCE, Import, imports_in, imports_of
 
+BELOW = {"sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval"}
 MAY_IMPORT = {
     "sain_core": set(),
     "sain_sim": {"sain_core"},
@@ -14,16 +15,10 @@ MAY_IMPORT = {
     "sain_mppi": {"sain_core"},
     "sain_bags": {"sain_core"},
     "sain_eval": {"sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags"},
-    "sain_live": {"sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval"},
-    "sain_bringup": {
-        "sain_core",
-        "sain_sim",
-        "sain_model",
-        "sain_mppi",
-        "sain_bags",
-        "sain_eval",
-        "sain_live",
-    },
+    "sain_gym": BELOW,
+    "sain_live": BELOW,
+    "sain_bringup": {"sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval"}
+    | {"sain_live"},
 }
 ROS_MODULE = re.compile(r"rclpy|launch|launch_ros|sain_interfaces|.*_msgs|.*_interfaces")
 

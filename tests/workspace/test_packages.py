@@ -32,9 +32,9 @@ DISTRIBUTION_OF = {
 ROS_MODULE = re.compile(r"rclpy|launch|launch_ros|ament_index_python|sain_.*|.*_msgs|.*_interfaces")
 
 
-def test_all_nine_are_found():
+def test_all_ten_are_found():
     assert PACKAGES == (
-        "sain_bags", "sain_bringup", "sain_core", "sain_eval",
+        "sain_bags", "sain_bringup", "sain_core", "sain_eval", "sain_gym",
         "sain_interfaces", "sain_live", "sain_model", "sain_mppi", "sain_sim",
     )  # fmt: skip
 

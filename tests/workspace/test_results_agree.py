@@ -1,4 +1,4 @@
-"""The table of README has the figures of docs/results.md, where that page has the same ones."""
+"""The table of README has the figures of docs/reference/results.md, where both have one."""
 
 import re
 
@@ -66,7 +66,7 @@ def disagreements(readme: str, page: str) -> tuple[int, list[str]]:
 
 @pytest.fixture
 def pages() -> tuple[str, str]:
-    return tuple((ROOT / name).read_text() for name in ("README.md", "docs/results.md"))  # type: ignore[return-value]
+    return tuple((ROOT / name).read_text() for name in ("README.md", "docs/reference/results.md"))  # type: ignore[return-value]
 
 
 def test_readme_has_the_figures_of_the_page_of_results(pages: tuple[str, str]) -> None:

@@ -30,6 +30,9 @@ ARGUMENTS = {
     "namespace": ("/sain", "namespace of all nodes"),
     "model": ("sain", "what predicts: sain, planar, identity, or a checkpoint's path"),
     "belief": ("", "file of sain_model identify, with which each episode begins"),
+    "robot": ("", "command of a robot's driver, in place of the simulator; or: elsewhere"),
+    "bodies": ("", "YAML file of the robot's bodies, of whose poses scenes are made"),
+    "noise": ("0,0", "standard deviation of observed poses: METRES,RADIANS"),
     "params_file": (str(DEFAULT_PARAMETERS), "ROS parameters on top of the nodes' defaults"),
     "gui": ("false", "show the simulator's window"),
     "seed": ("0", "of the first scene and of the planner"),
@@ -40,7 +43,10 @@ ARGUMENTS = {
 }
 
 
-OPTIONS = ("engine", "model", "belief", "params_file", "seed", "bag")  # of `graph`, one word each
+# Of `graph`, one word each.
+OPTIONS = (
+    "engine", "model", "belief", "robot", "bodies", "noise", "params_file", "seed", "bag"
+)  # fmt: skip
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -7,8 +7,8 @@ from sain_core.cli.command_line import Command
 closed_loop: Final = Command(
     "sain_bringup closed_loop", "options:ClosedLoopOptions", "ros.closed_loop:run", ros=True
 )
-graph: Final = Command("sain_bringup graph", "options:GraphOptions", "running:run", ros=True)
-live: Final = Command("sain_bringup live", "options:LiveOptions", "live:run", ros=True)
+graph: Final = Command("sain_bringup graph", "graph_options:GraphOptions", "running:run", ros=True)
+live: Final = Command("sain_bringup live", "graph_options:LiveOptions", "live:run", ros=True)
 goal: Final = Command("sain_bringup goal", "options:GoalOptions", "ros.goal:run", ros=True)
 push: Final = Command("sain_bringup push", "options:PushOptions", "ros.push:run", ros=True)
 watch: Final = Command("sain_bringup watch", "options:WatchOptions", "ros.watch:run", ros=True)

@@ -1,17 +1,21 @@
 """The processes of the graph: which executables, with which arguments."""
 
 import os
-from collections.abc import Mapping, Sequence
+import shlex
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from sain_bringup.options import NAMESPACE, GraphOptions, LiveOptions
+from sain_bringup.graph_options import ELSEWHERE, GraphOptions, LiveOptions
+from sain_bringup.options import NAMESPACE
 from sain_core.cli.command_line import split_ros_arguments
 from sain_core.errors import ConfigError
 from sain_core.observation import told_settings
 from sain_sim.world.engines import BULLET
 
 SIMULATOR: Final = "simulator"
+ROBOT: Final = "robot"
+POSES: Final = "poses"
 MODEL: Final = "model"
 PLANNER: Final = "planner"
 RECORDER: Final = "recorder"
@@ -42,7 +46,7 @@ def graph_commands(
     simulator = {"bullet.full_motion": "true"} if full_motion else {}
     if options.engine != BULLET:
         simulator |= {"engine": options.engine}
-    told = told_settings(options.camera)
+    told = told_settings(options.observed)
     simulator |= {f"camera.{name}": str(value) for name, value in told.items()}
     planner = {f"estimator.{name}": str(value) for name, value in told.items()}
     if isinstance(options, LiveOptions):
@@ -52,8 +56,8 @@ def graph_commands(
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
     model = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
-    if options.camera.unknown:
-        model["unknown"] = options.camera.unknown
+    if "unknown" in told:
+        model["unknown"] = told["unknown"]
     seed = {"seed": str(options.seed)}
 
     def node(package: str, name: str, **parameters: str) -> list[str]:
@@ -62,7 +66,8 @@ def graph_commands(
         given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
         return [str(executable(package, name)), "--ros-args", *ros, *files, *given]
 
-    simulated = {"use_sim_time": "true"}  # the simulator's time is in all headers
+    # The simulator's time is in all headers; with a robot it is the wall clock's.
+    simulated = {} if options.robot else {"use_sim_time": "true"}
     planner |= {"dynamics": "service", **seed, **simulated}
     model |= {"model": options.model, **simulated}
     commands = {MODEL: node("sain_model", "model_node", **model)}
@@ -73,8 +78,24 @@ def graph_commands(
         data = ["--custom-data", *about] if about else []
         recorder = [str(executable("sain_bags", "record")), "--out", str(options.bag), *data]
         commands[RECORDER] = [*recorder, "--bag.flush-period", FLUSH_PERIOD, "--ros-args", *ros]
-    commands[SIMULATOR] = node("sain_sim", "sim_node", **seed, **simulator)
+    if options.robot:
+        commands |= _robot_commands(options, ros, node)
+    else:
+        commands[SIMULATOR] = node("sain_sim", "sim_node", **seed, **simulator)
     commands[PLANNER] = node("sain_mppi", "mppi_node", **planner)
+    return commands
+
+
+def _robot_commands(
+    options: GraphOptions, ros: Sequence[str], node: Callable[..., list[str]]
+) -> dict[str, list[str]]:
+    """Return the commands of a robot's driver, and of the node that makes scenes of poses."""
+    commands = {}
+    if options.bodies is not None:
+        given = {"bodies": str(options.bodies.absolute()), "noise": options.camera.noise}
+        commands[POSES] = node("sain_sim", "poses_to_scene", **given)
+    if options.robot != ELSEWHERE:
+        commands[ROBOT] = [*shlex.split(options.robot), "--ros-args", *ros]
     return commands
 
 
@@ -99,6 +120,8 @@ def restart_command(name: str, command: Sequence[str]) -> list[str]:
     """Return what starts a process of the graph anew after a crash."""
     if name == SIMULATOR:  # what it may find is the one that crashed
         return [*command, "-p", "peer_wait:=0.0"]
+    if name == ROBOT:  # nobody knows where its arm is
+        return []
     if name == PAGE:  # the episode that is played goes on
         return [*command, "-p", "scenario:=''"]
     if name == RECORDER:

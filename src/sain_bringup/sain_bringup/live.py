@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from sain_bringup.options import LiveOptions
+from sain_bringup.graph_options import LiveOptions
 from sain_bringup.running import run as run_graph
 from sain_live.settings import check_free
 

@@ -1,6 +1,5 @@
 """Options of this package's commands, and the checks before any process starts."""
 
-import difflib
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -10,81 +9,19 @@ from typing import Annotated, Final
 
 import tyro
 
+from sain_bringup.graph_options import GraphOptions
 from sain_core.config import Config, option
-from sain_core.errors import ConfigError, OutputError, UntrustedFileError
+from sain_core.errors import OutputError
 from sain_core.observation import ObservationConfig, told_settings
-from sain_core.plugins import check_model_name
 from sain_core.storage import make_folder
-from sain_core.untrusted.yaml_text import read_yaml
-from sain_eval.scenes.scenarios import SCENARIOS
-from sain_live.settings import PageConfig
-from sain_sim.episodes.start import WORLDS
-from sain_sim.world.engines import BULLET, ENGINES, check_engine
+from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
+from sain_sim.world.engines import BULLET, ENGINES
 
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
 RECORDINGS: Final = Path("bags")
 NAMESPACE_KEY: Final = "namespace"  # of a bag's custom data: of the graph that made it
 EPISODES_KEY: Final = "episodes"  # of a bag's custom data: "scenario:seed scenario:seed ..."
 DEMO: Final = (("anywhere", 3), ("paper", 1), ("push_t", 1))
-
-
-@dataclass(frozen=True)
-class GraphOptions(Config):
-    """Start the whole graph and look after it: simulator, model, planner and recorder.
-
-    It waits for goals, as `goal` and RViz send them. What dies or hangs is restarted, and goes on
-    where it was. Three crashes within a minute end the graph, and so does the end of a process
-    that did not crash. Ctrl-C ends all of them.
-    """
-
-    engine: str = option(
-        BULLET, "physics engine; mujoco needs an extra package", choices=tuple(ENGINES)
-    )
-    model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
-    belief: str = option(
-        "", "file of `sain_model identify`, with which each episode begins; empty: none"
-    )
-    seed: int = option(0, "of the first scene and of the planner", minimum=0)
-    camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
-    gui: bool = option(False, "show the simulator's window, in real time")
-    params_file: Path | None = option(
-        None, "ROS parameters for the nodes (YAML), on top of their defaults"
-    )
-    record: bool = option(True, "record all topics")
-    bag: Path | None = option(
-        None, "folder to make for the recording; by default bags/<date>-<time>"
-    )
-
-    def __post_init__(self) -> None:
-        """Check the fields, the model's name and the file of parameters."""
-        super().__post_init__()
-        check_model_name(self.model)
-        check_engine(self.engine)
-        if self.params_file is not None:
-            _check_parameter_file(self.params_file)
-
-
-@dataclass(frozen=True)
-class LiveOptions(GraphOptions):
-    """Start the whole graph and a page in the browser that shows and steers it.
-
-    The page has the scene, goals to drag, the planner's settings, charts and a log. It prints its
-    address. Only browsers on this computer can open it, unless --host says otherwise. What dies
-    or hangs is restarted. Ctrl-C ends all of it.
-    """
-
-    scenario: str = option("push_t", "scene to begin with", choices=tuple(SCENARIOS))
-    world: str = option("randomised", "hidden truth about friction and contacts", choices=WORLDS)
-    host: str = option("127.0.0.1", "address to listen at; 0.0.0.0: open to other computers")
-    port: int = option(8080, "port to listen at", minimum=1, maximum=65535)
-    real_time_factor: float = option(
-        1.0, "simulated time over wall time; 0: as fast as possible", minimum=0.0, maximum=100.0
-    )
-
-    @property
-    def page(self) -> PageConfig:
-        """The settings of the page."""
-        return PageConfig(self.host, self.port, self.scenario, self.seed)
 
 
 @dataclass(frozen=True)
@@ -100,7 +37,8 @@ class ClosedLoopOptions(Config):
         None, "episodes to play; by default 1 of a chosen scenario", minimum=1
     )
     scenario: str | None = option(
-        None, f"one of {', '.join(SCENARIOS)}; by default those of the demo"
+        None,
+        f"one of {', '.join(SCENARIOS)}, or of an installed package; by default those of the demo",
     )
     seed: int = option(0, "seed of the first episode; the next one has the next seed", minimum=0)
     tolerance: float = option(
@@ -136,11 +74,8 @@ class ClosedLoopOptions(Config):
     def __post_init__(self) -> None:
         """Check the fields, the model's name, the scenario and the file of parameters."""
         super().__post_init__()
-        if self.scenario is not None and self.scenario not in SCENARIOS:
-            near = difflib.get_close_matches(self.scenario, SCENARIOS, n=1)
-            hint = f" (did you mean {near[0]!r}?)" if near else ""
-            known = ", ".join(SCENARIOS)
-            raise ConfigError(f"--scenario is {self.scenario!r}{hint}; allowed: {known}")
+        if self.scenario is not None:
+            OFFERED.check(self.scenario)
         self.graph(None)  # which checks what concerns the graph
 
     def graph(self, bag: Path | None) -> GraphOptions:
@@ -250,19 +185,3 @@ def make_output_folder(options: ClosedLoopOptions) -> Path:
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise OutputError(f"{folder} exists; results are never overwritten, choose another --out")
     return make_folder(folder)
-
-
-def _check_parameter_file(path: Path) -> None:
-    try:
-        content = read_yaml(path)
-    except OSError as error:
-        raise ConfigError(f"--params-file {path}: {error.strerror or error}") from error
-    except UntrustedFileError as error:
-        raise ConfigError(f"--params-file {path} is not read: {error}") from error
-    nodes = content if isinstance(content, dict) else {}
-    if not nodes or not all(
-        isinstance(node, dict) and "ros__parameters" in node for node in nodes.values()
-    ):
-        raise ConfigError(
-            f"--params-file {path} must hold, for each node, its name and below it ros__parameters"
-        )

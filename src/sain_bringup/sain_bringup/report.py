@@ -14,7 +14,7 @@ from sain_bringup.options import EPISODES_KEY, NAMESPACE_KEY
 from sain_core.cli.fitting_table import FittingTable
 from sain_core.storage import write_json
 from sain_eval.plots.episode_record import EpisodeRecord
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import draw_scene
 from sain_mppi.search.poses import BodyPose, PoseGoal
 
 EpisodeSummary = dict[str, Any]
@@ -67,7 +67,7 @@ class PlayedEpisode:
         """Return the episode as `sain_eval` draws it."""
         episode = self.episode
         assert episode.goal is not None
-        shapes = SCENARIOS[self.scenario].scene(self.seed).shapes if self.scenario else ()
+        shapes = draw_scene(self.scenario, self.seed).shapes if self.scenario else ()
         roles: tuple[str, ...] = ()
         if episode.bodies is not None:
             shapes = tuple(shape.footprint for shape in episode.bodies.shapes)

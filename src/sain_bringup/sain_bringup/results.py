@@ -14,8 +14,10 @@ from sain_bringup.movie import (
     film,
 )
 from sain_bringup.report import PlayedEpisode, played_episodes, summary_table, write_summary
-from sain_core.scene import RADIUS
+from sain_core.scene import RADIUS, THETA, X, Y
 from sain_core.storage import write_whole
+from sain_core.types import Points
+from sain_mppi.search.poses import PoseGoal
 
 LIVELY = 8  # pushes: the moving picture shows the longest episode with no more than these
 
@@ -97,5 +99,17 @@ def render_movie(
     # The target has reached the goal when it lies wholly inside the ring.
     ring = float(one.episode.start[one.episode.aimed, RADIUS]) + tolerance
     with Renderer(one.episode.start, one.record().shapes or None, camera) as renderer:
+        if (corners := _goal_outline(one)) is not None:
+            renderer.mark_goal(corners)
         frames = film(renderer, moments, goal, ring, tolerance, one.title, display.status)
     return write_whole(path, encode_gif(frames, config))
+
+
+def _goal_outline(one: PlayedEpisode) -> Points | None:
+    """Return the first body's outline (C, 2) [m] in its goal; None: no heading is asked for."""
+    record, body = one.record(), one.episode.aimed
+    if not isinstance(record.goal, PoseGoal) or (pose := record.goal.poses[0]).heading is None:
+        return None
+    state = record.start[body].copy()
+    state[[X, Y, THETA]] = pose.x, pose.y, pose.heading
+    return record.bodies.shapes[body].placed(state)

@@ -11,11 +11,14 @@ from typing import Final
 from rich.console import Console
 
 from sain_bringup.children import ProcessDiedError
-from sain_bringup.graph import RECORDER, graph_commands, restart_command, ros_arguments
+from sain_bringup.graph import RECORDER, ROBOT, graph_commands, restart_command, ros_arguments
+from sain_bringup.graph_options import GraphOptions
 from sain_bringup.interrupts import Interrupts, Stopped
-from sain_bringup.options import RECORDINGS, GraphOptions
+from sain_bringup.options import RECORDINGS
 from sain_bringup.processes import StopConfig, Supervisor
+from sain_core import notify
 
+UNWATCHED: Final = {notify.SOCKET: "", notify.TIMEOUT: ""}  # a driver may wait for its arm
 POLL: Final = 0.02  # [s] between looks at the processes
 UNHURRIED: Final = StopConfig(interrupt=15.0)  # nobody waits, and a recording is to be closed
 
@@ -60,7 +63,8 @@ def start(supervisor: Supervisor, options: GraphOptions, folder: Path) -> "Logs"
     commands = graph_commands(options, ros_arguments(sys.argv[1:]), folder)
     for name, command in commands.items():
         again = restart_command(name, command)
-        supervisor.start(name, command, patient=name == RECORDER, again=again)
+        variables = UNWATCHED if name == ROBOT else {}
+        supervisor.start(name, command, variables, patient=name == RECORDER, again=again)
     return Logs([child.log for child in supervisor.children])
 
 

@@ -1,7 +1,7 @@
 """The schema of a data set: every column of a transition, its shape, type, unit and meaning.
 
 A row is one push. Collector, converter, loader, cards, the export formats and the table in
-docs/formats.md are made from `Column`. No other module writes a column's name.
+docs/reference/formats.md are made from `Column`. No other module writes a column's name.
 
 Data sets are npz shards of 1,000 rows, as in the paper (section III-B c). Episodes are never
 divided between the parts of a split: pushes of one episode share friction, masses and radii.

@@ -6,25 +6,26 @@ A package offers dynamics through entry points in the group ``sain.dynamics``::
 
 Each is a function from the name that was asked for to a `Dynamics`. A name that no package offers
 is taken as the path of a checkpoint, and goes to the entry point called ``checkpoint``. Every
-command and node finds its models here; docs/your_model.md states what a model must do.
+command and node finds its models here; docs/guides/your_model.md states what a model must do.
 """
 
-from difflib import get_close_matches
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Final, Protocol, runtime_checkable
 
 from sain_core.dynamics import Dynamics
-from sain_core.errors import ConfigError, SainError
+from sain_core.errors import ConfigError
+from sain_core.extensions.offers import Offers
 from sain_core.observation import MASSES, unknown_names
 
 GROUP: Final = "sain.dynamics"
 CHECKPOINT: Final = "checkpoint"
+MODELS: Final = Offers(GROUP, "model", hidden=CHECKPOINT, more=", or the path of a checkpoint")
 
 
 def dynamics_names() -> list[str]:
     """Return the names of all dynamics that installed packages offer."""
-    return sorted(name for name in _offered() if name != CHECKPOINT)
+    return MODELS.names()
 
 
 def check_model_name(name_or_path: str) -> None:
@@ -59,19 +60,11 @@ def load_dynamics(name_or_path: str) -> Dynamics:
         CheckpointError: a checkpoint that is missing, damaged or of another architecture.
     """
     entry = _find(name_or_path)
-    try:
-        loaded = entry.load()(name_or_path)
-    except SainError:
-        raise
-    except Exception as error:
-        raise ConfigError(
-            f"model {name_or_path!r} of {_package(entry)} cannot be loaded:"
-            f" {type(error).__name__}: {error}; repair or uninstall that package. {_others(entry)}"
-        ) from error
+    loaded = MODELS.load(entry, lambda load: load(name_or_path), name_or_path)
     if not isinstance(loaded, Dynamics):
-        raise ConfigError(
-            f"model {name_or_path!r} of {_package(entry)}: {entry.value} returned"
-            f" a {type(loaded).__name__}; it must return a Dynamics, which has the method step"
+        problem = f"{entry.value} returned a {type(loaded).__name__}"
+        raise MODELS.wrong(
+            entry, f"{problem}; it must return a Dynamics, which has the method step", name_or_path
         )
     return loaded
 
@@ -116,42 +109,13 @@ def as_observed(dynamics: Dynamics, unknown: str) -> Dynamics:
 
 def _find(name_or_path: str) -> EntryPoint:
     """Return the only entry point that offers a name, or else that of checkpoints."""
-    offered = _offered()
+    offered = MODELS.entries()
     entries = offered.get(name_or_path, []) if name_or_path != CHECKPOINT else []
     if not entries and _looks_like_path(name_or_path):
         entries = offered.get(CHECKPOINT, [])
-    if len(entries) > 1:
-        packages = " and ".join(f"{_package(entry)} ({entry.value})" for entry in entries)
-        raise ConfigError(f"model {name_or_path!r} is offered by {packages}; uninstall one of them")
-    if entries:
-        return entries[0]
-    names = dynamics_names()
-    near = get_close_matches(name_or_path, names, n=1)
-    hint = f" (did you mean {near[0]!r}?)" if near else ""
-    known = ", ".join(names) or f"none: no installed package has the entry points {GROUP!r}"
-    raise ConfigError(
-        f"model {name_or_path!r} is unknown{hint}; known: {known}, or the path of a checkpoint"
-    )
-
-
-def _offered() -> dict[str, list[EntryPoint]]:
-    """Return the entry points of every name; more than one where packages contradict each other."""
-    offered: dict[str, dict[tuple[str, str], EntryPoint]] = {}
-    for entry in entry_points(group=GROUP):
-        offered.setdefault(entry.name, {})[_package(entry), entry.value] = entry
-    return {name: list(entries.values()) for name, entries in offered.items()}
-
-
-def _package(entry: EntryPoint) -> str:
-    """Return name and version of the package that offers something."""
-    if entry.dist is None:
-        return f"the package of {entry.module}"
-    return f"package {entry.dist.name} {entry.dist.version}"
-
-
-def _others(entry: EntryPoint) -> str:
-    names = [name for name in dynamics_names() if name != entry.name]
-    return f"Other models: {', '.join(names) or 'none'}"
+    if not entries:
+        raise MODELS.unknown(name_or_path)
+    return MODELS.only(name_or_path, entries)
 
 
 def _looks_like_path(text: str) -> bool:

@@ -14,7 +14,7 @@ from sain_core.push import PUSH_SIZE
 from sain_core.scene import OVERLAP_TOLERANCE, check_scene, move_apart, surface_gaps
 from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.types import PushArray, PushSequences, Scene
-from sain_mppi.algorithms import ALGORITHMS
+from sain_mppi.algorithms import find_algorithm
 from sain_mppi.search.config import EXHAUSTIVE, PlannerConfig
 from sain_mppi.search.goal import Goal, check_goal, check_in_reach
 from sain_mppi.search.objective import make_objective
@@ -126,7 +126,7 @@ class Planner:
             shortest,
         )
         known = self._start(scene, goal, search) if ahead is None else ahead
-        ALGORITHMS[config.algorithm](search, known, generator)
+        find_algorithm(config.algorithm)(search, known, generator)
         self._elites, self._scene = search.elites.sequences, scene.copy()
         self._goal = goal if isinstance(goal, PoseGoal) else goal.copy()
         return search.result()
@@ -150,7 +150,7 @@ class Planner:
         objective = make_objective(goal, first, config.weights, self.feasibility, bodies)
         search = Search(self.model, config, self.feasibility, scene, objective, shortest=shortest)
         try:
-            ALGORITHMS[config.algorithm](search, shift(self._elites), generator)
+            find_algorithm(config.algorithm)(search, shift(self._elites), generator)
         except NoPushError:
             return
         self._ahead = search.elites.sequences

@@ -29,6 +29,16 @@ sim_node: Final = NodeCommand(
     offers=("reset_scene",),
     example="world:=rough",
 )
+poses_to_scene: Final = NodeCommand(
+    "sain_sim poses_to_scene",
+    about="Makes scenes of the poses of bodies, for a robot: with ids, velocities and whether all"
+    " rest. Poses come as frames on /tf or as an array. A YAML file states shapes and masses.",
+    node="ros.poses_node:PosesNode",
+    settings="perception.settings:PosesConfig",
+    publishes=("scene", "shapes", "/diagnostics"),
+    subscribes=("poses", "/tf", "/tf_static", "push", "push_result"),
+    example="bodies:=bodies.yaml",
+)
 collect: Final = Command(
     "sain_sim collect", "collecting.collect:CollectConfig", "cli.collect:run", resumes="shard"
 )

@@ -5,6 +5,7 @@ from types import ModuleType
 import pytest
 
 from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.extensions import offers
 from sain_core.shapes import registry
 from sain_core.shapes.polygon import Polygon, regular_corners
 from sain_core.shapes.registry import GROUP, built_shapes, check_shape, get_shape, register
@@ -18,7 +19,7 @@ def offered(own_shapes: None, monkeypatch: pytest.MonkeyPatch) -> list[EntryPoin
     module.HEXAGON, module.NUMBER = HEXAGON, 6  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "offering", module)
     entries: list[EntryPoint] = []
-    monkeypatch.setattr(registry, "entry_points", lambda group: entries)
+    monkeypatch.setattr(offers, "entry_points", lambda group: entries)
     registry._load_offered.cache_clear()
     return entries
 
@@ -30,7 +31,7 @@ def test_a_shape_has_a_name_and_a_footprint():
 
 def test_an_unknown_name_is_an_error_that_lists_what_is_allowed():
     with pytest.raises(
-        ConfigError, match=r"shape is 'cone'; allowed: disk, cube, square, .*, three_feet, flat"
+        ConfigError, match=r"shape is 'cone' .*; allowed: disk, cube, square, .*, three_feet, flat"
     ):
         get_shape("cone")
     with pytest.raises(ConfigError, match="shape is 'disk'; allowed: three_feet, flat, cube"):
@@ -55,10 +56,10 @@ def test_two_shapes_cannot_share_a_name(name):
 
 
 def test_an_installed_package_offers_its_shapes(offered):
-    offered.append(EntryPoint("hexagon", "offering:HEXAGON", GROUP))
+    offered.append(EntryPoint("six_sided", "offering:HEXAGON", GROUP))
     assert get_shape("six_sided") is HEXAGON
     with pytest.raises(
-        ConfigError, match=r"shape is 'cone'; allowed: disk, cube, .*six_sided, three_"
+        ConfigError, match=r"shape is 'cone' .*; allowed: disk, cube, .*six_sided, three_"
     ):
         get_shape("cone")
 
@@ -66,13 +67,36 @@ def test_an_installed_package_offers_its_shapes(offered):
 @pytest.mark.parametrize(
     ("target", "message"),
     [
-        ("offering:NUMBER", "entry point 'offering:NUMBER' names a int; it must name a Shape"),
-        ("offering:NONE", "shape 'offering:NONE' cannot be imported: .* no attribute 'NONE'"),
-        ("missing_package:SHAPE", "cannot be imported: No module named 'missing_package'"),
+        ("offering:NUMBER", "of the package of offering: offering:NUMBER is a int; it must be a"),
+        (
+            "offering:NONE",
+            "shape 'odd' of the package of offering cannot be loaded: AttributeError: .*'NONE';"
+            " repair or uninstall that package",
+        ),
+        ("missing_package:SHAPE", "ModuleNotFoundError: No module named 'missing_package'"),
+        ("offering:HEXAGON", "has the name 'six_sided'; entry point and shape must have one name"),
     ],
 )
-def test_an_offer_that_is_no_shape_is_named(offered, target, message):
+def test_an_offer_that_fails_is_named_and_disturbs_no_other(offered, target, message):
     offered.append(EntryPoint("odd", target, GROUP))
+    offered.append(EntryPoint("six_sided", "offering:HEXAGON", GROUP))
+    with pytest.raises(ConfigError, match=message):
+        get_shape("odd")
+    assert get_shape("six_sided") is HEXAGON
+    assert get_shape("cube").name == "cube"  # what is built in needs no offer
+
+
+def test_a_shape_of_two_packages_is_refused_and_names_both(offered):
+    offered.append(EntryPoint("six_sided", "offering:HEXAGON", GROUP))
+    offered.append(EntryPoint("six_sided", "other:HEXAGON", GROUP))
+    message = r"offered by the package of offering \(offering:HEXAGON\) and the package of other"
     with pytest.raises(ConfigError, match=message):
         get_shape("six_sided")
-    assert get_shape("cube").name == "cube"  # what is built in needs no offer
+
+
+def test_a_name_of_ours_cannot_be_offered(offered):
+    sys.modules["offering"].CUBE = Polygon("cube", corners=regular_corners(6))
+    offered.append(EntryPoint("cube", "offering:CUBE", GROUP))
+    assert get_shape("cube").symmetry < 2.0
+    with pytest.raises(ConfigError, match=r"shape is 'cub' \(did you mean 'cube'\?\); allowed"):
+        get_shape("cub")

@@ -229,7 +229,7 @@ def test_the_summary_is_shown(records):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"scenario": "somewhere"}, "scenario is 'somewhere'; allowed: paper,"),
+        ({"scenario": "somewhere"}, "scenario 'somewhere' is unknown; known: anywhere,"),
         ({"tolerances": "0"}, "--tolerances has 0.0 m; allowed"),
         ({"tolerances": "near"}, "allowed: numbers with commas, or pairs as 0.02:0.1"),
         ({"tolerances": "0.02:"}, "--tolerances is '0.02:'; allowed: numbers"),

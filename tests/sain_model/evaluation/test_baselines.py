@@ -11,6 +11,7 @@ import pytest
 from rich.console import Console
 
 from sain_core import plugins
+from sain_core.extensions import offers
 from sain_model import commands
 from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.evaluation.baselines import AT_ONCE, Followed, followed, open_models, refusals
@@ -50,7 +51,7 @@ def foreign(monkeypatch: pytest.MonkeyPatch) -> list[Foreign]:
     monkeypatch.setitem(sys.modules, "another_package", module)
     entry = EntryPoint("foreign", "another_package:load", plugins.GROUP)
     own = EntryPoint("planar_axes", "sain_model.dynamics.priors:load_prior", plugins.GROUP)
-    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry, own])
+    monkeypatch.setattr(offers, "entry_points", lambda group: [entry, own])
     return made
 
 
@@ -90,7 +91,7 @@ def test_the_simulators_own_offer_is_rolled_out(
 ) -> None:
     lines = setup_arguments("sain_sim")["entry_points"]["sain.dynamics"]
     entries = [EntryPoint(*line.split(" = "), plugins.GROUP) for line in lines]
-    monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
+    monkeypatch.setattr(offers, "entry_points", lambda group: entries)
     folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
     arguments = [str(folder), "--baselines", "bullet", "bullet_measured", "--out", str(out)]
     assert commands.evaluate([*arguments, "--open-loop", "1", "2"]) == 0

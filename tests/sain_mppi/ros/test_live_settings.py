@@ -73,7 +73,7 @@ def test_the_next_plan_is_made_with_what_was_set(graph, straw, change):
         ({"planner__temperature": -0.1}, "planner.temperature out of range Min: 0.0"),
         ({"planner__temperature": float("nan")}, "planner.temperature out of range"),
         ({"planner__samples": 2.5}, "Wrong parameter type, expected 'Type.INTEGER'"),
-        ({"planner__algorithm": "best"}, "parameter 'planner.algorithm' is 'best'; allowed: 'mppi"),
+        ({"planner__algorithm": "best"}, "planner 'best' is unknown; known: exhaustive,"),
         (
             {"planner__weights__position": [1.0]},
             "parameter 'planner.weights.position' has 1 values; it must have 2",

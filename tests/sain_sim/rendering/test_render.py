@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
+from shapely import LinearRing, points
 
 from sain_core.errors import ConfigError
 from sain_core.shapes.disk import THREE_FEET
 from sain_core.shapes.registry import get_shape
 from sain_sim.rendering.render import CameraConfig, Renderer
-from sain_sim.rendering.scenery import flat_faces, ring
+from sain_sim.rendering.scenery import band, flat_faces, ring
 from sain_sim.rendering.shading import Caster, brightness, table_points
 from sain_sim.rendering.window import Window
 from sain_sim.world.parameters import nominal_parameters
@@ -13,6 +14,7 @@ from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 
 CAMERA = CameraConfig(width=160, height=90, oversampling=1)
+T = "t"
 JOINTS = WorldConfig().kinematics.joints(np.array([0.35, 0.0, 0.09]))
 
 
@@ -70,7 +72,29 @@ def test_meshes_are_round_and_whole():
     assert max(mesh["indices"]) == len(corners) - 1
     flat = np.array(ring(0.05, 0.01, 0.001)["vertices"])
     distance = np.hypot(flat[:, 0], flat[:, 1])
-    assert np.isclose(distance.min(), 0.045) and np.isclose(distance.max(), 0.055)
+    assert np.allclose([distance.min(), distance.max()], [0.045, 0.055], atol=1e-5)
+
+
+def test_a_band_is_as_wide_on_each_side_of_a_corner():
+    t = get_shape(T).outline(0.1)
+    corners = np.array(band(t, 0.01, 0.001)["vertices"])[:, :2]
+    to_line = LinearRing(t).distance(points(corners))
+    assert np.allclose(to_line.max(), 0.005 * np.sqrt(2)) and to_line.min() > 0.0049
+
+
+def test_a_goal_with_a_heading_is_shown_as_the_outline_of_the_body():
+    scene = nominal_parameters().scene(np.array([[0.45, 0.0], [0.6, 0.0]]))
+    goal = np.array([0.7, 0.2])
+    with Renderer(scene, (T, "cube"), CAMERA) as renderer:
+        bare = renderer.picture(JOINTS, scene)
+        ringed = renderer.picture(JOINTS, scene, goal)
+        there = scene[0].copy()
+        there[:2] = goal
+        renderer.mark_goal(get_shape(T).placed(there))
+        marked = renderer.picture(JOINTS, scene, goal)
+        assert renderer.pixels.goal > 5
+    changed = [np.abs(p.astype(int) - bare).max(axis=-1) > 20 for p in (ringed, marked)]
+    assert changed[0].any() and changed[1].any() and (changed[0] != changed[1]).any()
 
 
 def test_a_window_without_a_screen_is_refused_in_words(monkeypatch):

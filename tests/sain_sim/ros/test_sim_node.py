@@ -193,7 +193,7 @@ def test_after_a_reset_old_scenes_are_of_an_unknown_episode(graph, simulator):
         (
             {"shapes": ["disk", "cone"]},
             ErrorCode.INVALID,
-            "shape of body 1 is 'cone'; allowed:",
+            "shape of body 1 is 'cone' (did you mean 'corner'?); allowed:",
         ),
     ],
 )

@@ -38,7 +38,7 @@ class ConversionConfig(Config):
     """The settings of a conversion."""
 
     format: FormatName = option(
-        "npz", "format of the data set (docs/formats.md); npz: the shards that `collect` writes"
+        "npz", "format (docs/reference/formats.md); npz: the shards that `collect` writes"
     )
     prior: str = option(
         "planar",

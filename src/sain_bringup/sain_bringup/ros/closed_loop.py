@@ -30,7 +30,7 @@ from sain_bringup.processes import StopConfig, Supervisor
 from sain_bringup.ros.director import Director
 from sain_core.provenance import provenance
 from sain_core.ros.node_main import ros_context
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import draw_scene
 
 UNHURRIED: Final = StopConfig(interrupt=15.0)  # when all went well and nobody is waiting
 
@@ -99,6 +99,6 @@ def play(
             lambda missing: display.status(f"starting the graph, waiting for {missing}"),
         )
     for number, plan in enumerate(plans, start=1):
-        case = SCENARIOS[plan.scenario].scene(plan.seed)
+        case = draw_scene(plan.scenario, plan.seed)
         with display.episode(number, len(plans), plan) as view:
             director.play(case, options.tolerance, view)

@@ -1,4 +1,4 @@
-"""Whether a dynamics keeps the contract of docs/your_model.md: for the tests of a model's package.
+"""Whether a dynamics keeps the contract of docs/guides/your_model.md: for tests of a package.
 
 from sain_core.model_checks.conformance import check_dynamics
 check_dynamics(load("my_model"))

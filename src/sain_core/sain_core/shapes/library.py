@@ -1,6 +1,6 @@
 """The library of shapes: straight-sided bodies to push, each with a circumscribed radius of 1.
 
-`docs/shapes.md` has them all in one picture.
+`docs/explanation/shapes.md` has them all in one picture.
 """
 
 from itertools import pairwise

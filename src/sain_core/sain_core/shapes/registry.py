@@ -1,27 +1,31 @@
 """Shapes by name.
 
 A new shape is a line in `sain_core.shapes.library`. Another package
-offers shapes through entry points in the group ``sain.shapes``, which name such instances::
+offers shapes through entry points in the group ``sain.shapes``, which lead to instances of their
+name::
 
-    entry_points={"sain.shapes": ["hexagon = my_package.hexagon:HEXAGON"]}
+    entry_points={"sain.shapes": ["my_hexagon = my_package:HEXAGON"]}
 """
 
 from collections import ChainMap
 from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from typing import Final
 
 from sain_core.errors import ConfigError, InvalidInputError, SainError
+from sain_core.extensions.offers import Offers, did_you_mean
 from sain_core.shapes import cube, disk
 from sain_core.shapes.disk import DISK
 from sain_core.shapes.shape import Shape
 
 GROUP: Final = "sain.shapes"
+ALIKE: Final = 0.7  # of the letters: `disk` is no slip of `half_disk`
+OFFERS: Final = Offers(GROUP, "shape")
 _BUILT_IN: Final = (*disk.SHAPES, *cube.SHAPES)
 _shapes: dict[str, Shape] = {}
 _footprints: dict[str, Shape] = {}  # the usual shape of each
+_failed: dict[str, str] = {}  # offered shapes that cannot be used, and why
 _all: Final = ChainMap(_shapes, _footprints)
 
 
@@ -104,7 +108,10 @@ def _find(
     if name not in known:
         _load_offered()
     if name not in known:
-        raise error(f"{what} is {name!r}; allowed: {', '.join(known)}")
+        if name in _failed:
+            raise error(_failed[name])
+        near = did_you_mean(name, known, ALIKE)
+        raise error(f"{what} is {name!r}{near}; allowed: {', '.join(known)}")
     return known[name]
 
 
@@ -117,16 +124,23 @@ def _load_library() -> None:
 
 @cache
 def _load_offered() -> None:
-    """Register what installed packages offer; once, since it takes a tenth of a second."""
-    for entry in entry_points(group=GROUP):
+    """Register what installed packages offer; once, since it takes a tenth of a second.
+
+    A package that fails does not disturb the others: only who asks for its shape hears of it.
+    """
+    for name, entries in OFFERS.entries().items():
         try:
-            shape = entry.load()
-        except Exception as error:
-            raise ConfigError(f"shape {entry.value!r} cannot be imported: {error}") from error
-        if not isinstance(shape, Shape):
-            what = type(shape).__name__
-            raise ConfigError(f"entry point {entry.value!r} names a {what}; it must name a Shape")
-        register(shape)
+            entry = OFFERS.only(name, entries)
+            shape = OFFERS.load(entry)
+            if not isinstance(shape, Shape):
+                kind = type(shape).__name__
+                raise OFFERS.wrong(entry, f"{entry.value} is a {kind}; it must be a Shape")
+            if shape.name != name:
+                called = f"{entry.value} has the name {shape.name!r}"
+                raise OFFERS.wrong(entry, f"{called}; entry point and shape must have one name")
+            register(shape)
+        except ConfigError as error:
+            _failed[name] = str(error)
 
 
 for _shape in _BUILT_IN:

@@ -12,7 +12,7 @@ from sain_core.errors import ConfigError
 from sain_core.observation import observation_settings
 from sain_core.workers.options import WorkerOptions
 from sain_eval.cli.table_parts import TABLE_PARTS, TablePart
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_eval.tolerance import Tolerance
 from sain_mppi.loop.agent import AgentConfig
 from sain_mppi.loop.estimate import EstimatorConfig
@@ -34,7 +34,10 @@ class EvaluateOptions(WorkerOptions):
         Path("results/evaluation"),
         "folder for results.json, table.md, episodes.jsonl and pictures; made if need be",
     )
-    scenario: str = option("anywhere", f"one or more, with commas, of {', '.join(SCENARIOS)}")
+    scenario: str = option(
+        "anywhere",
+        f"one or more, with commas, of {', '.join(SCENARIOS)}, or of installed packages",
+    )
     scenes: int = option(40, "scenes of each scenario", minimum=1)
     seed: int = option(0, "seed of the first scene; the next scenes have the next seeds", minimum=0)
     controllers: str = option(
@@ -72,8 +75,7 @@ class EvaluateOptions(WorkerOptions):
                 f"--models is {self.models!r} without --table; give models as --controllers"
             )
         for name in self.scenario_names:
-            if name not in SCENARIOS:
-                raise ConfigError(f"--scenario is {name!r}; allowed: {', '.join(SCENARIOS)}")
+            OFFERED.check(name)
         for tolerance in self.tolerance_values:
             if not 0.0 < tolerance.distance <= 1.0:
                 raise ConfigError(
@@ -174,7 +176,7 @@ class ResultsOptions(Config):
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
         "the --out folders of evaluations; of two with the same cell, the later one counts"
     )
-    out: Path = option(Path("docs/results.md"), "the page to write")
+    out: Path = option(Path("docs/reference/results.md"), "the page to write")
     names: str = option(
         "", "names of models in the page, with commas: runs/here/sain.safetensors=SAIN trained here"
     )

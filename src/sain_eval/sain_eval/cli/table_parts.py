@@ -34,7 +34,7 @@ class TablePart:
         return replace(self, controllers=tuple(dict.fromkeys([*self.controllers, *names])))
 
 
-# The paper gives 5 cm. The tolerances of poses are those of docs/shapes.md.
+# The paper gives 5 cm. The tolerances of poses are those of docs/explanation/shapes.md.
 PAPER_TOLERANCES: Final = tuple(map(Tolerance, (0.05, 0.02, 0.01, 0.005)))
 POSE_TOLERANCES: Final = (Tolerance(0.02, 0.1), Tolerance(0.01, 0.05), Tolerance(0.005, 0.03))
 STREAKS: Final = 3  # each takes up to 100 goals

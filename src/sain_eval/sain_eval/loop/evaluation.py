@@ -17,7 +17,7 @@ from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.results import PACKAGES, SceneRecord, scene_records
 from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenario_scene import ScenarioScene
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import draw_scene
 from sain_eval.tolerance import Tolerance, tightest
 from sain_mppi.loop.agent import AgentConfig
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
@@ -45,7 +45,7 @@ class EpisodeJob:
 
     def case(self) -> ScenarioScene:
         """Return the scene to solve, in its world."""
-        return SCENARIOS[self.scenario].scene(self.seed).within(self.truth)
+        return draw_scene(self.scenario, self.seed).within(self.truth)
 
 
 def play_job(job: EpisodeJob) -> EpisodeOutcome:

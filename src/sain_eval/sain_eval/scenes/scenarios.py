@@ -1,7 +1,12 @@
 """The scenes that controllers are measured on: each scenario draws one from a seed."""
 
-from typing import Final, Protocol
+from functools import cache
+from typing import Final, Protocol, runtime_checkable
 
+from sain_core.errors import SainError
+from sain_core.extensions.offers import Offers
+from sain_core.scene import Table
+from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_eval.scenes.disk_scenarios import CONTACT_GAP, AnywhereScenario, PaperScenario
 from sain_eval.scenes.scenario_scene import MAX_PUSHES, ScenarioScene
 from sain_eval.scenes.shape_scenarios import (
@@ -19,9 +24,11 @@ __all__ = [
     "PaperScenario",
     "Scenario",
     "ScenarioScene",
+    "find_scenario",
 ]
 
 
+@runtime_checkable
 class Scenario(Protocol):
     """Draws scenes."""
 
@@ -53,3 +60,46 @@ _SCENARIOS: Final[tuple[Scenario, ...]] = (
 )
 
 SCENARIOS: Final[dict[str, Scenario]] = {scenario.name: scenario for scenario in _SCENARIOS}
+
+OFFERED: Final = Offers("sain.scenarios", "scenario", SCENARIOS)
+
+
+@cache
+def find_scenario(name: str) -> Scenario:
+    """Return the scenario of this name, which an installed package may offer.
+
+    Raises:
+        ConfigError: nobody offers it, two packages do, or its package fails.
+    """
+    if name in SCENARIOS:
+        return SCENARIOS[name]
+    entry = OFFERED.find(name)
+    scenario = OFFERED.load(entry)
+    if not isinstance(scenario, Scenario) or scenario.name != name:
+        raise OFFERED.wrong(
+            entry,
+            f"{entry.value} is a {type(scenario).__name__}; it must have the method scene and the"
+            f" attribute name, which is {name!r}",
+        )
+    return scenario
+
+
+def draw_scene(name: str, seed: int) -> ScenarioScene:
+    """Return one scene of a scenario.
+
+    Raises:
+        ConfigError: as `find_scenario`; or the scenario fails, or draws no scene that can exist.
+    """
+    scenario = find_scenario(name)
+    if name in SCENARIOS:
+        return scenario.scene(seed)
+    entry = OFFERED.find(name)
+    drawn = OFFERED.guarded(entry, scenario.scene)(seed)
+    if not isinstance(drawn, ScenarioScene):
+        kind = type(drawn).__name__
+        raise OFFERED.wrong(entry, f"it drew a {kind}; it must draw a ScenarioScene")
+    try:
+        check_bodies(drawn.disks, Bodies.named(drawn.shapes, drawn.roles), Table())
+    except SainError as error:
+        raise OFFERED.wrong(entry, f"its scene {seed} cannot exist: {error}") from error
+    return drawn

@@ -1,7 +1,8 @@
 """Rollouts of a network on a prior that it can learn from: the paper's equations 3 and 4.
 
 The prior is compiled and its contacts are not smooth: no automatic differentiation passes through
-it. A loss on a later step reaches an earlier one in one of three ways (docs/rollouts.md):
+it. A loss on a later step reaches an earlier one in one of three ways
+(docs/explanation/rollouts.md):
 
 * ``none``: not at all; each step learns from the scenes that the network itself led to.
 * ``shift``: a scene that is moved or turned a little leads to one that is moved or turned as much.

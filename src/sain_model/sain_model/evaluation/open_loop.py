@@ -1,7 +1,8 @@
 """Open loop: models rolled out over successive pushes, with nothing seen in between.
 
 A push is what the planner means by it: its numbers are relative to the mid disk, in a model to
-where the model itself believes the mid disk to be, in truth to where it was (docs/rollouts.md).
+where the model itself believes the mid disk to be, in truth to where it was
+(docs/explanation/rollouts.md).
 """
 
 from collections.abc import Mapping

@@ -31,7 +31,7 @@ from sain_model.training.settings import EPISODE, NOTHING, TrainingConfig
 KEPT: Final = ("prior", "prior_friction", "history")  # and its network: weights fit no others
 USUAL: Final = TrainingConfig(epochs=100, batch=64, validation=0.2)
 """For fewer rows than most are trained on: smaller batches, more epochs, and more of the episodes
-to choose the best by; docs/training.md tells what was tried."""
+to choose the best by; docs/guides/training.md tells what was tried."""
 
 
 @dataclass(frozen=True)

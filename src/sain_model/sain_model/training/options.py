@@ -5,7 +5,7 @@ validated every 500 epochs on 20 % of the data, the best kept; 10 % in section I
 adds lambda |theta|^2. It gives neither lambda nor the scales of the loss: ours stand here.
 With 3,000 transitions an epoch is 188 steps, so that the learning rate is halved every 13 of the
 8,000 epochs and is nothing long before the first validation: either the steps are epochs, or the
-epochs are steps. See docs/training.md. This module loads without PyTorch.
+epochs are steps. See docs/guides/training.md. This module loads without PyTorch.
 """
 
 import argparse
@@ -72,7 +72,8 @@ class TrainOptions(Config):
         "go on with a checkpoint: sain or sain_any_shape (shipped), or a path; its settings stay",
     )
     preset: Literal["default", "paper", "paper-epochs", "paper-steps"] = option(
-        "default", "settings to start from: ours, or the paper's in one reading (docs/training.md)"
+        "default",
+        "settings to start from: ours, or the paper's (docs/guides/training.md)",
     )
     belief: str = option(
         "",

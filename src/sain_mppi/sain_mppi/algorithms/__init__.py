@@ -1,6 +1,7 @@
 """The planners by name: each a function that reads like its algorithm, all with one contract."""
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -11,7 +12,7 @@ from sain_mppi.algorithms.gradient import gradient
 from sain_mppi.algorithms.icem import icem
 from sain_mppi.algorithms.mppi import mppi
 from sain_mppi.algorithms.mppi_rounds import mppi_rounds
-from sain_mppi.search.config import EXHAUSTIVE, GRADIENT, ICEM, MPPI, MPPI_ROUNDS
+from sain_mppi.search.config import EXHAUSTIVE, GRADIENT, ICEM, MPPI, MPPI_ROUNDS, PLANNERS
 from sain_mppi.search.search import Search
 
 Algorithm = Callable[[Search, PushSequences, np.random.Generator], None]
@@ -28,3 +29,30 @@ ALGORITHMS: Final[Mapping[str, Algorithm]] = {
     EXHAUSTIVE: exhaustive,
     GRADIENT: gradient,
 }
+
+
+@cache
+def find_algorithm(name: str) -> Algorithm:
+    """Return the algorithm of this name, which an installed package may offer.
+
+    Raises:
+        ConfigError: nobody offers it, two packages do, or its package fails.
+    """
+    if name in ALGORITHMS:
+        return ALGORITHMS[name]
+    entry = PLANNERS.find(name)
+    algorithm = PLANNERS.load(entry)
+    if not callable(algorithm):
+        raise PLANNERS.wrong(
+            entry, f"{entry.value} is a {type(algorithm).__name__}; it must be a function"
+        )
+    guarded = PLANNERS.guarded(entry, algorithm)
+
+    def search_with(search: Search, start: PushSequences, generator: np.random.Generator) -> None:
+        guarded(search, start, generator)
+        if not len(search.elites.sequences):
+            raise PLANNERS.wrong(
+                entry, "it found no sequence of finite cost; it must call search.evaluate"
+            )
+
+    return search_with

@@ -116,7 +116,9 @@ class Agent:
             self._tracker.see(view)
             return
         self._estimator.see(view)
-        self._tracker.see(self._estimator.view or replace(view, settled=False))
+        known = self._estimator.view  # of this scene, at rest
+        settled = known is not None and settled  # no push follows while one is under way
+        self._tracker.see(replace(known or view, settled=settled))
 
     def meet(self, episode_id: int, bodies: Bodies) -> None:
         """Take note of the shapes and roles of an episode's bodies; without them, all are disks."""

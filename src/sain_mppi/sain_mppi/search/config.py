@@ -6,6 +6,7 @@ from typing import Final, Self
 import numpy as np
 
 from sain_core.config import Config, option
+from sain_core.extensions.offers import Offers
 from sain_core.push import PaperGrid
 from sain_core.types import Scalars
 from sain_mppi.search.cost_weights import CostWeights
@@ -16,6 +17,9 @@ MPPI: Final = "mppi"
 ICEM: Final = "icem"
 EXHAUSTIVE: Final = "exhaustive"
 GRADIENT: Final = "gradient"
+
+ALGORITHM_NAMES: Final = (MPPI_ROUNDS, MPPI, ICEM, EXHAUSTIVE, GRADIENT)
+PLANNERS: Final = Offers("sain.planners", "planner", ALGORITHM_NAMES)
 
 ARGMIN: Final = "argmin"
 MEAN: Final = "mean"
@@ -113,8 +117,7 @@ class PlannerConfig(Config):
 
     algorithm: str = option(
         MPPI_ROUNDS,
-        "search algorithm",
-        choices=(MPPI_ROUNDS, MPPI, ICEM, EXHAUSTIVE, GRADIENT),
+        f"search algorithm: {', '.join(ALGORITHM_NAMES)}, or one that an installed package offers",
     )
     samples: int = option(
         512, "K, sequences rolled out in the first round", minimum=1, maximum=1_000_000
@@ -179,6 +182,11 @@ class PlannerConfig(Config):
     grid: PaperGrid = PaperGrid()
     progress: ProgressConfig = ProgressConfig()
     weights: CostWeights = CostWeights()
+
+    def __post_init__(self) -> None:
+        """Check the fields and the name of the algorithm."""
+        super().__post_init__()
+        PLANNERS.check(self.algorithm)
 
     def widened(self) -> Self:
         """Return settings that look further about: more samples, more noise, no warm start."""

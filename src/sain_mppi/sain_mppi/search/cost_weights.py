@@ -1,8 +1,15 @@
 """The settings of the cost terms in `sain_mppi.search.cost` and `sain_mppi.search.pose_costs`."""
 
 from dataclasses import dataclass
+from functools import cache
+from math import isfinite
+from typing import Final
 
 from sain_core.config import Config, option
+from sain_core.errors import ConfigError
+from sain_core.extensions.offers import Offers
+
+COSTS: Final = Offers("sain.costs", "cost")
 
 
 @dataclass(frozen=True)
@@ -107,6 +114,36 @@ class CostWeights(Config):
         unit="1/m",
         minimum=0.0,
     )
+    more: str = option("", "further terms that installed packages offer, with commas: NAME:WEIGHT")
     keep: float = option(
         200.0, "pose goals: weight of moving a body that is to be kept", unit="1/m", minimum=0.0
     )
+
+    def __post_init__(self) -> None:
+        """Check the fields and the further terms."""
+        super().__post_init__()
+        further_terms(self.more)
+
+
+@cache
+def further_terms(text: str) -> tuple[tuple[str, float], ...]:
+    """Return names and weights of cost terms that packages offer; nothing is imported.
+
+    Raises:
+        ConfigError: another text than ``NAME:WEIGHT,NAME:WEIGHT``, or a name that is not offered.
+    """
+    found: dict[str, float] = {}
+    for word in filter(None, (word.strip() for word in text.split(","))):
+        name, _, number = word.partition(":")
+        try:
+            weight = float(number)
+        except ValueError:
+            weight = -1.0
+        if not (isfinite(weight) and weight >= 0.0) or name in found:
+            raise ConfigError(
+                f"more is {text!r}; allowed: NAME:WEIGHT with commas, each name once, weights of at"
+                " least 0, for example near_edge:2.0"
+            )
+        COSTS.check(name)
+        found[name] = weight
+    return tuple(found.items())

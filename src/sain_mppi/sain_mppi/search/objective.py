@@ -16,6 +16,7 @@ from sain_core.types import PredictedScenes, PushSequences, Scalars, Scene
 from sain_mppi.search.candidates import go_around_sequences, straight_sequences
 from sain_mppi.search.cost import Rollout, cost_terms, make_rollout, total_cost
 from sain_mppi.search.cost_weights import CostWeights
+from sain_mppi.search.further_costs import further_costs
 from sain_mppi.search.goal import Goal
 from sain_mppi.search.pose_costs import pose_distance, pose_terms
 from sain_mppi.search.poses import PoseGoal
@@ -43,7 +44,6 @@ class Objective(ABC):
             return False
         return any(not self.bodies.shapes[body].is_round for body in self.pushable)
 
-    @abstractmethod
     def terms(
         self,
         scene: Scene,
@@ -51,7 +51,27 @@ class Objective(ABC):
         predicted: PredictedScenes,
         regions: Radii | None = None,
     ) -> dict[str, Scalars]:
-        """Return the cost terms (K,), weighted, of sequences (K, H, A) from a scene (N, 8)."""
+        """Return the cost terms (K,), weighted, of sequences (K, H, A) from a scene (N, 8).
+
+        Raises:
+            ConfigError: a term that an installed package offers fails.
+        """
+        terms = self.own_terms(scene, sequences, predicted, regions)
+        if more := self.weights.more:
+            before = scenes_before(scene, predicted)
+            rollout = Rollout(before, predicted, sequences, sequences[..., LENGTH] > 0.0)
+            terms |= further_costs(more, rollout, self, terms)
+        return terms
+
+    @abstractmethod
+    def own_terms(
+        self,
+        scene: Scene,
+        sequences: PushSequences,
+        predicted: PredictedScenes,
+        regions: Radii | None = None,
+    ) -> dict[str, Scalars]:
+        """Return those of the terms that SAIN itself has."""
 
     @abstractmethod
     def candidates(
@@ -94,7 +114,7 @@ class TargetObjective(Objective):
         super().__init__(weights, feasibility, bodies)
         self.goal = goal
 
-    def terms(
+    def own_terms(
         self,
         scene: Scene,
         sequences: PushSequences,
@@ -151,7 +171,7 @@ class PoseObjective(Objective):
         super().__init__(weights, feasibility, bodies)
         self.goal, self.start = goal, start
 
-    def terms(
+    def own_terms(
         self,
         scene: Scene,
         sequences: PushSequences,

@@ -21,7 +21,7 @@ from sain_core.types import Points, Scene
 from sain_sim.arm.client import Client, Closeable
 from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.panda import JOINT_COUNT, ArmConfig, PandaModel
-from sain_sim.rendering.scenery import OFF_STAGE, build_disk, build_ring, build_table
+from sain_sim.rendering.scenery import OFF_STAGE, build_disk, build_mark, build_ring, build_table
 from sain_sim.rendering.shading import Caster, brightness, table_points
 from sain_sim.rendering.viewpoint import Eye, candidate_eyes, circle, rank_eyes
 
@@ -90,7 +90,7 @@ class Renderer(Closeable):
         self._projection = self._client.computeProjectionMatrixFOV(
             camera.field_of_view, camera.width / camera.height, 0.1, 10.0
         )
-        self._ring = _UNMADE
+        self._ring = self._mark = _UNMADE
         self.pixels = Pixels(0, 0)  # of the last picture
         self.look_from(np.array(camera.eye))
 
@@ -99,6 +99,10 @@ class Renderer(Closeable):
         camera = self.camera
         self._view = self._client.computeViewMatrix(eye.tolist(), camera.focus, [0.0, 0.0, 1.0])
         self._points = table_points(self._view, self._projection, camera.width, camera.height)
+
+    def mark_goal(self, corners: Points) -> None:
+        """Show an outline (C, 2) [m] as the goal from now on, instead of a ring."""
+        self._mark = build_mark(self._client, corners)
 
     def eyes(
         self, moments: Sequence[tuple[Joints, Scene]], goal: Points, goal_radius: float
@@ -146,7 +150,9 @@ class Renderer(Closeable):
             client.resetBasePositionAndOrientation(body, place, turn)
         for body in self._goals.values():
             client.resetBasePositionAndOrientation(body, OFF_STAGE, [0, 0, 0, 1])
-        if goal is not None:
+        if goal is not None and self._mark != _UNMADE:
+            self._ring = self._mark
+        elif goal is not None:
             ring = self._goals.setdefault(goal_radius, _UNMADE)
             if ring == _UNMADE:
                 ring = self._goals[goal_radius] = build_ring(client, goal_radius)

@@ -8,6 +8,7 @@ from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.scene import DISK_HEIGHT, Table, unit
 from sain_core.shapes.registry import get_shape
 from sain_core.shapes.shape import Triangles
+from sain_core.types import Points
 from sain_sim.arm.client import Client
 
 TABLE_COLOR: Final = (0.80, 0.75, 0.68, 1.0)
@@ -74,6 +75,12 @@ def build_ring(client: Client, radius: float) -> int:
     return _show_shape(client, OFF_STAGE, GOAL_COLOR, client.GEOM_MESH, **mesh)
 
 
+def build_mark(client: Client, corners: Points) -> int:
+    """Build a flat outline on the table along corners (C, 2) [m], counter-clockwise."""
+    mesh = band(corners, RING_WIDTH, RING_LIFT)
+    return _show_shape(client, [0.0, 0.0, 0.0], GOAL_COLOR, client.GEOM_MESH, **mesh)
+
+
 def _show_shape(
     client: Client, place: Any, color: tuple[float, ...], kind: int, **shape: Any
 ) -> int:
@@ -86,11 +93,20 @@ def _show_shape(
 
 def ring(radius: float, width: float, height: float) -> Mesh:
     """Return a flat ring, seen from above, at a height [m] over its origin."""
-    circle = np.insert(unit(np.arange(CORNERS) * 2 * np.pi / CORNERS), 2, 0.0, axis=1)
-    lift = np.array([0.0, 0.0, height])
-    inner, outer = ((radius + side * width / 2) * circle + lift for side in (-1, 1))
-    after = [np.roll(edge, -1, axis=0) for edge in (inner, outer)]
-    halves = [(outer, after[1], after[0]), (outer, after[0], inner)]
+    return band(radius * unit(np.arange(CORNERS) * 2 * np.pi / CORNERS), width, height)
+
+
+def band(corners: Points, width: float, height: float) -> Mesh:
+    """Return a flat band along a closed line (C, 2), counter-clockwise, at a height [m]."""
+    ways = np.roll(corners, -1, axis=0) - corners
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    after = np.stack([ways[:, 1], -ways[:, 0]], axis=1)  # outward normals of the sides
+    before = np.roll(after, 1, axis=0)
+    mitre = (before + after) / (1.0 + (before * after).sum(axis=1, keepdims=True))
+    lift = np.full((len(corners), 1), height)
+    inner, outer = (np.hstack([corners + side * width / 2 * mitre, lift]) for side in (-1, 1))
+    ahead = [np.roll(edge, -1, axis=0) for edge in (inner, outer)]
+    halves = [(outer, ahead[1], ahead[0]), (outer, ahead[0], inner)]
     return flat_faces(np.concatenate([np.stack(half, axis=1) for half in halves]))
 
 

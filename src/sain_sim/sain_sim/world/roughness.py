@@ -1,7 +1,7 @@
 """The effects of a rough world, which the nominal model lacks. All are off by default.
 
 `draw_roughness` draws them for a lab, whose table, disks and tool stay the same in all episodes.
-docs/worlds.md states the size of each effect, and its reason.
+docs/explanation/worlds.md states the size of each effect, and its reason.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What docs/formats.md shows is run as it stands there."""
+"""What docs/reference/formats.md shows is run as it stands there."""
 
 import os
 import re
@@ -15,8 +15,8 @@ from sain_bags.dataset.formats import MADE
 from tests.paths import ROOT
 from tests.sain_bags.driven import Drive
 
-DOCS = ROOT / "docs"
-EXAMPLES = re.findall(r"```python\n(.*?)```", (DOCS / "formats.md").read_text(), re.DOTALL)
+PAGE = ROOT / "docs/reference/formats.md"
+EXAMPLES = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
 
 
 def test_every_format_has_an_example() -> None:
@@ -39,7 +39,7 @@ def test_examples_run_as_they_stand(
     monkeypatch.setattr("datasets.config.HF_DATASETS_CACHE", tmp_path / "cache")
     said: dict[str, Any] = {}
     for example in EXAMPLES:
-        exec(compile(example, "docs/formats.md", "exec"), said)
+        exec(compile(example, "docs/reference/formats.md", "exec"), said)
         if "states" in said and "shard" in said:
             assert said["states"].shape == (15, 2, 8)
             del said["states"], said["shard"]

@@ -1,0 +1,16 @@
+"""A cost: bodies stay near the middle of the table."""
+
+import numpy as np
+
+from sain_core.scene import POSITION
+from sain_core.types import Scalars
+from sain_mppi.search.cost import Rollout
+from sain_mppi.search.objective import Objective
+
+MIDDLE = np.array([0.5, 0.0])  # [m]
+
+
+def off_centre(rollout: Rollout, objective: Objective) -> Scalars:
+    """Return the largest distance (K,) [m] of a body from the middle after the last push."""
+    away = rollout.after[:, -1, :, POSITION] - MIDDLE  # (K, N, 2)
+    return np.linalg.norm(away, axis=-1).max(axis=-1)

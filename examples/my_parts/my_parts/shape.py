@@ -1,0 +1,8 @@
+"""A shape: an arrow of a shaft and a head."""
+
+from sain_core.shapes.polygon import Compound
+
+SHAFT = ((0, -1), (4, -1), (4, 1), (0, 1))  # counter-clockwise, in any unit
+HEAD = ((4, -2), (7, 0), (4, 2))
+
+ARROW = Compound.of("my_arrow", SHAFT, HEAD)

@@ -1,0 +1,146 @@
+"""Things of one kind that installed packages offer by name, in a group of entry points.
+
+    [project.entry-points."sain.planners"]
+    my_planner = "my_package:plan"
+
+An error names the package. A package that fails does not disturb the others.
+"""
+
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
+from functools import wraps
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, TypeVar
+
+from sain_core.errors import ConfigError, SainError
+
+T = TypeVar("T")
+
+
+class Offers:
+    """All offers of one kind, besides those that are built in."""
+
+    def __init__(
+        self, group: str, what: str, built_in: Iterable[str] = (), hidden: str = "", more: str = ""
+    ) -> None:
+        """Look in a group of entry points for what is called `what` in messages.
+
+        Args:
+            group: of entry points.
+            what: one of them, such as ``planner``.
+            built_in: names that no package need offer; an offer with such a name is not used.
+            hidden: a name that is not listed.
+            more: what messages say that may be given besides names.
+        """
+        self.group, self.what = group, what
+        self._built_in, self._hidden, self._more = tuple(built_in), hidden, more
+        self._found: set[str] = set()
+
+    def names(self) -> list[str]:
+        """Return all names, those that are built in, too."""
+        return sorted({*self._built_in, *self.entries()} - {self._hidden})
+
+    def entries(self) -> dict[str, list[EntryPoint]]:
+        """Return the entry points of each name; more than one where packages contradict."""
+        offered: dict[str, dict[tuple[str, str], EntryPoint]] = {}
+        for entry in entry_points(group=self.group):
+            offered.setdefault(entry.name, {})[package_of(entry), entry.value] = entry
+        return {name: list(entries.values()) for name, entries in offered.items()}
+
+    def check(self, name: str) -> None:
+        """Check that something is built in or offered by this name; nothing is imported.
+
+        Raises:
+            ConfigError: as `find`.
+        """
+        if name not in self._built_in and name not in self._found:
+            self.find(name)
+            self._found.add(name)  # to look takes some ms
+
+    def find(self, name: str) -> EntryPoint:
+        """Return the only entry point of a name.
+
+        Raises:
+            ConfigError: no installed package offers it, or two do.
+        """
+        entries = self.entries().get(name, [])
+        if not entries:
+            raise self.unknown(name)
+        return self.only(name, entries)
+
+    def only(self, name: str, entries: list[EntryPoint]) -> EntryPoint:
+        """Return the one entry point; raise `ConfigError` where there are more."""
+        if len(entries) > 1:
+            packages = " and ".join(f"{package_of(entry)} ({entry.value})" for entry in entries)
+            raise ConfigError(
+                f"{self.what} {name!r} is offered by {packages}; uninstall one of them"
+            )
+        return entries[0]
+
+    def unknown(self, name: str) -> ConfigError:
+        """Return the error about a name that nobody offers."""
+        names = self.names()
+        none = f"none: no installed package has the entry points {self.group!r}"
+        known = ", ".join(names) or none
+        near = did_you_mean(name, names)
+        return ConfigError(f"{self.what} {name!r} is unknown{near}; known: {known}{self._more}")
+
+    def load(
+        self, entry: EntryPoint, make: Callable[[Any], Any] = lambda it: it, name: str = ""
+    ) -> Any:
+        """Return what is made of what an entry point leads to.
+
+        Raises:
+            ConfigError: its package fails; or as `make`.
+        """
+        try:
+            return make(entry.load())
+        except SainError:
+            raise
+        except Exception as error:
+            others = ", ".join(other for other in self.names() if other != entry.name) or "none"
+            raise ConfigError(
+                f"{self.what} {(name or entry.name)!r} of {package_of(entry)} cannot be loaded:"
+                f" {type(error).__name__}: {error}; repair or uninstall that package."
+                f" Other {self.what}s: {others}"
+            ) from error
+
+    def guarded(self, entry: EntryPoint, work: Callable[..., T]) -> Callable[..., T]:
+        """Return a function whose unexpected errors name the package.
+
+        Raises:
+            ConfigError: in place of any error that is no `SainError`.
+        """
+
+        @wraps(work)
+        def call(*given: Any) -> T:
+            try:
+                return work(*given)
+            except SainError:
+                raise
+            except Exception as error:
+                raise ConfigError(
+                    f"{self.what} {entry.name!r} of {package_of(entry)} failed:"
+                    f" {type(error).__name__}: {error}; repair or uninstall that package"
+                ) from error
+
+        return call
+
+    def wrong(self, entry: EntryPoint, problem: str, name: str = "") -> ConfigError:
+        """Return the error about an offer that is not what it should be."""
+        return ConfigError(
+            f"{self.what} {(name or entry.name)!r} of {package_of(entry)}: {problem}"
+        )
+
+
+def did_you_mean(name: str, names: Iterable[str], alike: float = 0.6) -> str:
+    """Return a hint at the nearest name; empty: none is near."""
+    near = get_close_matches(name, list(names), n=1, cutoff=alike)
+    return f" (did you mean {near[0]!r}?)" if near else ""
+
+
+def package_of(entry: EntryPoint) -> str:
+    """Return name and version of the package that offers something."""
+    if entry.dist is None:
+        return f"the package of {entry.module}"
+    return f"package {entry.dist.name} {entry.dist.version}"

@@ -1,0 +1,159 @@
+"""An episode of the environment: goals, counts, rewards and how it ends; no engine in here."""
+
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from sain_core.errors import ErrorCode, SainError
+from sain_core.feasibility import Feasibility
+from sain_core.scene import POSITION, is_settled
+from sain_core.types import PushArray, Scene
+from sain_eval.plots.episode_record import EpisodeRecord
+from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.tolerance import Tolerance
+from sain_mppi.loop.goal_tracker import LOOK_AGAIN, GoalTrackerConfig
+from sain_mppi.search.poses import TURN_PER_METRE
+from sain_sim.world.outcome import DivergedError
+
+TABLE: Final = Feasibility().table
+MOST_REFUSALS: Final = GoalTrackerConfig().max_refusals  # from one scene, as in an evaluation
+
+
+@dataclass(frozen=True)
+class PushAnswer:
+    """What came of a push: the scenes (N, 8) before and after it, and the code of a refusal."""
+
+    push: PushArray
+    before: Scene
+    after: Scene
+    code: ErrorCode
+    message: str = ""
+
+
+class StepVerdict(NamedTuple):
+    """What a step is worth, and whether it was the last."""
+
+    reward: float
+    terminated: bool
+    truncated: bool
+
+
+class PushEpisode:
+    """One scene to solve. Its goals follow one another, each with its own number of pushes.
+
+    Attributes:
+        case: the scene to solve.
+        scene: (N, 8), as it is now.
+        record: of the present goal: what `left` and success are taken from.
+        pushes: executed so far.
+        refusals: so far.
+        goals_reached: so far.
+        answer: what came of the last push; None: there was none.
+        failure: why the episode ended short of a goal; empty: it did not.
+        over: whether it has ended.
+    """
+
+    def __init__(
+        self, case: ScenarioScene, scene: Scene, within: Tolerance, refusal_cost: float = 0.0
+    ) -> None:
+        """Begin in a scene (N, 8)."""
+        self.case, self.scene = case, scene
+        self._within, self._refusal_cost = within, refusal_cost
+        self.pushes = self.refusals = self.goals_reached = 0
+        self.answer: PushAnswer | None = None
+        self.failure = ""
+        self.over = False
+        self._aim()
+
+    def _aim(self) -> None:
+        """Take the next goal."""
+        case = self.case
+        goal = self._within.apply(case.goals[self.goals_reached])
+        self.record = EpisodeRecord(
+            goal, self._within.distance, (), self.scene, case.shapes, roles=case.roles
+        )
+        self._left = case.max_pushes
+        self._refused = 0  # in a row
+
+    @property
+    def steps(self) -> int:
+        """Pushes so far, refused ones too."""
+        return self.pushes + self.refusals
+
+    @property
+    def is_success(self) -> bool:
+        """Whether all goals were reached."""
+        return self.goals_reached == len(self.case.goals)
+
+    @property
+    def miss(self) -> float:
+        """How far the bodies are from the goal [m]: their distance, and a metre for each 5 rad."""
+        distance, turn = self.record.left(self.scene)
+        return distance + turn / TURN_PER_METRE
+
+    def execute(self, push: PushArray, after: Scene) -> StepVerdict:
+        """Take note of an executed push (3,) or (4,) and the scene (N, 8) after it."""
+        self.answer = PushAnswer(push, self.scene, after, ErrorCode.OK)
+        self.scene = after
+        self.pushes += 1
+        self._left -= 1
+        self._refused = 0
+        if lost := self._lost():
+            return self._fail(lost)
+        reward = -self.miss
+        while not self.is_success and self.record.is_reached(after):
+            self.goals_reached += 1
+            if not self.is_success:
+                self._aim()
+        exhausted = not self.is_success and self._left == 0
+        if exhausted:
+            self.failure = f"{self.case.max_pushes} pushes left the goal unreached"
+        self.over = self.is_success or exhausted
+        return StepVerdict(reward, self.is_success, exhausted)
+
+    def _lost(self) -> str:
+        """Return why no push can follow in this scene; empty: one can."""
+        off = ~TABLE.contains(self.scene[:, POSITION])
+        if off.any():
+            body = int(np.argmax(off))
+            x, y = self.scene[body, POSITION]
+            return f"push {self.pushes} moved body {body} off the table, to ({x:.3f}, {y:.3f}) m"
+        if not is_settled(self.scene):
+            return f"the scene did not settle after push {self.pushes}"
+        return ""
+
+    def refuse(self, push: PushArray, error: SainError) -> StepVerdict:
+        """Take note of a push (3,) or (4,) that was refused: nothing has moved."""
+        self.answer = PushAnswer(push, self.scene, self.scene, ErrorCode(error.code), str(error))
+        self.refusals += 1
+        self._refused += 1
+        if isinstance(error, DivergedError) or error.code in LOOK_AGAIN:
+            return self._fail(f"{type(error).__name__}: {error}")
+        if self._refused >= MOST_REFUSALS:
+            return self._fail(f"{self._refused} pushes in a row were refused from this scene")
+        return StepVerdict(-self.miss - self._refusal_cost, False, False)
+
+    def _fail(self, failure: str) -> StepVerdict:
+        """End short of the goal: what the scene is worth counts for each push that was left."""
+        self.failure, self.over = failure, True
+        refused = self.answer is not None and self.answer.code != ErrorCode.OK
+        cost = self._refusal_cost if refused else 0.0
+        return StepVerdict(-self.miss * (1 + self._left) - cost, True, False)
+
+    def info(self) -> dict[str, Any]:
+        """Return what is known besides the observation."""
+        distance, turn = self.record.left(self.scene)
+        answer = self.answer
+        return {
+            "scene_seed": self.case.seed,
+            "is_success": self.is_success,
+            "distance": distance,  # [m]
+            "turn": turn,  # [rad]
+            "pushes": self.pushes,
+            "refusals": self.refusals,
+            "goals_reached": self.goals_reached,
+            "refusal_code": int(ErrorCode.OK if answer is None else answer.code),
+            "refusal": "" if answer is None else answer.message,
+            "failure": self.failure,
+        }

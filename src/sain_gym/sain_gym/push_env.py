@@ -1,0 +1,175 @@
+"""The environment: a scenario's scenes, pushes as actions, rewards and success of an evaluation."""
+
+from typing import Any, Final
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box, Space
+
+from sain_core.errors import ConfigError, OutOfRangeError, SainError
+from sain_core.types import Scene
+from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.scenarios import SCENARIOS
+from sain_gym.config import IMAGE, PushEnvConfig
+from sain_gym.episode import PushEpisode
+from sain_gym.errors import EnvironmentClosedError, EpisodeEndedError
+from sain_gym.picture import TopImage, TopPicture
+from sain_gym.spaces import PushSpaces
+from sain_sim.world.world import World
+
+FIRST_DRAWN: Final = 1_000_000  # scenes that are drawn have numbers from here on
+AFTER_DRAWN: Final = 2**31
+RENDER_SIZE: Final = 480  # [px]
+RGB_ARRAY: Final = "rgb_array"
+SCENE: Final = "scene"  # the option of `reset`
+
+
+class PushEnv(gymnasium.Env[Any, Any]):
+    """One world after another of a scenario; `sain_gym.config.PushEnvConfig` has its settings.
+
+    The reward is -(d + t / 5): d [m] and t [rad] are the largest distance and turn of a wanted body
+    from its goal, after the push. A refused push costs `refusal_cost` more. An episode that fails
+    early pays -(d + t / 5) for each push that was left.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [RGB_ARRAY], "render_fps": 2}  # noqa: RUF012
+
+    def __init__(self, render_mode: str | None = None, **settings: Any) -> None:
+        """Make the spaces; the engine is loaded at the first `reset`.
+
+        Raises:
+            ConfigError: an unknown setting, one of another type or outside its range, or an engine
+                that is not installed.
+        """
+        if render_mode not in (None, RGB_ARRAY):
+            raise ConfigError(f"render_mode is {render_mode!r}; allowed: None, {RGB_ARRAY!r}")
+        self.config = config = PushEnvConfig.of(settings)
+        self.render_mode = render_mode
+        self.spaces = PushSpaces(config.scenario)
+        self.action_space = self.spaces.action
+        self.observation_space = self._observed()
+        self._pictures: dict[int, TopPicture] = {}
+        self._world: World | None = None
+        self._episode: PushEpisode | None = None
+        self._closed = False
+
+    def _observed(self) -> Space[Any]:
+        if self.config.observation != IMAGE:
+            return self.spaces.state
+        size = self.config.image_size
+        return Box(0, 255, (size, size, 3), np.uint8)
+
+    @property
+    def episode(self) -> PushEpisode:
+        """The episode that was begun last.
+
+        Raises:
+            EpisodeEndedError: none was.
+        """
+        if self._episode is None:
+            raise EpisodeEndedError("no episode has begun; call reset first")
+        return self._episode
+
+    @property
+    def case(self) -> ScenarioScene:
+        """The scene to solve, with the hidden truth about its world; see `episode`."""
+        return self.episode.case
+
+    @property
+    def scene(self) -> Scene:
+        """The scene (N, 8) as it is; see `episode`."""
+        return self.episode.scene.copy()
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: of the scene, as in an evaluation, and of all scenes that are drawn after it.
+            options: ``scene``, a whole number: the scene in place of one that is drawn.
+
+        Raises:
+            OutOfRangeError: a scene that is no number from 0 on.
+            ConfigError: another option.
+            EnvironmentClosedError: after `close`.
+        """
+        self._check_open()
+        wanted = _scene_of(options or {})
+        super().reset(seed=seed)
+        if wanted is None:
+            wanted = seed
+        if wanted is None:
+            wanted = int(self.np_random.integers(FIRST_DRAWN, AFTER_DRAWN))
+        config = self.config
+        case = SCENARIOS[config.scenario].scene(wanted).within(config.truth)
+        parameters = case.parameters()
+        if self._world is None:
+            self._world = World(parameters, engine=config.engine)
+        scene = self._world.reset(case.disks, parameters)
+        self._episode = PushEpisode(case, scene, config.within, config.refusal_cost)
+        return self._observe(), self._episode.info()
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Execute the push that an action stands for; see `sain_gym.spaces`.
+
+        Raises:
+            InvalidInputError: another shape, NaN or Inf; nothing has moved.
+            OutOfRangeError: a number outside its range; nothing has moved.
+            EpisodeEndedError: the episode has ended, or none has begun.
+            EnvironmentClosedError: after `close`.
+        """
+        self._check_open()
+        episode, world = self.episode, self._world
+        if episode.over or world is None:
+            raise EpisodeEndedError(
+                f"the episode has ended after {episode.steps} steps; call reset first"
+            )
+        push = self.spaces.push_of(action)
+        try:
+            after = world.push(push).after
+        except SainError as error:
+            verdict = episode.refuse(push, error)
+        else:
+            verdict = episode.execute(push, after)
+        return self._observe(), *verdict, episode.info()
+
+    def _observe(self) -> Any:
+        episode, config = self.episode, self.config
+        if config.observation == IMAGE:
+            return self.picture(config.image_size)
+        return self.spaces.state_of(episode.scene, episode.record.goal)
+
+    def picture(self, size: int) -> TopImage:
+        """Return the scene and the goal from above, (size, size, 3)."""
+        if size not in self._pictures:
+            self._pictures[size] = TopPicture(size)
+        return self._pictures[size].draw(self.episode.record, self.episode.scene)
+
+    def render(self) -> Any:
+        """Return the scene from above, (480, 480, 3); None without a `render_mode`."""
+        self._check_open()
+        return None if self.render_mode is None else self.picture(RENDER_SIZE)
+
+    def close(self) -> None:
+        """End the engine; a second call does nothing."""
+        self._closed = True
+        if self._world is not None:
+            self._world.close()
+            self._world = None
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise EnvironmentClosedError("the environment is closed; make another one")
+
+
+def _scene_of(options: dict[str, Any]) -> int | None:
+    """Return the scene that options of `reset` name, if any."""
+    if unknown := [name for name in options if name != SCENE]:
+        raise ConfigError(f"reset has no option {', '.join(map(repr, unknown))}; allowed: {SCENE}")
+    scene = options.get(SCENE)
+    if scene is None:
+        return None
+    if isinstance(scene, bool) or not isinstance(scene, int | np.integer) or scene < 0:
+        raise OutOfRangeError(f"the option {SCENE} is {scene!r}; allowed: whole numbers from 0 on")
+    return int(scene)

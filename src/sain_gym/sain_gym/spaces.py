@@ -1,0 +1,132 @@
+"""Actions and observations as arrays of fixed shapes, and pushes and scenes made from them.
+
+An action is a push (`sain_core.push`): location, angle and length. Where the tool may push several
+bodies, a fourth number names the body, rounded to the nearest whole number.
+
+A state is ``bodies`` (M, 8), the scene, and ``goal`` (M, 5): whether the body is wanted at a place,
+x, y, whether a heading is wanted, and the heading. M is the largest number of bodies of any scene
+of the scenario; rows of bodies that a scene lacks are zeros.
+"""
+
+from collections.abc import Sequence
+from math import pi
+from typing import Any, Final
+
+import numpy as np
+from gymnasium.spaces import Box, Dict
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.errors import InvalidInputError, OutOfRangeError
+from sain_core.push import BODY, LOCATION, PUSH_NAMES, PUSH_SIZE, PushLimits
+from sain_core.scene import STATE_SIZE, TARGET
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import PushArray, Scene
+from sain_eval.scenes.scenarios import SCENARIOS
+from sain_mppi.search.goal import Goal
+from sain_mppi.search.poses import PoseGoal
+
+COLUMNS: Final = (*PUSH_NAMES, "body")
+GOAL_SIZE: Final = 5
+MOST_BODIES_IN: Final = {"clutter": 5, "blocked": 4}  # of scenarios whose scenes differ in number
+FARTHEST: Final = 10.0  # [m], any coordinate: a body that falls off the table stays well within
+# x, y, theta, vx, vy, omega, mass, radius
+LARGEST: Final = (FARTHEST, FARTHEST, pi, 100.0, 100.0, 1000.0, 100.0, 0.2)
+SMALLEST: Final = (*(-value for value in LARGEST[:6]), 0.0, 0.0)
+GOAL_LARGEST: Final = (1.0, FARTHEST, FARTHEST, 1.0, pi)
+GOAL_SMALLEST: Final = (0.0, -FARTHEST, -FARTHEST, 0.0, -pi)
+
+
+class PushSpaces:
+    """The spaces of a scenario.
+
+    Attributes:
+        most: bodies of a scene, at most.
+        action: of pushes.
+        state: of scenes and goals.
+    """
+
+    def __init__(self, scenario: str, limits: PushLimits = PushLimits()) -> None:
+        """Make the spaces of a scenario with pushes within these limits."""
+        first = SCENARIOS[scenario].scene(0)
+        self.most = MOST_BODIES_IN.get(scenario, len(first.disks))
+        high = [pi, limits.max_angle, limits.max_length]
+        low = [-pi, -limits.max_angle, 0.0]
+        if Bodies.named(first.shapes, first.roles).pushable != (0,):
+            low, high = [*low, -0.5], [*high, self.most - 0.5]
+        self.action = Box(np.array(low), np.array(high), dtype=np.float64)
+        self.state = Dict(
+            {
+                "bodies": self._rows(SMALLEST, LARGEST),
+                "goal": self._rows(GOAL_SMALLEST, GOAL_LARGEST),
+            }
+        )
+
+    def _rows(self, low: Sequence[float], high: Sequence[float]) -> Box:
+        return Box(np.tile(low, (self.most, 1)), np.tile(high, (self.most, 1)), dtype=np.float64)
+
+    def push_of(self, action: Any) -> PushArray:
+        """Return the push (3,) or (4,) that an action stands for.
+
+        A number in single or half precision that equals a limit rounded to that precision is the
+        limit. The location -pi is pi.
+
+        Raises:
+            InvalidInputError: no array of numbers, another shape, NaN or Inf.
+            OutOfRangeError: a number outside its range.
+        """
+        push = self._numbers(action)
+        low, high = self.action.low, self.action.high
+        wrong = (push < low) | (push > high)
+        if wrong.any():
+            column = int(np.argmax(wrong))
+            raise OutOfRangeError(
+                f"{COLUMNS[column]} of the action is {push[column]:.6g}; allowed:"
+                f" {low[column]:.6g} to {high[column]:.6g}"
+            )
+        if push[LOCATION] == -pi:
+            push[LOCATION] = pi
+        if len(push) > PUSH_SIZE:
+            push[BODY] = min(np.floor(push[BODY] + 0.5), self.most - 1)
+        return push
+
+    def _numbers(self, action: Any) -> PushArray:
+        """Return an action as finite numbers of the right shape."""
+        given, names = np.asarray(action), ", ".join(COLUMNS[: self.action.shape[0]])
+        if given.dtype.kind not in "fiu" or given.shape != self.action.shape:
+            raise InvalidInputError(
+                f"the action is an array of {given.dtype} with shape {given.shape}; needed:"
+                f" numbers with shape {self.action.shape} ({names})"
+            )
+        push = given.astype(np.float64)
+        if not np.isfinite(push).all():
+            column = int(np.argmin(np.isfinite(push)))
+            raise InvalidInputError(
+                f"{COLUMNS[column]} of the action is {push[column]}; it must be finite"
+            )
+        if given.dtype.kind == "f":
+            for limit in (self.action.low, self.action.high):
+                push = np.where(given == limit.astype(given.dtype), limit, push)
+        return push
+
+    def action_of(self, push: PushArray) -> Float[ndarray, "C"]:
+        """Return the action (C,) that stands for a push (3,) or (4,)."""
+        size = self.action.shape[0]
+        return np.pad(push, (0, max(0, size - len(push))))[:size]
+
+    def state_of(self, scene: Scene, goal: Goal | PoseGoal) -> dict[str, ndarray]:
+        """Return a scene (N, 8) and a goal as they are observed."""
+        bodies = np.zeros((self.most, STATE_SIZE))
+        bodies[: len(scene)] = scene
+        return {"bodies": bodies, "goal": self.goal_of(goal)}
+
+    def goal_of(self, goal: Goal | PoseGoal) -> Float[ndarray, "M 5"]:
+        """Return a goal as it is observed."""
+        rows = np.zeros((self.most, GOAL_SIZE))
+        if not isinstance(goal, PoseGoal):
+            rows[TARGET, :3] = 1.0, *goal
+            return rows
+        for pose in goal.poses:
+            turned = pose.heading is not None
+            rows[pose.body] = 1.0, pose.x, pose.y, turned, pose.heading or 0.0
+        return rows

@@ -1,0 +1,204 @@
+"""The converter: poses of bodies, as a camera reports them, become `scene` and `shapes`."""
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from tf2_msgs.msg import TFMessage
+
+from sain_core.errors import ConfigError, DatasetError, InvalidInputError
+from sain_core.ros import codec
+from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
+from sain_core.ros.limits import shortened
+from sain_core.ros.node_main import NAMESPACE
+from sain_core.ros.ownership import Ownership
+from sain_core.ros.parameters import read_parameters
+from sain_core.ros.peers import publishers
+from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS
+from sain_core.ros.reception import Reception
+from sain_core.ros.state_file import StateFile
+from sain_core.ros.steady import steady_timer
+from sain_interfaces.msg import Bodies, Push, PushResult
+from sain_interfaces.msg import Scene as SceneMessage
+from sain_sim.perception.body_file import Poses, read_bodies
+from sain_sim.perception.frame_tree import FrameTree, check_pose, flat_pose
+from sain_sim.perception.scene_tracker import SceneTracker
+from sain_sim.perception.settings import PosesConfig
+
+OWNED = ("scene", "shapes")
+SINGLE = ("push_result", "poses")  # of which there must be one publisher, who may claim nothing
+LOOK = 0.1  # [s] between looks at the age of the poses
+LOOK_FOR_RIVALS = 0.5  # [s]
+CAMERA = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)  # hears reliable ones, too
+
+
+class PosesNode(Node):
+    """Follows the bodies and publishes them with the ids that a push names."""
+
+    def __init__(self, **options: Any) -> None:
+        """Read the bodies and wait for poses."""
+        super().__init__("poses_to_scene", namespace=NAMESPACE, **options)
+        self.config = config = read_parameters(self, PosesConfig)
+        if not config.bodies:
+            raise ConfigError("parameter 'bodies' is empty; give the YAML file of the bodies")
+        self.bodies = read_bodies(Path(config.bodies).expanduser())
+        self.ownership = Ownership(self, OWNED)
+        self.ownership.refuse(config.peer_wait)
+        self.state = StateFile(self, config.state_file)
+        ids = self._ids_left()
+        self.tracker = SceneTracker(self.bodies, config, ids)
+        self.kept, self.trouble, self.rival = ids, "", ""
+        self.last: SceneMessage | None = None
+        self.shapes_publisher = self.create_publisher(Bodies, "shapes", LATCHED)
+        self.scene_publisher = self.create_publisher(SceneMessage, "scene", RELIABLE)
+        self._listen()
+        steady_timer(self, LOOK, self._on_look)
+        steady_timer(self, LOOK_FOR_RIVALS, self._look_for_rivals)
+        self.ready = f"{len(self.bodies.names)} bodies, {self.source}"
+        if not self.bodies.weighed:
+            self.ready += "; not all masses are known: give planner and model unknown:=mass"
+
+    def _ids_left(self) -> tuple[int, int]:
+        """Return the ids of the process before; 0: there was none."""
+        left = self.state.read()
+        try:
+            return int(left.get("episode_id", 0)), int(left.get("scene_id", 0))
+        except (TypeError, ValueError) as error:
+            raise DatasetError(f"{self.state} is damaged: {error}; remove it") from error
+
+    def _listen(self) -> None:
+        self.reception = reception = Reception(self)
+        self.diagnostics = Diagnostics(self, "perception", more=lambda: reception.figures)
+        reception.listen(Push, "push", self._on_push, QUEUE)
+        reception.listen(PushResult, "push_result", self._on_result, QUEUE)
+        if self.bodies.frames:
+            self.source = "frames on /tf"
+            self.tree = FrameTree(self.config.frame)
+            reception.listen(TFMessage, "/tf", self._on_tf, TRANSFORMS, self._ignore)
+            static = partial(self._on_tf, static=True)
+            reception.listen(TFMessage, "/tf_static", static, LATCHED_QUEUE, self._ignore)
+        else:
+            self.source = f"poses on {self.resolve_topic_name('poses')}"
+            reception.listen(PoseArray, "poses", self._on_poses, CAMERA, self._ignore)
+
+    @property
+    def now(self) -> float:
+        """The time [s] by the clock of the headers."""
+        return float(self.get_clock().now().nanoseconds * 1e-9)
+
+    def _on_push(self, message: Push) -> None:
+        self.tracker.sent(message.push_id, message.episode_id, message.scene_id, self.now)
+
+    def _on_result(self, message: PushResult) -> None:
+        end = codec.decode_time(message.header.stamp)
+        self.tracker.answered(message.push_id, message.error_code, end)
+
+    def _on_poses(self, message: PoseArray) -> None:
+        if message.header.frame_id != self.config.frame:
+            raise InvalidInputError(
+                f"the poses are in frame {message.header.frame_id!r}; they must be in"
+                f" {self.config.frame!r}"
+            )
+        rows = []
+        for body, pose in enumerate(message.poses):
+            place, turn = pose.position, pose.orientation
+            given = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
+            what = f"the pose of body {body}"
+            rows.append(flat_pose(*check_pose(*given, what), what))
+        self._see(np.array(rows).reshape(-1, 3), codec.decode_time(message.header.stamp))
+
+    def _on_tf(self, message: TFMessage, static: bool = False) -> None:
+        for one in message.transforms:
+            place, turn = one.transform.translation, one.transform.rotation
+            stamp = np.inf if static else codec.decode_time(one.header.stamp)
+            given = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
+            self.tree.take(one.header.frame_id, one.child_frame_id, *given, stamp)
+        if static:
+            return
+        poses, stamps = zip(*(self.tree.pose(f) for f in self.bodies.frames), strict=True)
+        body = int(np.argmin(stamps))
+        if (age := self.now - stamps[body]) > self.config.max_age:
+            self.tracker.check_age(stamps[body], self.now)
+            frame = self.bodies.frames[body]
+            raise InvalidInputError(
+                f"{self.bodies.called(body)}, frame {frame!r}, was last seen {age:.1f} s ago"
+            )
+        self._see(np.stack(poses), float(min(stamps)))
+
+    def _see(self, poses: Poses, stamp: float) -> None:
+        if self.tracker.see(poses, stamp, self.now):
+            self.trouble = ""
+            self._publish()
+        self._report()
+
+    def _ignore(self, message: Any, error: BaseException) -> None:
+        self.trouble = shortened(str(error))
+        self._unsettle()
+        self._report()
+
+    def _publish(self) -> None:
+        """Publish what was seen, and the shapes at the start of an episode."""
+        tracker = self.tracker
+        ids = tracker.episode_id, tracker.scene_id
+        stamp = codec.encode_time(round(1e9 * tracker.stamp))
+        if ids != self.kept:
+            self.state.write(episode_id=ids[0], scene_id=ids[1])
+            self.kept = ids
+        if tracker.began:
+            self.shapes_publisher.publish(
+                codec.encode_bodies(
+                    self.bodies.bodies, self.bodies.radii, stamp=stamp, episode_id=ids[0]
+                )
+            )
+        settled = tracker.settled and not self.rival
+        if not tracker.ready or not self._is_due(ids, settled):
+            return
+        self.last = codec.encode_scene(
+            tracker.scene(), stamp=stamp, episode_id=ids[0], scene_id=ids[1], settled=settled
+        )
+        self.scene_publisher.publish(self.last)
+
+    def _is_due(self, ids: tuple[int, int], settled: bool) -> bool:
+        """Tell whether to publish a scene: at most at the rate, and each change at once."""
+        last = self.last
+        if last is None or (last.episode_id, last.scene_id, last.settled) != (*ids, settled):
+            return True
+        since = self.tracker.stamp - codec.decode_time(last.header.stamp)
+        return not 0.0 <= since < 0.9 / self.config.rate
+
+    def _unsettle(self) -> None:
+        """Let nobody push any more from what was published last."""
+        if self.last is not None and self.last.settled:
+            self.last.settled = False
+            self.scene_publisher.publish(self.last)
+
+    def _on_look(self) -> None:
+        self.tracker.look(self.now)
+        if self.tracker.problem or self.tracker.busy_with:
+            self._unsettle()
+        self._report()
+
+    def _look_for_rivals(self) -> None:
+        self.rival = self.ownership.rival()
+        for topic in SINGLE:
+            if len(found := sorted(publishers(self, topic, 0.0))) > 1:
+                what = f"{' and '.join(found)} publish {self.resolve_topic_name(topic)}"
+                self.rival = f"{what}; there must be one: stop the other"
+        if self.rival:
+            self._unsettle()
+        self._report()
+
+    def _report(self) -> None:
+        tracker = self.tracker
+        ids = {"episode": tracker.episode_id, "scene": tracker.scene_id}
+        problem = self.trouble or tracker.problem
+        if self.rival:
+            self.diagnostics.set(ERROR, self.rival, **ids)
+        elif problem or tracker.lost:
+            self.diagnostics.set(WARN, problem or tracker.lost, **ids)
+        else:
+            self.diagnostics.set(OK, "follows the bodies", push=tracker.busy_with, **ids)

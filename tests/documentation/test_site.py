@@ -1,0 +1,132 @@
+"""The site: built without warnings, every link leads somewhere, and a browser needs no network."""
+
+import functools
+import subprocess
+import sys
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+from urllib.parse import unquote, urldefrag, urljoin, urlsplit
+
+import pytest
+from selenium.webdriver.support.ui import WebDriverWait
+
+from tests.paths import ROOT
+from tests.sain_bags.browser import Browser, opened_browser
+
+BUILD = ("mkdocs", "build", "--strict", "--config-file", "tools/site/mkdocs.yml", "--site-dir")
+SHOWN = ("", "guides/recorder/", "reference/results/", "reference/parameters/",
+         "reference/commands/sain_eval/", "reference/messages/", "reference/api/sain_core/",
+         "explanation/architecture/", "explanation/paper/", "decisions/")  # fmt: skip
+
+
+class Page(HTMLParser):
+    """The links, resources and anchors of a page."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.resources: list[str] = []
+        self.anchors: set[str] = set()
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        has = {name: value or "" for name, value in attrs}
+        self.anchors |= {has[name] for name in ("id", "name") if name in has}
+        if tag == "a" and "href" in has:
+            self.links.append(has["href"])
+        if tag in ("script", "img", "iframe") and "src" in has:
+            self.resources.append(has["src"])
+        if tag == "link" and has.get("rel") in ("stylesheet", "icon", "preconnect"):
+            self.resources.append(has["href"])
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built as `make docs` builds it."""
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", *BUILD, folder], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert "WARNING " not in done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages(site: Path) -> dict[str, Page]:
+    """Every page, by its address in the site."""
+    found = {path: str(path.relative_to(site)) for path in site.rglob("*.html")}
+    return {name.removesuffix("index.html"): Page(path) for path, name in found.items()}
+
+
+@pytest.fixture(scope="module")
+def address(site: Path) -> Iterator[str]:
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_: object) -> None:
+            pass
+
+    handler = functools.partial(Quiet, directory=str(site))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/"
+        server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with opened_browser() as browser:
+        yield browser
+
+
+def test_every_page_of_docs_is_in_the_site(pages: dict[str, Page]) -> None:
+    for path in (ROOT / "docs").rglob("*.md"):
+        name = str(path.relative_to(ROOT / "docs").with_suffix("")) + "/"
+        assert name.removesuffix("index/") in pages
+
+
+def test_every_link_and_anchor_leads_somewhere(site: Path, pages: dict[str, Page]) -> None:
+    wrong = []
+    for name, page in pages.items():
+        for link in page.links + page.resources:
+            target, anchor = urldefrag(urljoin(f"http://site/{name}", link))
+            if urlsplit(target).netloc != "site" or name == "404.html":
+                continue
+            path = unquote(urlsplit(target).path).lstrip("/")
+            there = pages.get(path)
+            lost = there is None and not (site / path).is_file()
+            if lost or (there and anchor and unquote(anchor) not in there.anchors):
+                wrong.append(f"{name}: {link}")
+    assert len(pages) > 90
+    assert wrong == []
+
+
+def test_no_resource_is_elsewhere(pages: dict[str, Page]) -> None:
+    elsewhere = [one for page in pages.values() for one in page.resources if "//" in one]
+    assert elsewhere == []
+
+
+@pytest.mark.parametrize("width", [390, 1366])
+@pytest.mark.parametrize("name", SHOWN)
+def test_a_page_fits_and_asks_nobody_else(
+    browser: Browser, address: str, name: str, width: int
+) -> None:
+    browser.open(address + name, width=width)
+    assert browser.complaints() == []
+    assert [asked for asked in browser.requests() if not asked.startswith((address, "data:"))] == []
+    assert browser.run("return document.documentElement.scrollWidth - window.innerWidth") <= 0
+
+
+def test_a_search_finds_a_parameter(browser: Browser, address: str) -> None:
+    browser.open(f"{address}?q=result_patience")
+    found = "return [...document.querySelectorAll('.md-search-result a')].map((a) => a.href)"
+    WebDriverWait(browser.chrome, 20).until(lambda _: browser.run(found))
+    assert any("reference/parameters/" in link for link in browser.run(found))
+
+
+def test_a_mark_is_a_note_below_its_block(site: Path) -> None:
+    page = (site / "guides" / "bags" / "index.html").read_text(encoding="utf-8")
+    assert '<p class="not-tested">Not tested: takes minutes.</p>' in page
+    assert "<!-- not tested" not in page

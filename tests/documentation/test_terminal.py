@@ -1,0 +1,82 @@
+"""Commands of README in a terminal: a graph is started, looked at, driven and recorded."""
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from sain_bags.reading.reader import Bag
+from sain_bringup.graph import executable
+
+pytestmark = pytest.mark.system
+PATIENCE = 90.0  # [s]
+Run = Callable[..., str]
+
+
+@contextmanager
+def started(folder: Path, log: str, package: str, name: str, *words: str) -> Iterator[Path]:
+    """Start a command in a folder, and end it as Ctrl-C does; its output is in a file."""
+    path = folder / log
+    with path.open("w") as output:
+        process = subprocess.Popen(
+            [executable(package, name), *words], cwd=folder, stdout=output, stderr=output
+        )
+        try:
+            yield path
+        finally:
+            process.send_signal(signal.SIGINT)
+            code = process.wait(PATIENCE)
+    assert code in (0, 130), path.read_text()
+
+
+@pytest.fixture(scope="module")
+def place(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder in which a graph runs."""
+    folder = tmp_path_factory.mktemp("terminal")
+    with started(folder, "graph.log", "sain_bringup", "graph", "--model", "planar"):
+        yield folder
+    assert all(Bag(path).message_count for path in (folder / "bags").iterdir())
+
+
+@pytest.fixture(scope="module")
+def run(place: Path) -> Run:
+    """Runs a command to its end and returns what it prints."""
+
+    def run(package: str, name: str, *words: str) -> str:
+        done = subprocess.run(
+            [executable(package, name), *words], cwd=place, capture_output=True, text=True,
+            timeout=PATIENCE, env={**os.environ, "COLUMNS": "200"},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    return run
+
+
+def test_a_topic_is_printed(run: Run) -> None:
+    assert "settled" in run("sain_bringup", "watch", "scene", "--count", "1", "--timeout", "60")
+
+
+def test_a_push_is_sent_and_its_result_printed(run: Run) -> None:
+    said = run("sain_bringup", "push", "--location", "0", "--length", "0.10", "--timeout", "60")
+    assert "mm" in said
+
+
+def test_a_goal_is_reached_and_recorded(run: Run, place: Path) -> None:
+    recording = place / "bags" / "mine"
+    with (
+        started(place, "record.log", "sain_bags", "record", "--out", str(recording)),
+        started(place, "watch.log", "sain_bringup", "watch", "plan"),
+    ):
+        deadline = time.monotonic() + PATIENCE
+        while not recording.exists():
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        said = run("sain_bringup", "goal", "0.6", "0.1", "--timeout", "60")
+    assert "reached" in said
+    assert "/sain/scene" in {topic.name for topic in Bag(recording).topics}

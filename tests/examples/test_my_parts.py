@@ -1,0 +1,120 @@
+"""The package of `examples/my_parts`: its shape, cost, planner and scenario, installed and run."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from sain_bringup.graph import executable
+from tests.examples.installing import fails, install, run
+
+BROKEN = {
+    "sain.planners": ("bad_planner", "def bad_planner(search, start, generator): 1 / 0"),
+    "sain.costs": ("bad_cost", "def bad_cost(rollout, objective): return rollout.pushes"),
+    "sain.scenarios": ("bad_scenario", "bad_scenario = 3"),
+}
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The variables of processes for which the packages are installed, and for no others."""
+    folder = tmp_path_factory.mktemp("parts")
+    variables = install("my_parts", folder)
+    package = folder / "site" / "broken_parts-0.3.dist-info"
+    package.mkdir()
+    (package / "METADATA").write_text("Metadata-Version: 2.1\nName: broken-parts\nVersion: 0.3\n")
+    offers = [(group, name) for group, (name, _) in BROKEN.items()]
+    points = "".join(f"[{group}]\n{name} = broken_parts:{name}\n" for group, name in offers)
+    (package / "entry_points.txt").write_text(points)
+    code = "\n".join(code for _, code in BROKEN.values())
+    (folder / "site" / "broken_parts.py").write_text(code + "\n")
+    return variables
+
+
+def evaluate(*arguments: object) -> list[str]:
+    small = ["--scenes", "1", "--controllers", "planar", "--planner.samples", "64"]
+    return [str(executable("sain_eval", "evaluate")), *small, *map(str, arguments)]
+
+
+def test_all_four_play_together(environment: dict[str, str], tmp_path: Path) -> None:
+    out = tmp_path / "results"
+    arguments = ["--scenario", "my_scenario", "--planner.algorithm", "my_planner"]
+    run(environment, evaluate(*arguments, "--planner.weights.more", "my_centre:0.5", "--out", out))
+    results = json.loads((out / "results.json").read_text())
+    assert {row["scenario"] for row in results["summary"]} == {"my_scenario"}
+    assert [row["successes"] for row in results["summary"]] == [1, 1]
+
+
+def test_a_shape_is_pushed(environment: dict[str, str], tmp_path: Path) -> None:
+    collect = [str(executable("sain_sim", "collect")), "--episodes", "1", "--target", "my_arrow"]
+    run(environment, collect, "--seed", 1, "--out", tmp_path / "data")
+
+
+def test_the_new_terms_count_where_nothing_is_done(environment: dict[str, str]) -> None:
+    lines = (
+        "import numpy as np; from sain_core.scene import make_scene;"
+        " from sain_core.feasibility import Feasibility;"
+        " from sain_mppi.search.cost_weights import CostWeights;"
+        " from sain_mppi.search.objective import make_objective;"
+        " scene = make_scene(np.array([[0.4, 0.0], [0.6, 0.3]]), np.ones(2), np.full(2, 0.05));"
+        " goal = np.array([0.6, 0.3]);"
+        " costs = [make_objective(goal, scene, CostWeights(more=m), Feasibility(), None)"
+        ".rest_cost(scene) for m in ('', 'my_centre:2.0')];"
+        " print(round(costs[1] - costs[0], 6))"
+    )
+    assert run(environment, [sys.executable, "-c", lines]).strip() == str(
+        round(2.0 * (0.1**2 + 0.3**2) ** 0.5, 6)
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["--planner.algorithm", "my_planer"],
+            "planner 'my_planer' is unknown (did you mean 'my_planner'?); known: bad_planner, ",
+        ),
+        (
+            ["--planner.weights.more", "my_center:1"],
+            "cost 'my_center' is unknown (did you mean 'my_centre'?); known: bad_cost, my_centre",
+        ),
+        (
+            ["--planner.weights.more", "my_centre"],
+            "more is 'my_centre'; allowed: NAME:WEIGHT with commas",
+        ),
+        (
+            ["--scenario", "my_senario"],
+            "scenario 'my_senario' is unknown (did you mean 'my_scenario'?); known: anywhere",
+        ),
+        (
+            ["--scenario", "bad_scenario"],
+            "scenario 'bad_scenario' of package broken-parts 0.3: broken_parts:bad_scenario is a",
+        ),
+    ],
+)
+def test_what_is_wrong_is_named(
+    environment: dict[str, str], tmp_path: Path, arguments: list[str], message: str
+) -> None:
+    assert message in fails(environment, evaluate(*arguments, "--out", tmp_path / "results"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["--planner.algorithm", "bad_planner"],
+            "planner 'bad_planner' of package broken-parts 0.3 failed: ZeroDivisionError:",
+        ),
+        (
+            ["--planner.weights.more", "bad_cost:1"],
+            "cost 'bad_cost' of package broken-parts 0.3: it returned the shape (",
+        ),
+    ],
+)
+def test_a_package_that_fails_is_the_reason_of_a_failed_episode(
+    environment: dict[str, str], tmp_path: Path, arguments: list[str], message: str
+) -> None:
+    out = tmp_path / "results"
+    run(environment, evaluate("--scenario", "paper", *arguments, "--out", out))
+    assert message in (out / "failures.md").read_text()

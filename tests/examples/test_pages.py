@@ -1,0 +1,65 @@
+"""The pages about parts of one's own: their code is that of the examples, and it suffices."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+from sain_bringup.graph import executable
+from tests.examples.installing import install_folder, run
+from tests.paths import ROOT
+
+PARTS = ROOT / "examples" / "my_parts"
+CODE = {
+    "model": ROOT / "examples" / "my_model" / "my_model.py",
+    **{
+        name: PARTS / "my_parts" / f"{name}.py" for name in ("shape", "cost", "planner", "scenario")
+    },
+}
+LONGEST = 75  # lines of a page: a screen, with its code
+
+
+def block(page: str, language: str) -> str:
+    text = (ROOT / "docs" / f"your_{page}.md").read_text()
+    found = re.search(rf"^```{language}\n(.*?)^```", text, re.M | re.S)
+    assert found is not None, f"docs/your_{page}.md has no {language}"
+    return found[1]
+
+
+def without_docstrings(code: str) -> str:
+    """Return what code does."""
+    tree = ast.parse(code)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(
+            node
+        ):
+            node.body = node.body[1:]
+    return ast.dump(tree)
+
+
+@pytest.mark.parametrize("page", CODE)
+def test_a_page_shows_the_code_of_its_example(page: str) -> None:
+    assert without_docstrings(block(page, "python")) == without_docstrings(CODE[page].read_text())
+    toml = block(page, "toml").splitlines()
+    project = (CODE[page].parent / "pyproject.toml", PARTS / "pyproject.toml")[page != "model"]
+    assert set(filter(None, toml)) - {"# pyproject.toml"} <= set(project.read_text().splitlines())
+
+
+@pytest.mark.parametrize("page", [*CODE, "robot"])
+def test_a_page_is_a_screen(page: str) -> None:
+    assert len((ROOT / "docs" / f"your_{page}.md").read_text().splitlines()) <= LONGEST
+
+
+def test_a_model_that_is_written_from_its_page_alone_is_evaluated(tmp_path: Path) -> None:
+    folder = tmp_path / "my_model"
+    folder.mkdir()
+    code = block("model", "python")
+    assert len(code.strip().splitlines()) <= 30
+    (folder / "my_model.py").write_text(code)
+    (folder / "pyproject.toml").write_text(block("model", "toml"))
+    environment = install_folder(folder, tmp_path / "site")
+    arguments = ["--controllers", "my_model", "--scenes", 1, "--scenario", "paper"]
+    evaluate = [str(executable("sain_eval", "evaluate"))]
+    out = tmp_path / "results"
+    assert "my_model" in run(environment, evaluate, *arguments, "--out", out)

@@ -1,0 +1,1 @@
+"""The views for RViz and Foxglove: they name what these have and what the graph publishes."""

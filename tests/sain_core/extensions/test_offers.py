@@ -1,0 +1,91 @@
+"""What packages offer by entry points: found by name, checked, and blamed if it fails."""
+
+import sys
+from importlib.metadata import EntryPoint
+from types import ModuleType
+
+import pytest
+
+from sain_core.errors import ConfigError, NoPushError
+from sain_core.extensions import offers
+from sain_core.extensions.offers import Offers
+
+GROUP = "sain.toys"
+
+
+class Package:
+    """The part of a `Distribution` that is shown."""
+
+    name, version = "their-toys", "1.2"
+
+
+@pytest.fixture
+def toys(monkeypatch: pytest.MonkeyPatch) -> Offers:
+    module = ModuleType("toys")
+    module.ball = lambda size: 1 / size  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "toys", module)
+    entries = [
+        EntryPoint("ball", "toys:ball", GROUP),
+        EntryPoint("none", "toys:none", GROUP),
+        EntryPoint("twice", "toys:ball", GROUP),
+        EntryPoint("twice", "more:ball", GROUP),
+    ]
+    for entry in entries:
+        vars(entry)["dist"] = Package
+    monkeypatch.setattr(offers, "entry_points", lambda group: entries if group == GROUP else [])
+    return Offers(GROUP, "toy", ("kite",))
+
+
+def test_names_are_those_that_are_built_in_and_offered(toys: Offers) -> None:
+    assert toys.names() == ["ball", "kite", "none", "twice"]
+    for name in ("ball", "kite"):
+        toys.check(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("bal", r"toy 'bal' is unknown \(did you mean 'ball'\?\); known: ball, kite, none, twice$"),
+        (
+            "twice",
+            r"toy 'twice' is offered by package their-toys 1.2 \(toys:ball\) and package their-toys"
+            r" 1.2 \(more:ball\); uninstall one of them",
+        ),
+    ],
+)
+def test_a_name_that_leads_nowhere_is_explained(toys: Offers, name: str, message: str) -> None:
+    for look in (toys.check, toys.find):
+        with pytest.raises(ConfigError, match=message):
+            look(name)
+
+
+def test_a_package_that_cannot_be_loaded_is_named(toys: Offers) -> None:
+    message = (
+        "toy 'none' of package their-toys 1.2 cannot be loaded: AttributeError: .*; repair or"
+        " uninstall that package. Other toys: ball, kite, twice"
+    )
+    with pytest.raises(ConfigError, match=message):
+        toys.load(toys.find("none"))
+
+
+def test_a_function_that_fails_names_its_package(toys: Offers) -> None:
+    entry = toys.find("ball")
+    ball = toys.guarded(entry, toys.load(entry))
+    assert ball(2) == 0.5
+    message = "toy 'ball' of package their-toys 1.2 failed: ZeroDivisionError: division by zero"
+    with pytest.raises(ConfigError, match=message):
+        ball(0)
+
+
+def test_an_error_of_ours_stays_what_it_is(toys: Offers) -> None:
+    def refuse() -> None:
+        raise NoPushError("none")
+
+    with pytest.raises(NoPushError):
+        toys.guarded(toys.find("ball"), refuse)()
+
+
+def test_where_nobody_offers_anything_that_is_said() -> None:
+    message = "known: none: no installed package has the entry points 'sain.nothing'"
+    with pytest.raises(ConfigError, match=message):
+        Offers("sain.nothing", "thing").check("any")

@@ -1,0 +1,113 @@
+"""The agent behind the environment's interface plays as an evaluation does."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+from sain_core.errors import ConfigError, NoPushError
+from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
+from sain_eval.loop.controllers import agent_maker
+from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.shape_scenarios import StreakScenario
+from sain_eval.tolerance import Tolerance
+from sain_gym import AgentPolicy
+from sain_gym.push_env import PushEnv
+from sain_sim.episodes.truth import TruthConfig
+from tests.sain_gym.playing import MakeEnv
+
+
+def play(env: PushEnv, policy: AgentPolicy, seed: int) -> tuple[list[np.ndarray], dict]:
+    """Play an episode until it ends or the policy has no push; return pushes and information."""
+    observation, info = env.reset(seed=seed)
+    pushes, over = [], False
+    while not over:
+        try:
+            action = policy(observation, info)
+        except NoPushError:
+            break
+        observation, _, terminated, truncated, info = env.step(action)
+        if not info["refusal"]:
+            pushes.append(env.episode.answer.push)
+        over = terminated or truncated
+    return pushes, info
+
+
+def evaluated(env: PushEnv, controller: str, seed: int) -> EpisodeOutcome:
+    """Play the same episode as an evaluation does."""
+    truth = TruthConfig(engine=env.config.engine)
+    case = SCENARIOS[env.config.scenario].scene(seed).within(truth)
+    return run_episode(case, agent_maker(controller)(case), Tolerance(env.config.tolerance))
+
+
+@pytest.mark.parametrize(
+    ("scenario", "engine", "controller", "seed"),
+    [
+        ("anywhere", "bullet", "planar", 0),
+        ("anywhere", "mujoco", "planar", 1),
+        ("anywhere", "bullet", "sain", 2),
+        ("push_t", "bullet", "planar", 0),
+        ("rearrange_2", "bullet", "planar", 0),
+        ("anywhere", "bullet", "random", 0),
+        ("paper_shift", "bullet", "straight", 0),
+    ],
+)
+def test_pushes_and_success_are_those_of_an_evaluation(
+    make: MakeEnv, scenario: str, engine: str, controller: str, seed: int
+) -> None:
+    env = make(scenario=scenario, engine=engine)
+    pushes, info = play(env, AgentPolicy(env, controller), seed)
+    outcome = evaluated(env, controller, seed)
+    assert [push.tolist() for push in pushes] == [
+        record.push.tolist() for record in outcome.record.pushes
+    ]
+    assert env.scene.tobytes() == outcome.final.tobytes()
+    assert info["is_success"] == (outcome.failure == "")
+    assert pushes and info["is_success"] == (controller in ("planar", "sain"))
+    assert info["refusals"] == outcome.refusals
+
+
+def test_it_teaches_from_images_and_in_wrappers(make: MakeEnv) -> None:
+    env = gymnasium.make("sain/Push-v0", observation="image")
+    wrapped = gymnasium.wrappers.RescaleObservation(env, np.float32(0), np.float32(1))
+    alone = make()
+    first, second = AgentPolicy(wrapped, "planar"), AgentPolicy(alone, "planar")
+    observation, info = wrapped.reset(seed=4)
+    assert first(observation, info).tobytes() == second(*alone.reset(seed=4)).tobytes()
+    wrapped.close()
+
+
+def test_asked_twice_it_answers_the_same(make: MakeEnv) -> None:
+    env = make()
+    policy = AgentPolicy(env, "planar")
+    state = env.reset(seed=4)
+    first = policy(*state)
+    kept = first.tolist()
+    first[:] = 0.0
+    assert policy(*state).tolist() == kept
+
+
+def test_goals_in_a_row_are_those_of_an_evaluation(
+    make: MakeEnv, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(SCENARIOS, "streak", StreakScenario(goals=3))
+    env = make(scenario="streak")
+    pushes, info = play(env, AgentPolicy(env, "planar"), seed=0)
+    outcome = evaluated(env, "planar", seed=0)
+    assert [push.tolist() for push in pushes] == [
+        record.push.tolist() for goal in outcome.records for record in goal.pushes
+    ]
+    assert (info["goals_reached"], info["is_success"], outcome.failure) == (3, True, "")
+
+
+def test_without_a_push_it_states_why(make: MakeEnv) -> None:
+    env = make()
+    policy = AgentPolicy(env, "null")
+    with pytest.raises(NoPushError, match=r"no push for this scene: .* never pushes"):
+        policy(*env.reset(seed=0))
+
+
+def test_other_environments_and_controllers_are_refused(make: MakeEnv) -> None:
+    with pytest.raises(ConfigError, match="the agent plays sain/Push-v0, not CartPoleEnv"):
+        AgentPolicy(gymnasium.make("CartPole-v1"))
+    with pytest.raises(ConfigError, match="'nobody' is unknown"):
+        AgentPolicy(make(), "nobody")

@@ -1,0 +1,104 @@
+"""The environment is one by Gymnasium's own check, and the same in any process."""
+
+import subprocess
+import sys
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from sain_eval.scenes.scenarios import SCENARIOS
+from sain_gym.push_env import FIRST_DRAWN
+from tests.sain_gym.playing import MakeEnv, digest, played, random_actions
+
+UNITS = "we recommend using a symmetric and normalized space"  # ours are metres and radians
+FRESH = """
+import sys, gymnasium
+from tests.sain_gym.playing import digest, played, random_actions
+env = gymnasium.make("sain_gym:sain/Push-v0", scenario="anywhere").unwrapped
+print(digest(played(env, 3, random_actions(env, 12))))
+print(sorted({"torch", "numba", "matplotlib", "rclpy"} & set(sys.modules)))
+"""
+
+
+def check(env: gymnasium.Env) -> None:
+    """Check an environment; all warnings but that about units are errors."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=f".*{UNITS}")
+        check_env(env)
+
+
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+@pytest.mark.parametrize("observation", ["state", "image"])
+def test_gymnasiums_check_passes(make: MakeEnv, observation: str, engine: str) -> None:
+    check(make(observation=observation, engine=engine, render_mode="rgb_array"))
+
+
+@pytest.mark.parametrize("scenario", sorted(SCENARIOS))
+def test_gymnasiums_check_passes_in_each_scenario(make: MakeEnv, scenario: str) -> None:
+    check(make(scenario=scenario))
+
+
+@pytest.mark.parametrize("scenario", sorted(SCENARIOS))
+def test_what_is_observed_lies_in_the_space(make: MakeEnv, scenario: str) -> None:
+    env = make(scenario=scenario)
+    for action in random_actions(env, 8):
+        observation, _ = env.reset()
+        assert observation in env.observation_space
+        assert env.step(action)[0] in env.observation_space
+
+
+def test_the_seed_is_the_scene_of_an_evaluation(make: MakeEnv) -> None:
+    env = make(scenario="push_t")
+    observation, info = env.reset(seed=7)
+    case = SCENARIOS["push_t"].scene(7)
+    assert info["scene_seed"] == 7
+    assert np.array_equal(observation["bodies"], case.disks)
+    pose = case.goal.poses[0]
+    assert observation["goal"].tolist() == [[1.0, pose.x, pose.y, 1.0, pose.heading]]
+    assert env.case.seed == 7
+
+
+def test_scenes_that_are_drawn_are_none_of_an_evaluation(make: MakeEnv) -> None:
+    env = make()
+    env.reset(seed=7)
+    drawn = [env.reset()[1]["scene_seed"] for _ in range(5)]
+    assert min(drawn) >= FIRST_DRAWN
+    assert len(set(drawn)) == 5
+    env.reset(seed=7)
+    assert [env.reset()[1]["scene_seed"] for _ in range(5)] == drawn
+    assert env.reset(options={"scene": 12})[1]["scene_seed"] == 12
+
+
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+@pytest.mark.parametrize("observation", ["state", "image"])
+def test_the_same_seed_and_actions_give_the_same_bytes(
+    make: MakeEnv, observation: str, engine: str
+) -> None:
+    first, second = (make(observation=observation, engine=engine) for _ in range(2))
+    actions = random_actions(first, 12)
+    steps = played(first, 3, actions)
+    assert digest(steps) == digest(played(second, 3, actions)) == digest(played(first, 3, actions))
+    assert digest(steps) != digest(played(first, 4, actions))
+    assert any(step[-1]["pushes"] for step in steps)
+
+
+def test_a_fresh_process_gives_the_same_bytes_and_loads_no_planner(make: MakeEnv) -> None:
+    env = make()
+    command = [sys.executable, "-c", FRESH]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split("\n")[:2] == [digest(played(env, 3, random_actions(env, 12))), "[]"]
+
+
+def test_an_image_is_rendered_only_when_asked_for(make: MakeEnv) -> None:
+    env = make()
+    env.reset(seed=0)
+    assert env.render() is None
+    env = make(render_mode="rgb_array")
+    env.reset(seed=0)
+    image = env.render()
+    assert (image.shape, image.dtype) == ((480, 480, 3), np.uint8)

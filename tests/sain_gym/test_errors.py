@@ -1,0 +1,151 @@
+"""Bad input is refused with what was wrong and what is allowed, and changes nothing."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
+
+from sain_core.errors import ConfigError, ErrorCode, InvalidInputError, OutOfRangeError, SainError
+from tests.sain_gym.playing import MakeEnv
+
+AHEAD = np.array([0.0, 0.0, 0.1])
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("action", "kind", "message"),
+    [
+        ([0.0, NAN, 0.1], InvalidInputError, "angle of the action is nan; it must be finite"),
+        ([0.0, 0.0, np.inf], InvalidInputError, "length of the action is inf"),
+        ([0.0, 0.1], InvalidInputError, r"shape \(2,\); needed: numbers with shape \(3,\) \(loc"),
+        ([[0.0, 0.0, 0.1]], InvalidInputError, r"shape \(1, 3\); needed"),
+        (["a", "b", "c"], InvalidInputError, "an array of <U1"),
+        ([None, 0.0, 0.1], InvalidInputError, "an array of object"),
+        ([True, False, True], InvalidInputError, "an array of bool"),
+        ([1j, 0.0, 0.1], InvalidInputError, "an array of complex128"),
+        ([3.2, 0.0, 0.1], OutOfRangeError, "location of the action is 3.2; allowed: -3.14159 to"),
+        ([0.0, -0.8, 0.1], OutOfRangeError, "angle of the action is -0.8; allowed: -0.785398 to"),
+        ([0.0, 0.0, -0.01], OutOfRangeError, "length of the action is -0.01; allowed: 0 to 0.15"),
+        ([0.0, 0.0, 1e300], OutOfRangeError, r"length of the action is 1e\+300"),
+    ],
+)  # fmt: skip
+def test_a_bad_action_moves_nothing(
+    make: MakeEnv, action: Any, kind: type[SainError], message: str
+) -> None:
+    env = make(scenario="paper")
+    env.reset(seed=0)
+    before = env.scene
+    with pytest.raises(kind, match=message):
+        env.step(np.array(action))
+    assert env.scene.tobytes() == before.tobytes()
+    assert env.episode.steps == 0
+    assert env.step(AHEAD)[4]["pushes"] == 1
+
+
+def test_a_body_that_does_not_exist(make: MakeEnv) -> None:
+    env = make(scenario="rearrange_2")
+    env.reset(seed=0)
+    with pytest.raises(OutOfRangeError, match=r"body of the action is 2; allowed: -0.5 to 1.5"):
+        env.step(np.array([0.0, 0.0, 0.1, 2.0]))
+
+
+def test_a_refused_push_moves_nothing_and_costs(make: MakeEnv) -> None:
+    env = make(scenario="paper", refusal_cost=0.25)
+    _, info = env.reset(seed=0)
+    before = env.scene
+    towards_the_base = np.array([np.pi, 0.0, 0.1])  # the tool would start inside the target
+    _, reward, terminated, truncated, after = env.step(towards_the_base)
+    assert env.scene.tobytes() == before.tobytes()
+    assert reward == -(info["distance"] + 0.25)
+    assert (terminated, truncated) == (False, False)
+    assert after["refusal_code"] == ErrorCode.BLOCKED
+    assert "the tool would pass another body" in after["refusal"]
+    assert (after["pushes"], after["refusals"]) == (0, 1)
+
+
+def test_a_push_against_a_body_that_may_not_be_touched_is_refused(make: MakeEnv) -> None:
+    env = make(scenario="blocked")
+    env.reset(seed=0)
+    *_, info = env.step(np.array([0.0, 0.0, 0.1, 1.0]))
+    assert info["refusal_code"] == ErrorCode.OUT_OF_RANGE
+    assert "body 1, which is movable; pushable are: 0, 2" in info["refusal"]
+
+
+def test_a_step_before_the_first_episode(make: MakeEnv) -> None:
+    env = make()
+    with pytest.raises(ResetNeeded, match="no episode has begun; call reset first"):
+        env.step(AHEAD)
+    with pytest.raises(ResetNeeded):
+        gymnasium.make("sain/Push-v0").step(AHEAD)
+
+
+def test_a_step_after_the_end(make: MakeEnv) -> None:
+    env = make(scenario="paper")
+    env.reset(seed=0)
+    while not env.episode.over:
+        env.step(np.array([np.pi, 0.0, 0.1]))
+    before = env.scene
+    with pytest.raises(ResetNeeded, match="the episode has ended after 10 steps; call reset") as e:
+        env.step(AHEAD)
+    assert isinstance(e.value, SainError)
+    assert env.scene.tobytes() == before.tobytes()
+    env.reset()
+    env.step(AHEAD)
+
+
+def test_closing_twice_is_allowed_and_use_after_it_is_not(make: MakeEnv) -> None:
+    env = make(render_mode="rgb_array")
+    env.reset(seed=0)
+    env.close()
+    env.close()
+    for call in (env.reset, env.render, lambda: env.step(AHEAD)):
+        with pytest.raises(ClosedEnvironmentError, match="is closed; make another one") as caught:
+            call()
+        assert isinstance(caught.value, SainError)
+    make().close()  # before any episode
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"scenario": "nowhere"}, "scenario is 'nowhere'; allowed: 'paper', "),
+        ({"scenario": 3}, "scenario is 3"),
+        ({"engine": "havok"}, "engine is 'havok'; allowed: 'bullet', 'mujoco'"),
+        ({"observation": "pixels"}, "observation is 'pixels'; allowed: 'state', 'image'"),
+        ({"tolerance": NAN}, "tolerance is nan; it must be finite"),
+        ({"tolerance": 0.2}, "tolerance is 0.2 m; it must be at most 0.075 m"),
+        ({"tolerance": "2 cm"}, "tolerance is '2 cm'; it must be of type float"),
+        ({"turn": -0.1}, "turn is -0.1 rad; it must be at least 0.0 rad"),
+        ({"image_size": 9}, "image_size is 9 px; it must be at least 16 px"),
+        ({"image_size": 96.5}, "image_size is 96.5; it must be of type int"),
+        ({"goal": 1}, "no setting goal; allowed: scenario, engine, .*, render_mode"),
+        ({"engine": "mujoco", "world": "rough"}, "engine mujoco cannot simulate direction"),
+        ({"render_mode": "ansi"}, "render_mode is 'ansi'; allowed: None, 'rgb_array'"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:.*render_mode")
+def test_bad_settings(make: MakeEnv, settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        make(**settings)
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "message"),
+    [
+        ({"scene": -1}, OutOfRangeError, "the option scene is -1; allowed: whole numbers from 0"),
+        ({"scene": 1.5}, OutOfRangeError, "the option scene is 1.5"),
+        ({"scene": True}, OutOfRangeError, "the option scene is True"),
+        ({"goal": 1}, ConfigError, "reset has no option 'goal'; allowed: scene"),
+    ],
+)
+def test_bad_options(
+    make: MakeEnv, options: dict[str, Any], kind: type[SainError], message: str
+) -> None:
+    env = make()
+    env.reset(seed=1)
+    before = env.scene
+    with pytest.raises(kind, match=message):
+        env.reset(options=options)
+    assert env.scene.tobytes() == before.tobytes()

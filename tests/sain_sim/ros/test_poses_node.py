@@ -1,0 +1,167 @@
+"""The converter of poses: frames on /tf and arrays become scenes, or it is said why not."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import (
+    Point,
+    Pose,
+    PoseArray,
+    Quaternion,
+    Transform,
+    TransformStamped,
+    Vector3,
+)
+from tf2_msgs.msg import TFMessage
+
+from sain_core import wire
+from sain_core.errors import BusyError, ConfigError, DatasetError
+from sain_core.ros import codec
+from sain_core.scene import POSE, VELOCITY
+from sain_sim.ros.poses_node import PosesNode
+
+ARRAY = "bodies: [{shape: disk, radius: 0.08, mass: 2.0}, {shape: t, radius: 0.1, mass: 1.0}]"
+FRAMES = """
+bodies:
+  - {name: mug, shape: disk, radius: 0.08, mass: 2.0, frame: tag_7}
+  - {shape: t, radius: 0.1, mass: 1.0, frame: tag_9}
+"""
+PLACES = ((0.4, 0.0), (0.6, 0.1))
+
+
+class Camera:
+    """Publishes where two bodies are, for a while."""
+
+    def __init__(self, graph: Any) -> None:
+        self.graph = graph
+        graph.listen("/diagnostics", DiagnosticArray)
+        node = graph.bystander
+        self.array = node.create_publisher(PoseArray, "poses", 10)
+        self.tf = node.create_publisher(TFMessage, "/tf", 10)
+        self.frame, self.late, self.places = "world", 0.0, PLACES
+
+    def header(self) -> Any:
+        now = self.graph.bystander.get_clock().now().nanoseconds
+        header = codec.header(codec.encode_time(now - round(1e9 * self.late)))
+        header.frame_id = self.frame
+        return header
+
+    def poses(self) -> None:
+        half = {"z": float(np.sin(0.5)), "w": float(np.cos(0.5))}
+        poses = [
+            Pose(position=Point(x=x, y=y), orientation=Quaternion(**half)) for x, y in self.places
+        ]
+        self.array.publish(PoseArray(header=self.header(), poses=poses))
+
+    def frames(self) -> None:
+        transforms = [
+            TransformStamped(
+                header=self.header(),
+                child_frame_id=name,
+                transform=Transform(translation=Vector3(x=x, y=y), rotation=Quaternion(w=1.0)),
+            )
+            for name, (x, y) in zip(("tag_7", "tag_9"), self.places, strict=True)
+        ]
+        self.tf.publish(TFMessage(transforms=transforms))
+
+    def until(self, send: Any, done: Any, what: str) -> None:
+        """Send poses until something is so."""
+
+        def sent() -> bool:
+            send()
+            self.graph.executor.spin_once(timeout_sec=0.02)
+            return bool(done())
+
+        self.graph.wait(sent, what)
+
+    def told(self, text: str) -> bool:
+        return any(text in s.message for m in self.graph.heard["/diagnostics"] for s in m.status)
+
+
+@pytest.fixture
+def camera(graph: Any) -> Camera:
+    return Camera(graph)
+
+
+def start(graph: Any, folder: Path, text: str, **parameters: Any) -> PosesNode:
+    path = folder / "bodies.yaml"
+    path.write_text(text)
+    return graph.start(PosesNode, bodies=str(path), peer_wait=0.0, **parameters)
+
+
+@pytest.mark.parametrize("source", ["poses", "frames"])
+def test_poses_become_a_settled_scene(graph, camera, tmp_path, source) -> None:
+    start(graph, tmp_path, ARRAY if source == "poses" else FRAMES)
+    camera.until(getattr(camera, source), lambda: graph.find("scene", settled=True), "a scene")
+    message = graph.find("scene", settled=True)[0]
+    assert (message.episode_id, message.scene_id, message.header.frame_id) == (1, 1, "world")
+    scene = wire.decode_disks(message.disks)
+    np.testing.assert_allclose(scene[:, :2], PLACES)
+    np.testing.assert_allclose(scene[:, POSE][1, 2], 1.0 if source == "poses" else 0.0, atol=1e-9)
+    np.testing.assert_array_equal(scene[:, VELOCITY], 0.0)
+    np.testing.assert_array_equal(scene[:, 6:], [(2.0, 0.08), (1.0, 0.1)])
+    graph.wait(lambda: graph.heard["shapes"], "shapes")
+    assert [body.name for body in graph.heard["shapes"][0].bodies] == ["disk", "t"]
+
+
+def test_poses_that_stop_coming_unsettle_the_scene(graph, camera, tmp_path) -> None:
+    start(graph, tmp_path, ARRAY)
+    camera.until(camera.poses, lambda: graph.find("scene", settled=True), "a scene")
+    graph.wait(lambda: not graph.heard["scene"][-1].settled, "an unsettled scene")
+    graph.wait(lambda: camera.told("s old; at most 0.5 s is allowed"), "why")
+
+
+def test_old_frames_are_named(graph, camera, tmp_path) -> None:
+    start(graph, tmp_path, FRAMES)
+    camera.late = 3.0
+    text = "body 0 (mug), frame 'tag_7', was last seen 3.0 s ago"
+    camera.until(camera.frames, lambda: camera.told(text), "the diagnostic")
+    assert not graph.heard["scene"]
+
+
+def test_a_jump_is_named_and_settles_nothing(graph, camera, tmp_path) -> None:
+    start(graph, tmp_path, ARRAY, max_speed=0.2)
+    camera.until(camera.poses, lambda: graph.find("scene", settled=True), "a scene")
+    camera.places = ((0.4, 0.0), (0.6, 0.4))
+    camera.until(camera.poses, lambda: camera.told("body 1 (t) jumped by 0.300 m"), "why")
+    camera.until(camera.poses, lambda: graph.find("scene", episode_id=2, settled=True), "a scene")
+    jumped = [m for m in graph.heard["scene"] if m.disks[1].y > 0.3 and m.episode_id == 1]
+    assert jumped and not any(message.settled for message in jumped)
+
+
+def test_another_frame_is_named(graph, camera, tmp_path) -> None:
+    start(graph, tmp_path, ARRAY)
+    camera.frame = "camera"
+    text = "the poses are in frame 'camera'; they must be in 'world'"
+    camera.until(camera.poses, lambda: camera.told(text), "the diagnostic")
+
+
+def test_a_second_converter_ends(graph, tmp_path) -> None:
+    start(graph, tmp_path, ARRAY)
+    with pytest.raises(BusyError, match="/sain/poses_to_scene publishes /sain/scene already"):
+        start(graph, tmp_path, ARRAY)
+
+
+def test_ids_go_on_after_a_crash(graph, camera, tmp_path) -> None:
+    state = str(tmp_path / "state.json")
+    node = start(graph, tmp_path, ARRAY, state_file=state)
+    camera.until(camera.poses, lambda: graph.find("scene", settled=True), "a scene")
+    graph.stop(node)
+    start(graph, tmp_path, ARRAY, state_file=state)
+    camera.until(camera.poses, lambda: graph.find("scene", episode_id=2, settled=True), "a scene")
+    assert graph.find("scene", episode_id=2)[-1].scene_id == 2
+
+
+def test_a_damaged_state_is_named(graph, tmp_path) -> None:
+    state = tmp_path / "state.json"
+    state.write_text('{"episode_id": "many"}')
+    with pytest.raises(DatasetError, match=r"state\.json is damaged: .*; remove it"):
+        start(graph, tmp_path, ARRAY, state_file=str(state))
+
+
+def test_without_a_file_of_bodies_it_does_not_start(graph) -> None:
+    with pytest.raises(ConfigError, match="parameter 'bodies' is empty; give the YAML file"):
+        graph.start(PosesNode)
