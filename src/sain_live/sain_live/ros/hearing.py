@@ -15,7 +15,6 @@ from tf2_msgs.msg import TFMessage
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
-from sain_core.ros.diagnostics import OK
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE
 from sain_core.ros.reception import Reception
 from sain_core.scene import STATE_SIZE
@@ -31,6 +30,7 @@ from sain_interfaces.msg import (
     WorldParameters,
 )
 from sain_live.aims import Aim, first_aim
+from sain_live.ros.health import Health
 from sain_live.ros.polling import Polling
 from sain_live.ros.pushes import Stories
 from sain_live.state import Kind, LiveArm, LivePlan, LiveScene, LiveState, Phase
@@ -53,10 +53,10 @@ class Hearing:
         self._node, self._known = node, known
         self._stories = Stories()
         self._bodies_of = 0  # episode
+        self._goal_id: int | None = None  # that the pushes are counted of
         self._early: LiveScene | None = None  # whose bodies are not known yet
         self._settled: LiveScene | None = None
         self._root: tuple[Any, ...] = ()  # place and turn of the arm's, once they are known
-        self._levels: dict[str, tuple[bytes, str]] = {}
         self._lock = Lock()  # scenes come on a thread of their own
         self._polling = Polling(node, reception := Reception(node), RATE)
         self._polling.listen(Scene, "scene", self._locked(self._on_scene))
@@ -73,7 +73,7 @@ class Hearing:
         listen(PushPrediction, "physics_prediction", self._on_prediction)
         listen(WorldParameters, "world_parameters", self._on_world, LATCHED)
         listen(TFMessage, "/tf_static", self._on_fixed_frames, LATCHED_QUEUE)
-        listen(DiagnosticArray, "/diagnostics", self._on_diagnostics)
+        listen(DiagnosticArray, "/diagnostics", Health(known).hear)
         # Longer than texts elsewhere may be, so with a limit of its own.
         node.create_subscription(String, "robot_description", self._on_description, LATCHED)
         self._polling.start()
@@ -117,6 +117,7 @@ class Hearing:
     def _begin(self, seen: LiveScene) -> None:
         """Forget the episode before."""
         self._stories.clear()
+        self._goal_id = None
         self._known.update(plan=None, result=None, curves=self._stories.curves(), pushes=0)
 
     def _on_bodies(self, message: Bodies) -> None:
@@ -149,14 +150,25 @@ class Hearing:
     def _on_goal(self, message: Goal) -> None:
         task, known = decode_task(message), self._known
         aim = Aim(task.goal, task.tolerance)
+        again = aim.same(known.aim) and message.goal_id == self._goal_id
         if not aim.same(known.aim):
             known.update(aim=aim)
+        if again:  # heard twice, perhaps after its first plan
+            return
+        self._count_anew(message.goal_id)
         sent, scene = codec.decode_time(message.header.stamp), known.scene
         if scene is not None and abs(sent - scene.time) < RECENT:  # else it was latched long ago
-            known.update(pushes=0, phase=Phase.PLANNING, why="")
+            known.update(phase=Phase.PLANNING, why="")
+
+    def _count_anew(self, goal_id: int) -> None:
+        """Count the pushes of another goal."""
+        self._goal_id = goal_id
+        self._known.update(pushes=0)
 
     def _on_plan(self, message: Plan) -> None:
         known = self._known
+        if message.goal_id != self._goal_id:  # plans may overtake their goal
+            self._count_anew(message.goal_id)
         if message.status == Plan.PUSH:
             self._on_push(message)
             return
@@ -226,19 +238,3 @@ class Hearing:
 
     def _on_world(self, message: WorldParameters) -> None:
         self._known.update(world=message.world)
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            values: dict[str, Any] = {pair.key: pair.value for pair in status.values}
-            engine = values.get("engine", self._known.engine)
-            if engine != self._known.engine:
-                self._known.update(engine=engine)
-            level, before = bytes(status.level), self._levels.get(status.name, (OK, ""))
-            if (level, status.message) == before or status.message == "starting":
-                continue
-            if level != OK:
-                kind = Kind.FAULT if status.name in self._levels else Kind.NOTE  # it starts
-                self._known.tell(kind, f"{status.name}: {status.message}")
-            elif before[0] != OK:
-                self._known.tell(Kind.NOTE, f"{status.name}: fine again")
-            self._levels[status.name] = level, status.message
