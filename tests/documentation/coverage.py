@@ -22,6 +22,7 @@ BY_TEST = {  # program -> test that starts it
     "sain_bringup push": TERMINAL,
     "sain_bringup goal": TERMINAL,
     "sain_bags record": TERMINAL,
+    "sain_bags view": "tests/sain_bags/ros/test_view.py",
     "sain_bags play": "tests/system/test_play.py",
     "sain_sim sim_node": "tests/sain_core/ros/test_node_main.py",
     "sain_model model_node": "tests/system/test_play.py",

@@ -201,7 +201,7 @@ class PoseGoal:
 
 def heading_error(headings: Angles, pose: BodyPose, bodies: Bodies) -> Angles:
     """Return by how much headings (...,) [rad] differ from a pose's, modulo the symmetry."""
-    if pose.heading is None:
+    if pose.heading is None or bodies.shapes[pose.body].is_round:
         return np.zeros_like(headings)
     turn = bodies.shapes[pose.body].symmetry
     return np.asarray(np.mod(headings - pose.heading + turn / 2, turn) - turn / 2)
