@@ -20,7 +20,8 @@ from tests.workspace.starter import Ended, Starter
 
 SCRIPTS = [(package, name) for package in PYTHON_PACKAGES for name in console_scripts(package)]
 REQUIRED = {  # arguments without which nothing else is reported
-    "play": ["bag"], "view": ["bag"], "info": ["bag"], "recover": ["bag", "--out", "o"], "report": ["bag"],
+    "play": ["bag"], "view": ["bag"], "info": ["bag"], "report": ["bag"],
+    "recover": ["bag", "--out", "o"],
     "to_dataset": ["bag", "--out", "o"], "record": ["--out", "o"], "calibrate": ["--out", "o"],
     "pusht_learn": ["--out", "o"],
     "train": ["data", "--out", "o"], "train_correction": ["data", "--out", "o"],
