@@ -15,9 +15,12 @@ GYMNASIUM = "tests/examples/test_gymnasium_examples.py"
 PARTS = "tests/examples/test_my_parts.py"
 BY_TEST = {  # program -> test that starts it
     "make demo": CLOSED_LOOP,
+    "make live": "tests/system/test_live.py",
     "make docs": "tests/documentation/test_site.py",
     "sain_bringup closed_loop": CLOSED_LOOP,
     "sain_bringup graph": TERMINAL,
+    "sain_bringup live": "tests/system/test_live.py",
+    "sain_live page_node": "tests/sain_live/ros/test_page_node.py",
     "sain_bringup watch": TERMINAL,
     "sain_bringup push": TERMINAL,
     "sain_bringup goal": TERMINAL,
