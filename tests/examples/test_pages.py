@@ -21,9 +21,9 @@ LONGEST = 75  # lines of a page: a screen, with its code
 
 
 def block(page: str, language: str) -> str:
-    text = (ROOT / "docs" / f"your_{page}.md").read_text()
+    text = (ROOT / "docs" / "guides" / f"your_{page}.md").read_text()
     found = re.search(rf"^```{language}\n(.*?)^```", text, re.M | re.S)
-    assert found is not None, f"docs/your_{page}.md has no {language}"
+    assert found is not None, f"docs/guides/your_{page}.md has no {language}"
     return found[1]
 
 
@@ -48,7 +48,7 @@ def test_a_page_shows_the_code_of_its_example(page: str) -> None:
 
 @pytest.mark.parametrize("page", [*CODE, "robot"])
 def test_a_page_is_a_screen(page: str) -> None:
-    assert len((ROOT / "docs" / f"your_{page}.md").read_text().splitlines()) <= LONGEST
+    assert len((ROOT / "docs" / "guides" / f"your_{page}.md").read_text().splitlines()) <= LONGEST
 
 
 def test_a_model_that_is_written_from_its_page_alone_is_evaluated(tmp_path: Path) -> None:
