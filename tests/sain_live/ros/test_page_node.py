@@ -175,6 +175,32 @@ def test_a_recording_is_shown_and_cannot_be_steered(graph, alone):
     graph.wait(lambda: "a recording cannot be steered" in told(alone), "the words")
 
 
+def test_a_plan_that_is_told_after_the_end_does_not_undo_it(graph, alone):
+    publish = {
+        name: graph.bystander.create_publisher(type_of(name), name, 10)
+        for name in ("scene", "push_result", "plan")
+    }
+    for name, publisher in publish.items():
+        graph.wait(publisher.get_subscription_count, f"who hears {name}")
+    stamp = graph.bystander.get_clock().now().to_msg()
+    scene = codec.encode_scene(SCENE, stamp=stamp, episode_id=4, scene_id=1, settled=True)
+    publish["scene"].publish(scene)
+    graph.wait(lambda: alone.known.scene, "the scene")
+    ids = {"goal_id": 1, "episode_id": 4}
+    size = {"horizon": 1, "disks": len(SCENE), "pushes": [0.0] * 3}
+    push = Plan(**ids, **size, push_id=7, scene_id=1, status=Plan.PUSH, error_code=1)
+    push.predicted = SCENE.ravel().tolist()
+    result = type_of("push_result")(push_id=7, episode_id=4, error_code=1)
+    result.before = result.after = scene
+    publish["push_result"].publish(result)
+    graph.wait(lambda: alone.known.result, "the result")
+    publish["plan"].publish(Plan(**ids, status=Plan.REACHED, error_code=1))
+    graph.wait(lambda: alone.known.phase is Phase.REACHED, "the end")
+    publish["plan"].publish(push)
+    graph.wait(lambda: alone.known.pushes == 1, "the late plan")
+    assert alone.known.phase is Phase.REACHED and alone.known.plan is None
+
+
 def test_a_page_at_a_port_in_use_does_not_start(graph, alone):
     with pytest.raises(BusyError, match=f"port {alone.config.port} of 127.0.0.1 is in use"):
         graph.start(PageNode, port=alone.config.port)

@@ -204,13 +204,12 @@ class Hearing:
             places.reshape(count, -1, disks, 2) if count else np.empty((0, horizon, disks, 2)),
         )
         known.update(
-            plan=plan,
             curves=self._stories.curves(),
             pushes=known.pushes + 1,
-            phase=Phase.PUSHING,
-            why=message.concern,
             model=known.model or message.dynamics,
         )
+        if story.after is None:  # a plan that is completed late may come after its push's result
+            known.update(plan=plan, phase=Phase.PUSHING, why=message.concern)
         if message.fallback:
             known.tell(Kind.FAULT, f"the physics prior plans: {message.error_message}")
 
