@@ -3,7 +3,7 @@
 import sys
 import time
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterator
 from difflib import get_close_matches
 from importlib import import_module
 from typing import Any, Final
@@ -79,7 +79,7 @@ class Watcher(Node):
         self.create_subscription(kind, name, self._on_message, qos)
 
     def _unknown(self, name: str) -> str:
-        topics = sorted(self.topics())
+        topics = sorted(topic for topic in self.topics() if topic != name)
         near = get_close_matches(name, topics, n=1) or [
             topic for topic in topics if topic.endswith(f"/{name.rsplit('/', 1)[-1]}")
         ]
@@ -92,8 +92,10 @@ class Watcher(Node):
         sys.stdout.flush()
 
 
-def is_misspelt(name: str, topics: Iterable[str]) -> bool:
-    """Tell whether a topic in the same namespace has nearly this name."""
+def is_misspelt(name: str, topics: Collection[str]) -> bool:
+    """Tell whether a topic in the same namespace has nearly this name, and none has this one."""
+    if name in topics:
+        return False  # somebody listens to it already, and its publisher is still to be discovered
     namespace, _, own = name.rpartition("/")
     others = [t.rpartition("/")[2] for t in topics if t.rpartition("/")[0] == namespace]
     return bool(get_close_matches(own, others, n=1, cutoff=ALIKE))

@@ -46,10 +46,10 @@ class PosesNode(Node):
         if not config.bodies:
             raise ConfigError("parameter 'bodies' is empty; give the YAML file of the bodies")
         self.bodies = read_bodies(Path(config.bodies).expanduser())
-        self.ownership = Ownership(self, OWNED)
-        self.ownership.refuse(config.peer_wait)
         self.state = StateFile(self, config.state_file)
         ids = self._ids_left()
+        self.ownership = Ownership(self, OWNED)
+        self.ownership.refuse(config.peer_wait)
         self.tracker = SceneTracker(self.bodies, config, ids)
         self.kept, self.trouble, self.rival = ids, "", ""
         self.last: SceneMessage | None = None
