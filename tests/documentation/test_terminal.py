@@ -1,6 +1,7 @@
 """Commands of README in a terminal: a graph is started, looked at, driven and recorded."""
 
 import os
+import re
 import signal
 import subprocess
 import time
@@ -15,6 +16,7 @@ from sain_bringup.graph import executable
 
 pytestmark = pytest.mark.system
 PATIENCE = 90.0  # [s]
+HEARS_ALL = 50  # messages, with which a recorder hears the simulator, too
 Run = Callable[..., str]
 
 
@@ -67,15 +69,22 @@ def test_a_push_is_sent_and_its_result_printed(run: Run) -> None:
     assert "mm" in said
 
 
+def most_messages(log: str) -> int:
+    """How many messages a recorder has, by what it says from time to time."""
+    counts = re.findall(r"([\d,]+) messages", log)
+    return max((int(count.replace(",", "")) for count in counts), default=0)
+
+
 def test_a_goal_is_reached_and_recorded(run: Run, place: Path) -> None:
     recording = place / "bags" / "mine"
+    record = ("record", "--out", str(recording), "--status-period", "0.5")
     with (
-        started(place, "record.log", "sain_bags", "record", "--out", str(recording)),
+        started(place, "record.log", "sain_bags", *record) as log,
         started(place, "watch.log", "sain_bringup", "watch", "plan"),
     ):
         deadline = time.monotonic() + PATIENCE
-        while not recording.exists():
-            assert time.monotonic() < deadline
+        while most_messages(log.read_text()) < HEARS_ALL:
+            assert time.monotonic() < deadline, log.read_text()
             time.sleep(0.05)
         said = run("sain_bringup", "goal", "0.6", "0.1", "--timeout", "60")
     assert "reached" in said
