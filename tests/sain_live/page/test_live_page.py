@@ -107,9 +107,10 @@ def test_settings_are_controls_and_orders(shown):
 def test_a_refused_setting_goes_back(shown):
     known, orders, _, viewer = shown
     known.update(planner={"planner.horizon": 6, "planner.weights.position": [90.0, 90.0]})
+    position = viewer.control("position [1/m^2]")
+    viewer.wait(lambda: viewer.controls[position]["value"] == "[90, 90]", "the planner's value")
     viewer.turn("position [1/m^2]", "many")
     viewer.wait(lambda: "it must be numbers" in viewer.texts, "the words")
-    position = viewer.control("position [1/m^2]")
     viewer.wait(lambda: viewer.controls[position]["value"] == "[90, 90]", "the value before")
     viewer.turn("horizon", 50)
     viewer.wait(lambda: orders.of("set"), "the order")

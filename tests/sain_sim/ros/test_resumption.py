@@ -42,6 +42,12 @@ def left(graph, tmp_path):
     return path
 
 
+def test_who_listens_is_noted_before_any_reset(graph, tmp_path):
+    path = tmp_path / "sim.json"
+    graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(path))
+    graph.wait(lambda: "/sain/bystander" in json.loads(path.read_text())["listeners"], "who hears")
+
+
 def test_episode_scene_world_and_time_go_on(graph, left):
     scene = latest(graph)
     world = graph.heard["world_parameters"][-1]

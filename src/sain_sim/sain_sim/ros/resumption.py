@@ -84,6 +84,7 @@ class Resumption:
         self.left = LeftEpisode.read(state)
         self.waits = self.left is not None
         self._listeners = [str(name) for name in state.get("listeners", ())]
+        self._moment: LeftEpisode | None = None  # the latest that was kept
         self._back = Return(node, HEARD, self._listeners)
 
     @property
@@ -98,6 +99,7 @@ class Resumption:
 
     def keep(self, moment: LeftEpisode) -> None:
         """Replace the state."""
+        self._moment = moment
         moment.write(self._file, self._listeners)
 
     def all_listen(self) -> bool:
@@ -105,6 +107,9 @@ class Resumption:
         return self._back.complete()
 
     def look_around(self) -> None:
-        """Note who listens."""
-        if self.keeps:
-            self._listeners = sorted(listeners(self._node, HEARD))
+        """Note who listens, at once: before the first reset nothing else may be noted."""
+        if not self.keeps or (found := sorted(listeners(self._node, HEARD))) == self._listeners:
+            return
+        self._listeners = found
+        if self._moment is not None:
+            self._moment.write(self._file, self._listeners)
