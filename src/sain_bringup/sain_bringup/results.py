@@ -14,7 +14,7 @@ from sain_bringup.movie import (
     film,
 )
 from sain_bringup.report import PlayedEpisode, played_episodes, summary_table, write_summary
-from sain_core.scene import RADIUS, THETA, X, Y
+from sain_core.scene import RADIUS
 from sain_core.storage import write_whole
 from sain_core.types import Points
 from sain_mppi.search.poses import PoseGoal
@@ -108,8 +108,6 @@ def render_movie(
 def _goal_outline(one: PlayedEpisode) -> Points | None:
     """Return the first body's outline (C, 2) [m] in its goal; None: no heading is asked for."""
     record, body = one.record(), one.episode.aimed
-    if not isinstance(record.goal, PoseGoal) or (pose := record.goal.poses[0]).heading is None:
+    if not isinstance(record.goal, PoseGoal) or record.goal.poses[0].heading is None:
         return None
-    state = record.start[body].copy()
-    state[[X, Y, THETA]] = pose.x, pose.y, pose.heading
-    return record.bodies.shapes[body].placed(state)
+    return record.bodies.shapes[body].placed(record.goal.placed(record.start)[body])

@@ -1,4 +1,6 @@
-"""Is there another one already? Two owners of one topic would contradict each other."""
+"""Who else is there: other publishers of a topic, of which two would contradict each other, and
+who hears a node: one that goes on after a crash waits for them, or they would miss the start.
+"""
 
 import time
 from collections.abc import Iterable
@@ -10,6 +12,8 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sain_core.errors import BusyError
 
 POLL_S: Final = 0.05
+PATIENCE: Final = 10.0  # [s], for listeners that may be gone for good
+ANYONE: Final = "anyone"
 NAME_WAIT_S: Final = 2.0  # for the name of a node whose publisher was discovered before
 
 
@@ -76,3 +80,32 @@ def full_name(publisher: TopicEndpointInfo) -> str:
     if not is_named(publisher):
         return "a node whose name is not known"
     return f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"
+
+
+def listeners(node: Node, topic: str) -> set[str]:
+    """Return the full names of the nodes that subscribe to a topic; it costs some ms."""
+    found = node.get_subscriptions_info_by_topic(node.resolve_topic_name(topic))
+    return {full_name(one) for one in found if is_named(one)}
+
+
+class Return:
+    """Waits until those who heard a topic before hear it again."""
+
+    def __init__(self, node: Node, topic: str, names: Iterable[str], anyone: bool = False) -> None:
+        """Wait for these nodes; if none was noted in time, for `anyone` at all."""
+        self._node, self._topic = node, topic
+        self._missing = set(names)
+        if anyone and not self._missing:
+            self._missing = {ANYONE}
+        self._enough = time.monotonic() + PATIENCE
+
+    def complete(self) -> bool:
+        """Tell whether all are back, or have had their time."""
+        if self._missing:
+            found = listeners(self._node, self._topic)
+            self._missing -= found | ({ANYONE} if found else set())
+            if self._missing and time.monotonic() > self._enough:
+                names = ", ".join(sorted(self._missing))
+                self._node.get_logger().warning(f"goes on without {names}, who listened before")
+                self._missing.clear()
+        return not self._missing

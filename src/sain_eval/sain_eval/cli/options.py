@@ -3,7 +3,7 @@
 import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import tyro
 
@@ -17,10 +17,9 @@ from sain_eval.tolerance import Tolerance
 from sain_mppi.loop.agent import AgentConfig
 from sain_mppi.loop.estimate import EstimatorConfig
 from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.goal import MOST_TOLERANCE, MOST_TURN
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.camera import WorldCameraConfig
-
-LARGEST_TURN: Final = 5.0  # [rad]; any heading is nearer than pi
 
 
 @dataclass(frozen=True)
@@ -77,14 +76,15 @@ class EvaluateOptions(WorkerOptions):
         for name in self.scenario_names:
             OFFERED.check(name)
         for tolerance in self.tolerance_values:
-            if not 0.0 < tolerance.distance <= 1.0:
+            if not 0.0 < tolerance.distance <= MOST_TOLERANCE:
                 raise ConfigError(
-                    f"--tolerances has {tolerance.distance} m; allowed: above 0, at most 1 m"
+                    f"--tolerances has {tolerance.distance} m; allowed: above 0, at most"
+                    f" {MOST_TOLERANCE:g} m"
                 )
-            if not 0.0 < tolerance.turn <= LARGEST_TURN:
+            if not 0.0 < tolerance.turn <= MOST_TURN:
                 raise ConfigError(
                     f"--tolerances has {tolerance.turn} rad; allowed: above 0, at most"
-                    f" {LARGEST_TURN} rad"
+                    f" {MOST_TURN} rad"
                 )
 
     @property

@@ -15,10 +15,10 @@ from sain_core.plugins import as_observed, load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.limits import shortened
-from sain_core.ros.listeners import Return, listeners
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.ownership import Ownership
 from sain_core.ros.parameters import LiveParameters, read_parameters
+from sain_core.ros.peers import Return, listeners
 from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
 from sain_core.ros.reception import Reception, outcome
 from sain_core.ros.steady import steady_timer

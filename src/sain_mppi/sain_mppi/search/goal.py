@@ -20,7 +20,8 @@ Goal = Float[ndarray, "2"]
 
 SIDES: Final = 72  # from which a goal is looked at
 SLIDE: Final = 0.03  # [m], how far disks may slide on behind a tool that stops
-MOST_TOLERANCE: Final = 1.0  # [m]
+MOST_TOLERANCE: Final = 1.0  # [m], less than a table is wide
+MOST_TURN: Final = 5.0  # [rad]; any heading is nearer than pi
 
 
 def check_goal(goal: Goal, table: Table) -> Goal:
@@ -64,15 +65,17 @@ def check_in_reach(goal: Goal, scene: Scene, feasibility: Feasibility) -> None:
     )
 
 
-def check_tolerance(tolerance: float) -> float:
-    """Return the tolerance [m] when it is positive, and less than a table is wide.
+def check_tolerance(
+    tolerance: float, what: str = "the tolerance", most: float = MOST_TOLERANCE, unit: str = "m"
+) -> float:
+    """Return a tolerance when it is positive, and not too large to mean anything.
 
     Raises:
-        OutOfRangeError: it is not.
+        OutOfRangeError: it is not, or NaN.
     """
-    if not 0.0 < tolerance <= MOST_TOLERANCE:
+    if not 0.0 < tolerance <= most:
         raise OutOfRangeError(
-            f"the tolerance is {tolerance} m; allowed: above 0, up to {MOST_TOLERANCE:g} m"
+            f"{what} is {tolerance} {unit}; allowed: above 0, up to {most:g} {unit}"
         )
     return tolerance
 

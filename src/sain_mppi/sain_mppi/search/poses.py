@@ -7,14 +7,14 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.errors import InvalidInputError, OffTableError, OutOfRangeError
+from sain_core.errors import InvalidInputError, OffTableError
 from sain_core.scene import POSITION, RADIUS, THETA, Table, is_settled
 from sain_core.shapes.bodies import Bodies, overlap
 from sain_core.shapes.disk import DISK
 from sain_core.shapes.outline import outline_of
 from sain_core.shapes.registry import get_shape
 from sain_core.types import Angles, Scene, Scenes
-from sain_mppi.search.goal import MOST_TOLERANCE
+from sain_mppi.search.goal import MOST_TURN, check_tolerance
 
 Errors = Float[ndarray, "*B P"]  # of P poses
 
@@ -53,13 +53,9 @@ class BodyPose:
                 raise InvalidInputError(
                     f"{name} of the goal of body {self.body} is {value}; it must be finite"
                 )
-        most = {"tolerance": MOST_TOLERANCE, "heading_tolerance": TURN_PER_METRE * MOST_TOLERANCE}
-        for name, limit in most.items():
-            value = getattr(self, name)
-            if not 0.0 < value <= limit:
-                raise OutOfRangeError(
-                    f"{name} of body {self.body} is {value}; allowed: above 0, up to {limit:g}"
-                )
+        check_tolerance(self.tolerance, f"tolerance of body {self.body}")
+        turn = f"heading_tolerance of body {self.body}"
+        check_tolerance(self.heading_tolerance, turn, MOST_TURN, "rad")
 
 
 @dataclass(frozen=True)
@@ -78,11 +74,7 @@ class PoseGoal:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        if not 0.0 < self.keep_tolerance <= MOST_TOLERANCE:
-            raise OutOfRangeError(
-                f"keep_tolerance is {self.keep_tolerance} m;"
-                f" allowed: above 0, up to {MOST_TOLERANCE:g} m"
-            )
+        check_tolerance(self.keep_tolerance, "keep_tolerance")
 
     @property
     def numbers(self) -> np.ndarray:

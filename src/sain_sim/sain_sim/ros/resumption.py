@@ -7,7 +7,7 @@ from typing import Any, Final
 from rclpy.node import Node
 
 from sain_core.errors import DatasetError
-from sain_core.ros.listeners import Return, listeners
+from sain_core.ros.peers import Return, listeners
 from sain_core.ros.state_file import StateFile, message_of, text_of
 from sain_interfaces.msg import Push
 from sain_interfaces.srv import ResetScene
