@@ -7,6 +7,7 @@ import subprocess
 import time
 import uuid
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,9 +68,11 @@ class Run:
         raise AssertionError(f"no {executable_name} among the processes of the run")
 
     def until(self, condition: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + 150.0
+        deadline = time.monotonic() + 200.0
         while not condition():
-            assert time.monotonic() < deadline, f"waited in vain:\n{self.text()}"
+            if time.monotonic() > deadline:
+                self.kill()  # or it would disturb the next test in its domain
+                raise AssertionError(f"waited in vain:\n{self.text()}")
             time.sleep(0.05)
 
     def wait_for(self, text: str) -> None:
@@ -78,9 +81,17 @@ class Run:
 
     def end(self) -> int:
         """Wait for the end; return the exit code. Nothing may be left running."""
-        code = self.process.wait(timeout=200)
+        self.until(lambda: self.process.poll() is not None)
+        code = self.process.wait()
         self.until(lambda: not self.living())
         return code
+
+    def kill(self) -> None:
+        """Leave nothing running, whatever became of the test."""
+        while left := self.living():
+            for process_id in left:
+                with suppress(ProcessLookupError):
+                    os.kill(process_id, signal.SIGKILL)
 
 
 def start(folder: Path, domain: int, *arguments: str) -> Run:
@@ -119,8 +130,7 @@ def endless(domains: tuple[int, int], tmp_path: Path) -> Iterator[Run]:
         run.wait_for("1/500")
         yield run
     finally:
-        for process_id in run.living():
-            os.kill(process_id, signal.SIGKILL)
+        run.kill()
 
 
 def test_an_episode_succeeds_and_says_so(played: Run) -> None:

@@ -157,3 +157,16 @@ def test_a_message_that_makes_no_sense_is_named(record: Callable[..., Any]) -> N
     recording.writer.close()
     with pytest.raises(DatasetError, match="makes no sense: scene: x of disk 0 is nan"):
         read_episodes(Bag(recording.writer.folder))
+
+
+def test_a_result_that_a_crashed_simulator_told_again_counts_once(
+    record: Callable[..., Any],
+) -> None:
+    recording, start, there = record(), resting_scene(0.45), resting_scene(0.60)
+    recording.scene(1, 1, start)
+    for _ in range(2):
+        recording.push(5, 1, start, there)
+    recording.push(6, 1, there, start)
+    recording.writer.close()
+    (episode,) = read_episodes(Bag(recording.writer.folder))
+    assert [push.push_id for push in episode.executed] == [5, 6]

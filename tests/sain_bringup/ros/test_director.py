@@ -1,5 +1,6 @@
 """The node that plays episodes, with a planner and a simulator of straw."""
 
+import itertools
 from dataclasses import replace
 from io import StringIO
 from time import monotonic
@@ -8,9 +9,10 @@ import pytest
 from rich.console import Console
 
 import sain_bringup.ros.director
+import sain_bringup.ros.progress
 from sain_bringup.display import Display, EpisodeView
 from sain_bringup.processes import Supervisor
-from sain_bringup.ros.director import Director
+from sain_bringup.ros.director import Director, GraphTimeoutError
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_core.ros.node_main import ros_context
@@ -24,7 +26,7 @@ CASE = StreakScenario(goals=4).scene(0)
 
 
 class Straw:
-    """Answers each goal with the next of some statuses, without a push."""
+    """Answers each goal with the next of some statuses, or several, and executes no push."""
 
     def __init__(self, graph, statuses):
         self.goals, self.resets = [], []
@@ -44,26 +46,30 @@ class Straw:
     def on_goal(self, message):
         self.goals.append(message)
         ids = {"goal_id": message.goal_id, "episode_id": message.episode_id}
-        if (status := next(self.statuses)) is not None:
-            self.plans.publish(Plan(**ids, status=status, error_code=1))
+        told = next(self.statuses)
+        for status in told if isinstance(told, tuple) else (told,):
+            if status is not None:
+                self.plans.publish(Plan(**ids, status=status, push_id=7, error_code=1))
 
 
-def play(graph, statuses, case=CASE, supervisor=None):
+def play(graph, statuses, case=CASE, supervisor=None, timeout=20.0):
     straw = Straw(graph, statuses)
     view = EpisodeView(Display(Console(file=StringIO(), width=120)), "1/1  streak 0")
     with ros_context():
-        director = Director(lambda: graph.executor.spin_once(timeout_sec=0.0), 20.0, supervisor)
+        director = Director(lambda: graph.executor.spin_once(timeout_sec=0.0), timeout, supervisor)
         director._graph_is_up = True  # or else the bystander, who could publish, is a rival
-        director.wait(
-            lambda: (
-                straw.plans.get_subscription_count() == 2
-                and director._goal.get_subscription_count() == 1
-                and director._servers["reset_scene"].service_is_ready()
-            ),
-            lambda: "the straw is not there",
-        )
-        director.play(case, 0.02, view)
-        director.destroy_node()
+        try:
+            director.wait(
+                lambda: (
+                    straw.plans.get_subscription_count() == 2
+                    and director._goal.get_subscription_count() == 1
+                    and director._servers["reset_scene"].service_is_ready()
+                ),
+                lambda: "the straw is not there",
+            )
+            director.play(case, 0.02, view)
+        finally:
+            director.destroy_node()
     return straw, view
 
 
@@ -97,6 +103,27 @@ def test_a_goal_is_given_again_where_a_crash_swallowed_what_became_of_it(graph, 
     straw, view = play(graph, statuses, supervisor=Crashed())
     assert [goal.goal_id for goal in straw.goals] == [1, 2, 2]
     assert view.goals == 1
+
+
+@pytest.mark.parametrize("crashed", [False, True])
+def test_a_push_without_a_result_is_waited_for_in_vain_only_after_a_crash(
+    graph, monkeypatch, crashed
+):
+    monkeypatch.setattr(sain_bringup.ros.progress, "LOST", 0.5)
+    case, statuses = replace(CASE, further=()), ((Plan.PUSH, Plan.REACHED),)
+    if crashed:
+        _, view = play(graph, statuses, case, Crashed())
+        assert view.reached
+    else:
+        with pytest.raises(GraphTimeoutError, match="no sign of planner or simulator"):
+            play(graph, statuses, case, timeout=3.0)
+
+
+def test_plans_alone_do_not_keep_an_episode_alive(graph, monkeypatch):
+    """A simulator that hears no push leaves the planner to plan again for ever."""
+    monkeypatch.setattr(sain_bringup.ros.director, "SILENT", 0.1)
+    with pytest.raises(GraphTimeoutError, match="waited 3 s for the graph; no sign"):
+        play(graph, itertools.repeat(Plan.PUSH), supervisor=Crashed(), timeout=3.0)
 
 
 def test_all_goals_reached_are_a_success(graph):

@@ -83,6 +83,34 @@ def test_the_push_that_was_under_way_is_refused_and_never_executed(graph, left):
     assert graph.find("push_result", push_id=7)[1].error_code == ErrorCode.DUPLICATE_PUSH
 
 
+def test_a_result_is_told_though_its_simulator_died_before_it_could(graph, left, monkeypatch):
+    hear_anew(graph)
+    node = graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(left))
+    graph.wait(lambda: graph.find("scene", settled=True), "the scene of before")
+    scene, moment = latest(graph), {}
+
+    def die(result):
+        moment["state"] = left.read_text()
+        raise SystemExit
+
+    monkeypatch.setattr(node.publishing, "result", die)
+    graph.push(scene, 9, PUSH)
+    with pytest.raises(SystemExit):
+        graph.wait(lambda: moment, "the death")
+    graph.stop(node)
+    left.write_text(moment["state"])
+    hear_anew(graph)
+    graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(left))
+    result = graph.result(9)
+    assert (result.error_code, result.after.scene_id) == (ErrorCode.OK, scene.scene_id + 1)
+    graph.wait(lambda: graph.find("scene", settled=True), "the scene after")
+    assert latest(graph).scene_id == scene.scene_id + 1
+    assert not json.loads(left.read_text())["untold"], "it is told once"
+    graph.push(latest(graph), 9, PUSH)
+    graph.wait(lambda: len(graph.find("push_result", push_id=9)) == 2, "another answer")
+    assert graph.find("push_result", push_id=9)[1].error_code == ErrorCode.DUPLICATE_PUSH
+
+
 def test_pushes_and_resets_before_all_listen_again(graph, left):
     state = json.loads(left.read_text())
     left.write_text(json.dumps({**state, "listeners": ["/sain/gone_for_good"]}))

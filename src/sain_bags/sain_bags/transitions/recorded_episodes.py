@@ -5,6 +5,7 @@ Everything is paired by the ids that the messages carry; time stamps pair nothin
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Any
 
 from sain_bags.reading.reader import Bag, Received
@@ -116,6 +117,15 @@ class _Draft:
         self.first = self.first or log_time
         self.last = log_time
 
+    def answer(self, result: Any) -> None:
+        """Take a result, unless it is the last one again: after a crash it may be repeated."""
+        last = self.results[-1] if self.results else None
+        if last is None or any(
+            getter(last) != getter(result)
+            for getter in map(attrgetter, ("push_id", "error_code", "after.scene_id"))
+        ):
+            self.results.append(result)
+
 
 def read_episodes(bag: Bag, namespace: str | None = None) -> tuple[Episode, ...]:
     """Read the episodes of one robot.
@@ -166,7 +176,7 @@ def collect_episodes(messages: Iterable[Received]) -> tuple[Episode, ...]:
         elif received.type == PLAN:
             draft.plans.append(recorded_plan(message))
         elif received.type == PUSH_RESULT:
-            draft.results.append(message)
+            draft.answer(message)
     return tuple(
         _whole(number, draft, open_goal, physics)
         for number, draft in sorted(drafts.items())

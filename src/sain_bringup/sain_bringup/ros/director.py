@@ -14,6 +14,7 @@ from rclpy.node import Node
 from sain_bringup.display import EpisodeView
 from sain_bringup.graph import PLANNER
 from sain_bringup.processes import Supervisor
+from sain_bringup.ros.progress import LOST, Progress, distance
 from sain_bringup.ros.readiness import SERVER_PARTS, Missing, missing_parts
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
 from sain_core.ros.codec import encode_disks, encode_goal
@@ -22,11 +23,8 @@ from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.peers import refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.steady import SIMULATED
-from sain_core.scene import target_distance
-from sain_core.shapes.bodies import Bodies
-from sain_core.wire import decode_disks
 from sain_eval.scenes.scenarios import ScenarioScene
-from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult, Scene
+from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult
 from sain_interfaces.srv import ResetScene
 from sain_mppi.ros.goal_message import encode_pose_goal
 from sain_mppi.search.poses import PoseGoal
@@ -36,7 +34,6 @@ LOOK: Final = 0.1  # [s] between looks at the graph: each costs some ms
 EARLY: Final = 0.5  # [s] in which no simulator that was just started can publish
 OWNED: Final = ("scene", "push", "goal", "/clock")  # topics with one publisher in a graph
 REUNION: Final = 0.5  # [s] in which nodes find one that is back after a crash
-LOST: Final = 5.0  # [s] after which a request has got lost, where a process has crashed
 SILENT: Final = 10.0  # [s] without any news, after which a goal is given again after a crash
 PREDICTION_TIME: Final = 5.0  # [s] for the nominal world to predict the last push
 
@@ -62,22 +59,15 @@ class Director(Node):
         self._check = check
         self._supervisor = supervisor
         self._timeout = timeout
-        self._events: deque[Plan | PushResult] = deque()
-        self._last_sent = 0
-        self._sent: set[int] = set()  # ids of pushes: those planned, ...
-        self._answered: set[int] = set()  # ... those with a result, ...
-        self._executed: set[int] = set()  # ... those carried out, ...
-        self._predicted: set[int] = set()  # ... and those that the nominal world predicted
+        self._events: deque[Plan | PushResult | PushPrediction] = deque()
         self._goals = 0
         self._planner_ready = False
         self._graph_is_up = False
         self._goal = self.create_publisher(Goal, "goal", LATCHED)
         self._servers = {n: self.create_client(kind, n) for n, kind in SERVER_PARTS.items()}
-        self.create_subscription(Plan, "plan", self._on_event, RELIABLE)
-        self.create_subscription(PushResult, "push_result", self._on_event, RELIABLE)
-        self.create_subscription(
-            PushPrediction, "physics_prediction", self._on_prediction, RELIABLE
-        )
+        news = {"plan": Plan, "push_result": PushResult, "physics_prediction": PushPrediction}
+        for topic, kind in news.items():
+            self.create_subscription(kind, topic, self._on_news, RELIABLE)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
@@ -128,14 +118,14 @@ class Director(Node):
         """
         self._wait_for_restarts()
         episode_id = self._reset(case, view)
-        for known in (self._events, self._sent, self._answered, self._executed, self._predicted):
-            known.clear()
+        self._events.clear()
+        progress = Progress(view)
         for goal in case.goals:
             view.begin(len(case.goals))
-            self._pursue(replace(case, goal=goal, further=()), episode_id, tolerance, view)
+            self._pursue(replace(case, goal=goal, further=()), episode_id, tolerance, progress)
             if not view.reached:
                 break
-        self._wait_for_predictions()
+        self._wait_for_predictions(episode_id, progress)
 
     def _wait_for_restarts(self) -> None:
         """Wait until what has crashed is back, and has found the others."""
@@ -149,38 +139,56 @@ class Director(Node):
         return -inf if self._supervisor is None else self._supervisor.back_at
 
     def _pursue(
-        self, case: ScenarioScene, episode_id: int, tolerance: float, view: EpisodeView
+        self, case: ScenarioScene, episode_id: int, tolerance: float, progress: Progress
     ) -> None:
-        """Give the goal of a case, and follow what happens until the planner is done with it."""
+        """Give the goal of a case, and follow what happens until the planner is done with it.
+
+        Where a crash may have swallowed the last news of the goal, it is given again.
+        """
         goal = self._give_goal(case, episode_id, tolerance)
-        while not self._is_over(view):
-            self._wait_for_event(goal)
-            event = self._events.popleft()
-            if event.episode_id == episode_id:
-                self._follow(event, case, view)
+        progress.begin(goal.goal_id, case)
+        given = time.monotonic()
 
-    def _wait_for_event(self, goal: Goal) -> None:
-        """Wait for news of the goal; give it again where a crash may have swallowed the last."""
-        since = time.monotonic()
-
-        def heard() -> bool:
-            nonlocal since
+        def over() -> bool:
+            nonlocal given
+            if self._follow(episode_id, progress):
+                given = time.monotonic()
             now = time.monotonic()
-            if -inf < self._back_at() < now - SILENT and since < now - SILENT:
-                since = now
+            if -inf < self._back_at() < now - SILENT and given < now - SILENT:
+                given = now
                 self._goal.publish(goal)
-            return bool(self._events)
+            return progress.is_over(self._back_at())
 
-        self.wait(heard, lambda: "no sign of planner or simulator")
+        self.wait(over, lambda: "no sign of planner or simulator", since=lambda: progress.heard_at)
 
-    def wait(self, done: Callable[[], bool], problem: Callable[[], str]) -> None:
-        """Spin until a condition holds.
+    def _follow(self, episode_id: int, progress: Progress) -> int:
+        """Tell the progress all news of an episode; return how many there were."""
+        count = len(self._events)
+        while self._events:
+            event = self._events.popleft()
+            if event.episode_id != episode_id:
+                continue
+            if isinstance(event, Plan):
+                progress.on_plan(event)
+            elif isinstance(event, PushResult):
+                progress.on_result(event)
+            else:
+                progress.on_prediction(event)
+        return count
+
+    def wait(
+        self,
+        done: Callable[[], bool],
+        problem: Callable[[], str],
+        since: Callable[[], float] = lambda: -inf,
+    ) -> None:
+        """Spin until a condition holds; no longer than the timeout from now, or `since` then [s].
 
         Raises:
             GraphTimeoutError: it did not hold in time; with the problem in words.
             BusyError: while this graph starts, another one publishes the same topics.
         """
-        deadline = time.monotonic() + self._timeout
+        begun = time.monotonic()
         while not done():
             self._executor.spin_once(timeout_sec=SPIN)
             self._check()
@@ -188,7 +196,7 @@ class Director(Node):
             if not self._graph_is_up and now > self._next_look:  # the one that runs goes on
                 self._next_look = now + 5.0 * LOOK
                 refuse_rivals(self, OWNED)
-            if now > deadline:
+            if now > max(begun, since()) + self._timeout:
                 raise GraphTimeoutError(f"waited {self._timeout:g} s for the graph; {problem()}")
 
     def call(self, name: str, request: Any) -> Any:
@@ -225,13 +233,11 @@ class Director(Node):
             friction=case.friction,
         )
         scene = self.call("reset_scene", request).scene
-        view.at(_distance(case, scene))
+        view.at(distance(case, scene))
         return int(scene.episode_id)
 
     def _give_goal(self, case: ScenarioScene, episode_id: int, tolerance: float) -> Goal:
         self._goals += 1
-        self._sent.clear()
-        self._last_sent = 0
         named = {"goal_id": self._goals, "episode_id": episode_id, "max_pushes": case.max_pushes}
         stamp = self.get_clock().now().to_msg()
         if isinstance(case.goal, PoseGoal):
@@ -241,39 +247,7 @@ class Director(Node):
         self._goal.publish(message)
         return message
 
-    def _is_over(self, view: EpisodeView) -> bool:
-        """Tell whether the planner is done, and so is the last push it sent: news may overtake.
-
-        One before it that has no answer was lost with the process that should have given it.
-        """
-        return bool(view.ending) and self._last_sent in (0, *self._answered)
-
-    def _follow(self, event: Plan | PushResult, case: ScenarioScene, view: EpisodeView) -> None:
-        if isinstance(event, Plan):
-            self._on_plan(event, view)
-            return
-        self._answered.add(event.push_id)
-        if event.error_code == ErrorCode.OK:
-            self._executed.add(event.push_id)
-            view.at(_distance(case, event.after))
-        else:
-            view.refuse(event.error_message)
-
-    def _on_plan(self, plan: Plan, view: EpisodeView) -> None:
-        if plan.goal_id != self._goals:
-            return
-        if plan.status == Plan.PUSH:
-            self._sent.add(plan.push_id)
-            self._last_sent = plan.push_id
-            view.planned(plan.planning_time, plan.fallback, plan.error_message)
-        elif plan.status == Plan.REACHED:
-            view.end(reached=True)
-        elif plan.status == Plan.EXHAUSTED:
-            view.end(reached=False, why=f"no pushes left of {len(self._sent)}")
-        else:
-            view.end(reached=False, why=plan.error_message or "the planner found no push")
-
-    def _on_event(self, message: Plan | PushResult) -> None:
+    def _on_news(self, message: Plan | PushResult | PushPrediction) -> None:
         self._events.append(message)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -282,22 +256,12 @@ class Director(Node):
             if node_of(status) == planner:
                 self._planner_ready = status.level == DiagnosticStatus.OK
 
-    def _on_prediction(self, message: PushPrediction) -> None:
-        self._predicted.add(message.push_id)
-
-    def _wait_for_predictions(self) -> None:
+    def _wait_for_predictions(self, episode_id: int, progress: Progress) -> None:
         """Wait for the nominal world's word on every push; without a shadow world it has none."""
         deadline = time.monotonic() + PREDICTION_TIME
-        self.wait(
-            lambda: self._executed <= self._predicted or time.monotonic() > deadline,
-            lambda: "no physics predictions",
-        )
 
+        def predicted() -> bool:
+            self._follow(episode_id, progress)
+            return progress.all_predicted or time.monotonic() > deadline
 
-def _distance(case: ScenarioScene, message: Scene) -> float:
-    """Return the distance [m] from the target to the goal, or the largest of bodies to poses."""
-    scene = decode_disks(message.disks)
-    if not isinstance(case.goal, PoseGoal):
-        return float(target_distance(scene, case.goal))
-    bodies = Bodies.named(case.shapes, case.roles)
-    return float(case.goal.errors(scene, bodies)[0].max())
+        self.wait(predicted, lambda: "no physics predictions")

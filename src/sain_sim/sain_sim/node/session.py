@@ -33,11 +33,11 @@ class Session:
         """Whether a push is under way."""
         return self.busy_with is not None
 
-    def go_on_from(self, episode_id: int, scene_id: int, lost_push: int = 0) -> None:
-        """Continue with the ids of another process; the push that was lost with it is known."""
+    def go_on_from(self, episode_id: int, scene_id: int, last_push: int = 0) -> None:
+        """Continue with the ids of another process; its last push is known, too."""
         self.episode_id, self.scene_id = episode_id, scene_id
-        if lost_push:
-            self._remember(lost_push)
+        if last_push:
+            self._remember(last_push)
 
     def begin_episode(self) -> None:
         """Count a reset.

@@ -121,12 +121,18 @@ class Publishing:
             )
         )
 
-    def result(self, push: Push, before: SceneMessage, after: SceneMessage, pushed: Pushed) -> None:
-        """Publish the result of an executed push."""
+    def result_message(
+        self, push: Push, before: SceneMessage, after: SceneMessage, pushed: Pushed
+    ) -> PushResult:
+        """Return the result of an executed push."""
         message = self._reply(push, ErrorCode.OK, "")
         message.before, message.after = before, after
         message.duration = pushed.outcome.duration
         message.wall_time = pushed.wall_time
+        return message
+
+    def result(self, message: PushResult) -> None:
+        """Publish the result of a push."""
         self._result.publish(message)
 
     def refusal(self, push: Push, scene: SceneMessage, error: BaseException) -> None:

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from sain_core.errors import DatasetError
 from sain_core.ros.peers import Return, listeners
 from sain_core.ros.state_file import StateFile, message_of, text_of
-from sain_interfaces.msg import Push
+from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene
 
 HEARD: Final = "push_result"  # by all who follow an episode
@@ -26,6 +26,7 @@ class LeftEpisode:
         scene_id: as in `Session`.
         time: simulated [s].
         push: the one that was under way; None: there was none.
+        untold: the result that led to the scene, until it is published; None: it was.
     """
 
     reset: ResetScene.Request
@@ -33,16 +34,17 @@ class LeftEpisode:
     scene_id: int
     time: float
     push: Push | None = None
+    untold: PushResult | None = None
 
     def write(self, file: StateFile, listeners: Sequence[str]) -> None:
         """Replace what a file holds; with the nodes that hear the simulator."""
-        push = "" if self.push is None else text_of(self.push)
         file.write(
             reset=text_of(self.reset),
             episode_id=self.episode_id,
             scene_id=self.scene_id,
             time=self.time,
-            push=push,
+            push="" if self.push is None else text_of(self.push),
+            untold="" if self.untold is None else text_of(self.untold),
             listeners=listeners,
         )
 
@@ -58,8 +60,9 @@ class LeftEpisode:
         try:
             ids = int(state["episode_id"]), int(state["scene_id"])
             push = message_of(Push, state["push"]) if state["push"] else None
+            untold = message_of(PushResult, state["untold"]) if state["untold"] else None
             reset = message_of(ResetScene.Request, state["reset"])
-            return cls(reset, *ids, float(state["time"]), push)
+            return cls(reset, *ids, float(state["time"]), push, untold)
         except (KeyError, TypeError, ValueError) as error:
             raise DatasetError(f"the state of the simulator is damaged: {error!r}") from error
 
@@ -91,6 +94,11 @@ class Resumption:
     def lost(self) -> Push | None:
         """The push that was under way when the process before crashed."""
         return None if self.left is None else self.left.push
+
+    @property
+    def untold(self) -> PushResult | None:
+        """The result that the process before had no time to publish."""
+        return None if self.left is None else self.left.untold
 
     @property
     def keeps(self) -> bool:

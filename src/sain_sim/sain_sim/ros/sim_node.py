@@ -19,7 +19,7 @@ from sain_core.ros.qos import QUEUE
 from sain_core.ros.reception import Reception
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
-from sain_interfaces.msg import Push
+from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene
 from sain_sim.node.looking import Looking
 from sain_sim.node.pacing import Pacer
@@ -77,8 +77,9 @@ class SimNode(Node):
         if left is None:
             self._reset(ResetScene.Request(seed=self.simulator.config.seed))
             return
-        lost = 0 if left.push is None else left.push.push_id
-        self.session.go_on_from(left.episode_id, left.scene_id, lost)
+        last = left.push or left.untold
+        known = 0 if last is None else last.push_id
+        self.session.go_on_from(left.episode_id, left.scene_id, known)
         self.pacer.go_on_from(left.time + LOST_TIME)
         self.sample = self._place(left.reset)
         self.settled = self.publishing.scene_message(self.sample, moving=False)
@@ -90,6 +91,8 @@ class SimNode(Node):
         """Tell all again once they listen again, who may not have heard it before."""
         if not self.resumption.waits or not self.resumption.all_listen():
             return
+        if (untold := self.resumption.untold) is not None:
+            self.publishing.result(untold)
         self._announce(self.sample)
         if (lost := self.resumption.lost) is not None:
             text = f"push {lost.push_id} ended when the simulator crashed; it moved nothing"
@@ -144,8 +147,8 @@ class SimNode(Node):
         self.settled = self.publishing.scene_message(sample, moving=False)
         self.publishing.state(sample, self.settled)
 
-    def _keep(self, push: Push | None) -> None:
-        """Keep what it takes to go on from here; with the push that is begun."""
+    def _keep(self, push: Push | None, untold: PushResult | None = None) -> None:
+        """Keep what it takes to go on from here; with the push that is begun, or its result."""
         if not self.resumption.keeps:
             return
         reset = ResetScene.Request(seed=self.begun.seed, world=self.begun.world)
@@ -153,7 +156,7 @@ class SimNode(Node):
         reset.shapes, reset.roles = self.begun.shapes, self.begun.roles
         reset.friction = self.simulator.parameters.friction
         ids = self.session.episode_id, self.session.scene_id
-        self.resumption.keep(LeftEpisode(reset, *ids, self.pacer.now, push))
+        self.resumption.keep(LeftEpisode(reset, *ids, self.pacer.now, push, untold))
 
     def _on_push(self, message: Push) -> None:
         push = wire.decode_push(message)
@@ -195,8 +198,10 @@ class SimNode(Node):
         before = self.settled
         after = self.publishing.scene_message(pushed.sample, moving=False)
         self.sample = pushed.sample
-        self._keep(None)  # before anybody hears of it: what was told is never taken back
-        self.publishing.result(message, before, after, pushed)
+        result = self.publishing.result_message(message, before, after, pushed)
+        self._keep(None, result)  # before anybody hears of it: what was told is never taken back
+        self.publishing.result(result)
+        self._keep(None)
         self._settle(pushed.sample)
         self.publishing.prediction(message, pushed.predicted)
 
