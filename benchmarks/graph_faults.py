@@ -76,6 +76,8 @@ def strikes(
             striking.repeat(tries)
         observed = running.observed
         lost = observed.twice + observed.broken
+        if lost:
+            print(f"{name}: {observed.twice} executed twice, {observed.broken} broken", flush=True)
         lost += lost_rows(Bag(place / "bag"), observed, striking.spared if name == RECORDER else [])
         word = "SIGKILL" if kind == "kill" else f"SIGSTOP for {STOPPED:g} s"
         yield Row(f"{word}: {name}", tries, striking.survived, lost, striking.recoveries)

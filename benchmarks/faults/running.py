@@ -49,8 +49,14 @@ class Observed:
     results: list[tuple[float, PushResult]] = field(default_factory=list)  # and when [s]
 
     def on_result(self, message: PushResult) -> None:
-        """Take note of a result."""
-        self.results.append((time.monotonic(), message))
+        """Take note of a result; one that is the last one again is no other push."""
+        last = self.results[-1][1] if self.results else None
+        again = last is not None and (last.push_id, last.after.scene_id) == (
+            message.push_id,
+            message.after.scene_id,
+        )
+        if not again or message.error_code != ErrorCode.OK:
+            self.results.append((time.monotonic(), message))
 
     @property
     def latest(self) -> float:
@@ -218,7 +224,11 @@ class Strikes:
 def lost_rows(bag: Any, observed: Observed, spared: list[tuple[float, float]]) -> int:
     """Return how many results are not in a bag, without those of times that are spared [s]."""
     recorded = {received.message.push_id for received in bag.messages(["/sain/push_result"])}
-    return sum(
-        one.push_id not in recorded and not any(begin <= at <= end for begin, end in spared)
+    lost = [
+        one
         for at, one in observed.results
-    )
+        if one.push_id not in recorded and not any(begin <= at <= end for begin, end in spared)
+    ]
+    for one in lost:
+        print(f"not recorded: push {one.push_id}, code {one.error_code}", flush=True)
+    return len(lost)

@@ -7,11 +7,24 @@ import numpy as np
 import pytest
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 
+import sain_gym.push_env
 from sain_core.errors import ConfigError, ErrorCode, InvalidInputError, OutOfRangeError, SainError
+from sain_eval.scenes.scenarios import SCENARIOS
 from tests.sain_gym.playing import MakeEnv
 
 AHEAD = np.array([0.0, 0.0, 0.1])
 NAN = float("nan")
+
+
+def test_a_scene_with_more_bodies_than_the_first_is_refused(make, monkeypatch):
+    env = make(scenario="anywhere")
+    more = SCENARIOS["clutter"].scene(0)
+    monkeypatch.setattr(sain_gym.push_env, "draw_scene", lambda name, seed: more)
+    message = (
+        "scene 5 of anywhere has [345] bodies; observations have room for 2, as many as scene 0"
+    )
+    with pytest.raises(ConfigError, match=message):
+        env.reset(seed=5)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +123,7 @@ def test_closing_twice_is_allowed_and_use_after_it_is_not(make: MakeEnv) -> None
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"scenario": "nowhere"}, "scenario is 'nowhere'; allowed: 'paper', "),
+        ({"scenario": "nowhere"}, "scenario 'nowhere' is unknown .*; known: .*paper, "),
         ({"scenario": 3}, "scenario is 3"),
         ({"engine": "havok"}, "engine is 'havok'; allowed: 'bullet', 'mujoco'"),
         ({"observation": "pixels"}, "observation is 'pixels'; allowed: 'state', 'image'"),

@@ -24,7 +24,7 @@ def test_the_shape_is_free_where_the_scenario_says_so(scenario):
 def test_what_cannot_be_is_refused_in_words():
     with pytest.raises(ConfigError, match="have shapes of their own"):
         Reset("blocked", 0, "t").case()
-    with pytest.raises(ConfigError, match="scenario is 'none'; allowed: anywhere"):
+    with pytest.raises(ConfigError, match="scenario 'none' is unknown; known: anywhere"):
         Reset("none", 0).case()
 
 

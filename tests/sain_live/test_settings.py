@@ -33,5 +33,5 @@ def test_it_listens_on_this_computer_alone_by_default():
 def test_settings_are_checked():
     with pytest.raises(ConfigError, match="port is 0; it must be at least 1"):
         PageConfig(port=0)
-    with pytest.raises(ConfigError, match="scenario is 'none'; allowed"):
+    with pytest.raises(ConfigError, match="scenario 'none' is unknown; known: "):
         PageConfig(scenario="none")

@@ -99,13 +99,20 @@ class LiveOptions(GraphOptions):
     or hangs is restarted. Ctrl-C ends all of it.
     """
 
-    scenario: str = option("push_t", "scene to begin with", choices=tuple(SCENARIOS))
+    scenario: str = option(
+        "push_t", f"scene to begin with: {', '.join(SCENARIOS)}, or of an installed package"
+    )
     world: str = option("randomised", "hidden truth about friction and contacts", choices=WORLDS)
     host: str = option("127.0.0.1", "address to listen at; 0.0.0.0: open to other computers")
     port: int = option(8080, "port to listen at", minimum=1, maximum=65535)
     real_time_factor: float = option(
         1.0, "simulated time over wall time; 0: as fast as possible", minimum=0.0, maximum=100.0
     )
+
+    def __post_init__(self) -> None:
+        """Check the fields, and those of the page."""
+        super().__post_init__()
+        _ = self.page
 
     @property
     def page(self) -> PageConfig:

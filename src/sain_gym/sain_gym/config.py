@@ -6,7 +6,7 @@ from typing import Any, Final, Self
 
 from sain_core.config import Config, option, typed_settings
 from sain_core.errors import ConfigError
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_eval.tolerance import Tolerance
 from sain_sim.episodes.truth import RANDOMISED, TRUTHS, TruthConfig
 from sain_sim.world.engines import BULLET, ENGINES
@@ -20,7 +20,10 @@ WIDEST: Final = 0.075  # [m]: no scenario starts nearer to its goal
 class PushEnvConfig(Config):
     """What is to be solved, in which world, and what is observed."""
 
-    scenario: str = option("anywhere", "what is to be solved", choices=tuple(SCENARIOS))
+    scenario: str = option(
+        "anywhere",
+        f"what is to be solved: {', '.join(SCENARIOS)}, or one of an installed package",
+    )
     engine: str = option(BULLET, "physics engine", choices=tuple(ENGINES))
     world: str = option(RANDOMISED, "the paper's world, or a rough one", choices=TRUTHS)
     lab: int = option(0, "number of the rough world", minimum=0)
@@ -43,8 +46,9 @@ class PushEnvConfig(Config):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields, and that the engine is installed and has the effects of the world."""
+        """Check the fields, the scenario, and that the engine has the effects of the world."""
         super().__post_init__()
+        OFFERED.check(self.scenario)
         _ = self.truth
 
     @classmethod

@@ -9,7 +9,7 @@ from gymnasium.spaces import Box, Space
 from sain_core.errors import ConfigError, OutOfRangeError, SainError
 from sain_core.types import Scene
 from sain_eval.scenes.scenario_scene import ScenarioScene
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import draw_scene
 from sain_gym.config import IMAGE, PushEnvConfig
 from sain_gym.episode import PushEpisode
 from sain_gym.errors import EnvironmentClosedError, EpisodeEndedError
@@ -102,7 +102,12 @@ class PushEnv(gymnasium.Env[Any, Any]):
         if wanted is None:
             wanted = int(self.np_random.integers(FIRST_DRAWN, AFTER_DRAWN))
         config = self.config
-        case = SCENARIOS[config.scenario].scene(wanted).within(config.truth)
+        case = draw_scene(config.scenario, wanted).within(config.truth)
+        if len(case.disks) > self.spaces.most:
+            raise ConfigError(
+                f"scene {wanted} of {config.scenario} has {len(case.disks)} bodies; observations"
+                f" have room for {self.spaces.most}, as many as scene 0 has"
+            )
         parameters = case.parameters()
         if self._world is None:
             self._world = World(parameters, engine=config.engine)

@@ -22,7 +22,7 @@ from sain_core.push import BODY, LOCATION, PUSH_NAMES, PUSH_SIZE, PushLimits
 from sain_core.scene import STATE_SIZE, TARGET
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import draw_scene
 from sain_mppi.search.goal import Goal
 from sain_mppi.search.poses import PoseGoal
 
@@ -48,7 +48,7 @@ class PushSpaces:
 
     def __init__(self, scenario: str, limits: PushLimits = PushLimits()) -> None:
         """Make the spaces of a scenario with pushes within these limits."""
-        first = SCENARIOS[scenario].scene(0)
+        first = draw_scene(scenario, 0)
         self.most = MOST_BODIES_IN.get(scenario, len(first.disks))
         high = [pi, limits.max_angle, limits.max_length]
         low = [-pi, -limits.max_angle, 0.0]

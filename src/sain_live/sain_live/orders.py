@@ -9,7 +9,7 @@ from sain_core.config import Config
 from sain_core.errors import ConfigError
 from sain_eval.scenes.disk_scenarios import AnywhereScenario
 from sain_eval.scenes.scenario_scene import ScenarioScene
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import draw_scene, find_scenario
 from sain_eval.scenes.shape_scenarios import PoseScenario, StreakScenario
 from sain_live.aims import Aim
 from sain_mppi.search.config import PlannerConfig
@@ -34,13 +34,9 @@ class Reset:
         Raises:
             ConfigError: no such scenario, or the shape of its bodies is not free.
         """
-        if self.scenario not in SCENARIOS:
-            raise ConfigError(
-                f"scenario is {self.scenario!r}; allowed: {', '.join(sorted(SCENARIOS))}"
-            )
-        scenario: Any = SCENARIOS[self.scenario]
         if self.shape == AS_DRAWN:
-            return scenario.scene(self.seed)
+            return draw_scene(self.scenario, self.seed)
+        scenario: Any = find_scenario(self.scenario)
         if isinstance(scenario, PoseScenario | StreakScenario):
             return replace(scenario, shape=self.shape).scene(self.seed)
         if isinstance(scenario, AnywhereScenario):

@@ -9,7 +9,7 @@ from typing import Final
 
 from sain_core.config import Config, option
 from sain_core.errors import BusyError, ConfigError
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import OFFERED
 
 NO_SCENARIO: Final = ""
 
@@ -25,12 +25,17 @@ class PageConfig(Config):
     scenario: str = option(
         NO_SCENARIO,
         "scenario to reset the scene to, once the simulator is there; empty: leave it",
-        choices=(NO_SCENARIO, *SCENARIOS),
     )
     seed: int = option(0, "of that scene", minimum=0, maximum=2**31 - 1)
     rate: float = option(
         40.0, "most updates sent to each viewer", unit="Hz", minimum=1.0, maximum=60.0
     )
+
+    def __post_init__(self) -> None:
+        """Check the fields and the scenario."""
+        super().__post_init__()
+        if self.scenario != NO_SCENARIO:
+            OFFERED.check(self.scenario)
 
     @property
     def address(self) -> str:

@@ -35,7 +35,7 @@ poses_to_scene: Final = NodeCommand(
     " rest. Poses come as frames on /tf or as an array. A YAML file states shapes and masses.",
     node="ros.poses_node:PosesNode",
     settings="perception.settings:PosesConfig",
-    publishes=("scene", "shapes", "/diagnostics"),
+    publishes=("scene", "shapes", "markers", "/diagnostics"),
     subscribes=("poses", "/tf", "/tf_static", "push", "push_result"),
     example="bodies:=bodies.yaml",
 )

@@ -16,6 +16,7 @@ from geometry_msgs.msg import (
     Vector3,
 )
 from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core import wire
 from sain_core.errors import BusyError, ConfigError, DatasetError
@@ -105,6 +106,22 @@ def test_poses_become_a_settled_scene(graph, camera, tmp_path, source) -> None:
     np.testing.assert_array_equal(scene[:, 6:], [(2.0, 0.08), (1.0, 0.1)])
     graph.wait(lambda: graph.heard["shapes"], "shapes")
     assert [body.name for body in graph.heard["shapes"][0].bodies] == ["disk", "t"]
+
+
+def test_viewers_see_the_bodies_where_they_are(graph, camera, tmp_path) -> None:
+    graph.listen("markers", MarkerArray)
+    start(graph, tmp_path, ARRAY)
+    camera.until(camera.poses, lambda: graph.heard["markers"], "markers")
+    shown = {(one.ns, one.id): one for one in graph.heard["markers"][-1].markers}
+    assert set(shown) - {("", 0)} == {
+        ("table", 0), ("disks", 0), ("disks", 1), ("labels", 0), ("labels", 1)
+    }  # fmt: skip
+    places = [
+        (shown["disks", n].pose.position.x, shown["disks", n].pose.position.y) for n in (0, 1)
+    ]
+    np.testing.assert_allclose(places, PLACES)
+    assert shown["disks", 0].type == Marker.CYLINDER
+    assert shown["disks", 1].type == Marker.TRIANGLE_LIST and shown["disks", 1].points
 
 
 def test_poses_that_stop_coming_unsettle_the_scene(graph, camera, tmp_path) -> None:

@@ -24,7 +24,9 @@ __all__ = [
     "PaperScenario",
     "Scenario",
     "ScenarioScene",
+    "draw_scene",
     "find_scenario",
+    "scenario_names",
 ]
 
 
@@ -64,16 +66,26 @@ SCENARIOS: Final[dict[str, Scenario]] = {scenario.name: scenario for scenario in
 OFFERED: Final = Offers("sain.scenarios", "scenario", SCENARIOS)
 
 
-@cache
+def scenario_names() -> tuple[str, ...]:
+    """Return the names of all scenarios: those that are built in, then those of packages."""
+    return (*SCENARIOS, *(name for name in OFFERED.names() if name not in SCENARIOS))
+
+
 def find_scenario(name: str) -> Scenario:
     """Return the scenario of this name, which an installed package may offer.
 
     Raises:
         ConfigError: nobody offers it, two packages do, or its package fails.
     """
-    if name in SCENARIOS:
-        return SCENARIOS[name]
-    entry = OFFERED.find(name)
+    return SCENARIOS[name] if name in SCENARIOS else _offered(name)
+
+
+_entry = cache(OFFERED.find)  # to look takes some ms
+
+
+@cache
+def _offered(name: str) -> Scenario:
+    entry = _entry(name)
     scenario = OFFERED.load(entry)
     if not isinstance(scenario, Scenario) or scenario.name != name:
         raise OFFERED.wrong(
@@ -93,7 +105,7 @@ def draw_scene(name: str, seed: int) -> ScenarioScene:
     scenario = find_scenario(name)
     if name in SCENARIOS:
         return scenario.scene(seed)
-    entry = OFFERED.find(name)
+    entry = _entry(name)
     drawn = OFFERED.guarded(entry, scenario.scene)(seed)
     if not isinstance(drawn, ScenarioScene):
         kind = type(drawn).__name__

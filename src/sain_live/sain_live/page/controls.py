@@ -11,7 +11,7 @@ from sain_core.drawing.palette import PALETTE
 from sain_core.errors import SainError
 from sain_core.plugins import dynamics_names
 from sain_core.shapes.registry import footprint_names
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import scenario_names
 from sain_live.orders import AS_DRAWN, Orders, Reset
 from sain_live.settings import PageConfig
 from sain_live.state import Kind, LiveState, Phase
@@ -65,7 +65,7 @@ class ControlsView:
     def _add_episode(self, config: PageConfig) -> None:
         gui = self._gui
         self._scenario = gui.add_dropdown(
-            "scenario", tuple(SCENARIOS), initial_value=config.scenario or FIRST
+            "scenario", scenario_names(), initial_value=config.scenario or FIRST
         )
         self._seed: Any = gui.add_number("seed", config.seed, min=0, max=LARGEST_SEED, step=1)
         self._shape = gui.add_dropdown(

@@ -19,6 +19,8 @@ TITLE: Final = "SAIN live"
 CAMERA: Final = (1.52, -0.72, 1.02)  # [m], in front of the table, to its right
 LOOK_AT: Final = (0.42, 0.02, 0.14)
 FIELD_OF_VIEW: Final = 0.72  # [rad]
+AMBIENT: Final = 0.8  # brightness of lights
+SKY: Final = 1.0
 PANEL_WIDTH: Final = 330  # pixels
 
 Check = Callable[[Any, Any], Any]
@@ -52,6 +54,11 @@ def _furnish(server: viser.ViserServer) -> None:
     server.gui.main_panel.set_width(PANEL_WIDTH)
     server.scene.set_up_direction("+z")
     server.scene.world_axes.visible = False
+    # Without a graphics card, shadows and an environment map took a second for each picture.
+    server.scene.configure_environment_map(None)
+    server.scene.configure_default_lights(cast_shadow=False)
+    server.scene.add_light_ambient("/light/ambient", intensity=AMBIENT)
+    server.scene.add_light_hemisphere("/light/sky", intensity=SKY)
     camera = server.initial_camera
     camera.position, camera.look_at, camera.fov = CAMERA, LOOK_AT, FIELD_OF_VIEW
 

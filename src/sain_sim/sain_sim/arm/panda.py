@@ -1,11 +1,11 @@
 """The Panda with its stick: its settings and its description on disk."""
 
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from sain_core.config import Config, option
+from sain_core.workers.scratch import scratch_folder
 from sain_sim.arm.client import Client
 from sain_sim.arm.controlled import JOINT_COUNT
 from sain_sim.arm.urdf import panda_with_stick
@@ -58,7 +58,7 @@ class PandaModel:
         """Write the URDF of a Panda with this stick [m]; visuals are meshes for pictures."""
         self.config = config
         self.tool_radius = tool_radius
-        self._folder = tempfile.TemporaryDirectory(prefix="sain-panda-")
+        self._folder = scratch_folder("panda")
         self._path = Path(self._folder.name) / "panda.urdf"
         self._path.write_text(
             panda_with_stick(

@@ -8,7 +8,6 @@ narrower, stops it from tipping far where the table ends.
 from functools import lru_cache
 from math import cos, sin
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ from shapely import Polygon as Ring
 from sain_core.scene import DISK_HEIGHT
 from sain_core.shapes.shape import Pair, Shape, Solid, prism_surface
 from sain_core.types import Points
+from sain_core.workers.scratch import scratch_folder
 from sain_sim.arm.client import Client
 from sain_sim.world.parameters import FOOT_RADIUS
 
@@ -116,7 +116,7 @@ class _MeshFile:
     """A prism on disk, as long as this object exists."""
 
     def __init__(self, corners: Points, height: float) -> None:
-        self._folder = TemporaryDirectory(prefix="sain-shape-")
+        self._folder = scratch_folder("shape")
         self.path = Path(self._folder.name) / "prism.obj"
         scale = [1.0, 1.0, height / DISK_HEIGHT]
         points = (prism_surface(corners).reshape(-1, 3) * scale).tolist()

@@ -11,6 +11,7 @@ from sain_core.push import TOOL_RADIUS
 from sain_core.ros.markers import body_marker, make_marker, make_pose
 from sain_core.scene import DISK_HEIGHT, Table, X, Y
 from sain_core.shapes.bodies import Bodies, Role
+from sain_core.types import Scene
 from sain_sim.world.outcome import Sample
 
 TABLE_THICKNESS: Final = 0.02  # [m]
@@ -24,9 +25,14 @@ LABELS: Final = ("mid", "target")
 
 def scene_markers(sample: Sample, bodies: Bodies, table: Table, stamp: Time) -> list[Marker]:
     """Return markers of the world as it is; ids are constant."""
-    markers = [_table(table, stamp), _tool(sample, stamp)]
+    return [*table_markers(sample.scene, bodies, table, stamp), _tool(sample, stamp)]
+
+
+def table_markers(scene: Scene, bodies: Bodies, table: Table, stamp: Time) -> list[Marker]:
+    """Return markers of a scene (N, 8) on its table; ids are constant."""
+    markers = [_table(table, stamp)]
     names = body_labels(bodies)
-    for disk, (row, shape) in enumerate(zip(sample.scene.tolist(), bodies.shapes, strict=True)):
+    for disk, (row, shape) in enumerate(zip(scene.tolist(), bodies.shapes, strict=True)):
         markers += [
             body_marker("disks", disk, shape, row, rgba(PALETTE.disk(disk)), stamp),
             _label(disk, names[disk], row, stamp),

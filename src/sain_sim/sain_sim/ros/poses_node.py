@@ -14,6 +14,7 @@ from sain_core.errors import ConfigError, DatasetError, InvalidInputError
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.limits import shortened
+from sain_core.ros.markers import MarkerBoard
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.ownership import Ownership
 from sain_core.ros.parameters import read_parameters
@@ -22,15 +23,18 @@ from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORM
 from sain_core.ros.reception import Reception
 from sain_core.ros.state_file import StateFile
 from sain_core.ros.steady import steady_timer
+from sain_core.scene import Table
 from sain_interfaces.msg import Bodies, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_sim.perception.body_file import Poses, read_bodies
 from sain_sim.perception.frame_tree import FrameTree, check_pose, flat_pose
 from sain_sim.perception.scene_tracker import SceneTracker
 from sain_sim.perception.settings import PosesConfig
+from sain_sim.ros.markers import table_markers
 
 OWNED = ("scene", "shapes")
 SINGLE = ("push_result", "poses")  # of which there must be one publisher, who may claim nothing
+TABLE = Table()
 LOOK = 0.1  # [s] between looks at the age of the poses
 LOOK_FOR_RIVALS = 0.5  # [s]
 CAMERA = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)  # hears reliable ones, too
@@ -55,6 +59,7 @@ class PosesNode(Node):
         self.last: SceneMessage | None = None
         self.shapes_publisher = self.create_publisher(Bodies, "shapes", LATCHED)
         self.scene_publisher = self.create_publisher(SceneMessage, "scene", RELIABLE)
+        self.markers = MarkerBoard(self, "markers")
         self._listen()
         steady_timer(self, LOOK, self._on_look)
         steady_timer(self, LOOK_FOR_RIVALS, self._look_for_rivals)
@@ -161,6 +166,7 @@ class PosesNode(Node):
             tracker.scene(), stamp=stamp, episode_id=ids[0], scene_id=ids[1], settled=settled
         )
         self.scene_publisher.publish(self.last)
+        self.markers.show(table_markers(tracker.scene(), self.bodies.bodies, TABLE, stamp))
 
     def _is_due(self, ids: tuple[int, int], settled: bool) -> bool:
         """Tell whether to publish a scene: at most at the rate, and each change at once."""
