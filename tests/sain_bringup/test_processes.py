@@ -25,11 +25,11 @@ print('up', flush=True)
 time.sleep(600)
 """
 ORDERLY = """
-import signal, sys, time
+import os, signal, sys, time
 def end(*_):
-    print('closing', flush=True)
+    os.write(1, b'closing\\n')  # no print: the signal may come while 'up' is being printed
     time.sleep(0.3)
-    print('closed', flush=True)
+    os.write(1, b'closed\\n')
     sys.exit(0)
 signal.signal(signal.SIGINT, end)
 print('up', flush=True)
@@ -111,10 +111,10 @@ def test_a_process_that_ignores_signals_ends_all_the_same(
 
 
 SLOW = """
-import signal, sys, time
+import os, signal, sys, time
 def end(*_):
     time.sleep(1.0)
-    print('closed', flush=True)
+    os.write(1, b'closed\\n')
     sys.exit(0)
 signal.signal(signal.SIGINT, end)
 print('up', flush=True)
