@@ -73,16 +73,22 @@ def test_episodes_come_back_in_order_and_no_worker_runs_far_ahead() -> None:
     assert pool.begun == list(range(100))
 
 
-def test_a_worker_killed_in_mid_episode_costs_nothing(whole, tmp_path, caplog) -> None:
+def test_a_worker_killed_in_mid_episode_costs_nothing(whole, tmp_path, caplog, monkeypatch) -> None:
     config, expected = whole
+    begin, begun = ProcessPool.begin, []
 
-    def kill(episodes: int, transitions: int) -> None:
-        if episodes == 1:  # the others are in the midst of theirs
-            os.kill(active_children()[0].pid, signal.SIGKILL)
+    def begin_and_kill(pool, number, job) -> None:
+        begin(pool, number, job)
+        begun.append(number)
+        if begun.count(2) == 1 and number == 2:
+            ((worker, _, _),) = (one for one in pool._busy.values() if one[1] == number)
+            os.kill(worker.process.pid, signal.SIGKILL)
 
-    collect(replace(config, out=tmp_path, workers=2), kill)
+    monkeypatch.setattr(ProcessPool, "begin", begin_and_kill)
+    collect(replace(config, out=tmp_path, workers=2))
     assert content(tmp_path) == expected
     assert "a worker died (exit code -9); episode" in caplog.text
+    assert sorted(begun) == [0, 1, 2, 2, 3, 4]
     assert active_children() == []
 
 
