@@ -18,10 +18,19 @@ from sain_bags.cli.info import warnings_about
 from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import read_timings
 from sain_bags.ros.endpoints import message_class
-from sain_bags.ros.record import about_silence, drain, parse_custom_data
+from sain_bags.ros.handshake import Handshake
+from sain_bags.ros.record import (
+    PATIENCE,
+    REST,
+    Readiness,
+    about_silence,
+    drain,
+    parse_custom_data,
+)
 from sain_bags.ros.recorder import Recorder
 from sain_bags.writing.selection import Selection
 from sain_bags.writing.writer import BagConfig, BagWriter
+from sain_core import notify
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_interfaces.msg import DiskState, Scene
 
@@ -262,3 +271,68 @@ def test_a_message_that_never_came_is_counted(studio: Studio) -> None:
     assert (gaps.missing, gaps.is_exact) == (1, True)
     bag = studio.end()
     assert read_timings(bag)["/numbers"].missing == 1  # as the bag itself shows
+
+
+def test_a_node_answers_the_handshake_only_once_it_works(studio: Studio) -> None:
+    studio.player.create_publisher(String, "/chatter", 10)
+    studio.start("/chatter")
+
+    def work(seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            studio.recorder.work()
+            handshake.work()
+
+    handshake = Handshake(studio.recorder, ["/player", "/player"])
+    work(1.0)  # it is there, and asked, and handles nothing
+    assert not handshake.is_complete
+    studio.spin_until(lambda: (handshake.work(), handshake.is_complete)[1])
+    assert studio.player.count_subscribers("/chatter") == 1
+    studio.end()
+
+
+def test_the_recorder_asks_who_publishes_what_it_records_and_no_one_else(studio: Studio) -> None:
+    studio.player.create_publisher(String, "/chatter", 10)
+    other = Node("other", namespace="/far/away", context=studio.context)
+    other.create_publisher(String, "/whisper", 10)
+    studio.executor.add_node(other)
+    studio.start("/chatter")
+    studio.listened("/chatter")
+    studio.spin_until(lambda: studio.recorder.owners() == {"/player"})
+    other.create_publisher(String, "/chatter", 10)
+    studio.spin_until(lambda: studio.recorder.owners() == {"/player", "/far/away/other"})
+    studio.executor.remove_node(other)
+    other.destroy_node()
+    studio.end()
+
+
+def test_a_recorder_is_ready_once_all_have_found_it_or_after_a_while(
+    studio: Studio, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[float] = []
+    monkeypatch.setattr(notify, "ready", lambda: told.append(time.monotonic()))
+    chatter = studio.player.create_publisher(String, "/chatter", 10)
+    studio.start("/chatter")
+    studio.listened("/chatter")
+    begun = time.monotonic()
+    readiness = Readiness(studio.recorder, begun)
+
+    def work(seconds: float, answers: bool) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            chatter.publish(String(data="hello"))
+            readiness.work(studio.recorder.work())
+            if answers:
+                studio.executor.spin_once(timeout_sec=0.01)
+            time.sleep(0.01)
+
+    work(REST + 0.5, answers=False)
+    assert told == []
+    work(1.0, answers=True)
+    assert len(told) == 1
+    readiness = Readiness(studio.recorder, begun)
+    begun = time.monotonic()
+    work(REST + PATIENCE + 0.5, answers=False)
+    assert len(told) == 2
+    assert told[1] - begun >= REST + PATIENCE
+    studio.end()

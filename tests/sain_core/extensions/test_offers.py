@@ -89,3 +89,20 @@ def test_where_nobody_offers_anything_that_is_said() -> None:
     message = "known: none: no installed package has the entry points 'sain.nothing'"
     with pytest.raises(ConfigError, match=message):
         Offers("sain.nothing", "thing").check("any")
+
+
+def test_a_package_that_offers_what_is_built_in_is_told_to_rename_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    entry = EntryPoint("kite", "toys:ball", GROUP)
+    vars(entry)["dist"] = Package
+    monkeypatch.setattr(offers, "entry_points", lambda group: [entry])
+    message = (
+        r"toy 'kite' is built in, and offered by package their-toys 1.2 \(toys:ball\), too;"
+        r" give that one another name, or uninstall its package"
+    )
+    toys = Offers(GROUP, "toy", ("kite", "boat"))
+    for _ in range(2):
+        with pytest.raises(ConfigError, match=message):
+            toys.check("kite")
+    toys.check("boat")

@@ -2,13 +2,13 @@
 
 import json
 import time
-from collections.abc import Callable
 from typing import Final
 
 from rich.console import Console
 
 from sain_bags.cli.options import RecordOptions
 from sain_bags.recovery.resumption import join, set_aside
+from sain_bags.ros.handshake import Handshake
 from sain_bags.ros.recorder import Recorder
 from sain_bags.ros.stop_signal import StopSignal
 from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, UNDEFINED_KEY, describe_gaps
@@ -21,7 +21,8 @@ from sain_core.ros.node_main import ros_context
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed
 SILENCE: Final = 5.0  # [s] after which nothing seems to be said
-REST: Final = 1.0  # [s] from the first message until the other topics are heard, too
+REST: Final = 0.5  # [s] from the first message until the other topics are known, too
+PATIENCE: Final = 3.0  # [s] then, at most, until all have found it: some nodes never answer
 DRAIN_TIME: Final = 0.5  # [s], at most, for messages that have come before the stop
 QUIET_PASSES: Final = 5  # without a message: nothing more is on its way
 
@@ -73,9 +74,9 @@ def record(options: RecordOptions, console: Console) -> None:
 
         try:
             with StatusDisplay(console, options.status_period) as display:
-                heard = first_heard(started)
+                readiness = Readiness(recorder, started)
                 while not stop.wait(PASS_PERIOD):
-                    heard(recorder.work())
+                    readiness.work(recorder.work())
                     notify.alive()
                     display.show(status)
                 drain(recorder)
@@ -88,20 +89,40 @@ def record(options: RecordOptions, console: Console) -> None:
     console.print(last.final(options.out, size), highlight=False, markup=False)
 
 
-def first_heard(started: float) -> Callable[[int], None]:
-    """Return what takes the number of messages of each pass, and once tells that all is ready."""
-    ready_at, told = started + SILENCE, False
+class Readiness:
+    """Tells who supervises the recorder, once, that it hears all that is there."""
 
-    def heard(written: int) -> None:
-        nonlocal ready_at, told
+    def __init__(self, recorder: Recorder, started: float) -> None:
+        """`started` is a time of `time.monotonic`."""
+        self._recorder = recorder
+        self._due = started + SILENCE
+        self._told = False
+        self._known: tuple[int, set[str]] = (0, set())
+        self._handshake: Handshake | None = None
+
+    def work(self, written: int) -> None:
+        """Look whether it is so; `written` is the number of messages of the last pass."""
+        if self._told:
+            return
         now = time.monotonic()
         if written:
-            ready_at = min(ready_at, now + REST)
-        if now >= ready_at and not told:
-            told = True
+            self._due = min(self._due, now + REST)
+        if now < self._due:
+            return
+        known = (self._recorder.subscribed, self._recorder.owners())
+        if self._handshake is None or self._known != known:  # what was made later is found later
+            self.close()
+            self._known, self._handshake = known, Handshake(self._recorder, known[1])
+        self._handshake.work()
+        if self._handshake.is_complete or now >= self._due + PATIENCE:
+            self._told = True
+            self.close()
             notify.ready()
 
-    return heard
+    def close(self) -> None:
+        """Ask nobody any more."""
+        if self._handshake is not None:
+            self._handshake.close()
 
 
 def about_silence(recorder: Recorder, silent: tuple[str, ...]) -> dict[str, str]:

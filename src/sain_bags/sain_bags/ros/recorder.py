@@ -61,6 +61,7 @@ class Recorder(Node):
         super().__init__("recorder", parameter_overrides=overrides, **options)
         self.unusable: dict[str, str] = {}  # topics that cannot be recorded, and why
         self.undefined: dict[str, str] = {}  # topics without a definition, and their types
+        self.subscribed = 0  # how often
         self._writer = writer
         self._selection = selection
         self._types = RecordableTypes(self)
@@ -79,6 +80,17 @@ class Recorder(Node):
     def awaited(self) -> set[str]:
         """Topics that were asked for by name, and that nobody publishes yet."""
         return set(self._selection.chosen) - {*self._recorded, *self.unusable}
+
+    def owners(self) -> set[str]:
+        """Return the full names of the nodes that publish what is recorded, but for its own."""
+        own = self.get_fully_qualified_name()
+        found = {
+            f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            for name in self._recorded
+            for info in self.get_publishers_info_by_topic(name)
+            if not info.node_name.startswith("_")  # hidden, or not known yet
+        }
+        return found - {own}
 
     def work(self) -> int:
         """Look for topics if it is time, write what has come, flush if it is time.
@@ -184,6 +196,7 @@ class Recorder(Node):
             self.destroy_subscription(former)
             recorded.repeated = frozenset(recorded.seen)
         recorded.subscription, recorded.wanted = subscription, wanted
+        self.subscribed += 1
 
     def _count_publishers(
         self, name: str, publishers: list[TopicEndpointInfo] | None = None

@@ -28,7 +28,7 @@ class Offers:
         Args:
             group: of entry points.
             what: one of them, such as ``planner``.
-            built_in: names that no package need offer; an offer with such a name is not used.
+            built_in: names that no package need offer, and none may.
             hidden: a name that is not listed.
             more: what messages say that may be given besides names.
         """
@@ -51,11 +51,19 @@ class Offers:
         """Check that something is built in or offered by this name; nothing is imported.
 
         Raises:
-            ConfigError: as `find`.
+            ConfigError: as `find`; or it is built in, and a package offers another one.
         """
-        if name not in self._built_in and name not in self._found:
+        if name in self._found:
+            return
+        if name not in self._built_in:
             self.find(name)
-            self._found.add(name)  # to look takes some ms
+        elif entries := self.entries().get(name):
+            packages = " and ".join(map(_described, entries))
+            raise ConfigError(
+                f"{self.what} {name!r} is built in, and offered by {packages}, too;"
+                " give that one another name, or uninstall its package"
+            )
+        self._found.add(name)  # to look takes some ms
 
     def find(self, name: str) -> EntryPoint:
         """Return the only entry point of a name.
@@ -71,7 +79,7 @@ class Offers:
     def only(self, name: str, entries: list[EntryPoint]) -> EntryPoint:
         """Return the one entry point; raise `ConfigError` where there are more."""
         if len(entries) > 1:
-            packages = " and ".join(f"{package_of(entry)} ({entry.value})" for entry in entries)
+            packages = " and ".join(map(_described, entries))
             raise ConfigError(
                 f"{self.what} {name!r} is offered by {packages}; uninstall one of them"
             )
@@ -144,3 +152,7 @@ def package_of(entry: EntryPoint) -> str:
     if entry.dist is None:
         return f"the package of {entry.module}"
     return f"package {entry.dist.name} {entry.dist.version}"
+
+
+def _described(entry: EntryPoint) -> str:
+    return f"{package_of(entry)} ({entry.value})"

@@ -1,4 +1,7 @@
-"""Temporary folders of a process: also those of one that was killed do not stay for ever."""
+"""Folders for what can be made again: temporary ones of a process, and the user's cache.
+
+Temporary folders of a process that was killed do not stay for ever.
+"""
 
 import atexit
 import fcntl
@@ -23,6 +26,18 @@ def scratch_folder(purpose: str) -> "tempfile.TemporaryDirectory[str]":
     return tempfile.TemporaryDirectory(
         prefix=f"{purpose}-", dir=_root(), ignore_cleanup_errors=True
     )
+
+
+@cache
+def cache_folder() -> Path:
+    """Return the user's cache folder, or a temporary one where that cannot be written."""
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sain"
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=home):
+            return home
+    except OSError:
+        return Path(tempfile.gettempdir()) / f"sain-{os.getuid()}"
 
 
 @cache

@@ -3,20 +3,17 @@
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
-from urllib.parse import unquote, urlsplit
 
 import numpy as np
 import viser
 
 from sain_core.errors import ConfigError
 from sain_live.page.geometry import Quaternion, Vector, about, of_angles, turned
+from sain_live.page.meshes import read_mesh
 from sain_live.state import Kind, LiveArm, LiveState
 
-LARGEST_MESH: Final = 50_000_000  # bytes of a file
 PLAIN: Final = (210, 212, 215)
-MESHES: Final = (".obj", ".stl", ".ply", ".glb")
 MOVES: Final = ("revolute", "continuous", "prismatic")
 
 
@@ -147,35 +144,6 @@ def read_joint(part: ElementTree.Element) -> Joint:
     place, turn = _origin(part)
     names = str(part.get("name")), str(part.get("type")), ends["parent"], ends["child"]
     return Joint(*names, place, turn, (x, y, z))
-
-
-def read_mesh(
-    filename: str, colour: tuple[int, int, int], own: bool
-) -> Iterator[tuple[np.ndarray, np.ndarray, tuple[int, int, int]]]:
-    """Yield vertices, faces and colour of a mesh, one for each colour that its file has.
-
-    Without `own`, all have the given colour.
-
-    Raises:
-        ConfigError: a file that is missing, too large or of a kind that is not read.
-    """
-    import trimesh
-
-    path = Path(unquote(urlsplit(filename).path))
-    if urlsplit(filename).scheme not in ("", "file") or path.suffix.lower() not in MESHES:
-        raise ConfigError(f"mesh {filename!r}; allowed: files of type {', '.join(MESHES)}")
-    if not path.is_file() or path.stat().st_size > LARGEST_MESH:
-        raise ConfigError(f"mesh {path} is missing or larger than {LARGEST_MESH >> 20} MB")
-    parts: dict[tuple[int, int, int], list[Any]] = {}
-    loaded: Any = trimesh.load(path, force="scene")
-    for part in loaded.dump():
-        material = getattr(getattr(part, "visual", None), "material", None)
-        main = getattr(material, "main_color", None)
-        red, green, blue = colour if main is None or not own else map(int, main[:3])
-        parts.setdefault((red, green, blue), []).append(part)
-    for shade, group in parts.items():
-        whole: Any = trimesh.util.concatenate(group)
-        yield np.asarray(whole.vertices), np.asarray(whole.faces), shade
 
 
 def _origin(part: ElementTree.Element) -> tuple[Vector, Quaternion]:

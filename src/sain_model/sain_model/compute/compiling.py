@@ -8,7 +8,6 @@ of all kernels and of the modules that they take constants from.
 import functools
 import hashlib
 import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
@@ -18,6 +17,7 @@ import numpy as np
 from numba.extending import overload, register_jitable
 
 import sain_core
+from sain_core.workers.scratch import cache_folder
 
 PACKAGE: Final = Path(__file__).parents[1]
 CORE: Final = Path(sain_core.__path__[0])
@@ -35,7 +35,7 @@ def keep_kernels_apart() -> None:
 def kernel_folder() -> Path:
     """Return where compiled kernels of these sources are kept."""
     given = os.environ.get("NUMBA_CACHE_DIR")
-    return Path(given) if given else _writable_root() / f"kernels-{sources_hash()}"
+    return Path(given) if given else cache_folder() / f"kernels-{sources_hash()}"
 
 
 def plain(array: np.ndarray) -> np.ndarray:
@@ -95,15 +95,3 @@ def sources_hash(package: Path = PACKAGE, core: Path = CORE) -> str:
     for path in [*kernels, *constants]:
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
-
-
-@functools.cache
-def _writable_root() -> Path:
-    """Return the user's cache folder, or a temporary one where that cannot be written."""
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sain"
-    try:
-        home.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=home):
-            return home
-    except OSError:
-        return Path(tempfile.gettempdir()) / f"sain-{os.getuid()}"

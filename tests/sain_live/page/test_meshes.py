@@ -1,0 +1,123 @@
+"""Meshes of links: read once, and again when their file changes."""
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from sain_core.errors import ConfigError
+from sain_core.workers import scratch
+from sain_live.page import meshes
+from sain_live.page.meshes import Mesh, read_mesh
+
+GREY = (210, 212, 215)
+TWO_COLOURS = """mtllib two.mtl
+v 0 0 0
+v 1 0 0
+v 0 1 0
+v 0 0 1
+v 1 0 1
+v 0 1 1
+usemtl red
+f 1 2 3
+usemtl blue
+f 4 5 6
+"""
+MATERIALS = "newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n"
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    scratch.cache_folder.cache_clear()
+    yield tmp_path / "cache" / "sain" / "meshes"
+    scratch.cache_folder.cache_clear()
+
+
+@pytest.fixture
+def two(tmp_path: Path) -> Path:
+    (tmp_path / "two.mtl").write_text(MATERIALS)
+    (tmp_path / "two.obj").write_text(TWO_COLOURS)
+    return tmp_path / "two.obj"
+
+
+def heights(parts: list[Mesh]) -> dict[tuple[int, int, int], float]:
+    """Return the mean height of the triangles of each colour."""
+    return {part.colour: float(part.vertices[part.faces][..., 2].mean()) for part in parts}
+
+
+def without_trimesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+
+
+def test_parts_have_the_colours_of_their_file_or_the_one_that_is_given(two: Path) -> None:
+    assert heights(read_mesh(str(two), GREY, own=True)) == {(255, 0, 0): 0.0, (0, 0, 255): 1.0}
+    assert heights(read_mesh(f"file://{two}", GREY, own=False)) == {GREY: 0.5}
+
+
+def test_the_second_time_it_is_not_read_from_its_file(
+    two: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = read_mesh(str(two), GREY, own=True)
+    without_trimesh(monkeypatch)
+    second = read_mesh(str(two), GREY, own=True)
+    assert heights(second) == heights(first)
+    for one, other in zip(first, second, strict=True):
+        assert np.array_equal(one.vertices, other.vertices)
+        assert np.array_equal(one.faces, other.faces)
+
+
+def test_a_file_that_has_changed_is_read_again(two: Path) -> None:
+    read_mesh(str(two), GREY, own=True)
+    two.write_text(TWO_COLOURS.replace("0 0 1", "0 0 4"))
+    os.utime(two, ns=(1, 1))
+    assert heights(read_mesh(str(two), GREY, own=True))[0, 0, 255] == 2.0
+
+
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 and no more", b"x" * 1000])
+def test_what_is_kept_and_damaged_is_made_anew(two: Path, cache: Path, damage: bytes) -> None:
+    first = heights(read_mesh(str(two), GREY, own=True))
+    (kept,) = cache.iterdir()
+    whole = kept.read_bytes()
+    kept.write_bytes(damage)
+    assert heights(read_mesh(str(two), GREY, own=True)) == first
+    assert kept.read_bytes() == whole
+
+
+def test_no_more_are_kept_than_a_few(
+    two: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(meshes, "KEPT", 3)
+    for number in range(5):
+        read_mesh(str(two), (number, 0, 0), own=False)
+    assert len(list(cache.iterdir())) == 3
+    without_trimesh(monkeypatch)
+    assert heights(read_mesh(str(two), (4, 0, 0), own=False)) == {(4, 0, 0): 0.5}
+
+
+def test_parts_of_a_scene_are_where_it_has_them(tmp_path: Path) -> None:
+    scene = trimesh.Scene()
+    for height in (1.0, 3.0):
+        place = trimesh.transformations.translation_matrix((0, 0, height))
+        scene.add_geometry(trimesh.creation.box(), transform=place)
+    scene.export(tmp_path / "boxes.glb")
+    (part,) = read_mesh(str(tmp_path / "boxes.glb"), GREY, own=False)
+    assert sorted({round(float(z), 6) for z in part.vertices[:, 2]}) == [0.5, 1.5, 2.5, 3.5]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("missing.obj", "is missing or larger than"),
+        ("two.txt", r"allowed: files of type .obj, .stl, .ply, .glb"),
+        ("http://far.away/two.obj", "allowed: files of type"),
+    ],
+)
+def test_what_is_no_mesh_is_refused(tmp_path: Path, name: str, message: str) -> None:
+    where = name if "//" in name else str(tmp_path / name)
+    with pytest.raises(ConfigError, match=message):
+        read_mesh(where, GREY, own=True)
