@@ -19,8 +19,8 @@ TITLE: Final = "SAIN live"
 CAMERA: Final = (1.52, -0.72, 1.02)  # [m], in front of the table, to its right
 LOOK_AT: Final = (0.42, 0.02, 0.14)
 FIELD_OF_VIEW: Final = 0.72  # [rad]
-AMBIENT: Final = 0.8  # brightness of lights
-SKY: Final = 1.0
+AMBIENT: Final = 0.3  # brightness of lights
+SKY: Final = 0.7
 PANEL_WIDTH: Final = 330  # pixels
 
 Check = Callable[[Any, Any], Any]
