@@ -1,88 +1,26 @@
 """The recorder takes every topic as it appears, whatever its publishers offer."""
 
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
-import rclpy
 from rcl_interfaces.srv import ListParameters
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from sain_bags.cli.info import warnings_about
-from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import read_timings
 from sain_bags.ros.endpoints import message_class
-from sain_bags.ros.handshake import Handshake
-from sain_bags.ros.record import (
-    PATIENCE,
-    REST,
-    Readiness,
-    about_silence,
-    drain,
-    parse_custom_data,
-)
-from sain_bags.ros.recorder import Recorder
-from sain_bags.writing.selection import Selection
-from sain_bags.writing.writer import BagConfig, BagWriter
-from sain_core import notify
+from sain_bags.ros.record import about_silence, parse_custom_data
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_interfaces.msg import DiskState, Scene
+from tests.sain_bags.ros.conftest import Studio
 
 pytestmark = pytest.mark.ros
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 LOSSY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-class Studio:
-    """A recorder, and a node that publishes."""
-
-    def __init__(self, context: rclpy.Context, folder: Path) -> None:
-        self.executor = SingleThreadedExecutor(context=context)
-        self.writer = BagWriter(folder, BagConfig(flush_period=0.2))
-        self.context = context
-        self.player = Node("player", context=context)
-        self.executor.add_node(self.player)
-
-    def start(self, *chosen: str) -> None:
-        self.recorder = Recorder(self.writer, Selection(chosen), context=self.context)
-
-    def spin_until(self, condition: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + 30.0
-        while not condition():
-            assert time.monotonic() < deadline, f"waited in vain; so far {self.writer.counts}"
-            self.recorder.work()
-            self.executor.spin_once(timeout_sec=0.01)
-
-    def recorded(self, topic: str, count: int) -> None:
-        """Spin until so many messages of a topic are in the bag."""
-        self.spin_until(lambda: self.writer.counts.get(topic, 0) >= count)
-
-    def listened(self, topic: str) -> None:
-        """Spin until the recorder listens to a topic."""
-        self.spin_until(lambda: self.player.count_subscribers(topic) > 0)
-
-    def end(self) -> Bag:
-        drain(self.recorder)
-        self.executor.remove_node(self.player)
-        for node in (self.recorder, self.player):
-            node.destroy_node()
-        self.writer.close()
-        return Bag(self.writer.folder)
-
-
-@pytest.fixture
-def studio(ros_domain: int, tmp_path: Path) -> Iterator[Studio]:
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=ros_domain)
-    yield Studio(context, tmp_path / "bag")
-    rclpy.try_shutdown(context=context)
 
 
 def test_topics_that_appear_late_are_recorded(studio: Studio) -> None:
@@ -271,68 +209,3 @@ def test_a_message_that_never_came_is_counted(studio: Studio) -> None:
     assert (gaps.missing, gaps.is_exact) == (1, True)
     bag = studio.end()
     assert read_timings(bag)["/numbers"].missing == 1  # as the bag itself shows
-
-
-def test_a_node_answers_the_handshake_only_once_it_works(studio: Studio) -> None:
-    studio.player.create_publisher(String, "/chatter", 10)
-    studio.start("/chatter")
-
-    def work(seconds: float) -> None:
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            studio.recorder.work()
-            handshake.work()
-
-    handshake = Handshake(studio.recorder, ["/player", "/player"])
-    work(1.0)  # it is there, and asked, and handles nothing
-    assert not handshake.is_complete
-    studio.spin_until(lambda: (handshake.work(), handshake.is_complete)[1])
-    assert studio.player.count_subscribers("/chatter") == 1
-    studio.end()
-
-
-def test_the_recorder_asks_who_publishes_what_it_records_and_no_one_else(studio: Studio) -> None:
-    studio.player.create_publisher(String, "/chatter", 10)
-    other = Node("other", namespace="/far/away", context=studio.context)
-    other.create_publisher(String, "/whisper", 10)
-    studio.executor.add_node(other)
-    studio.start("/chatter")
-    studio.listened("/chatter")
-    studio.spin_until(lambda: studio.recorder.owners() == {"/player"})
-    other.create_publisher(String, "/chatter", 10)
-    studio.spin_until(lambda: studio.recorder.owners() == {"/player", "/far/away/other"})
-    studio.executor.remove_node(other)
-    other.destroy_node()
-    studio.end()
-
-
-def test_a_recorder_is_ready_once_all_have_found_it_or_after_a_while(
-    studio: Studio, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    told: list[float] = []
-    monkeypatch.setattr(notify, "ready", lambda: told.append(time.monotonic()))
-    chatter = studio.player.create_publisher(String, "/chatter", 10)
-    studio.start("/chatter")
-    studio.listened("/chatter")
-    begun = time.monotonic()
-    readiness = Readiness(studio.recorder, begun)
-
-    def work(seconds: float, answers: bool) -> None:
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            chatter.publish(String(data="hello"))
-            readiness.work(studio.recorder.work())
-            if answers:
-                studio.executor.spin_once(timeout_sec=0.01)
-            time.sleep(0.01)
-
-    work(REST + 0.5, answers=False)
-    assert told == []
-    work(1.0, answers=True)
-    assert len(told) == 1
-    readiness = Readiness(studio.recorder, begun)
-    begun = time.monotonic()
-    work(REST + PATIENCE + 0.5, answers=False)
-    assert len(told) == 2
-    assert told[1] - begun >= REST + PATIENCE
-    studio.end()

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from sain_bags.cli.options import RecordOptions
 from sain_bags.recovery.resumption import join, set_aside
-from sain_bags.ros.handshake import Handshake
+from sain_bags.ros.readiness import NodesFile, Readiness
 from sain_bags.ros.recorder import Recorder
 from sain_bags.ros.stop_signal import StopSignal
 from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, UNDEFINED_KEY, describe_gaps
@@ -20,9 +20,6 @@ from sain_core.errors import ConfigError
 from sain_core.ros.node_main import ros_context
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed
-SILENCE: Final = 5.0  # [s] after which nothing seems to be said
-REST: Final = 0.5  # [s] from the first message until the other topics are known, too
-PATIENCE: Final = 3.0  # [s] then, at most, until all have found it: some nodes never answer
 DRAIN_TIME: Final = 0.5  # [s], at most, for messages that have come before the stop
 QUIET_PASSES: Final = 5  # without a message: nothing more is on its way
 
@@ -49,15 +46,16 @@ def run(options: RecordOptions, console: Console) -> None:
         OutputError: the bag cannot be made, or the disk ran full; what was recorded is whole.
     """
     console.soft_wrap = True
+    nodes = NodesFile(options.out) if notify.is_supervised() else None
     cut_off = set_aside(options.out) if options.resume else None
     with ros_context():
-        record(options, console)
+        record(options, console, nodes)
     if cut_off is not None:
         join(cut_off, options.out)
         console.print(f"Joined with what was recorded before: {options.out}", highlight=False)
 
 
-def record(options: RecordOptions, console: Console) -> None:
+def record(options: RecordOptions, console: Console, nodes: NodesFile | None = None) -> None:
     """Record until a signal comes; rclpy is initialised. Raises as `run`."""
     started = time.monotonic()
     custom_data = parse_custom_data(options.custom_data)
@@ -74,9 +72,11 @@ def record(options: RecordOptions, console: Console) -> None:
 
         try:
             with StatusDisplay(console, options.status_period) as display:
-                readiness = Readiness(recorder, started)
+                readiness = Readiness(recorder, started, nodes.before if nodes else frozenset())
                 while not stop.wait(PASS_PERIOD):
                     readiness.work(recorder.work())
+                    if nodes is not None:
+                        nodes.work(recorder, readiness.told)
                     notify.alive()
                     display.show(status)
                 drain(recorder)
@@ -85,44 +85,10 @@ def record(options: RecordOptions, console: Console) -> None:
             last = status()
             writer.custom_data.update(about_silence(recorder, last.silent))
             recorder.destroy_node()
+            if nodes is not None:
+                nodes.remove()
     size = sum(path.stat().st_size for path in options.out.iterdir())
     console.print(last.final(options.out, size), highlight=False, markup=False)
-
-
-class Readiness:
-    """Tells who supervises the recorder, once, that it hears all that is there."""
-
-    def __init__(self, recorder: Recorder, started: float) -> None:
-        """`started` is a time of `time.monotonic`."""
-        self._recorder = recorder
-        self._due = started + SILENCE
-        self._told = False
-        self._known: tuple[int, set[str]] = (0, set())
-        self._handshake: Handshake | None = None
-
-    def work(self, written: int) -> None:
-        """Look whether it is so; `written` is the number of messages of the last pass."""
-        if self._told:
-            return
-        now = time.monotonic()
-        if written:
-            self._due = min(self._due, now + REST)
-        if now < self._due:
-            return
-        known = (self._recorder.subscribed, self._recorder.owners())
-        if self._handshake is None or self._known != known:  # what was made later is found later
-            self.close()
-            self._known, self._handshake = known, Handshake(self._recorder, known[1])
-        self._handshake.work()
-        if self._handshake.is_complete or now >= self._due + PATIENCE:
-            self._told = True
-            self.close()
-            notify.ready()
-
-    def close(self) -> None:
-        """Ask nobody any more."""
-        if self._handshake is not None:
-            self._handshake.close()
 
 
 def about_silence(recorder: Recorder, silent: tuple[str, ...]) -> dict[str, str]:

@@ -81,15 +81,15 @@ class Recorder(Node):
         """Topics that were asked for by name, and that nobody publishes yet."""
         return set(self._selection.chosen) - {*self._recorded, *self.unusable}
 
-    def owners(self) -> set[str]:
+    def owners(self) -> frozenset[str]:
         """Return the full names of the nodes that publish what is recorded, but for its own."""
         own = self.get_fully_qualified_name()
-        found = {
+        found = frozenset(
             f"{info.node_namespace.rstrip('/')}/{info.node_name}"
             for name in self._recorded
             for info in self.get_publishers_info_by_topic(name)
             if not info.node_name.startswith("_")  # hidden, or not known yet
-        }
+        )
         return found - {own}
 
     def work(self) -> int:
