@@ -3,7 +3,6 @@
 import os
 import signal
 import subprocess
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
@@ -16,6 +15,7 @@ from sain_bags.cli.options import PlayOptions, ViewOptions
 from sain_bags.playing import PassageConfig
 from sain_bags.reading.reader import Bag
 from sain_bags.ros.play import play_bag
+from sain_bags.ros.stop_signal import StopSignal
 from sain_core.cli.executables import executable
 from sain_core.ros.node_main import ros_context
 
@@ -33,21 +33,25 @@ def run(options: ViewOptions, console: Console) -> int:
     """
     Bag(options.bag).check()
     passage = PassageConfig(rate=options.rate, loop=options.loop)
-    with ros_context(), page(options) as process:
-        if process.poll() is None:
-            play_bag(PlayOptions(bag=options.bag, wait=HEARD, passage=passage), console)
+    stop = StopSignal()  # before the page can end: no signal comes too early
+    with ros_context(), page(options, stop) as process:
+        if process.poll() is None and not stop.wait(0.0):
+            play_bag(PlayOptions(bag=options.bag, wait=HEARD, passage=passage), console, stop)
         return process.poll() or 0
 
 
 @contextmanager
-def page(options: ViewOptions) -> Iterator["subprocess.Popen[bytes]"]:
-    """Run the live page, once it is served or has failed; its end interrupts this process."""
+def page(options: ViewOptions, stop: StopSignal) -> Iterator["subprocess.Popen[bytes]"]:
+    """Run the live page, once it is served or has failed; its end interrupts this process.
+
+    Another process may serve the same address: this one's page then ends a little later.
+    """
     given = (f"host:={options.host}", f"port:={options.port}", "use_sim_time:=true")
     words = [word for one in given for word in ("-p", one)]
     command = [str(executable("sain_live", "page_node")), "--ros-args", *words]
     process = subprocess.Popen(command, start_new_session=True)
-    while process.poll() is None and not _is_served(options):
-        time.sleep(LOOK)
+    while process.poll() is None and not _is_served(options) and not stop.wait(LOOK):
+        pass
     over = Event()
 
     def watch() -> None:
