@@ -58,6 +58,8 @@ class Options:
     """hostile ones"""
     only: tuple[str, ...] = KINDS
     """kinds of faults"""
+    parts: tuple[str, ...] = PARTS
+    """processes to kill and to stop"""
     page: Path | None = None
     """Markdown page to write"""
     rows: Path | None = None
@@ -102,8 +104,8 @@ def stop(process: int) -> None:
 def measure(options: Options, folder: Path) -> Iterator[Row]:
     """Yield the rows of the table, one after the other."""
     given: dict[str, Callable[[], Iterator[Row]]] = {
-        "kill": lambda: strikes(folder, "kill", options.kills, options.seed),
-        "stop": lambda: strikes(folder, "stop", options.stops, options.seed),
+        "kill": lambda: strikes(folder, "kill", options.kills, options.seed, options.parts),
+        "stop": lambda: strikes(folder, "stop", options.stops, options.seed, options.parts),
         "datagrams": lambda: datagrams(folder, options.episodes),
         "clock": lambda: clock_jumps(folder, options.episodes),
         "memory": lambda: memory(folder, options.episodes),

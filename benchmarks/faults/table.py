@@ -22,7 +22,7 @@ is written by `make faults`.
 * **Survived**: the episode continued to its end.
 * **Lost**: pushes executed twice, pushes that did not begin where the one before had led, and
   results that are not in the bag. Without those from 1 s before the recorder was struck until it
-  was back: a recorder that is back may need a moment more to find every topic.
+  was back.
 * **Recovery**: from the fault until a push was executed with all processes there again.
 """
 

@@ -7,6 +7,7 @@ from typing import Final, Self
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
+from scipy.sparse import csr_matrix
 
 from sain_core.dataset import Transitions
 from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
@@ -71,10 +72,6 @@ class Known:
         """Return sums over the pairs of each row."""
         if self.rows == 1:
             return values.sum(axis=0, keepdims=True)
-        from scipy.sparse import (
-            csr_matrix,
-        )  # a sixth of a model server's start, and never for one row
-
         ends = np.concatenate([[0], np.cumsum(self.counts)])
         picked = csr_matrix(
             (np.ones(len(self.row)), np.arange(len(self.row)), ends),
