@@ -16,9 +16,9 @@ demo: ## the closed loop on the whole graph, headless: a few episodes, a bag and
 live: ## the graph and its live page in the browser, until Ctrl-C; ARGS="--scenario rearrange_3 --port 8081"
 	@./env ros2 run sain_bringup live $(ARGS)
 
-docs: ## this documentation as a site in results/site, built without the network; ARGS=serve shows it on 127.0.0.1:8000
+docs: ## this documentation as a site, results/site/index.html, built without the network; ARGS=serve rebuilds it after each edit
 	@NO_MKDOCS_2_WARNING=1 ./env python -m mkdocs $(or $(ARGS),build --strict --quiet) --config-file tools/site/mkdocs.yml
-	@$(if $(ARGS),,echo "results/site/index.html; make docs ARGS=serve shows it on http://127.0.0.1:8000")
+	@$(if $(ARGS),,echo "Open $(CURDIR)/results/site/index.html in a browser.")
 
 test: ## every test; a part of them with ARGS="tests/sain_core -k wrap"
 	@tools/browser.sh

@@ -14,7 +14,7 @@ from tools.site.notes import with_notes
 from tools.site.places import REPOSITORY_PAGES, site_links
 
 ROOT = Path(__file__).resolve().parents[2]
-STYLE = Path(__file__).with_name("site.css")
+ASSETS = ("site.css", "iframe-worker.js")
 
 
 def generated_pages() -> dict[str, str]:
@@ -23,12 +23,14 @@ def generated_pages() -> dict[str, str]:
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the generated pages, those that stand elsewhere in the repository, and the style."""
+    """Add the generated pages, those that stand elsewhere in the repository, style and script."""
     for place, text in generated_pages().items():
         files.append(File.generated(config, place, content=text))
     for source, place in REPOSITORY_PAGES.items():
         files.append(File.generated(config, place, content=(ROOT / source).read_text()))
-    files.append(File.generated(config, "assets/site.css", abs_src_path=str(STYLE)))
+    for name in ASSETS:
+        path = Path(__file__).with_name(name)
+        files.append(File.generated(config, f"assets/{name}", abs_src_path=str(path)))
     return files
 
 
