@@ -63,4 +63,5 @@ def test_the_first_goal_can_be_served():
     for scene, bodies in ((SCENE, BODIES), (PAIR, DISKS)):
         aim = first_aim(scene, bodies)
         check_aim(aim, scene, bodies)
-    assert first_aim(PAIR[:1], Bodies.disks(1)) is None
+    alone = first_aim(PAIR[:1], Bodies.disks(1))
+    assert alone is not None and [pose.body for pose in alone.poses] == [0]

@@ -11,7 +11,7 @@ from sain_core.scene import POSITION, TARGET, THETA, Table
 from sain_core.shapes.bodies import Bodies, Role, overlap
 from sain_core.types import Scene
 from sain_mppi.search.goal import Goal, check_goal, check_in_reach
-from sain_mppi.search.poses import MOST_SHARED, TOLERANCE, BodyPose, PoseGoal
+from sain_mppi.search.poses import MOST_SHARED, TOLERANCE, BodyPose, PoseGoal, goal_among
 
 FIRST_WAY: Final = (0.12, 0.0)  # [m], from a body to the goal that it is given first
 FEASIBILITY: Final = Feasibility()
@@ -49,6 +49,10 @@ class Aim:
         )
         return replace(self, goal=replace(self.goal, poses=poses))
 
+    def among(self, count: int) -> "Aim":
+        """Return the goal in a scene of so many bodies."""
+        return replace(self, goal=goal_among(self.goal, self.tolerance, count))
+
     def same(self, other: "Aim | None") -> bool:
         """Tell whether another goal asks for the same."""
         return other is not None and self.poses == other.poses
@@ -61,9 +65,7 @@ class Aim:
 
 def first_aim(scene: Scene, bodies: Bodies, table: Table = FEASIBILITY.table) -> Aim | None:
     """Return a goal to begin with, for a scene that has none: near the target, on the table."""
-    disks = bodies.stand_in_for_disks
-    if disks and len(bodies) <= TARGET:
-        return None  # the only disk is the one that pushes
+    disks = bodies.stand_in_for_disks and len(bodies) > TARGET
     movable = [body for body in range(len(bodies)) if bodies.roles[body] is not Role.FIXED]
     body = TARGET if TARGET in movable else movable[0]
     shape = bodies.shapes[body]

@@ -113,6 +113,27 @@ def test_the_heading_of_a_pose_counts_for_a_body_that_has_one(graph, straw, plan
     assert made.goal_turn == pytest.approx(0.4)
 
 
+@pytest.mark.parametrize("known", [True, False], ids=["shapes", "no shapes"])
+def test_a_place_means_the_only_body_of_a_scene(graph, straw, planner, client, known):
+    if known:
+        planner.bodies = 1, Bodies.named(("t",))
+        planner.agent.meet(*planner.bodies)
+    alone = START[:1].copy()
+    straw.show(disks=alone)
+    graph.aim((0.5, 0.1), 1)
+    assert plan(graph, status=Plan.PUSH).goal_distance == pytest.approx(np.hypot(0.1, 0.1))
+    there = alone.copy()
+    there[0, POSITION] = 0.5, 0.1
+    straw.answer(nth_push(graph, 1), ErrorCode.OK, before=alone, after=there)
+    straw.show(scene_id=2, disks=there)
+    assert plan(graph, status=Plan.REACHED).goal_id == 1
+    handle = send(graph, client)  # the same by the action
+    graph.wait(lambda: len(graph.find("plan", status=Plan.PUSH)) == 2, "its plan")
+    second = graph.find("plan", status=Plan.PUSH)[1]
+    assert second.goal_distance == pytest.approx(np.hypot(GOAL[0] - 0.5, GOAL[1] - 0.1))
+    handle.cancel_goal_async()
+
+
 def test_the_action_tells_how_it_goes_and_how_it_ended(graph, straw, planner, client):
     told = []
     straw.show()

@@ -67,7 +67,7 @@ class Episode:
     @property
     def aimed(self) -> int:
         """The body that the goal is for: the target, or the first that has a pose."""
-        return self.poses.bodies[0] if self.poses else TARGET
+        return self.poses.bodies[0] if self.poses else min(TARGET, len(self.final) - 1)
 
     @property
     def executed(self) -> tuple[RecordedPush, ...]:
@@ -88,7 +88,7 @@ class Episode:
         """Return the distance [m] from the target to the goal, or the largest to a pose; or NaN."""
         if self.poses is not None:
             return float(self.poses.distances(scene).max())
-        if self.goal is None or len(scene) <= TARGET:
+        if self.goal is None:
             return float("nan")
         return float(target_distance(scene, self.goal))
 

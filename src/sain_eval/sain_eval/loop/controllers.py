@@ -46,7 +46,7 @@ class StraightDecider(Decider):
         Raises:
             NoPushError: this push was refused, or the goal is poses.
         """
-        if isinstance(job.task.goal, PoseGoal):
+        if isinstance(job.goal, PoseGoal):
             raise NoPushError(
                 "the controller straight brings a target to a place, and the goal is poses;"
                 " choose random, planar or another model"
@@ -54,7 +54,7 @@ class StraightDecider(Decider):
         if job.refused:
             location = job.refused[-1][LOCATION]
             raise NoPushError(f"the straight push at {location:.2f} rad was refused")
-        scene, goal = job.view.scene, job.task.goal
+        scene, goal = job.view.scene, job.goal
         way = goal - scene[MID, POSITION]
         left = float(np.linalg.norm(goal - scene[TARGET, POSITION]))
         length = min(self._limits.clearance + left, self._limits.max_length)

@@ -108,9 +108,11 @@ class Hearing:
         if seen.settled:
             self._settled = seen
         known.update(scene=seen)
-        aim = known.aim
+        aim = None if known.aim is None else known.aim.among(len(seen.disks))
         if aim is None or any(pose.body >= len(seen.disks) for pose in aim.poses):
-            known.update(aim=first_aim(seen.disks, known.bodies))
+            aim = first_aim(seen.disks, known.bodies)
+        if aim is not None and not aim.same(known.aim):
+            known.update(aim=aim)
         if known.phase is Phase.WAITING:
             known.update(phase=Phase.PAUSED)
 
@@ -150,6 +152,8 @@ class Hearing:
     def _on_goal(self, message: Goal) -> None:
         task, known = decode_task(message), self._known
         aim = Aim(task.goal, task.tolerance)
+        if known.bodies is not None:
+            aim = aim.among(len(known.bodies))
         again = aim.same(known.aim) and message.goal_id == self._goal_id
         if not aim.same(known.aim):
             known.update(aim=aim)

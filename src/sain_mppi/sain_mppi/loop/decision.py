@@ -16,7 +16,7 @@ from sain_mppi.loop.progress_monitor import LastPush
 from sain_mppi.loop.uncertainty import Uncertainty
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.goal import Goal, goal_reached
-from sain_mppi.search.poses import Errors, PoseGoal
+from sain_mppi.search.poses import Errors, PoseGoal, goal_among
 from sain_mppi.search.result import PlanResult
 
 SLACK = 4.0  # standard deviations: a body that was to be kept is moved when seen further off
@@ -89,6 +89,11 @@ class PlanJob:
         """Shapes and roles."""
         return self.bodies or Bodies.disks(len(self.view.scene))
 
+    @property
+    def goal(self) -> Goal | PoseGoal:
+        """The goal of the task, in this scene."""
+        return goal_among(self.task.goal, self.task.tolerance, len(self.view.scene))
+
     def check(self, table: Table) -> None:
         """Check that shapes and goal are about the bodies of this scene.
 
@@ -101,10 +106,10 @@ class PlanJob:
             raise InvalidInputError(
                 f"the scene has {len(scene)} bodies; {len(bodies)} shapes are known"
             )
-        if isinstance(self.task.goal, PoseGoal):
-            self.task.goal.check(scene, bodies, table)
+        if isinstance(self.goal, PoseGoal):
+            self.goal.check(scene, bodies, table)
         if self.view.sure is not None:
-            self.view.sure.check_tolerance(self.task.goal, self.task.tolerance)
+            self.view.sure.check_tolerance(self.goal, self.task.tolerance)
 
     @property
     def distance(self) -> float:
@@ -119,7 +124,7 @@ class PlanJob:
     @property
     def _errors(self) -> tuple[Errors, Errors]:
         """Distances [m] and turns [rad] of the bodies to the goal."""
-        goal, scene = self.task.goal, self.view.scene
+        goal, scene = self.goal, self.view.scene
         if isinstance(goal, PoseGoal):
             return goal.errors(scene, self.known_bodies)
         return np.atleast_1d(target_distance(scene, goal)), np.zeros(1)
@@ -127,7 +132,7 @@ class PlanJob:
     @property
     def reached(self) -> bool:
         """Whether the scene is settled and the goal reached."""
-        goal, scene, sure = self.task.goal, self.view.scene, self.view.sure
+        goal, scene, sure = self.goal, self.view.scene, self.view.sure
         if sure is not None:
             within = sure.reached(goal, self.task.tolerance, *self._errors)
             return within >= sure.confidence and self.moved is None
@@ -138,7 +143,7 @@ class PlanJob:
     @property
     def moved(self) -> int | None:
         """The first body that was to be kept and was moved, if any."""
-        goal, sure = self.task.goal, self.view.sure
+        goal, sure = self.goal, self.view.sure
         if not isinstance(goal, PoseGoal):
             return None
         slack = 0.0 if sure is None else SLACK * float(sure.places.max())
@@ -152,7 +157,7 @@ class PlanJob:
         refusals since. It holds no id from the wire: whoever plays the same episode draws the same.
         """
         disks = self.start[:, [*range(POSITION.stop), MASS, RADIUS]]
-        goal = self.task.goal
+        goal = self.goal
         numbers = goal.numbers if isinstance(goal, PoseGoal) else goal
         words = np.concatenate([numbers, disks.ravel()]).round(STREAM_DECIMALS) + 0.0
         return words.tobytes().hex(), self.pushes, len(self.refused)

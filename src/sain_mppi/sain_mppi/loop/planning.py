@@ -60,7 +60,7 @@ class PlanningDecider(Decider):
         self._model.begin(
             job.history, started + MODEL_SHARE * time if time else None, job.cancelled, job.bodies
         )
-        scene, goal = job.view.scene, job.task.goal
+        scene, goal = job.view.scene, job.goal
         self._look(job)
         concern = self._monitor.concern
         plan = self._planner.plan(
@@ -82,7 +82,7 @@ class PlanningDecider(Decider):
         """Compare the scene with what was expected; raise when it is no use going on."""
         scene, monitor = job.view.scene, self._monitor
         weights = self._planner.config.weights
-        goal = make_objective(job.task.goal, job.start, weights, self._feasibility, job.bodies)
+        goal = make_objective(job.goal, job.start, weights, self._feasibility, job.bodies)
         sure = job.view.sure
         monitor.look(scene, goal.rest_cost(scene), None if sure is None else 3.0 * sure.places)
         if monitor.hopeless:

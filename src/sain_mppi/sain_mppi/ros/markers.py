@@ -78,7 +78,7 @@ def plan_markers(decision: PushDecision, stamp: Time) -> list[Marker]:
 
 def shown_bodies(decision: PushDecision) -> tuple[int, ...]:
     """Return the bodies whose ways are drawn: the paper's two; or those pushed or with a pose."""
-    goal, count = decision.job.task.goal, len(decision.job.view.scene)
+    goal, count = decision.job.goal, len(decision.job.view.scene)
     if not isinstance(goal, PoseGoal):
         return tuple(range(min(count, TARGET + 1)))
     pushes = decision.push[None] if decision.plan is None else decision.plan.pushes
@@ -88,7 +88,7 @@ def shown_bodies(decision: PushDecision) -> tuple[int, ...]:
 
 def aimed_body(job: PlanJob) -> int:
     """Return the body of the goal: the target, or that of the first pose."""
-    goal = job.task.goal
+    goal = job.goal
     return goal.poses[0].body if isinstance(goal, PoseGoal) else TARGET
 
 
@@ -97,7 +97,7 @@ def goal_markers(job: PlanJob, stamp: Time) -> list[Marker]:
 
     A pose without a heading is a flat disk, too.
     """
-    goal, scene, bodies = job.task.goal, job.view.scene, job.known_bodies
+    goal, scene, bodies = job.goal, job.view.scene, job.known_bodies
     if not isinstance(goal, PoseGoal):
         x, y = goal.tolist()
         return [_goal_disk(0, x, y, job.task.tolerance, stamp)]

@@ -14,7 +14,7 @@ from sain_core.shapes.disk import DISK
 from sain_core.shapes.outline import outline_of
 from sain_core.shapes.registry import get_shape
 from sain_core.types import Angles, Scene, Scenes
-from sain_mppi.search.goal import MOST_TURN, check_tolerance
+from sain_mppi.search.goal import MOST_TURN, Goal, check_tolerance
 
 Errors = Float[ndarray, "*B P"]  # of P poses
 
@@ -189,6 +189,13 @@ class PoseGoal:
             if np.hypot(*(scene - start)[body, POSITION]) > self.keep_tolerance + slack:
                 return body
         return None
+
+
+def goal_among(goal: Goal | PoseGoal, tolerance: float, count: int) -> Goal | PoseGoal:
+    """Return a goal in a scene of so many bodies: of a single one, a place means that one."""
+    if count > 1 or isinstance(goal, PoseGoal):
+        return goal
+    return PoseGoal((BodyPose(0, float(goal[0]), float(goal[1]), tolerance=tolerance),))
 
 
 def heading_error(headings: Angles, pose: BodyPose, bodies: Bodies) -> Angles:
