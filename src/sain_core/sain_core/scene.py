@@ -196,7 +196,7 @@ def is_settled(scenes: Scenes) -> Mask:
 
 
 def target_distance(scenes: Scenes, goal: Points) -> Scalars:
-    """Return the distance [m] from the target's, or the only body's, centre to the goal (..., 2)."""
+    """Return the distance [m] from the centre of the target, or only body, to a goal (..., 2)."""
     target = min(TARGET, scenes.shape[-2] - 1)
     return np.asarray(np.linalg.norm(scenes[..., target, POSITION] - goal, axis=-1))
 
