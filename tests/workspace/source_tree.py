@@ -36,10 +36,10 @@ def imports_in(path: Path) -> list[Import]:
 
 
 def imports_of(package: str) -> list[Import]:
-    """Every import in a package's Python code."""
-    return [
-        i for path in sorted((SOURCE / package / package).rglob("*.py")) for i in imports_in(path)
-    ]
+    """Every import in a package's Python code and launch files."""
+    folders = (SOURCE / package / package, SOURCE / package / "launch")
+    paths = [path for folder in folders for path in sorted(folder.rglob("*.py"))]
+    return [found for path in paths for found in imports_in(path)]
 
 
 def manifest(package: str) -> ElementTree.Element:

@@ -1,4 +1,4 @@
-"""The packaging of the nine packages: complete, and of one mind with the code."""
+"""The packaging of the packages: complete, and of one mind with the code."""
 
 import importlib
 import re
@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from tests.paths import ROOT
 from tests.workspace.source_tree import (
     PACKAGES,
     PYTHON_PACKAGES,
@@ -29,6 +30,28 @@ DISTRIBUTION_OF = {
     "pybullet_data": "pybullet",
     "yaml": "pyyaml",
 }
+KEY_OF = {  # the rosdep keys of distributions, in rosdep/python.yaml of ros/rosdistro
+    "gymnasium": "python3-gymnasium-pip",
+    "h5py": "python3-h5py",
+    "matplotlib": "python3-matplotlib",
+    "mcap-ros2-support": "mcap-ros2-support",
+    "mujoco": "python3-mujoco-pip",
+    "numba": "python3-numba",
+    "numpy": "python3-numpy",
+    "pillow": "python3-pil",
+    "pybullet": "python3-pybullet-pip",
+    "pyyaml": "python3-yaml",
+    "rich": "python3-rich",
+    "rosbags": "python3-rosbags-pip",
+    "scipy": "python3-scipy",
+    "shapely": "python3-shapely",
+    "tensorboardX": "python3-tensorboardX-pip",
+    "torch": "python3-torch",
+    "torchvision": "python3-torchvision",
+    "trimesh": "python3-trimesh-pip",
+    "websockets": "python3-websockets",
+}
+WITHOUT_KEY = re.compile(r"<!-- without a rosdep key, [^:]*: (.*) -->")
 ROS_MODULE = re.compile(r"rclpy|launch|launch_ros|ament_index_python|sain_.*|.*_msgs|.*_interfaces")
 
 
@@ -80,11 +103,36 @@ def test_ros_imports_are_declared(package):
     assert used - declared == set(), "imported but not in package.xml"
 
 
-@pytest.mark.parametrize("package", PYTHON_PACKAGES)
-def test_other_imports_are_declared(package):
+def distributions_of(package):
+    """The distributions that a package imports, ROS and Python itself aside."""
     modules = {i.module for i in imports_of(package)} - set(sys.stdlib_module_names)
-    used = {DISTRIBUTION_OF.get(m, m) for m in modules if not ROS_MODULE.fullmatch(m)}
-    assert requirements_of(package) == used
+    return {DISTRIBUTION_OF.get(m, m) for m in modules if not ROS_MODULE.fullmatch(m)}
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES)
+def test_other_imports_are_declared_in_setup_py(package):
+    assert requirements_of(package) == distributions_of(package)
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES)
+def test_other_imports_are_declared_in_package_xml(package):
+    used, required = distributions_of(package), set(setup_arguments(package)["install_requires"])
+    elements = manifest(package).findall("exec_depend")
+    keys = {e.text: e.get("condition") for e in elements if not ROS_MODULE.fullmatch(e.text)}
+    assert keys == {
+        KEY_OF[name]: None if name in required else "$SAIN_EXTRAS == all"
+        for name in used & set(KEY_OF)
+    }
+    named = WITHOUT_KEY.search((SOURCE / package / "package.xml").read_text())
+    assert (named[1].split(", ") if named else []) == sorted(used - set(KEY_OF))
+
+
+def test_the_page_installs_what_has_no_rosdep_key():
+    page = (ROOT / "docs/reference/dependencies.md").read_text()
+    lines = re.findall(r"^pip install ([^#\n]*)", page, re.MULTILINE)
+    required = {name for p in PYTHON_PACKAGES for name in setup_arguments(p)["install_requires"]}
+    used = {name for p in PYTHON_PACKAGES for name in distributions_of(p)} - set(KEY_OF)
+    assert [line.split() for line in lines] == [sorted(used & required), sorted(used - required)]
 
 
 @pytest.mark.parametrize(("package", "name", "target"), SCRIPTS)
