@@ -26,11 +26,33 @@ def test_a_node_answers_the_handshake_only_once_it_works(studio: Studio) -> None
             studio.recorder.work()
             handshake.work()
 
-    handshake = Handshake(studio.recorder, ["/player", "/player"])
+    handshake = Handshake(studio.recorder)
+    handshake.begin(["/player", "/player"])
     work(1.0)  # it is there, and asked, and handles nothing
     assert not handshake.is_complete
     studio.spin_until(lambda: (handshake.work(), handshake.is_complete)[1])
     assert studio.player.count_subscribers("/chatter") == 1
+    studio.end()
+
+
+def test_a_node_that_starts_slowly_answers_nobody_who_is_gone(
+    studio: Studio, recwarn: pytest.WarningsRecorder
+) -> None:
+    """It takes the questions that came while it was busy, one after another, and all at once."""
+    studio.player.create_publisher(String, "/chatter", 10)
+    studio.start("/chatter")
+    handshake, begun = Handshake(studio.recorder), time.monotonic()
+    for seconds in (0.0, 1.2):  # asked, and asked anew
+        while time.monotonic() < begun + seconds:
+            handshake.work()
+        handshake.begin(["/player"])
+    while time.monotonic() < begun + 2.4:
+        handshake.work()
+    handshake.end()
+    while handshake.is_waiting:
+        handshake.work()
+        studio.executor.spin_once(timeout_sec=0.1)
+    assert [str(warning.message) for warning in recwarn] == []
     studio.end()
 
 

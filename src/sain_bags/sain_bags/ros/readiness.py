@@ -10,10 +10,9 @@ import time
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from rcl_interfaces.srv import GetParameters
-from rclpy.client import Client
 from rclpy.node import Node
 
 from sain_bags.ros.recorder import Recorder
@@ -31,13 +30,61 @@ NOBODY: Final[frozenset[str]] = frozenset()
 AGAIN: Final = 0.5  # [s], after which a node is asked again: it may have found the client too late
 
 
-class Handshake:
-    """Asks the nodes that are there for their parameters, none in particular."""
+class Question:
+    """What one node is asked, as often as it takes, and how many answers have come."""
 
-    def __init__(self, node: Node, owners: Iterable[str]) -> None:
-        """Ask nodes by their full names. The subscriptions of `node` have been made."""
+    def __init__(self, node: Node, owner: str) -> None:
+        """Ask nothing yet."""
         self._node = node
-        self._unanswered = {name: self._client(name) for name in set(owners)}
+        self._client = node.create_client(GetParameters, f"{owner}/get_parameters")
+        self._asked = self._answers = 0
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether an answer has come."""
+        return self._answers > 0
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether nobody is going to answer any more, as far as this node has seen."""
+        return self._answers >= self._asked or not self._client.service_is_ready()
+
+    def ask(self) -> None:
+        """Ask, where somebody is there."""
+        if self._client.service_is_ready():
+            self._asked += 1
+            with self._client.handle:
+                self._client.handle.send_request(GetParameters.Request())
+
+    def take(self) -> None:
+        """Take the answers that have come."""
+        with self._client.handle:
+            while self._client.handle.take_response(GetParameters.Response)[0] is not None:
+                self._answers += 1
+
+    def close(self) -> None:
+        """Take no more answers."""
+        self._node.destroy_client(self._client)
+
+
+class Handshake:
+    """Asks the nodes that are there for their parameters, none in particular.
+
+    A node that is still starting answers all that it was asked when it is done with that, and waits
+    in vain for each client that is gone. So a client stays until all of its answers have come.
+    """
+
+    def __init__(self, node: Node) -> None:
+        """Ask nobody yet."""
+        self._node = node
+        self._unanswered: dict[str, Question] = {}
+        self._leaving: list[Question] = []
+        self._next = 0.0
+
+    def begin(self, owners: Iterable[str]) -> None:
+        """Ask nodes by their full names, all anew. The subscriptions of `node` have been made."""
+        self.end()
+        self._unanswered = {name: Question(self._node, name) for name in set(owners)}
         self._next = 0.0
 
     @property
@@ -45,27 +92,31 @@ class Handshake:
         """Whether all have answered, as of the last `work`."""
         return not self._unanswered
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether an answer is to come, wanted or not."""
+        return bool(self._unanswered or self._leaving)
+
     def work(self) -> None:
         """Take answers, and ask again who has not answered; nothing is waited for."""
-        for name, client in list(self._unanswered.items()):
-            with client.handle:
-                answered = client.handle.take_response(GetParameters.Response)[0] is not None
-            if answered:
-                self._node.destroy_client(self._unanswered.pop(name))
+        for name, question in list(self._unanswered.items()):
+            question.take()
+            if question.is_answered:
+                self._leaving.append(self._unanswered.pop(name))
+        for question in list(self._leaving):
+            question.take()
+            if question.is_settled:
+                question.close()
+                self._leaving.remove(question)
         if time.monotonic() >= self._next:
             self._next = time.monotonic() + AGAIN
-            for client in filter(Client.service_is_ready, self._unanswered.values()):
-                with client.handle:
-                    client.handle.send_request(GetParameters.Request())
+            for question in self._unanswered.values():
+                question.ask()
 
-    def close(self) -> None:
+    def end(self) -> None:
         """Ask no more."""
-        for client in self._unanswered.values():
-            self._node.destroy_client(client)
+        self._leaving += self._unanswered.values()
         self._unanswered = {}
-
-    def _client(self, owner: str) -> Any:
-        return self._node.create_client(GetParameters, f"{owner}/get_parameters")
 
 
 class Readiness:
@@ -76,12 +127,13 @@ class Readiness:
         self._recorder = recorder
         self._due = started + SILENCE
         self._before = before
-        self._known: tuple[int, frozenset[str]] = (0, NOBODY)
-        self._handshake: Handshake | None = None
+        self._known: tuple[int, frozenset[str]] | None = None
+        self._handshake = Handshake(recorder)
         self.told = False
 
     def work(self, written: int) -> None:
         """Look whether it is so; `written` is the number of messages of the last pass."""
+        self._handshake.work()
         if self.told:
             return
         now = time.monotonic()
@@ -90,20 +142,14 @@ class Readiness:
         if now < self._due:
             return
         known = (self._recorder.subscribed, self._recorder.owners())
-        if self._handshake is None or self._known != known:  # what was made later is found later
-            self.close()
-            self._known, self._handshake = known, Handshake(self._recorder, known[1])
-        self._handshake.work()
+        if self._known != known:  # what was made later is found later
+            self._known = known
+            self._handshake.begin(known[1])
         found_all = self._handshake.is_complete and self._before <= known[1]
         if found_all or now >= self._due + PATIENCE:
             self.told = True
-            self.close()
+            self._handshake.end()
             notify.ready()
-
-    def close(self) -> None:
-        """Ask nobody any more."""
-        if self._handshake is not None:
-            self._handshake.close()
 
 
 class NodesFile:
