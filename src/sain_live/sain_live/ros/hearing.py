@@ -1,13 +1,10 @@
-"""What the page hears of the graph: messages become `LiveState`."""
+"""What messages mean for the page: they become `LiveState`."""
 
-from collections.abc import Callable
-from threading import Lock
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
@@ -15,8 +12,6 @@ from tf2_msgs.msg import TFMessage
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
-from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE
-from sain_core.ros.reception import Reception
 from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies as CoreBodies
 from sain_core.shapes.received import decode_bodies
@@ -31,13 +26,11 @@ from sain_interfaces.msg import (
 )
 from sain_live.aims import Aim, first_aim
 from sain_live.ros.health import Health
-from sain_live.ros.polling import Polling
 from sain_live.ros.pushes import Stories
 from sain_live.state import Kind, LiveArm, LivePlan, LiveScene, LiveState, Phase
 from sain_mppi.ros.goal_message import decode_task
 
 Take = Callable[[Any], None]
-RATE: Final = 60.0  # [Hz], looks for new scenes and joints
 RECENT: Final = 5.0  # [s]
 WORLD: Final = "world"
 LONGEST_DESCRIPTION: Final = 4_000_000  # characters of a URDF
@@ -46,54 +39,52 @@ SILENT: Final = (ErrorCode.OK, ErrorCode.UNKNOWN, ErrorCode.CANCELLED)
 
 
 class Hearing:
-    """Listens to all that a viewer sees."""
+    """Writes into `LiveState` what messages say, of a running graph or of a recording.
 
-    def __init__(self, node: Node, known: LiveState) -> None:
-        """Listen from now on."""
-        self._node, self._known = node, known
+    Attributes:
+        handlers: what takes the messages of a topic, by its name.
+    """
+
+    def __init__(
+        self,
+        known: LiveState,
+        shapes_come: Callable[[], bool] = lambda: True,
+        offers_goal: bool = True,
+    ) -> None:
+        """Know nothing yet.
+
+        Args:
+            known: where it is written.
+            shapes_come: tells whether each episode begins with its bodies.
+            offers_goal: whether a scene without a goal gets one, to be dragged.
+        """
+        self._known, self._shapes_come, self._offers_goal = known, shapes_come, offers_goal
         self._stories = Stories()
         self._bodies_of = 0  # episode
+        self._goal_of = 0  # episode; 0: any
         self._goal_id: int | None = None  # that the pushes are counted of
         self._early: LiveScene | None = None  # whose bodies are not known yet
         self._settled: LiveScene | None = None
         self._root: tuple[Any, ...] = ()  # place and turn of the arm's, once they are known
-        self._lock = Lock()  # scenes come on a thread of their own
-        self._polling = Polling(node, reception := Reception(node), RATE)
-        self._polling.listen(Scene, "scene", self._locked(self._on_scene))
-        self._polling.listen(JointState, "joint_states", self._on_joints)
-
-        def listen(kind: type, topic: str, callback: Take, qos: QoSProfile = RELIABLE) -> None:
-            reception.listen(kind, topic, self._locked(callback), qos)
-
-        listen(Bodies, "shapes", self._on_bodies, LATCHED)
-        for qos in (LATCHED_QUEUE, RELIABLE):  # as the planner: the same one twice is no harm
-            listen(Goal, "goal", self._on_goal, qos)
-        listen(Plan, "plan", self._on_plan)
-        listen(PushResult, "push_result", self._on_result, QUEUE)
-        listen(PushPrediction, "physics_prediction", self._on_prediction)
-        listen(WorldParameters, "world_parameters", self._on_world, LATCHED)
-        listen(TFMessage, "/tf_static", self._on_fixed_frames, LATCHED_QUEUE)
-        listen(DiagnosticArray, "/diagnostics", Health(known).hear)
-        # Longer than texts elsewhere may be, so with a limit of its own.
-        node.create_subscription(String, "robot_description", self._on_description, LATCHED)
-        self._polling.start()
-
-    def close(self) -> None:
-        """Listen no more."""
-        self._polling.close()
-
-    def _locked(self, callback: Take) -> Take:
-        def take(message: Any) -> None:
-            with self._lock:
-                callback(message)
-
-        return take
+        self.handlers: Mapping[str, tuple[type, Take]] = {
+            "scene": (Scene, self._on_scene),
+            "joint_states": (JointState, self._on_joints),
+            "shapes": (Bodies, self._on_bodies),
+            "goal": (Goal, self._on_goal),
+            "plan": (Plan, self._on_plan),
+            "push_result": (PushResult, self._on_result),
+            "physics_prediction": (PushPrediction, self._on_prediction),
+            "world_parameters": (WorldParameters, self._on_world),
+            "robot_description": (String, self._on_description),
+            "/tf_static": (TFMessage, self._on_fixed_frames),
+            "/diagnostics": (DiagnosticArray, Health(known).hear),
+        }
 
     def _on_scene(self, message: Scene) -> None:
         time = codec.decode_time(message.header.stamp)
         ids = message.episode_id, message.scene_id
         seen = LiveScene(wire.decode_disks(message.disks), *ids, message.settled, time)
-        if self._bodies_of != message.episode_id and self._node.count_publishers("shapes"):
+        if self._bodies_of != message.episode_id and self._shapes_come():
             self._early = seen
             return
         self._see(seen)
@@ -110,7 +101,7 @@ class Hearing:
         known.update(scene=seen)
         aim = None if known.aim is None else known.aim.among(len(seen.disks))
         if aim is None or any(pose.body >= len(seen.disks) for pose in aim.poses):
-            aim = first_aim(seen.disks, known.bodies)
+            aim = first_aim(seen.disks, known.bodies) if self._offers_goal else None
         if aim is not None and not aim.same(known.aim):
             known.update(aim=aim)
         if known.phase is Phase.WAITING:
@@ -120,6 +111,8 @@ class Hearing:
         """Forget the episode before."""
         self._stories.clear()
         self._goal_id = None
+        if not self._offers_goal and self._goal_of not in (0, seen.episode_id):
+            self._known.update(aim=None)
         self._known.update(plan=None, result=None, curves=self._stories.curves(), pushes=0)
 
     def _on_bodies(self, message: Bodies) -> None:
@@ -151,6 +144,7 @@ class Hearing:
 
     def _on_goal(self, message: Goal) -> None:
         task, known = decode_task(message), self._known
+        self._goal_of = message.episode_id
         aim = Aim(task.goal, task.tolerance)
         if known.bodies is not None:
             aim = aim.among(len(known.bodies))

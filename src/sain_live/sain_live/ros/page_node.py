@@ -10,7 +10,7 @@ from sain_core.ros.steady import steady_timer
 from sain_live.orders import Reset
 from sain_live.page.live_page import LivePage
 from sain_live.ros.asking import Asking
-from sain_live.ros.hearing import Hearing
+from sain_live.ros.listening import Listening
 from sain_live.settings import NO_SCENARIO, PageConfig, check_free, is_loopback
 from sain_live.state import LiveState
 
@@ -27,7 +27,7 @@ class PageNode(Node):
         check_free(config.host, config.port)
         self.known = known = LiveState(world="")
         self.asking = Asking(self, known)
-        self.hearing = Hearing(self, known)
+        self.listening = Listening(self, known)
         self.page = LivePage(known, self.asking, config)
         self._reset_to = config.scenario
         steady_timer(self, LOOK, self._begin)
@@ -46,6 +46,6 @@ class PageNode(Node):
 
     def destroy_node(self) -> None:
         """Serve the page no more."""
-        self.hearing.close()
+        self.listening.close()
         self.page.close()
         super().destroy_node()
