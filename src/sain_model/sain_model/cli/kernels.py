@@ -1,63 +1,101 @@
-"""``python -m sain_model.cli.kernels``: compile every kernel once, before others need it.
+"""``python -m sain_model.cli.kernels``: compile every kernel before anybody needs it.
 
-Numba keeps what it compiled on disk. Processes that start side by side would each compile the same
-kernels: the set-up and the test session call this first.
+The set-up runs this; `sain_model.compute.kernel_store` runs it for each chain, in processes of
+their own.
 """
 
 import sys
+from collections.abc import Callable
 from time import perf_counter
+from typing import Final
 
 import numpy as np
-import torch
-from rich.console import Console
 
+from sain_core.errors import ModelUnavailableError
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import MASS, RADIUS, X
 from sain_core.shapes.bodies import Bodies
-from sain_model.compute.compiling import kernel_folder
-from sain_model.identification.varied_pushes import step_varied
-from sain_model.network.compiled_network import CompiledNetwork
-from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import ANY_SHAPE, NetworkConfig
-from sain_model.network.shape_features import network_inputs, push_frames
-from sain_model.physics.corrections import CORRECTIONS
-from sain_model.physics.planar import PlanarPrior
+from sain_model.compute.kernel_store import compile_kernels, kernel_folder
+
+# Kernels are compiled for the types of arrays and settings, not for sizes: one network and an
+# ensemble, and both kinds of features, run the same machine code.
+SCENES: Final = np.zeros((1, 2, 8))
+SCENES[..., MASS], SCENES[..., RADIUS] = 8.0, 0.06
+SCENES[:, 1, X] = 0.2
+PUSHES: Final = np.full((1, PUSH_SIZE), 0.05)
+REPORT_PERIOD: Final = 1.0  # [s]
 
 
-def compile_kernels() -> None:
-    """Run each kernel once with arguments of the types that this package calls it with.
+def push_disks() -> None:
+    """Run what pushes disks."""
+    _push(None)
 
-    The types are those of arrays and settings, not of sizes: one network and an ensemble, and both
-    kinds of features, run the same machine code.
-    """
-    scenes = np.zeros((1, 2, 8))
-    scenes[..., MASS], scenes[..., RADIUS] = 8.0, 0.06
-    scenes[:, 1, X] = 0.2
-    pushes = np.full((1, PUSH_SIZE), 0.05)
-    prior = PlanarPrior()
-    predicted = prior.step(scenes, pushes)
-    prior.step_conditioned(scenes, pushes, np.zeros((1, 2, CORRECTIONS)))
-    shaped_bodies = Bodies.named(["cube", "disk"])
-    prior.with_bodies(shaped_bodies).step(scenes, pushes)
+
+def push_shapes() -> None:
+    """Run what pushes bodies of any shape."""
+    _push(Bodies.named(["cube", "disk"]))
+
+
+def _push(bodies: Bodies | None) -> None:
+    from sain_model.identification.varied_pushes import step_varied
+    from sain_model.physics.corrections import CORRECTIONS
+    from sain_model.physics.planar import PlanarPrior
+
+    prior = PlanarPrior(bodies=bodies)
+    prior.step(SCENES, PUSHES)
+    prior.step_conditioned(SCENES, PUSHES, np.zeros((1, 2, CORRECTIONS)))
     varied = np.full(1, prior.config.friction), np.array(prior.config.physics())[None]
-    for bodies in (None, shaped_bodies):
-        step_varied(prior.config, bodies, scenes, pushes, *varied)
+    step_varied(prior.config, bodies, SCENES, PUSHES, *varied)
+
+
+def run_networks() -> None:
+    """Run both networks and what makes their inputs, which regions and training use."""
+    import torch
+
+    from sain_model.network.compiled_network import CompiledNetwork
+    from sain_model.network.interaction_network import InteractionNetwork
+    from sain_model.network.settings import ANY_SHAPE, NetworkConfig
+    from sain_model.network.shape_features import network_inputs, push_frames
+    from sain_model.physics.planar import PlanarPrior
+
     any_shape = NetworkConfig(bodies=ANY_SHAPE)
     with torch.random.fork_rng(devices=[]):  # the weights do not matter, nor may drawing them
         network = CompiledNetwork(InteractionNetwork())
         shaped = CompiledNetwork(InteractionNetwork(any_shape))
-    network.correct(scenes, pushes, predicted)
-    network.rollout(prior, scenes[0], pushes[:, None])
-    shaped.correct(scenes, pushes, predicted)
-    frames = push_frames(any_shape, scenes, pushes, None)
-    network_inputs(any_shape, scenes, frames, predicted, None)  # of regions and of training
+    shaped.correct(SCENES, PUSHES, SCENES)
+    frames = push_frames(any_shape, SCENES, PUSHES, None)
+    network_inputs(any_shape, SCENES, frames, SCENES, None)
+    network.correct(SCENES, PUSHES, SCENES)
+    network.rollout(PlanarPrior(), SCENES[0], PUSHES[:, None])
+
+
+RUNS: Final[dict[str, Callable[[], None]]] = {
+    "shapes": push_shapes,
+    "disks": push_disks,
+    "network": run_networks,
+}
 
 
 def main() -> int:
-    """Compile all kernels and print where they are kept."""
-    start = perf_counter()
-    compile_kernels()
-    Console().print(f"kernels are in {kernel_folder()} ({perf_counter() - start:.1f} s)")
+    """Compile all kernels, with a line a second; or one chain of them."""
+    if sys.argv[1:2] == ["--chain"]:
+        RUNS[sys.argv[2]]()
+        return 0
+    start = said = perf_counter()
+
+    def report(finished: int, total: int) -> None:
+        nonlocal said
+        if perf_counter() - said >= REPORT_PERIOD:
+            said = perf_counter()
+            sys.stdout.write(f"compiling {finished} of {total} kernels\n")
+            sys.stdout.flush()
+
+    try:
+        compile_kernels(report)
+    except ModelUnavailableError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    sys.stdout.write(f"kernels are in {kernel_folder()} ({perf_counter() - start:.1f} s)\n")
     return 0
 
 

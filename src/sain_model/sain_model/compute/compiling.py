@@ -1,41 +1,20 @@
-"""How kernels are compiled, and where they are kept: one folder for each version of the sources.
+"""How kernels are compiled. Where they are kept is in `sain_model.compute.kernel_store`."""
 
-Numba checks only the file of a cached function, not the files of the functions it calls. After
-an edit in one kernel module the others would run the old code, so the folder's name carries a hash
-of all kernels and of the modules that they take constants from.
-"""
-
-import functools
-import hashlib
-import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from types import FunctionType
+from typing import Any, Final, Self
 
 import numba
 import numpy as np
+from numba.core.caching import _CacheLocator
 from numba.extending import overload, register_jitable
 
-import sain_core
-from sain_core.workers.scratch import cache_folder
+from sain_model.compute.kernel_store import module_folders
 
-PACKAGE: Final = Path(__file__).parents[1]
-CORE: Final = Path(sain_core.__path__[0])
-CORE_CONSTANTS: Final = ("scene.py", "push.py")
-CONSTANTS: Final = ("compute/compiling.py",)
 OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "fastmath": {"contract", "arcp"}}
-
-
-def keep_kernels_apart() -> None:
-    """Send Numba's cache to the folder of these sources, unless NUMBA_CACHE_DIR says where."""
-    numba.config.CACHE_DIR = str(kernel_folder())  # type: ignore[attr-defined]
-
-
-@functools.cache
-def kernel_folder() -> Path:
-    """Return where compiled kernels of these sources are kept."""
-    given = os.environ.get("NUMBA_CACHE_DIR")
-    return Path(given) if given else cache_folder() / f"kernels-{sources_hash()}"
+# What lets Python call a kernel is a third of its compilation; most are called by kernels alone.
+NOT_FROM_PYTHON: Final = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def plain(array: np.ndarray) -> np.ndarray:
@@ -47,13 +26,18 @@ def plain(array: np.ndarray) -> np.ndarray:
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a kernel: cached, division by zero gives infinity, a * b + c may be fused."""
-    return _compile(function)
+    """Compile a kernel for kernels: it is copied to where it is used."""
+    return _compile(function, forceinline=True, **NOT_FROM_PYTHON)
 
 
 def compiled_apart(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a kernel that is called and not copied to where it is used: it compiles once."""
-    return _compile(function, inline=False)
+    """Compile a kernel that kernels call and that is not copied to where it is used."""
+    return _compile(function, **NOT_FROM_PYTHON)
+
+
+def callable_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a kernel that Python calls."""
+    return _compile(function)
 
 
 def shared(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -70,28 +54,47 @@ def chosen_by_type(function: Callable[..., Any]) -> Callable[..., Any]:
     return chooser
 
 
-def _compile(function: Callable[..., Any], inline: bool = True) -> Callable[..., Any]:
-    keep_kernels_apart()
-    compiled_function: Callable[..., Any] = numba.njit(
-        cache=True,
-        nogil=True,  # `sain_model.compute.thread_pool` runs kernels side by side
-        forceinline=inline,
-        **OPTIONS,
-    )(function)
-    return compiled_function
+def _compile(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
+    """Compile: kept on disk, division by zero gives infinity, a * b + c may be fused.
 
-
-def sources_hash(package: Path = PACKAGE, core: Path = CORE) -> str:
-    """Return what changes with every byte of the kernels and of what they import.
-
-    Raises:
-        FileNotFoundError: there are no kernels, so that none could be found stale.
+    Kernels let go of Python's lock: `sain_model.compute.thread_pool` runs them side by side.
     """
-    kernels = sorted(package.rglob("*_kernels.py"))
-    if not kernels:
-        raise FileNotFoundError(f"no *_kernels.py under {package}: stale kernels would be used")
-    constants = [core / name for name in CORE_CONSTANTS] + [package / name for name in CONSTANTS]
-    digest = hashlib.sha256()
-    for path in [*kernels, *constants]:
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+    config: Any = numba.config
+    others, config.CACHE_LOCATOR_CLASSES = config.CACHE_LOCATOR_CLASSES, f"{__name__}.BySources"
+    try:
+        kernel: Callable[..., Any] = numba.njit(cache=True, nogil=True, **OPTIONS, **options)(function)
+    finally:
+        config.CACHE_LOCATOR_CLASSES = others
+    return kernel
+
+
+class BySources(_CacheLocator):  # type: ignore[misc]
+    """Tells Numba to keep a kernel in the folder of its module and of all that it is made from.
+
+    Numba itself looks at the path and the content of the kernel's own file alone. After an edit in
+    one module, those that call it would run the old code.
+    """
+
+    def __init__(self, function: FunctionType, module: str) -> None:
+        """Locate a function of a module of kernels."""
+        self._line = function.__code__.co_firstlineno
+        self._folder = module_folders()[module]
+
+    @classmethod
+    def from_function(cls, py_func: FunctionType, py_file: str) -> Self:
+        """Return the locator of a function."""
+        located = cls(py_func, Path(py_file).stem)
+        located.ensure_cache_path()
+        return located
+
+    def get_cache_path(self) -> str:
+        """Return the folder."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """Return what differs for other sources."""
+        return self._folder.name
+
+    def get_disambiguator(self) -> str:
+        """Return what tells functions of one name apart."""
+        return str(self._line)

@@ -3,7 +3,7 @@
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from sain_core.push import LENGTH
-from sain_model.compute.compiling import compiled
+from sain_model.compute.compiling import callable_kernel
 from sain_model.physics.body_kernels import Physics, make_workspace
 from sain_model.physics.outline_kernels import make_outline_workspace
 from sain_model.physics.outline_push_kernels import push_bodies
@@ -12,7 +12,7 @@ from sain_model.physics.planar_kernels import CHUNK, push_scene
 NUMBERS = len(Physics._fields)
 
 
-@compiled
+@callable_kernel
 def push_varied_block(first, scenes, pushes, friction, start, physics, touched):
     """Carry out up to `CHUNK` pushes of disks in place, as `push_block` does.
 
@@ -32,7 +32,7 @@ def push_varied_block(first, scenes, pushes, friction, start, physics, touched):
             )
 
 
-@compiled
+@callable_kernel
 def push_varied_bodies_block(
     first, scenes, order, pushes, friction, table, physics, touched, corrections
 ):

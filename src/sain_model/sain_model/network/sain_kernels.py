@@ -9,7 +9,7 @@ import numpy as np
 
 from sain_core.push import LENGTH, LOCATION
 from sain_core.scene import STATE_SIZE, TARGET, THETA, X, Y
-from sain_model.compute.compiling import compiled
+from sain_model.compute.compiling import callable_kernel, compiled
 from sain_model.network.feature_kernels import LANES, make_network_work, wrap, write_lane
 from sain_model.network.network_kernels import forward
 from sain_model.network.shape_feature_kernels import make_shape_work, write_shape_lane
@@ -35,7 +35,7 @@ def apply(push, residual, lane, scene):
         scene[disk, THETA] = wrap(scene[disk, THETA] + residual[disk, 2, lane])
 
 
-@compiled
+@callable_kernel
 def correct_block(first, scenes, pushes, physics_next, places, weights):
     """Correct up to `LANES` predictions, from the one numbered `first` on, in place.
 
@@ -57,7 +57,7 @@ def correct_block(first, scenes, pushes, physics_next, places, weights):
             apply(pushes[index], work.residual, index - first, physics_next[index])
 
 
-@compiled
+@callable_kernel
 def correct_shapes_block(first, scenes, strokes, physics_next, table, places, weights):
     """Correct up to `LANES` predictions of bodies of any shape, as `correct_block`.
 
@@ -127,7 +127,7 @@ def copy_disk(disk, copy):
         copy[column] = disk[column]
 
 
-@compiled
+@callable_kernel
 def roll_out_block(first, scene, pushes, friction, start, physics, places, weights, predicted):
     """Predict up to `LANES` sequences of pushes, from the one numbered `first` on.
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from sain_core.push import ANGLE, LENGTH
 from sain_core.scene import MASS, RADIUS, THETA, X, Y
-from sain_model.compute.compiling import compiled, compiled_apart
+from sain_model.compute.compiling import callable_kernel, compiled, compiled_apart
 from sain_model.network.feature_kernels import (
     LANES,
     MASS_MIDDLE,
@@ -202,7 +202,7 @@ def _write_world(before, stroke, after, lane, features):
     features[first + 9, lane] = np.sin(before[THETA] - normal)
 
 
-@compiled
+@callable_kernel
 def write_shape_block(first, scenes, strokes, physics_next, table, places, bodies, relations):
     """Write the features of up to `LANES` pushes, from the one numbered `first` on.
 

@@ -6,7 +6,7 @@ what happens allows: to the next collision, to a kink in the tool's speed, to wh
 
 import numpy as np
 
-from sain_model.compute.compiling import compiled, compiled_apart
+from sain_model.compute.compiling import callable_kernel, compiled, compiled_apart
 from sain_model.physics.impulse_kernels import (
     foresee,
     part_overlaps,
@@ -196,7 +196,7 @@ def push_bodies(states, order, push, friction, table, physics, work, touched, co
     unload_bodies(states, order, work, touched)
 
 
-@compiled
+@callable_kernel
 def push_bodies_block(first, scenes, order, pushes, friction, table, physics, touched, corrections):
     """Carry out up to `CHUNK` pushes, from the one numbered `first` on, in place.
 

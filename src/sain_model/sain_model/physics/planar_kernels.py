@@ -7,7 +7,7 @@ what happens allows: to the next collision, to a kink in the tool's speed, to wh
 import numpy as np
 
 from sain_core.push import ANGLE, LENGTH, LOCATION
-from sain_model.compute.compiling import compiled, compiled_apart
+from sain_model.compute.compiling import callable_kernel, compiled, compiled_apart
 from sain_model.physics.body_kernels import (
     ALONG,
     COS,
@@ -206,7 +206,7 @@ def push_scene(disks, push, friction, start, physics, work, touched):
     unload(disks, work)
 
 
-@compiled
+@callable_kernel
 def push_block(first, scenes, pushes, friction, start, physics, touched):
     """Carry out up to `CHUNK` pushes, from the one numbered `first` on, in place.
 
@@ -224,7 +224,7 @@ def push_block(first, scenes, pushes, friction, start, physics, touched):
         _push_row(index, scenes, pushes, friction, start, physics, touched, work)
 
 
-@compiled
+@callable_kernel
 def push_conditioned_block(first, scenes, pushes, friction, start, physics, touched, corrections):
     """Carry out up to `CHUNK` pushes as `push_block` does, of disks that are corrected.
 

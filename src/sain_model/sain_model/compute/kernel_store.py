@@ -1,0 +1,260 @@
+"""Where compiled kernels are kept, whether all are there, and how they get there.
+
+They stand beside the sources, as Python's own compiled files do: a folder for each module of
+kernels, named by a hash of all that is frozen into its machine code. So an edit compiles only that
+module and those that use it, and the path of the checkout does not matter. Nothing here imports
+Numba: to see that all kernels are there takes some milliseconds.
+"""
+
+import fcntl
+import functools
+import hashlib
+import logging
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+import sain_core
+from sain_core.errors import ModelUnavailableError
+from sain_core.notify import alive
+from sain_core.workers.scratch import cache_folder
+
+Report = Callable[[int, int], None]  # of compiled kernels, and of all that were missing
+
+PACKAGE: Final = Path(__file__).resolve().parents[1]
+CORE: Final = Path(sain_core.__path__[0]).resolve()
+SUFFIX: Final = "_kernels.py"
+DECORATORS: Final = Path("compute", "compiling.py")
+COMPILER: Final = "sain_model.cli.kernels"
+CHAINS: Final = ("shapes", "disks", "network")  # what the compiler does side by side
+COMPILES: Final = "SAIN_COMPILES_KERNELS"  # set in the compiler's processes
+POLL_PERIOD: Final = 0.1  # [s]
+IMPORT: Final = re.compile(r"^from (sain_core|sain_model)\.([\w.]+) import", re.MULTILINE)
+KERNEL: Final = re.compile(r"^@(?:compiled|compiled_apart|callable_kernel)\ndef (\w+)", re.MULTILINE)
+
+log = logging.getLogger(__name__)
+
+
+def kernels_are_ready() -> bool:
+    """Return whether all kernels of these sources are compiled."""
+    return _stamp().exists()
+
+
+def compilation_progress() -> tuple[int, int] | None:
+    """Return how many kernels are compiled, and of how many; None: no process compiles any."""
+    try:
+        with open(_lock_file()) as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return None
+    except BlockingIOError:
+        missing, kernels = len(_missing()), len(_kernels())
+        return (kernels - missing, kernels) if missing else None
+    return None
+
+
+def compile_kernels(report: Report | None = None) -> None:
+    """Return when all kernels of these sources are compiled; at once where they are already.
+
+    One process compiles, on all cores. Others that call this during that time wait for it.
+
+    Args:
+        report: is called again and again with how many kernels have been compiled, and of how many
+            that were missing. By default the log has one line.
+
+    Raises:
+        ModelUnavailableError: they cannot be compiled; with the end of what the compiler printed.
+    """
+    if COMPILES in os.environ or kernels_are_ready():
+        return
+    missing = len(_missing())
+    if report is None:
+        log.warning("compiling %d kernels, once for these sources", missing)
+
+    def tell() -> None:
+        if report is not None and missing:
+            report(missing - len(_missing()), missing)
+
+    with _alone(tell):
+        if not kernels_are_ready():
+            _compile(tell)
+            _remove_outdated()
+            _stamp().touch()
+
+
+# --- what is to be compiled -----------------------------------------------------------------------
+
+
+def source_hashes(package: Path = PACKAGE, core: Path = CORE) -> dict[str, str]:
+    """Return for each module of kernels a hash of all that its machine code is made from.
+
+    That is its own source, the kernels and constants that it imports, and how kernels are compiled.
+    Kernels are followed through their imports; of other modules only the file itself counts.
+
+    Raises:
+        FileNotFoundError: there are no kernels, so that none could be found stale.
+    """
+    kernels = sorted(package.rglob(f"*{SUFFIX}"))
+    if not kernels:
+        raise FileNotFoundError(f"no *{SUFFIX} under {package}: stale kernels would be used")
+    roots = {"sain_model": package, "sain_core": core}
+    return {path.stem: _hash(_sources(path, roots)) for path in kernels}
+
+
+def _sources(kernels: Path, roots: dict[str, Path]) -> set[Path]:
+    sources, waiting = {roots["sain_model"] / DECORATORS}, [kernels]
+    while waiting:
+        path = waiting.pop()
+        if path in sources:
+            continue
+        sources.add(path)
+        if path.name.endswith(SUFFIX):
+            for package, module in IMPORT.findall(path.read_text()):
+                waiting.append(roots[package].joinpath(*module.split(".")).with_suffix(".py"))
+    return sources
+
+
+def _hash(paths: set[Path]) -> str:
+    digest = hashlib.sha256()
+    for path in sorted(paths, key=lambda path: path.name):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+# --- where it is kept -----------------------------------------------------------------------------
+
+
+@functools.cache
+def kernel_folder() -> Path:
+    """Return where compiled kernels are kept.
+
+    That is beside the sources, or in the user's cache where that folder cannot be written. The
+    variable ``NUMBA_CACHE_DIR`` overrides both.
+    """
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if given:
+        return Path(given)
+    beside = PACKAGE / "__pycache__" / "kernels"
+    try:
+        beside.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=beside):
+            return beside
+    except OSError:
+        return cache_folder() / "kernels"
+
+
+@functools.cache
+def module_folders() -> dict[str, Path]:
+    """Return for each module of kernels the folder of its compiled ones."""
+    return {name: kernel_folder() / f"{name}-{key}" for name, key in source_hashes().items()}
+
+
+@functools.cache
+def _stamp() -> Path:
+    """The file that is there when all kernels are, for this Python, Numba and processor."""
+    made_by = platform.python_version(), version("numba"), _processor(), source_hashes()
+    digest = hashlib.sha256((PACKAGE / "cli" / "kernels.py").read_bytes() + repr(made_by).encode())
+    return kernel_folder() / f"complete-{digest.hexdigest()[:16]}"
+
+
+def _processor() -> str:
+    """Return what machine code is made for: the model and the instructions of the processor."""
+    with suppress(OSError), open("/proc/cpuinfo") as lines:
+        named = [line for line in lines if line.startswith(("model name", "flags", "Features"))]
+        return "".join(dict.fromkeys(named))
+    return platform.processor()
+
+
+@functools.cache
+def _kernels() -> frozenset[tuple[str, str]]:
+    """The names of all kernels, with those of their modules."""
+    paths = PACKAGE.rglob(f"*{SUFFIX}")
+    return frozenset((path.stem, name) for path in paths for name in KERNEL.findall(path.read_text()))
+
+
+def _missing() -> frozenset[tuple[str, str]]:
+    """The kernels that are not compiled. Numba names a file module.function-line.version.nbi."""
+    files = (file for folder in module_folders().values() for file in folder.glob("*.nbi"))
+    names = (file.name.partition("-")[0].split(".") for file in files)
+    return _kernels() - {(module, name) for module, name in names}
+
+
+def _lock_file() -> Path:
+    return kernel_folder() / "lock"
+
+
+def _remove_outdated() -> None:
+    """Remove kernels of earlier sources, and nothing else."""
+    current = {*module_folders().values()}
+    for path in kernel_folder().glob("*_kernels-*"):
+        if path not in current:
+            shutil.rmtree(path, ignore_errors=True)
+    for path in kernel_folder().glob("complete-*"):
+        path.unlink(missing_ok=True)
+
+
+# --- how it gets there ----------------------------------------------------------------------------
+
+
+@contextmanager
+def _alone(tell: Callable[[], None]) -> Iterator[None]:
+    """Wait until no other process compiles, and keep others from it."""
+    kernel_folder().mkdir(parents=True, exist_ok=True)
+    with open(_lock_file(), "w") as lock:
+        while True:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                _wait(tell)
+        yield
+
+
+def _compile(tell: Callable[[], None]) -> None:
+    """Run the compiler in a process for each core: LLVM works for one thread of a process."""
+    waiting, working = list(CHAINS), dict[subprocess.Popen[bytes], Path]()
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            while waiting or working:
+                while waiting and len(working) < len(os.sched_getaffinity(0)):
+                    output = Path(folder, waiting[0])
+                    working[_start_compiler(waiting.pop(0), output)] = output
+                _wait(tell)
+                for child in [child for child in working if child.poll() is not None]:
+                    output = working.pop(child)
+                    if child.returncode != 0:
+                        raise ModelUnavailableError(_failure(output.read_text(), child.returncode))
+        finally:
+            for child in working:
+                child.kill()
+                child.wait()
+
+
+def _start_compiler(chain: str, output: Path) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", COMPILER, "--chain", chain]
+    environment = {**os.environ, COMPILES: chain}
+    with output.open("wb") as sink:
+        return subprocess.Popen(
+            command, env=environment, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink
+        )
+
+
+def _failure(printed: str, code: int) -> str:
+    end = "\n".join(printed.strip().splitlines()[-5:])
+    return f"the kernels cannot be compiled; the compiler ended with {code}:\n{end}"
+
+
+def _wait(tell: Callable[[], None]) -> None:
+    tell()
+    alive()
+    time.sleep(POLL_PERIOD)

@@ -1,0 +1,101 @@
+"""Compiled kernels are never stale, are found wherever the checkout is, and are compiled once."""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import sain_core
+import sain_model
+from sain_model.compute.kernel_store import source_hashes
+
+MODEL, CORE = Path(sain_model.__path__[0]), Path(sain_core.__path__[0])
+KERNELS = sorted(MODEL.rglob("*_kernels.py"))
+
+
+@pytest.fixture
+def copies(tmp_path: Path) -> tuple[Path, Path]:
+    """The sources of both packages, somewhere else."""
+    places = tmp_path / "sain_model", tmp_path / "sain_core"
+    for source, place in zip((MODEL, CORE), places, strict=True):
+        shutil.copytree(source, place, ignore=shutil.ignore_patterns("__pycache__"))
+    return places
+
+
+def changed(copies: tuple[Path, Path], path: Path) -> set[str]:
+    """The modules whose kernels are compiled again after an edit."""
+    before = source_hashes(*copies)
+    path.write_bytes(path.read_bytes() + b"#")
+    after = source_hashes(*copies)
+    return {name for name in after if after[name] != before[name]}
+
+
+def test_the_same_sources_have_the_same_hashes_wherever_they_are(copies: tuple[Path, Path]) -> None:
+    assert source_hashes(*copies) == source_hashes(MODEL.resolve(), CORE.resolve())
+
+
+def test_an_edit_changes_a_module_and_those_that_use_it(copies: tuple[Path, Path]) -> None:
+    network = changed(copies, copies[0] / "network" / "network_kernels.py")
+    assert network == {"network_kernels", "sain_kernels"}
+    outlines = changed(copies, copies[0] / "physics" / "outline_kernels.py")
+    assert {"touching_kernels", "impulse_kernels", "varied_kernels"} < outlines
+    assert not outlines & {"planar_kernels", "network_kernels", "patch_kernels", "body_kernels"} - {
+        "planar_kernels"
+    }
+
+
+def test_all_are_compiled_again_after_an_edit_of_how(copies: tuple[Path, Path]) -> None:
+    assert changed(copies, copies[0] / "compute" / "compiling.py") == set(source_hashes())
+
+
+def test_what_kernels_import_is_hashed(copies: tuple[Path, Path]) -> None:
+    """Constants are frozen into machine code, wherever they come from."""
+    roots = {"sain_model": copies[0], "sain_core": copies[1]}
+    for kernel in KERNELS:
+        for node in ast.walk(ast.parse(kernel.read_text())):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("sain_"):
+                package, *parts = str(node.module).split(".")
+                path = roots[package].joinpath(*parts).with_suffix(".py")
+                if path.name not in ("compiling.py",):
+                    assert kernel.stem in changed(copies, path), f"{kernel.name} imports {path}"
+
+
+def test_without_kernels_nothing_is_run(copies: tuple[Path, Path]) -> None:
+    for path in copies[0].rglob("*_kernels.py"):
+        path.rename(path.with_name(path.name.replace("_kernels", "_compiled")))
+    with pytest.raises(FileNotFoundError, match=r"no \*_kernels.py under"):
+        source_hashes(*copies)
+
+
+def test_an_edit_compiles_only_what_it_must_and_says_so_once(copies: tuple[Path, Path]) -> None:
+    store = copies[0] / "__pycache__" / "kernels"
+    shutil.copytree(MODEL / "__pycache__" / "kernels", store)
+    kernels = copies[0] / "network" / "network_kernels.py"
+    kernels.write_text(kernels.read_text() + "\n# edited\n")
+    program = """
+from sain_core.scene import make_scene
+import numpy as np
+from sain_model.physics.planar import PlanarPrior
+from sain_model.compute.kernel_store import kernels_are_ready, compilation_progress
+print(kernels_are_ready())
+PlanarPrior(); PlanarPrior()
+print(kernels_are_ready(), compilation_progress())
+"""
+    path = os.pathsep.join([str(copies[0].parent), os.environ["PYTHONPATH"]])
+    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(store)}
+    run = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=240
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.splitlines() == ["False", "True None"]
+    count = len([name for name in ("network_kernels", "sain_kernels")])
+    folders = {path.name.rpartition("-")[0] for path in store.glob("*_kernels-*")}
+    assert folders == {kernel.stem for kernel in KERNELS}, "outdated kernels stay"
+    assert run.stderr.count("compiling") == 1 and count
+    old = {path.name for path in (MODEL / "__pycache__" / "kernels").glob("*_kernels-*")}
+    new = {path.name.rpartition("-")[0] for path in store.glob("*_kernels-*") if path.name not in old}
+    assert new == {"network_kernels", "sain_kernels"}
