@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import Annotated, Any, Final, Literal, get_type_hints
 
 from sain_core.cli.interrupts import interrupts_after_imports, silent_interrupts
-from sain_core.cli.shared_memory import check_shared_memory
+from sain_core.cli.host import check_host
 from sain_core.config import describe_values
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
 
@@ -53,7 +53,7 @@ class Command:
                 kind = load(self.name, self.options)
                 options = read_options(kind, f"ros2 run {self.name}", own, self.prefixes)
                 if self.ros:
-                    check_shared_memory()
+                    check_host()
             except SainError as error:
                 return self._fail(error, WRONG_USAGE if isinstance(error, ConfigError) else 1)
             work = load(self.name, self.work)

@@ -12,9 +12,9 @@ from typing import Any, Final
 
 from sain_core.cli.command_line import WRONG_USAGE, load, split_ros_arguments
 from sain_core.cli.interrupts import silent_interrupts
-from sain_core.cli.shared_memory import check_shared_memory
+from sain_core.cli.host import check_host
 from sain_core.config import Config, describe_values, show_value
-from sain_core.errors import INTERRUPTED, OutputError
+from sain_core.errors import INTERRUPTED, SainError
 
 WIDEST: Final = 100  # columns of the help
 
@@ -55,8 +55,8 @@ class NodeCommand:
                 sys.stderr.write(f"{self.name.split()[1]}: {self._problem(own)}\n")
                 return WRONG_USAGE
             try:
-                check_shared_memory()
-            except OutputError as error:
+                check_host()
+            except SainError as error:
                 sys.stderr.write(f"{self.name.split()[1]}: {error}\n")
                 return 1
             from sain_core.ros.node_main import node_main
