@@ -13,8 +13,8 @@ from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from typing import Annotated, Any, Final, Literal, get_type_hints
 
-from sain_core.cli.interrupts import interrupts_after_imports, silent_interrupts
 from sain_core.cli.host import check_host
+from sain_core.cli.interrupts import interrupts_after_imports, silent_interrupts
 from sain_core.config import describe_values
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
 

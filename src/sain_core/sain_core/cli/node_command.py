@@ -11,8 +11,8 @@ from difflib import get_close_matches
 from typing import Any, Final
 
 from sain_core.cli.command_line import WRONG_USAGE, load, split_ros_arguments
-from sain_core.cli.interrupts import silent_interrupts
 from sain_core.cli.host import check_host
+from sain_core.cli.interrupts import silent_interrupts
 from sain_core.config import Config, describe_values, show_value
 from sain_core.errors import INTERRUPTED, SainError
 
