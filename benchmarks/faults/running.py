@@ -27,7 +27,7 @@ from sain_bringup.graph import (
     ros_arguments,
 )
 from sain_bringup.graph_options import GraphOptions
-from sain_bringup.processes import RestartConfig, StopConfig, Supervisor
+from sain_bringup.processes import UNHURRIED, RestartConfig, Supervisor
 from sain_bringup.ros.director import Director
 from sain_core.errors import ErrorCode, SainError
 from sain_core.ros.node_main import ros_context
@@ -39,7 +39,6 @@ PARTS: Final = (SIMULATOR, MODEL, PLANNER, RECORDER)
 TOLERANCE: Final = 0.02  # [m]
 NEVER: Final = RestartConfig(crashes=10**9)  # too many crashes: they are what is wanted here
 SAME: Final = 1e-9  # [m] and [rad]: a heading that becomes a quaternion and back is rounded
-STOP: Final = StopConfig(interrupt=60.0)  # to join a recording that was cut off many times
 
 
 @dataclass
@@ -153,7 +152,7 @@ def graph(
     with (
         own_domain(),
         ros_context(),
-        Supervisor(folder, STOP, restarts, told.append) as supervisor,
+        Supervisor(folder, UNHURRIED, restarts, told.append) as supervisor,
     ):
         director = Director(check, timeout, supervisor)
         observed = Observed()
@@ -168,7 +167,7 @@ def graph(
             yield made[0]
         finally:
             made.clear()
-            supervisor.close_files(STOP.interrupt)
+            supervisor.close_files(UNHURRIED.interrupt)
             supervisor.stop()
             director.destroy_node()
 

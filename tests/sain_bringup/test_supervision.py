@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -29,6 +30,24 @@ from sain_core import notify
 notify.ready()
 while True:  # as a callback does that never returns
     pass
+"""
+
+JOINING = """
+import os, signal, sys, threading, time
+from sain_core import notify
+asked = []
+signal.signal(signal.SIGINT, lambda *_: asked.append(1))
+notify.ready()
+print("up", flush=True)
+while not asked:
+    notify.alive()
+    time.sleep(0.05)
+notify.stopping("joining the parts")
+until = time.monotonic() + {seconds}
+while time.monotonic() < until and len(asked) < 2:
+    {beat}
+    time.sleep(0.05)
+print("joined" if len(asked) == 1 else "parts are left", flush=True)
 """
 
 
@@ -154,3 +173,44 @@ def test_without_a_supervisor_nothing_is_sent(monkeypatch):
     monkeypatch.setenv(notify.SOCKET, "@nobody-listens-here")
     notify.alive()
     assert notify.heartbeat_period() == 0.25
+
+
+def start_joining(supervisor: Supervisor, seconds: float, beat: str = "notify.alive()") -> None:
+    code = JOINING.format(seconds=seconds, beat=beat)
+    command = [sys.executable, "-c", code]
+    supervisor.start("recorder", command, again=command, patient=True)
+    wait_until_ready(supervisor)
+
+
+@pytest.mark.parametrize("closed_before", [True, False])
+def test_joining_takes_as_long_as_it_takes_and_that_is_told(
+    closed_before, supervisor, told, tmp_path
+):
+    start_joining(supervisor, 6.0)  # three times as long as anything else may take
+    if closed_before:
+        supervisor.close_files(0.1)
+    assert supervisor.stop() == []
+    assert (tmp_path / "recorder.log").read_text() == "up\njoined\n"
+    assert told == ["recorder: joining the parts; Ctrl-C ends it before that is done"]
+
+
+def test_a_second_signal_ends_the_joining(supervisor, told, tmp_path):
+    start_joining(supervisor, 600.0)
+
+    def interrupt() -> None:
+        while not told:
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt).start()
+    supervisor.__exit__()
+    assert (tmp_path / "recorder.log").read_text() == "up\nparts are left\n"
+
+
+def test_who_hangs_while_it_joins_is_killed(tmp_path, told):
+    limits = RestartConfig(connect_timeout=1.0)
+    with Supervisor(tmp_path, QUICK, limits, told.append) as supervisor:
+        start_joining(supervisor, 600.0, beat="pass")
+        begun = time.monotonic()
+        assert supervisor.stop() == ["recorder"]
+        assert time.monotonic() - begun < 60.0

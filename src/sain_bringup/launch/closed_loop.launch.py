@@ -64,7 +64,7 @@ def nodes(context: LaunchContext) -> list[Node]:
     options = [f"--{name.replace('_', '-')}={value[name]}" for name in OPTIONS if value[name]]
     options += [f"--{'' if is_true(value[name]) else 'no-'}{name}" for name in ("gui", "record")]
     ours = {"package": "sain_bringup", "namespace": value["namespace"], "output": "screen"}
-    ending = {"on_exit": OpaqueFunction(function=end), "sigterm_timeout": "20"}
+    ending = {"on_exit": OpaqueFunction(function=end), "sigterm_timeout": "600"}
     started = [Node(executable="graph", arguments=options, **ours, **ending)]
     if value["goal"]:
         started.append(Node(executable="goal", arguments=value["goal"].split(), **ours))

@@ -124,6 +124,12 @@ class Child:
         # The first start has the time that it takes: whoever waits for it has his own limit.
         return self.heartbeats.fault(self.process.pid) if self.was_ready else ""
 
+    def closing(self) -> str:
+        """Return in words what it does before it ends; empty: nothing, or it hangs."""
+        self.heartbeats.hear(self.process.pid)
+        hangs = self.heartbeats.fault(self.process.pid)
+        return "" if hangs else self.heartbeats.closing
+
     def describe_end(self) -> str:
         """Return in words how it ended."""
         code = self.process.returncode

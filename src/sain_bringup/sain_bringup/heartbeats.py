@@ -13,7 +13,7 @@ from sain_core import notify
 from sain_core.config import Config, option
 
 CREDENTIALS: Final = struct.Struct("3i")  # process, user and group of who sent a datagram
-LONGEST: Final = 64  # bytes of a datagram that are read
+LONGEST: Final = 200  # bytes of a datagram that are read
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,7 @@ class Heartbeats:
         self._last = time.monotonic()
         self._suspected: dict[str, int] | None = None
         self.ready = False
+        self.closing = ""  # what it does before it ends, when it is about to
 
     @property
     def environment(self) -> dict[str, str]:
@@ -55,6 +56,8 @@ class Heartbeats:
                 continue
             self._last, self._suspected = time.monotonic(), None
             self.ready = self.ready or word == notify.READY
+            if word.startswith(notify.STOPPING):
+                self.closing = word.removeprefix(notify.STOPPING).decode(errors="replace")
 
     def fault(self, process_id: int) -> str:
         """Return in words what is wrong with a process that runs; empty: nothing.
@@ -62,8 +65,10 @@ class Heartbeats:
         A process that waits for a processor or a disk is late, and not hung.
         """
         silence, timeout = time.monotonic() - self._last, self._config.timeout
-        if not self.ready:
+        if not self.ready or self.closing:
             limit = self._config.connect_timeout
+            if self.closing:
+                return f"was silent for {limit:g} s while {self.closing}" if silence > limit else ""
             return f"was not ready within {limit:g} s" if silence > limit else ""
         if silence < timeout / 2:
             return ""

@@ -19,6 +19,7 @@ from sain_bringup.heartbeats import HeartbeatConfig
 from sain_core.config import Config, option
 
 POLL: Final = 0.02  # [s]
+HURRIED: Final = 1.2  # [s], the longest wait after a second signal
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,9 @@ class StopConfig(Config):
     kill: float = option(0.2, "time to be gone after SIGKILL", unit="s", minimum=0.0)
 
 
+UNHURRIED: Final = StopConfig(interrupt=15.0)  # nobody waits, and a recording is to be closed
+
+
 class Supervisor:
     """Owns a set of processes. Use it as a context manager: leaving it ends all of them."""
 
@@ -57,6 +61,8 @@ class Supervisor:
         self._children: list[Child] = []
         self._crashes: deque[float] = deque()
         self._back_at = -inf
+        self._asked: set[int] = set()  # process ids of those that were asked to close their files
+        self._hurried = False  # a signal came while all are ended
 
     @property
     def children(self) -> tuple[Child, ...]:
@@ -128,27 +134,32 @@ class Supervisor:
         """
         closing = [child for child in self._running() if child.patient]
         for child in closing:
-            child.send(signal.SIGINT)
+            self._ask(child)
         self._wait(patience, closing)
 
     def stop(self, config: StopConfig | None = None) -> list[str]:
         """End all processes: SIGINT, then SIGTERM, then SIGKILL, each to whole process groups.
 
-        Return the names of those that had to be killed.
+        A process that says what it does before it ends gets the time, unless a signal comes in
+        `signals_noted`. Return the names of those that had to be killed.
         """
         config = config or self._config
         killed: list[str] = []
-        for number, patience, everyone in (
-            (signal.SIGINT, config.interrupt, True),
-            (signal.SIGTERM, config.terminate, False),
-            (signal.SIGKILL, config.patience, False),
-            (signal.SIGKILL, config.kill, True),
+        for child in self._running():
+            self._ask(child)
+        for number, patience in (
+            (None, config.interrupt),
+            (signal.SIGTERM, config.terminate),
+            (signal.SIGKILL, config.patience),
         ):
-            for child in self._running():
-                if everyone or not child.patient:
-                    child.send(number)
-                    killed += [child.name] if number == signal.SIGKILL else []
+            killed += self._force(number, [c for c in self._running() if not c.patient])
             self._wait(patience, self._children)
+        self._wait_for_files()
+        if self._hurried:
+            self._force(signal.SIGINT, self._running())
+            self._wait(config.patience, self._children)
+        killed += self._force(signal.SIGKILL, self._running())
+        self._wait(config.kill, self._children)
         for child in self._children:
             child.send(signal.SIGKILL)  # what a process may have left behind
             child.heartbeats.close()
@@ -160,28 +171,57 @@ class Supervisor:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End all processes; a second Ctrl-C does not disturb that."""
-        with _signals_ignored():
+        """End all processes; a second Ctrl-C ends only the wait for what closes its files."""
+        with self.signals_noted():
             self.stop()
+
+    @contextlib.contextmanager
+    def signals_noted(self) -> Iterator[None]:
+        """Let signals do nothing but end the wait for those that close their files."""
+        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        before = {number: signal.signal(number, self._hurry) for number in numbers}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _hurry(self, *_: object) -> None:
+        self._hurried = True
+
+    def _ask(self, child: Child) -> None:
+        """Send SIGINT; once only to who closes a file, for whom the second one means: at once."""
+        if child.process.pid not in self._asked:
+            child.send(signal.SIGINT)
+        if child.patient:
+            self._asked.add(child.process.pid)
+
+    @staticmethod
+    def _force(number: signal.Signals | None, children: list[Child]) -> list[str]:
+        """Send a signal; return whom it kills."""
+        for child in children:
+            if number is not None:
+                child.send(number)
+        return [child.name for child in children] if number == signal.SIGKILL else []
+
+    def _wait_for_files(self) -> None:
+        """Wait while a process says what it does before it ends, and gives signs of life."""
+        told: set[str] = set()
+        while closing := [(c, doing) for c in self._running() if (doing := c.closing())]:
+            if self._hurried:
+                return
+            for child, doing in closing:
+                if doing not in told:
+                    told.add(doing)
+                    self._tell(f"{child.name}: {doing}; Ctrl-C ends it before that is done")
+            time.sleep(POLL)
 
     def _running(self) -> list[Child]:
         return [child for child in self._children if child.process.poll() is None]
 
-    @staticmethod
-    def _wait(patience: float, children: list[Child]) -> None:
-        deadline = time.monotonic() + patience
-        while time.monotonic() < deadline:
+    def _wait(self, patience: float, children: list[Child]) -> None:
+        started = time.monotonic()
+        while time.monotonic() - started < min(patience, HURRIED if self._hurried else inf):
             if all(child.process.poll() is not None for child in children):
                 return
             time.sleep(POLL)
-
-
-@contextlib.contextmanager
-def _signals_ignored() -> Iterator[None]:
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

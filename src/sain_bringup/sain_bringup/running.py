@@ -15,12 +15,11 @@ from sain_bringup.graph import RECORDER, ROBOT, graph_commands, restart_command,
 from sain_bringup.graph_options import GraphOptions
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.options import RECORDINGS
-from sain_bringup.processes import StopConfig, Supervisor
+from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_core import notify
 
 UNWATCHED: Final = {notify.SOCKET: "", notify.TIMEOUT: ""}  # a driver may wait for its arm
 POLL: Final = 0.02  # [s] between looks at the processes
-UNHURRIED: Final = StopConfig(interrupt=15.0)  # nobody waits, and a recording is to be closed
 
 
 def run(options: GraphOptions, console: Console) -> int:
@@ -50,8 +49,9 @@ def run(options: GraphOptions, console: Console) -> int:
             logs.show()
             tell(error.reason)
             code = error.exit_code
-        supervisor.close_files(UNHURRIED.interrupt)
-        supervisor.stop()
+        with supervisor.signals_noted():
+            supervisor.close_files(UNHURRIED.interrupt)
+            supervisor.stop()
         logs.show()
     return code
 

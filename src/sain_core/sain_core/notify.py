@@ -15,6 +15,7 @@ TIMEOUT: Final = "WATCHDOG_USEC"  # after so long without a heartbeat the proces
 BEATS: Final = 4  # heartbeats in that time, as `bond` has it by default
 READY: Final = b"READY=1"
 ALIVE: Final = b"WATCHDOG=1"
+STOPPING: Final = b"STOPPING=1\nSTATUS="  # followed by what is done meanwhile
 
 
 def heartbeat_period() -> float:
@@ -36,6 +37,11 @@ def ready() -> None:
 def alive() -> None:
     """Tell that the process lives."""
     _send(ALIVE)
+
+
+def stopping(doing: str) -> None:
+    """Tell that the process is about to end, and what it does until then."""
+    _send(STOPPING + doing.encode())
 
 
 def _send(word: bytes) -> None:

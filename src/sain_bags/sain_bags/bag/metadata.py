@@ -9,12 +9,14 @@ import yaml
 from mcap.records import Metadata, Statistics
 
 from sain_bags.bag.metadata_check import check_metadata
-from sain_bags.mcap.integrity import RESCUE
+from sain_bags.bag.parts import earlier, mcap_files
+from sain_bags.mcap import integrity
+from sain_bags.mcap.integrity import rescue
 from sain_core.errors import DatasetError
 from sain_core.untrusted.yaml_text import parse_yaml, read_yaml
 
 LAYOUT_VERSION: Final = 9
-METADATA_FILE: Final = "metadata.yaml"
+METADATA_FILE: Final = integrity.METADATA_FILE
 METADATA_ROOT: Final = "rosbag2_bagfile_information"
 METADATA_RECORD: Final = "rosbag2"  # by this name a file's record of the same content is found
 START_RECORD: Final = "sain_bags"  # at the beginning of a file: what a crash leaves of it
@@ -176,12 +178,14 @@ def find_files(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
         raise DatasetError(f"{path} is a file of a sqlite3 bag; name the folder that it is in")
     if path.is_file():
         return {}, (path,)
-    if not path.is_dir():
-        raise DatasetError(f"no bag at {path}")
     if not (path / METADATA_FILE).is_file():
-        if not any(path.glob("*.mcap")):
+        if mcap_files(earlier(path)):
+            raise DatasetError(f"{path} and {earlier(path)} were not joined; {rescue(path)}")
+        if not path.is_dir():
+            raise DatasetError(f"no bag at {path}")
+        if not mcap_files(path):
             raise DatasetError(f"{path} is no bag: it has no {METADATA_FILE}")
-        raise DatasetError(f"{path} was not closed: it has no {METADATA_FILE}; {RESCUE}")
+        raise DatasetError(f"{path} was not closed: it has no {METADATA_FILE}; {rescue(path)}")
     metadata = read_metadata(path)
     named = metadata["relative_file_paths"]
     # Up to version 3 of the layout the folder's name stood before the file's.
@@ -191,6 +195,17 @@ def find_files(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
         what = f"; {missing[0]} is not there as a regular file" if missing else ""
         raise DatasetError(f"{path / METADATA_FILE} names the files {named}{what}")
     return metadata, files
+
+
+def describe_recording(folder: Path) -> str:
+    """Return in a sentence what became of a recording, and what to do about it."""
+    if not folder.exists() and not earlier(folder).exists():
+        return "Nothing was recorded."
+    try:
+        find_files(folder)
+    except DatasetError as error:
+        return f"The recording is not whole: {error}."
+    return "What was recorded is whole."
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:

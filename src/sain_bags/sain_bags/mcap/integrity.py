@@ -3,6 +3,7 @@
 Format: https://mcap.dev/spec.
 """
 
+import shlex
 import struct
 import zlib
 from collections.abc import Iterator
@@ -43,7 +44,7 @@ DAMAGE: Final = (
     OverflowError,  # a length of 64 bits
     zstandard.ZstdError,
 )
-RESCUE: Final = "`ros2 run sain_bags recover BAG --out NEW` saves what is undamaged"
+METADATA_FILE: Final = "metadata.yaml"  # beside the files of a bag
 
 
 @contextmanager
@@ -58,7 +59,16 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
         raise DatasetError(f"{path} is not read: {error}") from error
     except (DatasetError, *DAMAGE) as error:
         reason = str(error) or type(error).__name__
-        raise DatasetError(f"{path} is damaged or not whole ({reason}); {RESCUE}") from error
+        bag = path.parent if (path.parent / METADATA_FILE).is_file() else path
+        raise DatasetError(f"{path} is damaged or not whole ({reason}); {rescue(bag)}") from error
+
+
+def rescue(bag: Path) -> str:
+    """Return, as text, the command that saves what a damaged or unfinished bag holds."""
+    bag = bag.absolute() if bag.name in ("", "..") else bag
+    new = bag.with_name(f"{bag.name.removesuffix('.mcap')}_saved")
+    command = shlex.join(["recover", str(bag), "--out", str(new)])
+    return f"`ros2 run sain_bags {command}` saves all that is undamaged"
 
 
 def check_summary(stream: IO[bytes]) -> Footer:

@@ -72,7 +72,7 @@ class McapWriter:
         self._channels: list[Channel] = []
         self._chunk_indexes = bytearray()  # records: as objects they take ten times the memory
         self._metadata_indexes: list[MetadataIndex] = []
-        self._write(MCAP0_MAGIC + _record(Header(Profile.ROS2, LIBRARY)))
+        self._write(BEGINNING)
 
     @property
     def size(self) -> int:
@@ -220,6 +220,9 @@ def _record(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()
+
+
+BEGINNING: Final = MCAP0_MAGIC + _record(Header(Profile.ROS2, LIBRARY))  # of each file
 
 
 def _records(records: Iterable[McapRecord]) -> bytes:

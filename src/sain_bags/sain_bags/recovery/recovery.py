@@ -13,6 +13,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
 from sain_bags.bag.metadata import METADATA_RECORD, START_RECORD, read_record
+from sain_bags.bag.parts import CUT_OFF
 from sain_bags.mcap.integrity import MESSAGE_HEAD, OpenedChunk
 from sain_bags.mcap.mcap_file import McapFile
 from sain_bags.mcap.scanner import Gap, Record, Scanner, is_exact, parse
@@ -43,7 +44,9 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
     try:
         with BagCopy(out) as copy:
             files = tuple(_recover_file(path, copy, advance) for path in sidecar.files)
-            sidecar = complete_sidecar(sidecar, files[-1].about, files[-1].described_bag)
+            about = next((file.about for file in reversed(files) if file.about), {})
+            was_more = any(file.described_bag for file in files)
+            sidecar = complete_sidecar(sidecar, about, was_more)
             report = Report(files, copy.counts, copy.span, sidecar)
             if report.outcome != RecoveryOutcome.NOTHING:
                 copy.finish(_custom_data(sidecar, report, source), sidecar.ros_distro)
@@ -65,7 +68,9 @@ def _custom_data(sidecar: Sidecar, report: Report, source: Path) -> dict[str, st
 def _recover_file(path: Path, copy: BagCopy, advance: Advance) -> FileReport:
     with _opened(path) as stream:
         scanner = Scanner(stream)
-        salvage = _Salvage(FileReport(path.name, scanner.size), copy, scanner)
+        is_earlier = path.parent.suffix == CUT_OFF
+        name = f"{path.parent.name}/{path.name}" if is_earlier else path.name
+        salvage = _Salvage(FileReport(name, scanner.size), copy, scanner)
         salvage.expect(path)
         place = 0
         for found in scanner:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sain_bags.bag.metadata import METADATA_FILE, read_metadata
+from sain_bags.bag.parts import earlier, mcap_files
 from sain_core.errors import DatasetError
 
 DEFAULT_DISTRO: Final = "jazzy"
@@ -42,15 +43,19 @@ def complete_sidecar(sidecar: Sidecar, about: Mapping[str, Any], was_more: bool)
 def read_sidecar(source: Path) -> Sidecar:
     """Find the MCAP files of a bag, or the one file that it is, and what stands beside them.
 
+    Of a recording that was not closed, also those of earlier ones that it goes on with.
+
     Raises:
         DatasetError: there is no such file.
     """
     if source.is_file():
         return Sidecar((source,), is_read=False)
-    files = tuple(sorted(source.glob("*.mcap"), key=lambda path: (len(path.name), path.name)))
+    files, is_closed = mcap_files(source), (source / METADATA_FILE).is_file()
+    if not is_closed:
+        files = (*mcap_files(earlier(source)), *files)
     if not files:
         raise DatasetError(f"there is no MCAP file at {source}")
-    if not (source / METADATA_FILE).is_file():
+    if not is_closed:
         note = f"{METADATA_FILE} is missing: the recording was not closed"
         return Sidecar(files, note=note, is_read=False)
     try:

@@ -1,12 +1,16 @@
 """``ros2 run sain_bags record``: records topics to a bag, those that appear late too."""
 
 import json
+import signal
 import time
+from pathlib import Path
 from typing import Final
 
 from rich.console import Console
 
+from sain_bags.bag.parts import mcap_files
 from sain_bags.cli.options import RecordOptions
+from sain_bags.mcap.integrity import rescue
 from sain_bags.recovery.resumption import join, set_aside
 from sain_bags.ros.readiness import NodesFile, Readiness
 from sain_bags.ros.recorder import Recorder
@@ -16,11 +20,12 @@ from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
 from sain_bags.writing.selection import Selection
 from sain_bags.writing.writer import BagWriter
 from sain_core import notify
-from sain_core.errors import ConfigError
+from sain_core.errors import ConfigError, OutputError, SainError
 from sain_core.ros.node_main import ros_context
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed
 DRAIN_TIME: Final = 0.5  # [s], at most, for messages that have come before the stop
+BEAT_PERIOD: Final = 0.1  # [s] between signs of life while parts are joined
 QUIET_PASSES: Final = 5  # without a message: nothing more is on its way
 
 
@@ -48,20 +53,56 @@ def run(options: RecordOptions, console: Console) -> None:
     console.soft_wrap = True
     nodes = NodesFile(options.out) if notify.is_supervised() else None
     cut_off = set_aside(options.out) if options.resume else None
-    with ros_context():
-        record(options, console, nodes)
-    if cut_off is not None:
-        join(cut_off, options.out)
-        console.print(f"Joined with what was recorded before: {options.out}", highlight=False)
+    try:
+        with ros_context():
+            record(options, console, nodes, is_part=cut_off is not None)
+        if cut_off is not None:
+            join_parts(cut_off, options.out, console)
+    except SainError as error:
+        if cut_off is None:
+            raise
+        raise OutputError(f"{error}; its parts are left: {rescue(options.out)}") from error
 
 
-def record(options: RecordOptions, console: Console, nodes: NodesFile | None = None) -> None:
+def join_parts(cut_off: Path, out: Path, console: Console) -> None:
+    """Join a recording with those that it went on with, unless another signal comes.
+
+    Raises:
+        SainError: a signal came, or the disk failed; the parts are left.
+    """
+    size = sum(path.stat().st_size for path in (*mcap_files(cut_off), *mcap_files(out)))
+    doing = f"joining the parts of the recording, {size / 1e6:.1f} MB"
+    console.print(f"{doing}; Ctrl-C leaves the parts", highlight=False)
+    notify.stopping(doing)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    next_beat = 0.0
+
+    def advance(read: int) -> None:
+        nonlocal next_beat
+        if (now := time.monotonic()) >= next_beat:
+            next_beat = now + BEAT_PERIOD
+            notify.alive()
+
+    try:
+        join(cut_off, out, advance)
+    except KeyboardInterrupt:
+        raise OutputError("a signal ended the recorder before it was joined") from None
+    console.print(f"Joined with what was recorded before: {out}", highlight=False)
+
+
+def record(
+    options: RecordOptions,
+    console: Console,
+    nodes: NodesFile | None = None,
+    is_part: bool = False,
+) -> None:
     """Record until a signal comes; rclpy is initialised. Raises as `run`."""
     started = time.monotonic()
     custom_data = parse_custom_data(options.custom_data)
     selection = Selection(frozenset(options.topics), options.include_hidden)
     stop = StopSignal()
-    with BagWriter(options.out, options.bag, custom_data) as writer:
+    with BagWriter(options.out, options.bag, custom_data, is_part=is_part) as writer:
         recorder = Recorder(writer, selection)
 
         def status() -> RecordingStatus:
@@ -79,6 +120,7 @@ def record(options: RecordOptions, console: Console, nodes: NodesFile | None = N
                         nodes.work(recorder, readiness.told)
                     notify.alive()
                     display.show(status)
+                notify.stopping("closing the recording")
                 drain(recorder)
         finally:
             writer.custom_data[MISSING_KEY] = describe_gaps(recorder.gaps)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from sain_bags.bag.metadata import Topic, bag_metadata, write_metadata
-from sain_bags.mcap.integrity import RESCUE
+from sain_bags.mcap.integrity import rescue
 from sain_bags.writing.split_files import SplitFile, SplitFiles
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError, OutputError
@@ -59,8 +59,11 @@ class BagWriter:
         config: BagConfig = BagConfig(),
         custom_data: Mapping[str, str] | None = None,
         ros_distro: str = "jazzy",
+        is_part: bool = False,
     ) -> None:
         """Create the folder and the first MCAP file in it.
+
+        A part is joined with earlier ones and gets no ``metadata.yaml``: alone it is no whole bag.
 
         Raises:
             OutputError: the folder exists, or cannot be written.
@@ -68,7 +71,7 @@ class BagWriter:
         self.folder = folder
         self.custom_data = dict(custom_data or {})  # may be added to until the bag is closed
         self._config = config
-        self._ros_distro = ros_distro
+        self._ros_distro, self._is_part = ros_distro, is_part
         self._topics: dict[str, Topic] = {}
         self._channels: dict[str, int] = {}  # in the file
         self._counts: dict[str, int] = {}
@@ -171,7 +174,7 @@ class BagWriter:
         self.split_files.finish_last(self._topics.values(), self.custom_data)
         failures = self.split_files.close()
         try:
-            if self.split_files.are_whole:
+            if self.split_files.are_whole and not self._is_part:
                 counts = self.split_files.counts(self._topics)
                 topics = [(topic, counts[name]) for name, topic in self._topics.items()]
                 about = (self.split_files.spans, topics, self.custom_data, self._ros_distro)
@@ -248,5 +251,6 @@ class BagWriter:
     def _error(self, error: OSError) -> OutputError:
         if isinstance(error, OutputError):
             return error
-        rescue = f"; {RESCUE}" if self._closed and not self.split_files.are_whole else ""
-        return OutputError(f"cannot write the bag {self.folder}: {error.strerror or error}{rescue}")
+        broken = self._closed and not self.split_files.are_whole
+        advice = f"; {rescue(self.folder)}" if broken else ""
+        return OutputError(f"cannot write the bag {self.folder}: {error.strerror or error}{advice}")

@@ -7,6 +7,8 @@ from typing import Final
 
 from rich.console import Console
 
+from sain_bags.bag.metadata import describe_recording
+from sain_bringup.children import ProcessDiedError
 from sain_bringup.display import Display
 from sain_bringup.graph import (
     MODEL,
@@ -26,13 +28,13 @@ from sain_bringup.options import (
     episode_plans,
     make_output_folder,
 )
-from sain_bringup.processes import StopConfig, Supervisor
+from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_bringup.ros.director import Director
 from sain_core.provenance import provenance
 from sain_core.ros.node_main import ros_context
 from sain_eval.scenes.scenarios import draw_scene
 
-UNHURRIED: Final = StopConfig(interrupt=15.0)  # when all went well and nobody is waiting
+BAG: Final = "bag"  # folder of the recording
 
 
 def run(options: ClosedLoopOptions, console: Console) -> int:
@@ -40,22 +42,26 @@ def run(options: ClosedLoopOptions, console: Console) -> int:
 
     Raises:
         SainError: an output that cannot be written, or a graph that broke. No process is left
-            behind, and what was recorded is whole.
+            behind, and what was recorded is whole, or the error says how it becomes so.
     """
+    folder = make_output_folder(options)
     interrupts = Interrupts()
     try:
         with ros_context():
-            return 0 if play_and_report(options, Display(console), interrupts) else 1
+            return 0 if play_and_report(options, folder, Display(console), interrupts) else 1
     except Stopped as stopped:
-        Console(stderr=True).print(
-            "Stopped. No process is left; what was recorded is whole.", style="yellow"
-        )
+        text = f"Stopped. No process is left. {describe_recording(folder / BAG)}"
+        Console(stderr=True, soft_wrap=True).print(text, style="yellow", markup=False)
         return 128 + stopped.number
+    except ProcessDiedError as error:
+        state = describe_recording(folder / BAG)
+        raise ProcessDiedError(f"{error}\n{state}", error.reason, error.exit_code) from error
 
 
-def play_and_report(options: ClosedLoopOptions, display: Display, interrupts: Interrupts) -> bool:
+def play_and_report(
+    options: ClosedLoopOptions, folder: Path, display: Display, interrupts: Interrupts
+) -> bool:
     """Play the episodes and write the results; return whether all reached the goal."""
-    folder = make_output_folder(options)
     display.headline(describe(episode_plans(options), options), folder)
     with Supervisor(folder / "logs", tell=display.note) as supervisor:
 
@@ -88,7 +94,7 @@ def play(
         namespace = director.get_namespace()
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
         about |= provenance("sain_bringup")
-        graph = options.graph(folder / "bag")
+        graph = options.graph(folder / BAG)
         ros = ros_arguments(sys.argv[1:])
         commands = graph_commands(graph, ros, folder / "logs", about, full_motion=True)
         for name, command in commands.items():
