@@ -26,6 +26,12 @@ class Buffer:
                 self.problems.append(f"{child} has two parents")
             self.latest[child] = transform
 
+    def connects(self, frame: str, world: str = "world") -> bool:
+        """Whether every transform from the world to a frame has arrived."""
+        while frame != world and frame in self.latest:
+            frame = self.latest[frame].header.frame_id
+        return frame == world
+
     def lookup(self, frame: str, world: str = "world") -> ndarray:
         """Return the pose (4, 4) of a frame in the world."""
         pose = np.eye(4)
