@@ -13,7 +13,7 @@ pytestmark = pytest.mark.system
 
 CODE = "import sys; from sain_sim.commands import sim_node; sys.exit(sim_node())"
 PATIENCE = 60.0  # [s]
-REFUSED = "sim_node: /sain/sim_node publishes /sain/scene already; stop it, or start this one"
+REFUSED = "sim_node: process {pid} publishes /sain/scene already; stop it, or start this one"
 
 
 @contextmanager
@@ -42,10 +42,11 @@ def test_of_three_that_start_together_one_remains(ros_domain):
             time.sleep(0.1)
         time.sleep(1.0)
         assert sorted(str(one.poll()) for one in processes) == ["1", "1", "None"]
+        (left,) = (one for one in processes if one.poll() is None)
         for process in processes:
             if process.poll() is not None:
                 assert process.stderr is not None
-                assert REFUSED in process.stderr.read()
+                assert REFUSED.format(pid=left.pid) in process.stderr.read()
 
 
 def test_after_a_killed_one_the_next_starts_at_once(ros_domain):

@@ -1,33 +1,38 @@
-"""Of two nodes that claim a topic the later ends, and other publishers are reported."""
+"""Of two processes that own a topic the later ends, and publishers elsewhere are reported."""
 
+import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Empty
 
-from sain_core.errors import BusyError
+from sain_core.errors import BusyError, OutputError
+from sain_core.ros import ownership
 from sain_core.ros.ownership import Ownership
 from sain_interfaces.msg import Goal
 
-CLAIM = """
-import time, rclpy
+OWNER = """
+import time
 from rclpy.node import Node
 from sain_core.ros.node_main import ros_context
 from sain_core.ros.ownership import Ownership
+from sain_interfaces.msg import Goal
 with ros_context():
-    node = Node("killed", namespace="sain")
-    Ownership(node, ("aim",))
-    publisher = node.create_publisher({kind}, "aim", 1)
-    print("claimed", flush=True)
+    node = Node("owner", namespace="sain")
+    owned = Ownership(node, ("aim",))
+    publisher = node.create_publisher(Goal, "aim", 1)
+    print("owns", flush=True)
     time.sleep(600)
-""".replace("{kind}", "__import__('sain_interfaces.msg').msg.Goal")
+"""
 
 
 @pytest.fixture
@@ -41,62 +46,90 @@ def other(ros_domain: int) -> Iterator[Node]:
     context.try_shutdown()
 
 
-def owner(graph, name: str) -> tuple[Node, Ownership]:
-    node = graph.add(Node(name, namespace="sain", context=graph.context))
-    return node, Ownership(node, ("aim",))
+@pytest.fixture
+def node(graph) -> Node:
+    return graph.add(Node("mine", namespace="sain", context=graph.context))
 
 
-def test_the_later_of_two_ends_also_when_it_sees_the_first_late(graph):
-    first, second = owner(graph, "first")[1], owner(graph, "second")[1]
-    with pytest.raises(BusyError, match="/sain/first publishes /sain/aim already; stop it, or"):
-        second.refuse(5.0)
-    graph.wait(lambda: not first.rival(), "the end of the second's claim")
-    third = owner(graph, "third")[1]
-    first.refuse(0.5)
-    assert first.rival().startswith("/sain/third publishes /sain/aim, too; stop it")
-    with pytest.raises(BusyError, match="/sain/first publishes /sain/aim already"):
-        third.rival()
+@contextmanager
+def owner() -> Iterator["subprocess.Popen[str]"]:
+    """A process that owns a topic, and is killed at the end."""
+    command = [sys.executable, "-c", OWNER]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "owns\n"
+        yield process
+        process.kill()
 
 
-def test_a_rival_that_ended_is_no_longer_reported(graph):
-    first, (second, _) = owner(graph, "first")[1], owner(graph, "second")
-    assert first.rival()
-    graph.stop(second)
-    graph.wait(lambda: not first.rival(), "the end of the rival")
+def test_the_later_of_two_is_refused_with_the_number_of_the_first(graph, node):
+    with owner() as first:
+        expected = rf"process {first.pid} publishes /sain/aim already; stop it, or start"
+        with pytest.raises(BusyError, match=expected):
+            Ownership(node, ("aim",))
+        first.send_signal(signal.SIGSTOP)  # it may go on
+        with pytest.raises(BusyError, match=expected):
+            Ownership(node, ("aim",))
+        Ownership(node, ("other",)).release()
 
 
-def test_a_publisher_without_a_claim_is_refused_at_the_start_and_reported_later(graph, other):
-    node, owned = owner(graph, "first")
+def test_a_killed_process_owns_nothing_though_discovery_has_not_noticed(graph, node):
+    with owner() as first:
+        graph.wait(lambda: node.count_publishers("aim") == 1, "the publisher")
+        first.send_signal(signal.SIGKILL)
+        Ownership(node, ("aim",)).release()  # nobody has waited for its end yet
+
+
+def test_a_second_refused_takes_nothing_and_a_released_topic_is_free(node):
+    first = Ownership(node, ("aim", "/clock"))
+    with pytest.raises(BusyError, match=r"publishes /clock already.* -r /clock:=clock"):
+        Ownership(node, ("free", "/clock"))
+    Ownership(node, ("free",)).release()
+    first.release()
+    Ownership(node, ("aim", "/clock")).release()
+
+
+def test_another_domain_is_another_topic(ros_domain, node):
+    Ownership(node, ("aim",))
+    context = Context()
+    rclpy.init(context=context, domain_id=(ros_domain + 1) % 100)
+    elsewhere = Node("mine", namespace="sain", context=context)
+    Ownership(elsewhere, ("aim",)).release()
+    elsewhere.destroy_node()
+    context.try_shutdown()
+
+
+def test_a_publisher_elsewhere_is_refused_at_the_start_and_reported_later(graph, node, other):
+    owned = Ownership(node, ("aim",))
+    node.create_publisher(Goal, "aim", 1)
     publisher = other.create_publisher(Goal, "aim", 1)
-    graph.wait(lambda: node.count_publishers("aim") == 1, "the stranger")
     graph.wait(owned.rival, "its name")
     assert owned.rival().startswith("/sain/other publishes /sain/aim, too; stop it")
-    owned.refuse(0.0, strangers=False)
     with pytest.raises(BusyError, match="/sain/other publishes /sain/aim already"):
         owned.refuse(5.0)
     other.destroy_publisher(publisher)
+    graph.wait(lambda: not owned.rival(), "the end of the rival")
 
 
-def test_another_clock_is_reported_with_the_remapping_that_helps(graph, other):
-    node = graph.add(Node("first", namespace="sain", context=graph.context))
+def test_another_clock_is_reported_with_the_remapping_that_helps(node, other):
     owned = Ownership(node, ("/clock",))
     other.create_publisher(Clock, "/clock", 1)
     with pytest.raises(BusyError, match=r"/sain/other publishes /clock already.* -r /clock:=clock"):
         owned.refuse(5.0)
 
 
-def test_the_claim_of_a_killed_process_does_not_count(graph):
-    with subprocess.Popen([sys.executable, "-c", CLAIM], stdout=subprocess.PIPE, text=True) as one:
-        assert one.stdout is not None
-        assert one.stdout.readline() == "claimed\n"
-        node, owned = owner(graph, "first")
-        graph.wait(lambda: node.count_publishers("aim") == 1, "the publisher")
-        with pytest.raises(BusyError, match="/sain/killed publishes /sain/aim already"):
-            owned.refuse(5.0)
-        owned = Ownership(node, ("aim",))
-        one.send_signal(signal.SIGKILL)
-        time.sleep(0.5)
-        owned.refuse(0.2)  # nobody has waited for its end yet
-    assert node.count_publishers("aim") == 1  # discovery has not noticed
-    owned.refuse(0.2)
-    assert not owned.rival()
+def test_a_silent_topic_of_any_name_changes_nothing(graph, node, other):
+    owned = Ownership(node, ("aim",))
+    other.create_publisher(Empty, "aim/_owner/at_0_1_1", 1)
+    graph.wait(lambda: node.count_publishers("aim/_owner/at_0_1_1") == 1, "the topic")
+    assert owned.rival() == ""
+
+
+@pytest.mark.parametrize("what", ["FIFO", "link"])
+def test_what_is_no_regular_file_is_named(node, what, tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(ownership, "private_folder", lambda: tmp_path)
+    path = tmp_path / f"domain_{node.context.get_domain_id()}.sain.aim.lock"
+    os.mkfifo(path) if what == "FIFO" else path.symlink_to(tmp_path / "victim")
+    with pytest.raises(OutputError, match=rf"cannot lock {path}: "):
+        Ownership(node, ("aim",))
+    assert not (tmp_path / "victim").exists()

@@ -59,3 +59,38 @@ def test_a_folder_is_removed_with_the_object() -> None:
     assert Path(folder.name).is_dir()
     folder.cleanup()
     assert not Path(folder.name).exists()
+
+
+@pytest.mark.parametrize("what", ["FIFO", "link", "file"])
+def test_what_others_put_among_the_temporary_folders_is_ignored(tmp_path: Path, what: str) -> None:
+    planted, victim = tmp_path / f"{scratch.PREFIX}x", tmp_path / "victim"
+    victim.mkdir()
+    {
+        "FIFO": lambda: os.mkfifo(planted),
+        "link": lambda: planted.symlink_to(victim),
+        "file": lambda: planted.write_text("x"),
+    }[what]()
+    os.utime(planted, (0.0, 0.0), follow_symlinks=False)
+    process, folder = start(tmp_path)  # its first folder looks for abandoned ones
+    assert folder.is_dir()
+    assert planted.is_symlink() or planted.exists()
+    assert victim.is_dir()
+    process.communicate("")
+
+
+def test_the_private_folder_is_nobody_elses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = scratch.private_folder()
+    assert folder.stat().st_uid == os.getuid()
+    assert not folder.stat().st_mode & 0o022
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    assert scratch.private_folder() == folder, "the same in all processes"
+    mine = tmp_path / "mine"
+    mine.mkdir(mode=0o700)
+    assert scratch._is_private(mine, os.getuid())
+    assert not scratch._is_private(mine, os.getuid() + 1)
+    (tmp_path / "link").symlink_to(mine)
+    assert not scratch._is_private(tmp_path / "link", os.getuid())
+    mine.chmod(0o777)
+    assert not scratch._is_private(mine, os.getuid())

@@ -2,15 +2,16 @@
 
 import numpy as np
 import pytest
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.context import Context
 from rclpy.node import Node
 
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
-from sain_core.ros.ownership import Ownership
 from sain_core.ros.qos import QUEUE
 from sain_core.scene import make_scene
-from sain_interfaces.msg import DiskState, Push, PushResult
+from sain_interfaces.msg import Bodies, DiskState, Push, PushResult, Scene
 from sain_interfaces.srv import ResetScene
 from sain_sim.ros.sim_node import SimNode
 
@@ -87,16 +88,20 @@ def test_each_push_of_a_burst_is_answered(graph, simulator):
     assert sorted(results) == list(range(1, 3001))
 
 
-def test_a_rival_is_an_error_on_diagnostics_until_it_ends(graph, simulator):
+@pytest.mark.parametrize("topic", ["scene", "shapes"])
+def test_a_rival_is_an_error_on_diagnostics_until_it_ends(graph, ros_domain, simulator, topic):
     graph.listen("/diagnostics", DiagnosticArray)
-    rival = graph.add(Node("rival", namespace="sain", context=graph.context))
-    Ownership(rival, ("scene",))
-    expected = "/sain/rival publishes /sain/scene, too; stop it, or start this one with another"
+    elsewhere = Context()
+    rclpy.init(context=elsewhere, domain_id=ros_domain)
+    rival = Node("rival", namespace="sain", context=elsewhere)
+    rival.create_publisher({"scene": Scene, "shapes": Bodies}[topic], topic, 1)
+    expected = f"/sain/rival publishes /sain/{topic}, too; stop it, or start this one with another"
 
     def status():
         return graph.heard["/diagnostics"][-1].status[0] if graph.heard["/diagnostics"] else None
 
     graph.wait(lambda: status() and status().level == DiagnosticStatus.ERROR, "the error")
     assert status().message.startswith(expected)
-    graph.stop(rival)
+    rival.destroy_node()
+    elsewhere.try_shutdown()
     graph.wait(lambda: status().level == DiagnosticStatus.OK, "the end of the rival")

@@ -16,7 +16,6 @@ from rich.console import Console
 from sain_bringup.options import WatchOptions
 from sain_core.errors import ConfigError
 from sain_core.ros.node_main import NAMESPACE, SPIN, ros_context
-from sain_core.ros.ownership import MARK
 
 PROGRAM: Final = "ros2 run sain_bringup watch"
 QUIET: Final = 1.0  # [s] without a new topic: all are seen
@@ -35,7 +34,7 @@ class Watcher(Node):
     def topics(self) -> dict[str, str]:
         """Return the type of each topic that is seen by now."""
         found = self.get_topic_names_and_types()
-        return {name: kinds[0] for name, kinds in found if f"/{MARK}/" not in name}
+        return {name: kinds[0] for name, kinds in found}
 
     def all_topics(self, timeout_s: float) -> dict[str, str]:
         """Return the type of each topic of the graph.

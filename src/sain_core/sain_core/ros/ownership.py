@@ -1,157 +1,145 @@
-"""One owner for each topic: of two nodes that claim one, the later ends.
+"""One owner for each topic: on this computer the process that holds its lock.
 
-A claim is a publisher on a hidden topic below the owned one; it never sends anything. Its name has
-the time of the claim, so all nodes that discover it agree which came first, however late they do.
+The lock of a file ends with its process, however that ends, and depends on no clock, no name and no
+discovery. Publishers elsewhere hold none: they are refused at the start, and reported later.
 """
 
+import fcntl
 import os
-import re
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cache
+from errno import EEXIST
 from pathlib import Path
-from typing import Final, NoReturn
-from zlib import crc32
+from stat import S_ISREG
+from typing import Final
+from weakref import finalize
 
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
-from std_msgs.msg import Empty
 
-from sain_core.errors import BusyError
-from sain_core.ros.peers import NAME_WAIT_S, POLL_S, advice, full_name, is_named, publishers
-from sain_core.ros.qos import LATCHED
+from sain_core.errors import BusyError, OutputError
+from sain_core.ros.peers import NAME_WAIT_S, POLL_S, advice, full_name, is_named
+from sain_core.workers.scratch import private_folder
 
-MARK: Final = "_owner"
-CLAIM: Final = re.compile(rf"(.+)/{MARK}/at_(\d+)_(\d+)_(\d+)")
-ENDED: Final = ("Z", "X")  # states of a process that nobody has waited for
 PARTICIPANT: Final = 12  # bytes of an endpoint's id that its process has in common
-
-
-@dataclass(frozen=True, order=True)
-class Claim:
-    """When a process claimed a topic; the earliest counts."""
-
-    since: int  # [ns]
-    process: int
-    system: int  # where the process has this number
-
-    @classmethod
-    def now(cls) -> "Claim":
-        """Return a claim of this process."""
-        return cls(time.time_ns(), os.getpid(), _system())
-
-    def topic(self, name: str) -> str:
-        """Return the hidden topic that claims a topic."""
-        return f"{name}/{MARK}/at_{self.since}_{self.process}_{self.system}"
-
-    @property
-    def holds(self) -> bool:
-        """Whether its process may still be there: a killed one is discovered for a while."""
-        return self.system != _system() or _is_running(self.process)
-
-
-def _is_running(process: int) -> bool:
-    try:
-        status = Path(f"/proc/{process}/stat").read_text()
-    except OSError:
-        return False
-    return status.rpartition(")")[2].split()[0] not in ENDED
-
-
-@cache
-def _system() -> int:
-    """Return a number for the kernel and the container that process numbers belong to."""
-    try:
-        boot = Path("/proc/sys/kernel/random/boot_id").read_text()
-        return crc32(f"{boot} {Path('/proc/self/ns/pid').readlink()}".encode())
-    except OSError:
-        return 0
+ENDING_S: Final = 1.0  # the longest that the end of a process takes that was killed
+EVENTS: Final = "/parameter_events"  # every node publishes them
 
 
 class Ownership:
-    """The claim of a node to topics that nobody else may publish."""
+    """The locks of topics that only this node may publish."""
 
     def __init__(self, node: Node, topics: Sequence[str]) -> None:
-        """Claim the topics; make it before their publishers."""
+        """Lock the topics; make it before their publishers.
+
+        Raises:
+            BusyError: another process of this user has one, named by its number.
+            OutputError: the file of a lock cannot be written.
+        """
         self._node = node
         self._names = [node.resolve_topic_name(topic) for topic in topics]
-        self._claim = Claim.now()
-        self._claims_made = [
-            node.create_publisher(Empty, self._claim.topic(name), LATCHED) for name in self._names
-        ]
+        self._process = _participant(node)
         self._reported = ""
+        self._locks: list[finalize] = []
+        try:
+            for name in self._names:
+                lock = _lock(name, node.context.get_domain_id())
+                self._locks.append(finalize(self, os.close, lock))
+        except BaseException:
+            self.release()
+            raise
 
-    def refuse(self, wait_s: float, strangers: bool = True) -> None:
-        """Look for an earlier claim, for so long [s]: discovery takes its time.
+    def release(self) -> None:
+        """Let another node have the topics."""
+        for lock in self._locks:
+            lock()
 
-        Also for publishers without a claim, such as a player of recordings, unless not `strangers`.
+    def refuse(self, wait_s: float) -> None:
+        """Look for publishers without a lock, for so long [s]: discovery takes its time.
 
         Raises:
             BusyError: naming topic and node.
         """
         end = time.monotonic() + wait_s
         while True:
-            self._refuse_earlier()
-            found = list(self._strangers()) if strangers else []
+            found = list(self._strangers())
             for name, one in found:
                 if is_named(one) or time.monotonic() >= end + NAME_WAIT_S:
-                    self._give_up(name, full_name(one))
+                    self.release()
+                    raise BusyError(f"{full_name(one)} publishes {name} already; {advice(name)}")
             if time.monotonic() >= end and not found:
                 return
             time.sleep(POLL_S)
 
     def rival(self) -> str:
-        """Return who else publishes an owned topic, with what to do; empty: nobody. Logs it, too.
-
-        Raises:
-            BusyError: somebody has claimed a topic earlier, so this node must end.
-        """
-        self._refuse_earlier()
-        found = [f"{one} publishes {name}, too; {advice(name)}" for name, one in self._others()]
+        """Return who else publishes an owned topic, and what to do; empty: nobody. Logs it, too."""
+        named = ((name, full_name(one)) for name, one in self._strangers() if is_named(one))
+        found = [f"{one} publishes {name}, too; {advice(name)}" for name, one in named]
         text = "; ".join(found[:1])
         if text and text != self._reported:
             self._node.get_logger().error(text)
         self._reported = text
         return text
 
-    def _refuse_earlier(self) -> None:
-        for name, claim in self._claims():
-            if claim < self._claim and claim.holds:
-                self._give_up(name, self._name_of(claim.topic(name)))
-
-    def _give_up(self, name: str, owner: str) -> NoReturn:
-        while self._claims_made:
-            self._node.destroy_publisher(self._claims_made.pop())
-        raise BusyError(f"{owner} publishes {name} already; {advice(name)}")
-
-    def _others(self) -> Iterator[tuple[str, str]]:
-        for name, claim in self._claims():
-            if claim != self._claim and claim.holds:
-                yield name, self._name_of(claim.topic(name))
-        yield from ((name, full_name(one)) for name, one in self._strangers() if is_named(one))
-
-    def _claims(self) -> list[tuple[str, Claim]]:
-        """Return the claims to each topic, in the order of the topics."""
-        topics = [topic for topic, _ in self._node.get_topic_names_and_types()]
-        matches = [found for topic in topics if (found := CLAIM.fullmatch(topic))]
-        return [
-            (name, Claim(*map(int, found.groups()[1:])))
-            for name in self._names
-            for found in matches
-            if found[1] == name
-        ]
-
     def _strangers(self) -> Iterator[tuple[str, TopicEndpointInfo]]:
-        """Yield topic and publisher where the publisher's process has no claim to the topic."""
-        claimed = set()
-        for name, claim in self._claims():
-            for one in self._node.get_publishers_info_by_topic(claim.topic(name)):
-                claimed.add((name, bytes(one.endpoint_gid)[:PARTICIPANT]))
+        """Yield topic and publisher where the publisher is of another process."""
         for name in self._names:
             for one in self._node.get_publishers_info_by_topic(name):
-                if (name, bytes(one.endpoint_gid)[:PARTICIPANT]) not in claimed:
+                if bytes(one.endpoint_gid)[:PARTICIPANT] != self._process:
                     yield name, one
 
-    def _name_of(self, topic: str) -> str:
-        return next(iter(publishers(self._node, topic, NAME_WAIT_S)), "another process")
+
+def _lock(topic: str, domain: int) -> int:
+    """Return a descriptor of a file that is locked until it is closed."""
+    path = private_folder() / f"domain_{domain}{topic.replace('/', '.')}.lock"
+    try:
+        descriptor = _open(path)
+        end = time.monotonic() + ENDING_S
+        while not _is_locked(descriptor):
+            if time.monotonic() >= end:
+                holder = os.pread(descriptor, 100, 0).decode(errors="replace").strip()
+                os.close(descriptor)
+                raise BusyError(
+                    f"process {holder or 'of another node'} publishes {topic} already;"
+                    f" {advice(topic)}"
+                )
+            time.sleep(POLL_S)
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
+    except OSError as error:
+        raise OutputError(f"cannot lock {path}: {error.strerror}") from error
+    return descriptor
+
+
+def _open(path: Path) -> int:
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    descriptor = os.open(path, flags, 0o600)
+    if not S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise FileExistsError(EEXIST, "it is no regular file; remove it")
+    return descriptor
+
+
+def _is_locked(descriptor: int) -> bool:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _participant(node: Node) -> bytes:
+    """Return what the endpoints of a node's process have in common: those of a new publisher."""
+
+    def known() -> set[bytes]:
+        found = node.get_publishers_info_by_topic(EVENTS)
+        return {bytes(one.endpoint_gid)[: PARTICIPANT + 4] for one in found}
+
+    while True:
+        before = known()
+        publisher = node.create_publisher(ParameterEvent, EVENTS, 1)
+        made = known() - before
+        node.destroy_publisher(publisher)
+        if len(made) == 1:  # else somebody was discovered in between
+            return made.pop()[:PARTICIPANT]

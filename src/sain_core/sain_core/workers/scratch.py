@@ -1,4 +1,4 @@
-"""Folders for what can be made again: temporary ones of a process, and the user's cache.
+"""Folders for what can be made again: temporary ones of a process, the user's own, his cache.
 
 Temporary folders of a process that was killed do not stay for ever.
 """
@@ -12,7 +12,10 @@ import time
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from stat import S_IMODE, S_ISDIR
 from typing import Final
+
+from sain_core.errors import OutputError
 
 PREFIX: Final = "sain-scratch-"
 YOUNG: Final = 60.0  # [s] in which a process may have made its folder and not locked it yet
@@ -37,7 +40,37 @@ def cache_folder() -> Path:
         with tempfile.TemporaryFile(dir=home):
             return home
     except OSError:
-        return Path(tempfile.gettempdir()) / f"sain-{os.getuid()}"
+        return private_folder()
+
+
+def private_folder() -> Path:
+    """Return a folder of this user on this computer, the same in all his processes.
+
+    Nobody else can put anything there, whatever the environment and the temporary folder hold.
+
+    Raises:
+        OutputError: there is none, and none can be made.
+    """
+    user = os.getuid()
+    own = Path.home() / ".cache" / "sain" / "own"
+    tried = [Path(f"/run/user/{user}"), Path(f"/tmp/sain-{user}"), own]
+    for folder in tried:
+        with suppress(OSError):
+            if folder != tried[0]:
+                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if _is_private(folder, user):
+                return folder
+    raise OutputError(
+        f"none of {', '.join(map(str, tried))} is a folder that only user {user} can write;"
+        " remove one, or let it be made"
+    )
+
+
+def _is_private(folder: Path, user: int) -> bool:
+    """Tell whether nobody but a user (and root) can write to a folder, which is no link."""
+    status = folder.lstat()
+    ours = S_ISDIR(status.st_mode) and status.st_uid == user and not S_IMODE(status.st_mode) & 0o022
+    return ours and os.access(folder, os.W_OK)
 
 
 @cache
@@ -58,9 +91,9 @@ def _remove(root: Path, owner: int) -> None:
 def _remove_abandoned(place: Path) -> None:
     for folder in place.glob(f"{PREFIX}*"):
         with suppress(OSError):  # another user's, still locked, or just removed by another process
-            if time.time() - folder.stat().st_mtime < YOUNG:
+            if time.time() - folder.lstat().st_mtime < YOUNG:
                 continue
-            lock = os.open(folder, os.O_RDONLY)
+            lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 shutil.rmtree(folder, ignore_errors=True)

@@ -69,11 +69,10 @@ class MppiNode(Node):
         self.plan_ids = count(self.notes.plans + 1)
         self.bodies: tuple[int, CoreBodies] | None = None  # the latest, and of which episode
         self.early: list[SceneMessage] = []  # of an episode whose shapes are not known yet
-        self.ownership.refuse(0.0, strangers=False)
         self._offer()
         self._resume()
         self.starting, self.rival = True, ""
-        self.diagnostics.set(WARN, "no model serves rollout yet: plans rest on the prior")
+        self.diagnostics.set(WARN, "no model is ready yet: plans use physics without learning")
         steady_timer(self, LOOK_AGAIN, self._look_again)
         steady_timer(self, LOOK_FOR_RIVALS, self._look_for_rivals)
         if config.state_file:
@@ -278,7 +277,7 @@ class MppiNode(Node):
         self.notes.planned(plan)  # killed before this, the next process publishes it again
         self.goals.follow(plan, self.agent.pushes)
         self.starting = False  # what became of a plan says more
-        well = plan.error_code == ErrorCode.OK
+        well = plan.error_code in (ErrorCode.OK, ErrorCode.CANCELLED)
         self.diagnostics.set(OK if well else WARN, **summary(plan), pushes=self.agent.pushes)
 
     def destroy_node(self) -> None:
@@ -289,3 +288,4 @@ class MppiNode(Node):
         self.goals.close()
         self.worker.close()
         super().destroy_node()
+        self.ownership.release()

@@ -208,3 +208,8 @@ class PosesNode(Node):
             self.diagnostics.set(WARN, problem or tracker.lost, **ids)
         else:
             self.diagnostics.set(OK, "follows the bodies", push=tracker.busy_with, **ids)
+
+    def destroy_node(self) -> None:
+        """Let another node have the topics."""
+        super().destroy_node()
+        self.ownership.release()

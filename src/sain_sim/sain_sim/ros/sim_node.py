@@ -30,7 +30,7 @@ from sain_sim.ros.resumption import LOST_TIME, LeftEpisode, Resumption
 from sain_sim.world.outcome import Sample
 
 LOOK_AGAIN = 0.1  # [s] between looks for those who listened before a crash
-OWNED = ("scene", "push_result", "/clock")
+OWNED = ("scene", "shapes", "push_result", "/clock")
 LOOK_FOR_RIVALS = 0.5  # [s] between looks for other publishers of these
 
 
@@ -255,3 +255,4 @@ class SimNode(Node):
         self._closing = True
         self.worker.close(last=self.simulator.close)
         super().destroy_node()
+        self.ownership.release()
