@@ -6,6 +6,7 @@
 if [[ -t 2 && ${TERM:-dumb} != dumb ]]; then moving=yes; else moving=""; fi
 if [[ ${LC_ALL:-${LC_CTYPE:-${LANG:-}}} == *[Uu][Tt][Ff]* ]]; then tick="✓"; else tick="ok"; fi
 last_told=0
+furthest=0 # percent
 
 declare -A job_pid=() job_label=() job_started=()
 
@@ -26,8 +27,10 @@ clear_line() { [[ ! $moving ]] || printf '\r\033[K' >&2; }
 show_progress() {
   local percent name what="" told
   percent=$(percent_done)
+  percent=$((percent > furthest ? percent : furthest)) # a step that begins is no step back
+  furthest=$percent
   for name in "${!job_pid[@]}"; do what+="${what:+, }${job_label[$name]}"; done
-  told="$percent %  $SECONDS s, about $(seconds_left "$percent") s left"
+  told="$percent %  $SECONDS s, $(time_left "$percent")"
   if [[ $moving ]]; then
     what="    $told  $what"
     clear_line
@@ -38,11 +41,17 @@ show_progress() {
   fi
 }
 
-# What is usual counts at first, and from half-way on only how fast it really goes. In steps of five seconds.
-seconds_left() { # PERCENT
-  local trust=$(($1 < 50 ? 2 * $1 : 100)) total
-  total=$((($1 ? trust * SECONDS / $1 : 0) + (100 - trust) * usual_seconds / 100))
-  echo $((total > SECONDS + 5 ? (total - SECONDS + 4) / 5 * 5 : 5))
+# Two estimates make a range: what is usual, and what follows from the pace so far. In tens of seconds.
+time_left() { # PERCENT
+  local usual=$((usual_seconds - SECONDS)) pace=$usual_seconds low high
+  if (($1 > 0)); then pace=$((SECONDS * (100 - $1) / $1)); fi
+  if ((usual < pace / 2)); then usual=$((pace / 2)); fi
+  low=$(((usual < pace ? usual : pace) / 10 * 10)) high=$((((usual > pace ? usual : pace) + 9) / 10 * 10))
+  if ((low < 10)); then
+    echo "at most $((high > 10 ? high : 10)) s left"
+  else
+    echo "about $low to $high s left"
+  fi
 }
 
 # --- jobs ---------------------------------------------------------------------------------------------

@@ -4,8 +4,11 @@
     ./env python tools/lock.py
 
 The set-up installs the two files side by side and without resolving anything, so no package stands
-in both; the second one has what as_is.txt lists, too. Locks are made for the Python that runs this;
-with any other Python the set-up resolves the .in files itself.
+in both; the second one has what as_is.txt lists, too, and PyBullet where it has a wheel. Locks are
+made for the Python that runs this; any one with pip will do, for example of a bare environment:
+
+    python3.12 -m venv /tmp/bare && /tmp/bare/bin/pip install -r requirements/pip.txt
+    /tmp/bare/bin/python tools/lock.py
 """
 
 import json
@@ -14,6 +17,7 @@ import sys
 from pathlib import Path
 
 REQUIREMENTS = Path(__file__).resolve().parent.parent / "requirements"
+LAST_BULLET_WHEEL = (3, 11)
 
 
 def resolve(*sources: str) -> dict[str, str]:
@@ -47,6 +51,8 @@ def main() -> None:
     ros = {name: everything[name] for name in resolve("ros.in")}
     write("ros", ros)
     python = {name: version for name, version in everything.items() if name not in ros}
+    if sys.version_info[:2] <= LAST_BULLET_WHEEL:
+        python |= pinned("bullet.txt")
     write("python", python | pinned("as_is.txt"))
 
 

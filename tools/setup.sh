@@ -24,7 +24,7 @@ set_up() {
   package_count=$(find "$root/src" -mindepth 2 -maxdepth 2 -name package.xml | wc -l)
   if ! environment_is_ready; then
     makes_environment=yes
-    usual_seconds=65
+    usual_seconds=140
     if [[ -f $venv/recipe ]]; then
       say "$(paint 1 "The requirements changed"): bringing $venv up to date."
     else
@@ -33,8 +33,8 @@ set_up() {
     install_packages
   fi
   if ! workspace_is_ready; then start_job build "Workspace ($package_count packages)" build_workspace; fi
-  if [[ $makes_environment ]]; then finish_environment; fi
-  await_jobs build
+  if [[ $makes_environment ]]; then finish_environment; else start_job kernels "Kernels" compile_kernels; fi
+  await_jobs build kernels
   clear_line
   if [[ $makes_environment ]]; then say "Ready in $SECONDS s."; fi
 }
@@ -120,22 +120,15 @@ install_packages() {
   rm -f "$venv/recipe"
   libraries=("$venv"/lib/python3.*)
   lock=$root/requirements/lock-${libraries[0]##*python}
-  if [[ $(ros_kind) == wheels && -f $lock-ros.txt ]]; then
-    if [[ $fresh ]]; then
-      start_job ros "ROS 2 Jazzy" install_locked_ros
-      start_job python "PyBullet, Numba and the tools" install_locked_python
-      await_jobs ros
-    else
-      start_job python "ROS 2 Jazzy, PyBullet, Numba and the tools" update_locked
-    fi
+  if [[ $(ros_kind) == system ]]; then
+    usual_seconds=300
+    start_job python "Numba and the tools" install_beside_ros
+  elif [[ $fresh ]]; then
+    start_job ros "ROS 2 Jazzy" install_locked_ros
+    start_job python "Numba and the tools" install_locked_python
+    await_jobs ros
   else
-    usual_seconds=600
-    say "    PyBullet has no wheel for this Python and may have to be compiled: about ten minutes."
-    if [[ $(ros_kind) == system ]]; then
-      start_job python "PyBullet, Numba and the tools" install_beside_ros
-    else
-      start_job python "ROS 2 Jazzy, PyBullet, Numba and the tools" install_unlocked
-    fi
+    start_job python "ROS 2 Jazzy, Numba and the tools" update_locked
   fi
   await_jobs python
   start_job torch "PyTorch" install_torch # goes on while the workspace is built
@@ -156,23 +149,39 @@ install() {
 # Two pips side by side must not look at what the other one is unpacking, hence --ignore-installed.
 install_locked_ros() { install --ignore-installed --no-deps -r "$lock-ros.txt" && mend_wheels; }
 
-install_locked_python() { install --ignore-installed --no-deps -r "$lock-python.txt"; }
+install_locked_python() { install --ignore-installed --no-deps -r "$lock-python.txt" && install_arm; }
 
-update_locked() { install --no-deps -r "$lock-ros.txt" -r "$lock-python.txt" && mend_wheels; }
-
-install_unlocked() {
-  (cd "$root/requirements" && install -r ros.in -r python.in && install --no-deps -r as_is.txt) && mend_wheels
-}
+update_locked() { install --no-deps -r "$lock-ros.txt" -r "$lock-python.txt" && install_arm && mend_wheels; }
 
 install_beside_ros() {
   (cd "$root/requirements" && install -c jazzy-constraints.txt -r python.in && install --no-deps -r as_is.txt)
+  install_arm
 }
+
+# The arm's description and meshes come with PyBullet, which has no wheel above Python 3.11. They are data,
+# so the folder is taken out of the last wheel; the engine there is MuJoCo.
+install_arm() {
+  local wheel
+  if [[ -d $(site_packages)/pybullet_data ]]; then return; fi
+  wheel=$(mktemp -d)
+  "$venv/bin/python" -m pip download --disable-pip-version-check --no-input --progress-bar off --dest "$wheel" \
+    --no-deps --only-binary=:all: --implementation cp --python-version 3.11 --abi cp311 \
+    --platform manylinux_2_17_x86_64 --platform manylinux2014_x86_64 -r "$root/requirements/bullet.txt" &&
+    "$venv/bin/python" -c 'import sys, zipfile
+with zipfile.ZipFile(sys.argv[1]) as wheel:
+    wheel.extractall(sys.argv[2], [name for name in wheel.namelist() if name.startswith("pybullet_data/")])' \
+      "$wheel"/*.whl "$(site_packages)"
+  rm -rf "$wheel"
+  [[ -d $(site_packages)/pybullet_data ]]
+}
+
+site_packages() { echo "$venv"/lib/python3.*/site-packages; }
 
 install_torch() {
   local constraints=()
   if [[ $(ros_kind) == system ]]; then
     constraints=(-c "$root/requirements/jazzy-constraints.txt")
-  elif [[ -f $lock-ros.txt ]]; then
+  else
     constraints=(-c "$lock-ros.txt" -c "$lock-python.txt")
   fi
   install "${constraints[@]}" -r "$root/requirements/torch.txt"
@@ -190,6 +199,7 @@ mend_wheels() {
 
 finish_environment() {
   await_jobs torch
+  start_job kernels "Kernels of physics and network" compile_kernels
   start_job check "Check that everything imports" check_imports
   await_jobs check
   if [[ $(ros_kind) == wheels ]]; then ln -sfn ../../tools/ros2 "$venv/bin/ros2"; fi
@@ -198,7 +208,13 @@ finish_environment() {
 
 check_imports() {
   if [[ $(ros_kind) == wheels ]]; then eval "$(declare -f prepend; wheels_activation)"; fi
-  "$venv/bin/python" -c 'import matplotlib.pyplot, numba, pybullet, rclpy, rosbags, scipy, torch'
+  "$venv/bin/python" -c 'import matplotlib.pyplot, mujoco, numba, pybullet_data, rclpy, rosbags, scipy, torch'
+}
+
+# All that shipped commands run, on all cores; none is compiled later, while somebody waits.
+compile_kernels() {
+  if [[ $(ros_kind) == wheels ]]; then eval "$(declare -f prepend; wheels_activation)"; fi
+  PYTHONPATH=$root/src/sain_core:$root/src/sain_model "$venv/bin/python" -m sain_model.cli.kernels
 }
 
 # --- the workspace ------------------------------------------------------------------------------------
@@ -264,20 +280,23 @@ forget() { # PACKAGE...
 
 # --- how far it is ------------------------------------------------------------------------------------
 
-# Packages fetched, unpacked and built, each weighed by its usual share of the time.
+# Packages fetched, unpacked and built, and kernels compiled, each weighed by its usual share of the time.
 percent_done() {
   local wanted fetched unpacked percent
-  if [[ $makes_environment && $usual_seconds -gt 100 ]]; then
-    percent=$((95 * SECONDS / usual_seconds)) # compiling one package is nearly all of it
-  elif [[ $makes_environment ]]; then
-    wanted=$(cat "$root"/requirements/lock-3.11-*.txt | grep -c ==)
+  if [[ $makes_environment ]]; then
+    wanted=$(cat "$lock"-*.txt 2>/dev/null | grep -c == || echo 300)
     fetched=$(cat "$logs"/{ros,python,torch}.log 2>/dev/null | grep -c '^Collecting' || true)
     unpacked=$(find "$venv"/lib/python*/site-packages -maxdepth 1 -name '*.dist-info' 2>/dev/null | wc -l)
-    percent=$((2 + (14 * fetched + 22 * unpacked) / wanted + 62 * $(percent_built) / 100))
+    percent=$((2 + (12 * fetched + 20 * unpacked) / wanted + 44 * $(percent_built) / 100 + 20 * $(percent_compiled) / 100))
   else
-    percent=$(percent_built)
+    percent=$((80 * $(percent_built) / 100 + 20 * $(percent_compiled) / 100))
   fi
-  echo $((percent > 95 ? 95 : percent))
+  echo $((percent > 98 ? 98 : percent))
+}
+
+percent_compiled() {
+  sed -nE 's/^compiling ([0-9]+) of ([0-9]+) .*/\1 \2/p; s/^kernels are .*/1 1/p' "$logs/kernels.log" 2>/dev/null |
+    awk 'END {print NR ? int(100 * $1 / $2) : 0}'
 }
 
 # The messages take about as long as all the Python packages, and make counts its steps in percent.

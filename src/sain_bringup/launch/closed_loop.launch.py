@@ -21,12 +21,13 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from sain_bringup.rviz import view_of
+from sain_sim.world.engines import DEFAULT_ENGINE
 
 CONFIG = Path(get_package_share_directory("sain_bringup"), "config")
 DEFAULT_PARAMETERS = CONFIG / "launch.yaml"
 
 ARGUMENTS = {
-    "engine": ("bullet", "physics engine: bullet, or mujoco where it is installed"),
+    "engine": (DEFAULT_ENGINE, "physics engine: bullet or mujoco"),
     "namespace": ("/sain", "namespace of all nodes"),
     "model": ("sain", "what predicts: sain, planar, identity, or a checkpoint's path"),
     "belief": ("", "file of sain_model identify, with which each episode begins"),

@@ -10,7 +10,7 @@ from sain_bringup.options import NAMESPACE
 from sain_core.cli.command_line import split_ros_arguments
 from sain_core.cli.executables import executable
 from sain_core.observation import told_settings
-from sain_sim.world.engines import BULLET
+from sain_sim.world.engines import DEFAULT_ENGINE
 
 SIMULATOR: Final = "simulator"
 ROBOT: Final = "robot"
@@ -43,7 +43,7 @@ def graph_commands(
         ConfigError: a package of the graph is not installed.
     """
     simulator = {"bullet.full_motion": "true"} if full_motion else {}
-    if options.engine != BULLET:
+    if options.engine != DEFAULT_ENGINE:
         simulator |= {"engine": options.engine}
     told = told_settings(options.observed)
     simulator |= {f"camera.{name}": str(value) for name, value in told.items()}

@@ -17,7 +17,7 @@ from sain_eval.scenes.scenarios import SCENARIOS
 from sain_live.settings import PageConfig
 from sain_sim.episodes.start import WORLDS
 from sain_sim.perception.body_file import read_bodies
-from sain_sim.world.engines import BULLET, ENGINES, check_engine
+from sain_sim.world.engines import DEFAULT_ENGINE, ENGINES, check_engine
 
 ELSEWHERE: Final = "elsewhere"  # the robot that is started by somebody else
 
@@ -32,7 +32,7 @@ class GraphOptions(Config):
     """
 
     engine: str = option(
-        BULLET, "physics engine; mujoco needs an extra package", choices=tuple(ENGINES)
+        DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES)
     )
     model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
     belief: str = option(
@@ -76,7 +76,7 @@ class GraphOptions(Config):
         """Check that robot and bodies belong together, and that no option is the simulator's."""
         if self.bodies is not None and not self.robot:
             raise ConfigError("--bodies is for a robot; give --robot, too")
-        if self.robot and (self.gui or self.engine != BULLET):
+        if self.robot and (self.gui or self.engine != DEFAULT_ENGINE):
             raise ConfigError("--robot replaces the simulator; --gui and --engine are of that")
         try:
             words = shlex.split(self.robot)

@@ -15,7 +15,7 @@ from sain_core.errors import OutputError
 from sain_core.observation import ObservationConfig, told_settings
 from sain_core.storage import make_folder
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
-from sain_sim.world.engines import BULLET, ENGINES
+from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINES
 
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
 RECORDINGS: Final = Path("bags")
@@ -49,7 +49,7 @@ class ClosedLoopOptions(Config):
         maximum=0.2,
     )
     engine: str = option(
-        BULLET, "physics engine; mujoco needs an extra package", choices=tuple(ENGINES)
+        DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES)
     )
     model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
     belief: str = option(

@@ -62,7 +62,9 @@ def _compile(function: Callable[..., Any], **options: bool) -> Callable[..., Any
     config: Any = numba.config
     others, config.CACHE_LOCATOR_CLASSES = config.CACHE_LOCATOR_CLASSES, f"{__name__}.BySources"
     try:
-        kernel: Callable[..., Any] = numba.njit(cache=True, nogil=True, **OPTIONS, **options)(function)
+        kernel: Callable[..., Any] = numba.njit(cache=True, nogil=True, **OPTIONS, **options)(
+            function
+        )
     finally:
         config.CACHE_LOCATOR_CLASSES = others
     return kernel

@@ -40,7 +40,9 @@ CHAINS: Final = ("shapes", "disks", "network")  # what the compiler does side by
 COMPILES: Final = "SAIN_COMPILES_KERNELS"  # set in the compiler's processes
 POLL_PERIOD: Final = 0.1  # [s]
 IMPORT: Final = re.compile(r"^from (sain_core|sain_model)\.([\w.]+) import", re.MULTILINE)
-KERNEL: Final = re.compile(r"^@(?:compiled|compiled_apart|callable_kernel)\ndef (\w+)", re.MULTILINE)
+KERNEL: Final = re.compile(
+    r"^@(?:compiled|compiled_apart|callable_kernel)\ndef (\w+)", re.MULTILINE
+)
 
 log = logging.getLogger(__name__)
 
@@ -53,7 +55,7 @@ def kernels_are_ready() -> bool:
 def compilation_progress() -> tuple[int, int] | None:
     """Return how many kernels are compiled, and of how many; None: no process compiles any."""
     try:
-        with open(_lock_file()) as lock:
+        with _lock_file().open() as lock:
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except FileNotFoundError:
         return None
@@ -169,7 +171,7 @@ def _stamp() -> Path:
 
 def _processor() -> str:
     """Return what machine code is made for: the model and the instructions of the processor."""
-    with suppress(OSError), open("/proc/cpuinfo") as lines:
+    with suppress(OSError), Path("/proc/cpuinfo").open() as lines:
         named = [line for line in lines if line.startswith(("model name", "flags", "Features"))]
         return "".join(dict.fromkeys(named))
     return platform.processor()
@@ -179,7 +181,9 @@ def _processor() -> str:
 def _kernels() -> frozenset[tuple[str, str]]:
     """The names of all kernels, with those of their modules."""
     paths = PACKAGE.rglob(f"*{SUFFIX}")
-    return frozenset((path.stem, name) for path in paths for name in KERNEL.findall(path.read_text()))
+    return frozenset(
+        (path.stem, name) for path in paths for name in KERNEL.findall(path.read_text())
+    )
 
 
 def _missing() -> frozenset[tuple[str, str]]:
@@ -210,7 +214,7 @@ def _remove_outdated() -> None:
 def _alone(tell: Callable[[], None]) -> Iterator[None]:
     """Wait until no other process compiles, and keep others from it."""
     kernel_folder().mkdir(parents=True, exist_ok=True)
-    with open(_lock_file(), "w") as lock:
+    with _lock_file().open("w") as lock:
         while True:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

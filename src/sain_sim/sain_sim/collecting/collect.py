@@ -22,7 +22,7 @@ from sain_core.workers.work import Software, Work
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.push_counts import CollectionJournal, PushCounts
 from sain_sim.collecting.shards import ShardWriter, load_by_count, remove_leftovers
-from sain_sim.world.engines import ENGINES
+from sain_sim.world.engines import DEFAULT_ENGINE, ENGINES
 
 IDENTITY_FILE: Final = "collection.json"
 CARD_FILE: Final = "card.json"
@@ -94,10 +94,10 @@ def collect(
 
 def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, None]:
     """Run episodes from the first on and yield what they gave in order."""
-    engine = ENGINES[config.episode.truth.engine].module
+    engines = {ENGINES[name].module for name in (DEFAULT_ENGINE, config.episode.truth.engine)}
     work = Work(
         partial(EpisodeRunner, config.seed, config.episode),
-        Software(("sain_core", "sain_sim"), ("numpy", "pybullet", *filter(None, [engine]))),
+        Software(("sain_core", "sain_sim"), ("numpy", *sorted(engines))),
         lambda episode: f"episode {episode}",
     )
     return run_on_workers(work, range(first, config.episodes), config)

@@ -9,7 +9,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
 from sain_core.shapes.disk import THREE_FEET
-from sain_sim.world.engines import BULLET, ENGINES, check_engine
+from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINES, check_engine
 from sain_sim.world.parameters import (
     FRICTION_RANGE,
     PAPER,
@@ -44,7 +44,7 @@ class TruthConfig(Config):
     )
     lab: int = option(0, "number of the rough world", minimum=0)
     engine: str = option(
-        BULLET, "physics engine; mujoco needs an extra package", choices=tuple(ENGINES)
+        DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES)
     )
 
     def __post_init__(self) -> None:

@@ -13,21 +13,26 @@ class EngineEntry(NamedTuple):
 
     Attributes:
         simulation: module and name of its `Simulation`.
-        module: what has to be installed; "": a dependency of this package.
+        module: what has to be installed.
         install: how to get that.
         lacks: effects of a rough world that it cannot simulate.
     """
 
     simulation: str
-    module: str = ""
-    install: str = ""
+    module: str
+    install: str
     lacks: tuple[str, ...] = ()
 
 
 BULLET: Final = "bullet"
 MUJOCO: Final = "mujoco"
 ENGINES: Final = {
-    BULLET: EngineEntry("sain_sim.bullet.cell:BulletSimulation"),
+    BULLET: EngineEntry(
+        "sain_sim.bullet.cell:BulletSimulation",
+        "pybullet",
+        'pip install "sain_sim[bullet]", or ./env pip install -r requirements/bullet.txt in a checkout;'
+        " above Python 3.11 it compiles for about ten minutes",
+    ),
     MUJOCO: EngineEntry(
         "sain_sim.mujoco.cell:MujocoSimulation",
         "mujoco",
@@ -35,6 +40,13 @@ ENGINES: Final = {
         ("direction", "tool", "torque"),
     ),
 }
+# PyBullet has no wheel above Python 3.11, where the set-up leaves it out.
+DEFAULT_ENGINE: Final = BULLET if find_spec(ENGINES[BULLET].module) else MUJOCO
+
+
+def is_installed(engine: str) -> bool:
+    """Return whether the package of an engine is installed; the engine is not loaded."""
+    return find_spec(ENGINES[engine].module) is not None
 
 
 def check_engine(engine: str, effects: Iterable[str] = ()) -> None:
@@ -45,7 +57,7 @@ def check_engine(engine: str, effects: Iterable[str] = ()) -> None:
     if engine not in ENGINES:
         raise ConfigError(f"engine is {engine!r}; allowed: {', '.join(ENGINES)}")
     entry = ENGINES[engine]
-    if entry.module and find_spec(entry.module) is None:
+    if not is_installed(engine):
         raise ConfigError(
             f"engine {engine} needs the package {entry.module}, which is not installed:"
             f" {entry.install}"

@@ -28,7 +28,7 @@ from sain_core.scene import (
 )
 from sain_core.types import PushArray, Pushes, Scene, Scenes
 from sain_sim.arm.client import Closeable
-from sain_sim.world.engines import BULLET
+from sain_sim.world.engines import DEFAULT_ENGINE
 from sain_sim.world.outcome import Stroke, is_idle
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.world import World, WorldConfig
@@ -47,7 +47,7 @@ class BulletPrior(Closeable):
         kind: str = NOMINAL,
         config: WorldConfig = WorldConfig(),
         parameters: WorldParameters | None = None,
-        engine: str = BULLET,
+        engine: str = DEFAULT_ENGINE,
     ) -> None:
         """Build the shadow world.
 
@@ -55,7 +55,7 @@ class BulletPrior(Closeable):
             kind: one of `KINDS`.
             config: how the shadow world is run.
             parameters: the truth's; needed by "true", and its shapes are used by all kinds.
-            engine: Bullet, or for a repeatability floor that of the truth.
+            engine: the default one, or for a repeatability floor that of the truth.
 
         Raises:
             ConfigError: a kind that does not exist, or "true" without parameters.

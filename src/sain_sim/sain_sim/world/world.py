@@ -1,21 +1,21 @@
 """The simulated world: a table, bodies, and a Panda that pushes them with its stick."""
 
 from itertools import accumulate
-from typing import Protocol, runtime_checkable
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from sain_core.errors import BlockedError, StaleSceneError
 from sain_core.push import check_pushed, pushed_bodies
-from sain_core.scene import MID, check_on_table
+from sain_core.scene import MID, check_on_table, check_scene
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Closeable
 from sain_sim.arm.kinematics import Joints
 from sain_sim.world.belief import believed_scene, withdrawn
-from sain_sim.world.engines import BULLET, check_engine, simulation_class
+from sain_sim.world.engines import DEFAULT_ENGINE, check_engine, simulation_class
 from sain_sim.world.outcome import DivergedError, Observer, Sample, Stroke, StrokeOutcome, is_idle
-from sain_sim.world.parameters import WorldParameters, in_a_row
+from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, in_a_row
 from sain_sim.world.refusals import check_gap, check_reach, check_same_bodies
 from sain_sim.world.workcell import Origin, Route, Simulation, Watch, Watches, WorldConfig
 
@@ -51,7 +51,7 @@ class World(Closeable):
         parameters: WorldParameters,
         config: WorldConfig = WorldConfig(),
         viewer: Viewer | None = None,
-        engine: str = BULLET,
+        engine: str = DEFAULT_ENGINE,
     ) -> None:
         """Start with the disks in a row; `reset` places them. The engine is loaded here."""
         self.config = config
@@ -62,6 +62,20 @@ class World(Closeable):
         self._steps = 0
         self._viewer = viewer
         self.load(check_bodies(in_a_row(parameters, table), parameters.bodies, table))
+
+    @classmethod
+    def of_scene(cls, scene: Scene, friction: float = NOMINAL_FRICTION) -> Self:
+        """Return a world of disks that are where a scene (N, 8) has them, at rest.
+
+        Raises:
+            InvalidInputError: not a scene.
+            OffTableError: a disk off the table.
+            ConfigError: a mass, radius or friction out of range.
+        """
+        check_scene(scene, WorldConfig().feasibility.table)
+        world = cls(WorldParameters.of_scene(scene, friction))
+        world.reset(scene)
+        return world
 
     def reset(self, scene: Scene, parameters: WorldParameters | None = None) -> Scene:
         """Put the disks where a scene (N, 8) has them, at rest, and the arm at home.
