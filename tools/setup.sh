@@ -4,6 +4,7 @@
 # shellcheck shell=bash disable=SC2154  # the paths are set by recipe.sh
 
 logs=$workspace/log/setup
+lock="" # without the kind and .txt: where the versions of this Python stand
 
 # shellcheck source=tools/jobs.sh
 source "$root/tools/jobs.sh"
@@ -284,7 +285,8 @@ forget() { # PACKAGE...
 percent_done() {
   local wanted fetched unpacked percent
   if [[ $makes_environment ]]; then
-    wanted=$(cat "$lock"-*.txt 2>/dev/null | grep -c == || echo 300)
+    wanted=$(cat "$lock"-*.txt 2>/dev/null | grep -c == || true)
+    if ((wanted == 0)); then wanted=330; fi # before it is clear which Python it is
     fetched=$(cat "$logs"/{ros,python,torch}.log 2>/dev/null | grep -c '^Collecting' || true)
     unpacked=$(find "$venv"/lib/python*/site-packages -maxdepth 1 -name '*.dist-info' 2>/dev/null | wc -l)
     percent=$((2 + (12 * fetched + 20 * unpacked) / wanted + 44 * $(percent_built) / 100 + 20 * $(percent_compiled) / 100))
