@@ -46,17 +46,19 @@ bench: ## timings beside those of peers
 
 # Of one world: BULLET="--models runs/learned/sain.safetensors", ROUGH=..., MUJOCO=..., PUSHT="--episodes 20".
 # In the page: NAMES="--names 'runs/learned/sain.safetensors=learned only'".
-table: ## docs/reference/results.md: all scenarios in Bullet, its rough world, MuJoCo and gym-pusht; fewer with ARGS="--scenes 5"
+table: ## docs/reference/results.md and its picture: all scenarios in Bullet, its rough world, MuJoCo and gym-pusht; fewer with ARGS="--scenes 5"
 	@./env ros2 run sain_eval evaluate --table --out results/table/bullet $(ARGS) $(BULLET)
 	@./env ros2 run sain_eval evaluate --table --world rough --out results/table/rough $(ARGS) $(ROUGH)
 	@./env ros2 run sain_eval evaluate --table --engine mujoco --out results/table/mujoco $(ARGS) $(MUJOCO)
 	@./env ros2 run sain_eval pusht --out results/table/pusht $(PUSHT)
 	@./env ros2 run sain_eval results results/table/bullet results/table/rough results/table/mujoco \
 		results/table/pusht $(NAMES)
+	@./env python -m benchmarks.results_figure
 
 faults: ## docs/reference/faults.md: what the graph makes of killed nodes, lost datagrams, full disks and hostile input; takes an hour
 	@./env python -m benchmarks.graph_faults --page docs/reference/faults.md $(ARGS)
 
 clean: ## removes the environment and all that was built; bags stay
 	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log
+	rm -rf src/sain_model/sain_model/__pycache__/kernels
 	rm -rf .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
