@@ -22,6 +22,14 @@ FIELD_OF_VIEW: Final = 0.72  # [rad]
 AMBIENT: Final = 0.3  # brightness of lights
 SKY: Final = 0.7
 PANEL_WIDTH: Final = 330  # pixels
+UNFRAMED: Final = {"Content-Security-Policy": "frame-ancestors 'none'", "X-Frame-Options": "DENY"}
+ON_A_PHONE: Final = """<style>@media (max-width: 36em) {
+div:has(> .mantine-Paper-root[style*="20em"]) { flex-direction: column }
+div:has(~ .mantine-Paper-root[style*="20em"]) { min-height: 0 }
+.mantine-Paper-root[style*="20em"] { position: static !important; width: 100% !important;
+  max-height: 50% !important; flex: none }
+.mantine-Paper-root[style*="20em"] [style*="20em"] { width: 100% !important }
+}</style>"""  # viser's panel covers the scene there; this puts it below
 
 Check = Callable[[Any, Any], Any]
 
@@ -52,6 +60,7 @@ def _furnish(server: viser.ViserServer) -> None:
     )
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)
+    server.gui.add_html(ON_A_PHONE)
     server.scene.set_up_direction("+z")
     server.scene.world_axes.visible = False
     # Without a graphics card, shadows and an environment map took a second for each picture.
@@ -71,9 +80,14 @@ def _checked_requests(host: str) -> Iterator[None]:
 
     def checked(handler: Any, *where: Any, process_request: Check, **options: Any) -> Any:
         def check(connection: Any, request: Any) -> Any:
-            if reason := refusal(host, request.headers):
-                return connection.respond(http.HTTPStatus.FORBIDDEN, reason + "\n")
-            return process_request(connection, request)
+            if refused := refusal(host, request.headers):
+                status, reason = refused
+                response = connection.respond(status, reason + "\n")
+            else:
+                response = process_request(connection, request)
+            if response is not None:  # else a websocket is opened
+                response.headers.update(UNFRAMED)
+            return response
 
         return serve(handler, *where, process_request=check, **options)
 
@@ -84,15 +98,19 @@ def _checked_requests(host: str) -> Iterator[None]:
         module.serve = serve  # type: ignore[misc]
 
 
-def refusal(host: str, headers: Any) -> str:
-    """Return why a request is refused; "": it is not.
+def refusal(host: str, headers: Any) -> tuple[http.HTTPStatus, str] | None:
+    """Return the status and the reason with which a request is refused; None: it is not.
 
     A browser lets any website connect to this computer, and names that site as the origin.
     """
-    asked, origin = headers.get("Host", ""), headers.get("Origin")
-    name = urlsplit(f"//{asked}").hostname or ""
+    try:
+        asked, origin = headers.get("Host", ""), headers.get("Origin")
+        name = urlsplit(f"//{asked}").hostname or ""
+    except (ValueError, LookupError):  # no host, or two of them
+        return http.HTTPStatus.BAD_REQUEST, "the Host of the request is no address"
     if is_loopback(host) and not is_loopback(name):
-        return f"this page is for this computer; open it as 127.0.0.1, not as {name!r}"
-    if origin is not None and urlsplit(origin).netloc != asked:
-        return f"{origin} may not use this page"
-    return ""
+        reason = f"this page is for this computer; open it as 127.0.0.1, not as {name!r}"
+        return http.HTTPStatus.FORBIDDEN, reason
+    if origin is not None and origin.partition("://")[2] != asked:
+        return http.HTTPStatus.FORBIDDEN, f"{origin} may not use this page"
+    return None
