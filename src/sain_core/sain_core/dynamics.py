@@ -102,7 +102,7 @@ def shaped(dynamics: Dynamics, bodies: Bodies | None) -> Dynamics:
     names = ", ".join(shape.name for shape in bodies.shapes)
     raise ConfigError(
         f"{type(dynamics).__name__} can only predict disks; the bodies are {names}:"
-        " use a model with the method with_bodies"
+        " use a model for any shape, such as sain, or give it the method with_bodies"
     )
 
 
@@ -158,7 +158,7 @@ def scenes_before(scene: Scene, predicted: PredictedScenes) -> PredictedScenes:
     return np.concatenate([first, predicted[:, :-1]], axis=1)
 
 
-def as_rollout(dynamics: Dynamics) -> RolloutModel:
+def as_rollout(dynamics: Dynamics | RolloutModel) -> RolloutModel:
     """Return the dynamics' own rollout where it has one, else a stepwise one."""
     return dynamics if isinstance(dynamics, RolloutModel) else StepwiseRollout(dynamics)
 

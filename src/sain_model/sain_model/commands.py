@@ -12,6 +12,7 @@ model_node: Final = NodeCommand(
     node="ros.model_node:ModelNode",
     settings="serving.settings:ServingConfig",
     publishes=("/diagnostics",),
+    subscribes=("shapes",),
     offers=("predict_residual", "rollout", "describe_model", "load_model"),
     example="model:=planar",
 )

@@ -19,11 +19,14 @@ from sain_core.ros.introspection import introspect
 from sain_core.ros.limits import LONGEST_PATH, shortened
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
+from sain_core.ros.qos import LATCHED
 from sain_core.ros.reception import Reception
 from sain_core.ros.state_file import StateFile
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
-from sain_core.shapes.received import decode_request_bodies
+from sain_core.shapes.bodies import Bodies as CoreBodies
+from sain_core.shapes.received import decode_bodies, decode_request_bodies
+from sain_interfaces.msg import Bodies
 from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
 from sain_model.serving.latency import ServiceRecord
 from sain_model.serving.settings import ServingConfig
@@ -56,6 +59,8 @@ class ModelNode(Node):
         self.prepared: ModelServer | None = None
         self.record = ServiceRecord()
         self.reception = Reception(self)
+        self.bodies: CoreBodies | None = None  # of the episode; None: nobody tells
+        self.reception.listen(Bodies, "shapes", self._on_bodies, LATCHED)
         self.status, self.message = OK, "serving"
         steady_timer(self, REPORT_PERIOD, self._report)
         self.diagnostics = Diagnostics(self, "predictions", more=lambda: self.reception.figures)
@@ -77,6 +82,9 @@ class ModelNode(Node):
             introspect(self, self.reception.serve(kind, name, callback, group), introspection)
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self.add_post_set_parameters_callback(self._after_set_parameters)
+
+    def _on_bodies(self, message: Bodies) -> None:
+        self.bodies = decode_bodies(message)
 
     async def _on_rollout(
         self, request: Rollout.Request, response: Rollout.Response
@@ -123,7 +131,7 @@ class ModelNode(Node):
         try:
             if self.loader.pending >= MOST_LOADS:
                 raise BusyError(f"{MOST_LOADS} models wait to be loaded already; ask again later")
-            done = await self.loader.run(lambda: self.server.with_model(request.model))
+            done = await self.loader.run(lambda: self.server.with_model(request.model, self.bodies))
             self.prepared = done.result()
             self.set_parameters([Parameter("model", value=request.model)])
         except Exception as error:
@@ -142,7 +150,7 @@ class ModelNode(Node):
         if len(names[-1]) > LONGEST_PATH:
             reason = f"the model has {len(names[-1])} characters; at most {LONGEST_PATH} may be"
             return SetParametersResult(successful=False, reason=reason)
-        done = self.loader.wait(lambda: self.server.with_model(names[-1]))
+        done = self.loader.wait(lambda: self.server.with_model(names[-1], self.bodies))
         error = done.exception()
         if error is not None:
             self._warn_of(error)

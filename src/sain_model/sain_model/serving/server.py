@@ -1,12 +1,13 @@
 """Answers what a model is asked over a wire: checked and bounded. No middleware here."""
 
 from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import Final
 
 import numpy as np
 
 from sain_core.dynamics import Dynamics, Radii, RegionModel, as_rollout, shaped
-from sain_core.errors import TooMuchWorkError
+from sain_core.errors import ConfigError, TooMuchWorkError
 from sain_core.history import PushHistory, informed
 from sain_core.model_checks.response_check import (
     answering,
@@ -29,6 +30,9 @@ WARM_UP_SCENE: Final = make_scene(
 )
 WARM_UP_BODIES: Final = Bodies.named(["t", "disk"])
 WARM_UP_PUSHES: Final = np.array([[[0.0, 0.0, 0.1]], [[0.5, 0.1, 0.05]]])  # (2, 1, 3)
+TRIAL_PUSHES: Final = np.tile(WARM_UP_PUSHES, (16, 1, 1))  # (32, 1, 3)
+TRIALS: Final = 3  # the fastest counts: other programs may take the processor
+SLOWEST: Final = 0.002  # [s] for a prediction: planners wait 2 s for thousands
 PHYSICS: Final = "physics"
 
 
@@ -67,9 +71,37 @@ class ModelServer:
         self._usual = dynamics
         self._learned: tuple[PushHistory, Bodies | None, Dynamics] | None = None
 
-    def with_model(self, name: str) -> "ModelServer":
-        """Return a server of another model with these settings; see `load_server`."""
-        return load_server(replace(self.config, model=name))
+    def with_model(self, name: str, bodies: Bodies | None = None) -> "ModelServer":
+        """Return a server of another model with these settings, for a planner.
+
+        Args:
+            name: of the model; see `load_server`.
+            bodies: of the scene in which it goes on; None: they are not known.
+
+        Raises:
+            ConfigError: it cannot predict these bodies, or too slowly; also as `load_server`.
+        """
+        other = load_server(replace(self.config, model=name))
+        other.knowing(None, bodies)
+        other.check_pace()
+        return other
+
+    def check_pace(self) -> None:
+        """Check that a planner can wait for this model.
+
+        Raises:
+            ConfigError: it predicts too slowly.
+        """
+        times = []
+        for _ in range(TRIALS):
+            begun = perf_counter()
+            self.rollout(WARM_UP_SCENE, TRIAL_PUSHES)
+            times.append((perf_counter() - begun) / len(TRIAL_PUSHES))
+        if min(times) > SLOWEST:
+            raise ConfigError(
+                f"{self._name} takes {1e3 * min(times):.0f} ms for a prediction; a planner needs"
+                f" thousands of at most {1e3 * SLOWEST:.0f} ms: choose a faster one, such as sain"
+            )
 
     def try_out(self) -> None:
         """Answer requests of both kinds, so that none from outside waits for compilation.
