@@ -99,10 +99,10 @@ class LogLine:
 
 @dataclass(frozen=True, eq=False)
 class LiveCurves:
-    """The charts of an episode, a number for each push; NaN where one is not known.
+    """The charts of an episode, a number after each push, from none on; NaN: it is not known.
 
     Attributes:
-        distance: [mm], largest distance from the goal before each push.
+        distance: [mm], largest distance of a body from its place in the goal.
         planned: [mm], largest error of the planner's prediction.
         physics: [mm], of the nominal physics.
         planning: [ms], from settled scene to push.
@@ -139,7 +139,9 @@ class LiveState:
     why: str = ""  # it is in this phase
     pushes: int = 0  # sent for the goal
     followed: bool = False  # whether goals are sent as they are dragged
-    model: str = ""
+    model: str = ""  # that is served
+    loading: str = ""  # model that is to replace it
+    starting: str = ""  # what the graph still waits for
     engine: str = ""
     world: str = ""
     planner: Mapping[str, Any] = field(default_factory=dict)  # parameters of the planner's node
@@ -152,6 +154,15 @@ class LiveState:
         for name, value in values.items():
             setattr(self, name, value)
         self.changed.set()
+
+    def errors(self, scene: Scene) -> tuple[float, float] | None:
+        """Return distance [m] and turn [rad] of a scene from the goal; None: it is of another."""
+        aim, bodies, count = self.aim, self.bodies, len(scene)
+        if aim is None or bodies is None or len(bodies) != count:
+            return None
+        if any(pose.body >= count for pose in aim.poses):
+            return None
+        return aim.errors(scene, bodies)
 
     def tell(self, kind: Kind, text: str) -> None:
         """Add a line to the log; the same one again is not repeated."""

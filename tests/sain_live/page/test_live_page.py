@@ -1,5 +1,7 @@
 """The page, without a graph and without a browser."""
 
+from http.client import HTTPConnection
+
 import numpy as np
 import pytest
 from websockets.exceptions import InvalidStatus
@@ -101,7 +103,9 @@ def test_settings_are_controls_and_orders(shown):
         viewer.wait(lambda n=name, e=expected: (n, e) in orders.of("set"), f"the order for {name}")
     slider = viewer.controls[viewer.control("thinning")]
     assert (slider["min"], slider["max"]) == (0.01, 1.0)
-    assert slider["hint"] == "factor on the samples from one round to the next (0.01 to 1)"
+    assert slider["hint"] == (
+        "factor on the samples from one round to the next: 0.5 halves them (0.01 to 1)"
+    )
 
 
 def test_a_refused_setting_goes_back(shown):
@@ -125,11 +129,59 @@ def test_buttons_are_orders(shown):
         viewer.turn("loop", name)
         viewer.wait(lambda o=order: orders.of(o) == [()], f"the order {order}")
     viewer.turn("scenario", "rearrange_2")
-    viewer.turn("seed", 5)
+    viewer.turn("seed", "5")
+    viewer.wait(lambda: "Not started yet" in viewer.texts, "the hint")
     viewer.turn("Reset", True)
     viewer.wait(lambda: orders.of("reset"), "the reset")
+    viewer.wait(lambda: "Not started yet" not in viewer.texts, "no hint any more")
     (reset,) = orders.of("reset")[0]
     assert (reset.scenario, reset.seed) == ("rearrange_2", 5)
+
+
+@pytest.mark.parametrize("seed", ["", "3x", "-1", "2147483648"])
+def test_a_seed_that_is_none_is_refused(shown, seed):
+    _, orders, _, viewer = shown
+    viewer.turn("seed", seed)
+    viewer.turn("Reset", True)
+    viewer.wait(lambda: "type a whole number from 0 to 2147483647" in viewer.texts, "the words")
+    viewer.turn("Next seed", True)
+    viewer.turn("loop", "Pause")
+    viewer.wait(lambda: orders.of("pause"), "what was ordered after it")
+    assert orders.of("reset") == []
+
+
+def test_the_list_of_models_shows_the_one_that_is_served(shown):
+    known, orders, _, viewer = shown
+    shows = viewer.controls[viewer.control("model")]
+    assert shows["value"] == "none yet"
+    known.update(model="planar")
+    viewer.wait(lambda: shows["value"] == "planar", "the model")
+    assert orders.of("load") == []  # what is served is no order
+    viewer.turn("model", "bullet")
+    viewer.wait(lambda: orders.of("load") == [("bullet",)], "the order")
+    known.update(loading="identity")  # another viewer's
+    viewer.wait(lambda: shows["value"] == "identity", "the one on its way")
+    known.update(loading="")  # as after a refusal
+    viewer.wait(lambda: shows["value"] == "planar", "the one before")
+    known.update(model="runs/mine/sain.safetensors")
+    viewer.wait(lambda: shows["value"] == "runs/mine/sain.safetensors", "one that was not listed")
+
+
+def test_a_checkpoint_is_loaded_by_its_path(shown):
+    _, orders, _, viewer = shown
+    viewer.turn("Load file", True)
+    viewer.wait(lambda: "type the path of a checkpoint" in viewer.texts, "the words")
+    viewer.turn("or a file", " runs/a.safetensors ")
+    viewer.turn("Load file", True)
+    viewer.wait(lambda: orders.of("load") == [("runs/a.safetensors",)], "the order")
+
+
+def test_what_the_graph_waits_for_is_said(shown):
+    known, _, _, viewer = shown
+    known.update(starting="compiling 31 of 40 kernels")
+    viewer.wait(lambda: "compiling 31 of 40 kernels" in viewer.texts, "the words")
+    known.update(starting="")
+    viewer.wait(lambda: "kernels" not in viewer.texts, "no words any more")
 
 
 def test_texts_from_elsewhere_are_escaped(shown):
@@ -178,12 +230,40 @@ def test_other_websites_are_kept_out(shown):
         Viewer(port, origin="http://example.org")
 
 
-def test_names_that_lead_here_from_elsewhere_are_refused():
-    assert refusal("127.0.0.1", {"Host": "127.0.0.1:8080"}) == ""
-    assert refusal("127.0.0.1", {"Host": "localhost:80", "Origin": "http://localhost:80"}) == ""
-    assert "open it as 127.0.0.1" in refusal("127.0.0.1", {"Host": "example.org:8080"})
-    assert refusal("0.0.0.0", {"Host": "lab:8080", "Origin": "http://lab:8080"}) == ""
-    assert "may not use" in refusal("0.0.0.0", {"Host": "lab:8080", "Origin": "http://x.org"})
+@pytest.mark.parametrize(
+    ("host", "headers", "status", "words"),
+    [
+        ("127.0.0.1", {"Host": "127.0.0.1:8080"}, 200, ""),
+        ("127.0.0.1", {"Host": "localhost:80", "Origin": "http://localhost:80"}, 200, ""),
+        ("127.0.0.1", {"Host": "example.org:8080"}, 403, "open it as 127.0.0.1"),
+        ("0.0.0.0", {"Host": "lab:8080", "Origin": "http://lab:8080"}, 200, ""),
+        ("0.0.0.0", {"Host": "lab:8080", "Origin": "http://x.org"}, 403, "may not use"),
+        ("0.0.0.0", {"Host": "lab:8080", "Origin": "http://a["}, 403, "may not use"),
+        ("127.0.0.1", {"Host": "a["}, 400, "no address"),
+    ],
+)
+def test_names_that_lead_here_from_elsewhere_are_refused(host, headers, status, words):
+    assert (refusal(host, headers) or (200, ""))[0] == status
+    assert words in (refusal(host, headers) or (200, ""))[1]
+
+
+@pytest.mark.parametrize(
+    ("hosts", "status", "words"),
+    [(["127.0.0.1"], 200, "<html"), (["a["], 400, "no address"), (["a", "b"], 400, "no address")],
+)
+def test_no_other_website_may_frame_the_page(shown, hosts, status, words):
+    request = HTTPConnection("127.0.0.1", shown[2].server.get_port(), timeout=20)
+    request.putrequest("GET", "/", skip_host=True)
+    for host in hosts:
+        request.putheader("Host", host)
+    request.endheaders()
+    reply = request.getresponse()
+    text = reply.read().decode()
+    request.close()
+    assert (reply.status, reply.headers["X-Frame-Options"]) == (status, "DENY")
+    assert reply.headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+    assert words in text
+    assert status == 200 or text.count("\n") == 1
 
 
 def test_nonsense_from_a_viewer_changes_nothing(shown):

@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from benchmarks.live_viewer import Viewer
 from sain_core.errors import BusyError, ErrorCode
 from sain_core.ros import codec
 from sain_interfaces.msg import Plan
+from sain_interfaces.srv import DescribeModel
 from sain_live.orders import Reset
+from sain_live.ros import tuning
 from sain_live.ros.page_node import PageNode
-from sain_live.state import Phase
+from sain_live.state import Kind, Phase
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.ros.sim_node import SimNode
@@ -26,6 +29,7 @@ def alone(graph):
 @pytest.fixture
 def whole(graph):
     graph.start(SimNode, peer_wait=0.0)
+    graph.listen("/diagnostics", DiagnosticArray)
     graph.start(ModelNode, model="planar")
     planner = graph.start(MppiNode, **SMALL)
     page = graph.start(PageNode, port=free_port(), scenario="anywhere", seed=2)
@@ -39,6 +43,16 @@ def whole(graph):
 
 def told(page):
     return "\n".join(line.text for line in page.known.log)
+
+
+def faults(page):
+    return [line.text for line in page.known.log if line.kind is Kind.FAULT]
+
+
+def planner_states(graph):
+    """What the planner has said of itself."""
+    states = [status for array in graph.heard["/diagnostics"] for status in array.status]
+    return [state.message for state in states if "mppi_node" in state.name]
 
 
 def last_plan(graph):
@@ -59,9 +73,11 @@ def test_the_loop_is_started_and_ends_at_the_goal(graph, whole):
     graph.wait(lambda: whole.known.phase is Phase.REACHED, "the goal")
     known, end = whole.known, last_plan(graph)
     count = len(graph.heard["push"])
-    graph.wait(lambda: known.pushes == len(known.curves.distance) == count, "all pushes")
+    graph.wait(lambda: known.pushes == len(known.curves.distance) - 1 == count, "all pushes")
     graph.wait(lambda: "reached with" in told(whole), "the line")
-    graph.wait(lambda: np.isfinite(known.curves.planned).all(), "all results")
+    graph.wait(lambda: np.isfinite(known.curves.planned[1:]).all(), "all results")
+    left = pytest.approx(1e3 * end.goal_distance)
+    graph.wait(lambda: known.curves.distance[-1] == left, "the distance after the last push")
     assert known.result.push_id == graph.heard["push_result"][-1].push_id
     distance = pytest.approx(end.goal_distance)
     graph.wait(
@@ -98,6 +114,8 @@ def test_pause_ends_the_goal(graph, whole):
     count = len(graph.heard["push"])
     graph.wait(lambda: len(graph.heard["push_result"]) == count, "the push under way")
     assert not whole.known.followed
+    graph.wait(lambda: "goal cancelled" in planner_states(graph), "what the planner says of it")
+    assert faults(whole) == []
 
 
 def test_a_reset_waits_for_the_push_under_way(graph, whole):
@@ -133,6 +151,62 @@ def test_models_are_loaded_and_those_that_are_none_are_told(graph, whole):
     whole.asking.load("nothing")
     graph.wait(lambda: "load nothing:" in told(whole), "the refusal")
     assert whole.known.model == "identity"
+
+
+def test_a_model_that_no_planner_can_wait_for_is_refused_and_the_old_one_stays(graph, whole):
+    whole.asking.load("bullet")
+    graph.wait(lambda: "load bullet: model 'bullet' takes" in told(whole), "the refusal")
+    assert "planar stays" in told(whole)
+    assert (whole.known.model, whole.known.loading) == ("planar", "")
+    described = graph.call(DescribeModel, "describe_model", DescribeModel.Request())
+    assert described.model == "planar"
+
+
+def test_a_model_that_cannot_predict_the_bodies_is_refused_and_the_old_one_stays(graph, whole):
+    whole.asking.reset(Reset("push_t", 1))
+    model = next(node for node in graph.nodes if isinstance(node, ModelNode))
+    graph.wait(lambda: model.bodies and model.bodies.shapes[0].name == "t", "the T")
+    whole.asking.load("bullet")
+    graph.wait(lambda: "can only predict disks; the bodies are t" in told(whole), "the words")
+    assert whole.known.model == "planar"
+
+
+def test_the_page_says_what_the_graph_waits_for(graph, alone, monkeypatch):
+    progress = [(31, 40)]
+    monkeypatch.setattr(tuning, "compilation_progress", lambda: progress[0])
+    known = alone.known
+    graph.wait(lambda: "compiling 31 of 40 kernels" in known.starting, "how far it is")
+    alone.asking.start()
+    progress[0] = None
+    graph.start(SimNode, peer_wait=0.0)
+    graph.wait(lambda: known.starting == "waits for the planner and the model", "who is missing")
+    graph.wait(lambda: known.scene, "a scene")
+    alone.asking.start()
+    graph.wait(lambda: "not yet: waits for the planner and the model" in told(alone), "a refusal")
+    graph.start(ModelNode, model="identity")
+    graph.wait(lambda: known.starting == "waits for the planner", "who is missing still")
+    graph.start(MppiNode, **SMALL)
+    graph.wait(lambda: known.starting == "", "all")
+    assert faults(alone) == []
+
+
+def test_trouble_is_a_fault_only_once_the_graph_has_started(graph, alone):
+    say = graph.bystander.create_publisher(DiagnosticArray, "/diagnostics", 10)
+    graph.wait(say.get_subscription_count, "the page")
+
+    def trouble(text):
+        status = DiagnosticStatus(level=DiagnosticStatus.WARN, name="/sain/mppi_node: planning")
+        status.message = text
+        say.publish(DiagnosticArray(status=[status]))
+        graph.wait(lambda: f"planner: {text}" in told(alone), text)
+
+    alone.known.update(starting="waits for the model")
+    trouble("no model yet")
+    trouble("no model still")
+    assert faults(alone) == []
+    alone.known.update(starting="")
+    trouble("the model failed")
+    assert faults(alone) == ["planner: the model failed"]
 
 
 def test_refused_pushes_are_told(graph, whole):
@@ -207,7 +281,7 @@ def test_a_page_at_a_port_in_use_does_not_start(graph, alone):
 
 
 def test_who_leaves_the_graph_is_told(graph, whole):
-    graph.wait(lambda: "the planner is there" in told(whole), "the planner")
+    graph.wait(lambda: "the planner is ready" in told(whole), "the planner")
     graph.stop(next(node for node in graph.nodes if isinstance(node, MppiNode)))
     graph.wait(lambda: "the planner is gone" in told(whole), "the words")
     whole.asking.start()

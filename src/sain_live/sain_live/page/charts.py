@@ -1,5 +1,6 @@
 """Charts of the episode, the log, and a legend."""
 
+import math
 from html import escape
 from typing import Any, Final
 
@@ -13,18 +14,20 @@ from sain_live.state import Kind, LiveCurves, LiveState, LogLine
 FONT: Final = "11px sans-serif"
 WHOLE: Final = (1, 2, 5, 10, 20, 50, 100, 200)  # between two ticks: pushes are counted
 LINES: Final = 14  # of the log that are shown
-HEIGHT: Final = 96  # pixels of a chart
+HEIGHT: Final = 120  # pixels of a chart
 WIDTH: Final = 330  # pixels of the panel
-EMPTY: Final = (np.array([0.0]), np.array([np.nan]))
+NUMBERS: Final = 58  # pixels, for the numbers beside a chart: 200,000 fits
+HEADROOM: Final = 1.08  # top of a chart over its largest value
+TICKS: Final = 16  # pixels, least distance of two of them: their numbers do not touch
 COLOURS: Final = {Kind.NOTE: PALETTE.soft, Kind.REFUSAL: PALETTE.alarm, Kind.FAULT: PALETTE.alarm}
 LEGEND: Final = (
-    (PALETTE.goal, "goal, to be dragged by its handle"),
-    ("#268c55", "tried sequences: cheap"),
-    ("#e2b0a8", "tried sequences: dear"),
-    (PALETTE.ink, "chosen sequence; result of the last push"),
-    (PALETTE.predicted, "prediction of the planner's model"),
-    (PALETTE.physics, "prediction of nominal physics"),
-    ("#dea820", "region that should hold a body"),
+    (PALETTE.predicted, "what the model predicts"),
+    (PALETTE.physics, "what physics without learning predicts"),
+    (PALETTE.ink, "chosen pushes; result of the last one"),
+    ("#268c55", "other pushes that were tried: low cost"),
+    ("#e2b0a8", "other pushes that were tried: high cost"),
+    ("#dea820", "where a body should be after the push"),
+    (PALETTE.goal, "goal"),
 )
 
 
@@ -38,33 +41,31 @@ class ChartsView:
         panel = server.gui.add_panel()
         gui = server.gui
         with panel.add_tab("Charts", viser.Icon.CHART_LINE):
-            self._distance = self._chart(gui, "distance to the goal [mm]", ("distance",))
-            self._errors = self._chart(gui, "prediction error [mm]", ("SAIN", "physics"))
-            self._planning = self._chart(gui, "planning time [ms]", ("time",))
-            self._log = gui.add_html("")
-        with panel.add_tab("Legend", viser.Icon.LIST):
+            self._distance = self._chart(gui, "distance to the goal after each push [mm]", 1)
+            self._errors = self._chart(gui, "error of the predicted push [mm]", 2)
+            self._planning = self._chart(gui, "planning time of each push [ms]", 1)
             gui.add_html(legend())
+            self._log = gui.add_html("")
         panel.dock_left()
         panel.set_width(WIDTH)
 
     @staticmethod
-    def _chart(gui: viser.GuiApi, title: str, names: tuple[str, ...]) -> Any:
-        strokes = (PALETTE.predicted, PALETTE.physics)
+    def _chart(gui: viser.GuiApi, title: str, curves: int) -> Any:
         series = [uplot.Series(label="push")]
         series += [
-            uplot.Series(label=name, stroke=stroke, width=2, points={"show": True, "size": 5})
-            for name, stroke in zip(names, strokes, strict=False)
+            uplot.Series(stroke=stroke, width=2, points={"show": True, "size": 5})
+            for stroke in (PALETTE.predicted, PALETTE.physics)[:curves]
         ]
         return gui.add_uplot(
-            (EMPTY[0], *[EMPTY[1]] * len(names)),
+            columns(*[()] * curves),
             tuple(series),
             title=title,
             height=HEIGHT,
-            scales={"x": {"time": False}},
+            scales=scales(),
             legend={"show": False},
             axes=(
                 {"size": 26, "font": FONT, "incrs": WHOLE},
-                {"size": 46, "font": FONT},
+                {"size": NUMBERS, "font": FONT, "space": TICKS},
             ),
             cursor={"show": False},
         )
@@ -73,21 +74,33 @@ class ChartsView:
         """Draw what has changed."""
         if known.curves is not self._drawn:
             self._drawn = curves = known.curves
-            self._distance.data = columns(curves.distance)
-            self._errors.data = columns(curves.planned, curves.physics)
-            self._planning.data = columns(curves.planning)
+            draw(self._distance, curves.distance)
+            draw(self._errors, curves.planned, curves.physics)
+            draw(self._planning, curves.planning)
         if known.lines != self._lines:
             self._lines = known.lines
             self._log.content = log_text(list(known.log)[-LINES:])
 
 
+def draw(chart: Any, *curves: tuple[float, ...]) -> None:
+    """Show curves in a chart."""
+    chart.data = columns(*curves)
+    if chart.scales != scales(*curves):
+        chart.scales = scales(*curves)
+
+
+def scales(*curves: tuple[float, ...]) -> dict[str, uplot.Scale]:
+    """Return scales from 0 that hold all of some curves: by itself uPlot fails at a NaN."""
+    values = [value for curve in curves for value in curve if math.isfinite(value)]
+    top = HEADROOM * max(values, default=0.0) or 1.0
+    return {"x": {"time": False}, "y": {"range": (0.0, top)}}
+
+
 def columns(*curves: tuple[float, ...]) -> tuple[np.ndarray, ...]:
-    """Return the numbers of pushes from 1, and the curves at each."""
-    count = max(map(len, curves))
-    if not count:
-        return (EMPTY[0], *[EMPTY[1]] * len(curves))
+    """Return numbers of pushes, from 0 and at least to 1, and the curves at each."""
+    count = max(2, *map(len, curves))
     filled = [np.array([*curve, *[np.nan] * (count - len(curve))]) for curve in curves]
-    return (np.arange(1.0, count + 1.0), *filled)
+    return (np.arange(float(count)), *filled)
 
 
 def log_text(lines: list[LogLine]) -> str:
@@ -104,9 +117,9 @@ def log_text(lines: list[LogLine]) -> str:
 def legend() -> str:
     """Return what the colours mean, as HTML."""
     rows = "".join(
-        f'<div style="margin:5px 0"><span style="display:inline-block;width:22px;height:4px;'
+        f'<div style="margin:2px 0"><span style="display:inline-block;width:22px;height:4px;'
         f'border-radius:2px;margin-right:8px;vertical-align:middle;background:{colour}"></span>'
         f"{escape(text)}</div>"
         for colour, text in LEGEND
     )
-    return f'<div style="padding:8px 14px;font-size:12.5px">{rows}</div>'
+    return f'<div style="padding:8px 14px;font-size:12px">{rows}</div>'

@@ -8,7 +8,7 @@ from typing import Any, Final
 import viser
 
 from sain_core.drawing.palette import PALETTE
-from sain_core.errors import SainError
+from sain_core.errors import ConfigError, SainError
 from sain_core.plugins import dynamics_names
 from sain_core.shapes.registry import footprint_names
 from sain_eval.scenes.scenarios import scenario_names
@@ -21,8 +21,13 @@ START, ONCE, PAUSE = "Start", "One push", "Pause"
 FIRST: Final = "push_t"
 LARGEST_SEED: Final = 2**31 - 1
 AS_STARTED: Final = "as the simulator was started"
+NONE_YET: Final = "none yet"
 CHECKPOINTS: Final = "*.safetensors"
 MOST_CHECKPOINTS: Final = 40
+HINT: Final = (
+    f'<div style="padding:2px 4px;font-size:12.5px;color:{PALETTE.ink}">'
+    "Not started yet: press <b>Reset</b></div>"
+)
 COLOURS: Final = {
     Phase.PLANNING: PALETTE.predicted,
     Phase.PUSHING: PALETTE.mid,
@@ -44,14 +49,19 @@ class ControlsView:
         self._add_buttons()
         with self._gui.add_folder("Episode"):
             self._add_episode(config)
-        with self._gui.add_folder("Model", expand_by_default=False):
+        with self._gui.add_folder("Model"):
             self._add_model()
 
     def show(self, known: LiveState) -> None:
-        """Show how the loop is doing."""
+        """Show how the loop is doing, and the model that is served or on its way."""
         text = status_text(known)
         if text != self._status:
             self._status = self._text.content = text
+        model = known.loading or known.model or NONE_YET
+        if model not in self._model.options:
+            self._model.options = (*self._models, model)
+        if self._model.value != model:
+            self._model.value = model
 
     def _add_buttons(self) -> None:
         orders = {
@@ -67,36 +77,63 @@ class ControlsView:
         self._scenario = gui.add_dropdown(
             "scenario", scenario_names(), initial_value=config.scenario or FIRST
         )
-        self._seed: Any = gui.add_number("seed", config.seed, min=0, max=LARGEST_SEED, step=1)
+        self._seed = gui.add_text(
+            "seed", str(config.seed), hint="number of the scene; the same one is the same scene"
+        )
         self._shape = gui.add_dropdown(
-            "shape", (AS_DRAWN, *footprint_names()), hint="of the bodies, where it is free"
+            "shape",
+            (AS_DRAWN, *footprint_names()),
+            hint="of the bodies, where it is free",
         )
         self._world = gui.add_dropdown(
-            "world", (AS_STARTED, *WORLDS), hint="hidden truth about friction and contacts"
+            "world",
+            (AS_STARTED, *WORLDS),
+            hint="true friction and contacts, hidden from the model",
         )
+        self._hint = gui.add_html("")
         reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, hint="start this episode")
         reset.on_click(self._guarded(self._reset))
         following = gui.add_button("Next seed", icon=viser.Icon.PLAYER_TRACK_NEXT)
         following.on_click(self._guarded(self._next))
+        for choice in (self._scenario, self._seed, self._shape, self._world):
+            choice.on_update(self._on_choice)
 
     def _add_model(self) -> None:
-        names = (*dynamics_names(), *checkpoints(Path("runs")))
-        choice = self._gui.add_dropdown("known", names)
+        self._models = (*dynamics_names(), *checkpoints(Path("runs")))
+        self._model = self._gui.add_dropdown(
+            "model",
+            (*self._models, NONE_YET),
+            initial_value=NONE_YET,
+            hint="predicts pushes for the planner; one that cannot do so in this scene is refused",
+        )
         path = self._gui.add_text(
-            "or a path", "", hint="of a checkpoint, as the model's node has it"
+            "or a file", "", hint="path of a checkpoint, where the model's node runs"
         )
-        button = self._gui.add_button("Load", icon=viser.Icon.DOWNLOAD)
-        button.on_click(
-            self._guarded(lambda: self._orders.load(path.value.strip() or choice.value))
-        )
+        button = self._gui.add_button("Load file", icon=viser.Icon.DOWNLOAD)
+        button.on_click(self._guarded(lambda: self._load(path.value.strip())))
+        self._model.on_update(self._on_model)
+
+    def _load(self, path: str) -> None:
+        if not path:
+            raise ConfigError("no file is named; type the path of a checkpoint")
+        self._orders.load(path)
+
+    def _on_model(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None and event.target.value != NONE_YET:
+            self._orders.load(event.target.value)
+
+    def _on_choice(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None:
+            self._hint.content = HINT
 
     def _reset(self) -> None:
         world = "" if self._world.value == AS_STARTED else self._world.value
-        seed = int(self._seed.value)
+        seed = read_seed(self._seed.value)
         self._orders.reset(Reset(self._scenario.value, seed, self._shape.value, world))
+        self._hint.content = ""
 
     def _next(self) -> None:
-        self._seed.value = min(int(self._seed.value) + 1, LARGEST_SEED)
+        self._seed.value = str(min(read_seed(self._seed.value) + 1, LARGEST_SEED))
         self._reset()
 
     def _guarded(self, work: Callable[[], None]) -> Callable[[Any], None]:
@@ -117,6 +154,18 @@ def checkpoints(folder: Path) -> Sequence[str]:
     return [str(path) for path in found[:MOST_CHECKPOINTS]]
 
 
+def read_seed(text: str) -> int:
+    """Return the seed that was typed.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    words = text.strip()
+    if not (words.isascii() and words.isdigit()) or int(words[:20]) > LARGEST_SEED:
+        raise ConfigError(f"seed is {text!r}; type a whole number from 0 to {LARGEST_SEED}")
+    return int(words)
+
+
 def status_text(known: LiveState) -> str:
     """Return how the loop is doing, as HTML."""
     colour = COLOURS.get(known.phase, PALETTE.soft)
@@ -124,30 +173,27 @@ def status_text(known: LiveState) -> str:
     facts += [("world", known.world or "-")]
     if known.scene is not None:
         facts.insert(0, ("episode", f"{known.scene.episode_id}, {known.scene.time:.0f} s"))
-    if known.aim is not None and known.scene is not None and known.bodies is not None:
-        away = distance_text(known)
-        if away:
-            facts.insert(1, ("to the goal", away))
-            facts.insert(2, ("pushes", str(known.pushes)))
+    if away := distance_text(known):
+        facts[1:1] = [("to the goal", away), ("pushes", str(known.pushes))]
     rows = "".join(
         f'<div style="display:flex"><span style="width:86px;color:{PALETTE.soft}">{name}</span>'
         f'<span style="overflow-wrap:anywhere">{escape(value)}</span></div>'
         for name, value in facts
     )
-    why = f'<div style="color:{PALETTE.soft};margin:2px 0 4px">{escape(known.why)}</div>'
+    reason = known.starting or known.why
+    why = f'<div style="color:{PALETTE.soft};margin:2px 0 4px">{escape(reason)}</div>'
     return (
         f'<div style="padding:6px 14px;font-size:13px;line-height:1.5">'
         f'<div style="font-size:17px;font-weight:600;color:{colour}">{known.phase}</div>'
-        f"{why if known.why else ''}{rows}</div>"
+        f"{why if reason else ''}{rows}</div>"
     )
 
 
 def distance_text(known: LiveState) -> str:
-    """Return how far the bodies are from the goal; "": the goal is of another scene."""
-    assert known.aim is not None and known.scene is not None and known.bodies is not None
-    count = min(len(known.scene.disks), len(known.bodies))
-    if any(pose.body >= count for pose in known.aim.poses):
+    """Return how far the bodies are from the goal; "": there is none, or it is of another scene."""
+    errors = None if known.scene is None else known.errors(known.scene.disks)
+    if errors is None or known.aim is None:
         return ""
-    apart, turn = known.aim.errors(known.scene.disks, known.bodies)
+    apart, turn = errors
     turns = any(pose.heading is not None for pose in known.aim.poses)
     return f"{1e3 * apart:.0f} mm" + (f", {57.29578 * turn:.0f}°" if turns else "")

@@ -36,7 +36,7 @@ class Asking:
         self._guard = node.create_guard_condition(self._carry_out)
         self._reach = ActionClient(node, Reach, "reach")
         self._reset_scene = node.create_client(ResetScene, "reset_scene")
-        self._tuning = Tuning(node, known)
+        self._tuning = Tuning(node, known, lambda: self.has_simulator)
         self._handle: Any = None  # of the goal that is followed
         self._goal = 0  # number of it
         self._retry: tuple[float, Callable[[], None]] | None = None
@@ -104,7 +104,8 @@ class Asking:
             return
         if not self._reach.server_is_ready():
             where = self._node.resolve_topic_name("reach")
-            self._refuse(f"no planner answers on {where}; a recording cannot be steered")
+            alone = f"no planner answers on {where}; a recording cannot be steered"
+            self._refuse(f"not yet: {known.starting}" if known.starting else alone)
             return
         known.update(followed=most == 0)
         self._goal += 1

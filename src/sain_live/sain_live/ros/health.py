@@ -1,11 +1,18 @@
 """How the nodes say they are: changes of it become lines of the log."""
 
-from typing import Any
+from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from sain_core.ros.diagnostics import OK
+from sain_core.ros.diagnostics import OK, node_of
 from sain_live.state import Kind, LiveState
+
+PLAIN: Final = {
+    "mppi_node": "planner",
+    "model_node": "model",
+    "sim_node": "simulator",
+    "poses_to_scene": "poses",
+}
 
 
 class Health:
@@ -17,7 +24,7 @@ class Health:
         self._levels: dict[str, tuple[bytes, str]] = {}
 
     def hear(self, message: DiagnosticArray) -> None:
-        """Tell what is new."""
+        """Tell what is new; while the graph starts, no trouble of a node is a fault."""
         for status in message.status:
             values: dict[str, Any] = {pair.key: pair.value for pair in status.values}
             engine = values.get("engine", self._known.engine)
@@ -27,8 +34,15 @@ class Health:
             if (level, status.message) == before or status.message == "starting":
                 continue
             if level != OK:
-                kind = Kind.FAULT if status.name in self._levels else Kind.NOTE  # it starts
-                self._known.tell(kind, f"{status.name}: {status.message}")
+                first = status.name not in self._levels
+                kind = Kind.NOTE if first or self._known.starting else Kind.FAULT
+                self._known.tell(kind, f"{plain_name(node_of(status))}: {status.message}")
             elif before[0] != OK:
-                self._known.tell(Kind.NOTE, f"{status.name}: fine again")
+                self._known.tell(Kind.NOTE, f"{plain_name(node_of(status))}: {status.message}")
             self._levels[status.name] = level, status.message
+
+
+def plain_name(node: str) -> str:
+    """Return what a reader calls a node."""
+    name = node.rpartition("/")[2]
+    return PLAIN.get(name, name)

@@ -208,8 +208,6 @@ class Hearing:
         )
         if story.after is None:  # a plan that is completed late may come after its push's result
             known.update(plan=plan, phase=Phase.PUSHING, why=message.concern)
-        if message.fallback:
-            known.tell(Kind.FAULT, f"the physics prior plans: {message.error_message}")
 
     def _on_result(self, message: PushResult) -> None:
         known = self._known
@@ -219,6 +217,8 @@ class Hearing:
             return
         story = self._stories.of(message.push_id)
         story.before, _, story.after = wire.decode_result(message)
+        if (errors := known.errors(story.after)) is not None:
+            story.left = 1e3 * errors[0]
         known.update(result=self._stories.result(message.push_id), curves=self._stories.curves())
         if known.phase is Phase.PUSHING:
             known.update(phase=Phase.PLANNING)

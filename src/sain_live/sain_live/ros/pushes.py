@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from sain_core.types import Scene
 from sain_live.state import MOST_POINTS, LiveCurves, LiveResult, largest_error
 
@@ -14,7 +12,8 @@ UNKNOWN = float("nan")
 class PushStory:
     """All about one push, as far as it has come."""
 
-    distance: float = UNKNOWN  # [mm]
+    distance: float = UNKNOWN  # [mm], before it
+    left: float = UNKNOWN  # [mm], after it
     planning: float = UNKNOWN  # [ms]
     planned: Scene | None = None
     physics: Scene | None = None
@@ -49,16 +48,21 @@ class Stories:
     def curves(self) -> LiveCurves:
         """Return the charts."""
         stories = list(self._stories.values())
+        if not stories:
+            return LiveCurves()
         planned, physics = (
-            tuple(
-                np.nan if s.after is None else largest_error(getattr(s, name), s.after)
-                for s in stories
+            (
+                UNKNOWN,
+                *(
+                    UNKNOWN if s.after is None else largest_error(getattr(s, name), s.after)
+                    for s in stories
+                ),
             )
             for name in ("planned", "physics")
         )
         return LiveCurves(
-            tuple(s.distance for s in stories),
+            (*(s.distance for s in stories), stories[-1].left),
             planned,
             physics,
-            tuple(s.planning for s in stories),
+            (UNKNOWN, *(s.planning for s in stories)),
         )

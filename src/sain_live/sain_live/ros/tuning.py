@@ -1,6 +1,6 @@
 """The planner's parameters and the model: as they are, and as viewers want them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from rcl_interfaces.msg import ParameterEvent
@@ -14,6 +14,7 @@ from sain_core.ros.steady import steady_timer
 from sain_interfaces.srv import DescribeModel, LoadModel
 from sain_live.orders import planner_settings
 from sain_live.state import Kind, LiveState
+from sain_model.compute.kernel_store import compilation_progress
 
 PLANNER: Final = "mppi_node"
 LOOK_AROUND: Final = 0.5  # [s]
@@ -22,9 +23,9 @@ LOOK_AROUND: Final = 0.5  # [s]
 class Tuning:
     """Follows and changes parameters and model. All calls come from the executor's thread."""
 
-    def __init__(self, node: Node, known: LiveState) -> None:
+    def __init__(self, node: Node, known: LiveState, has_simulator: Callable[[], bool]) -> None:
         """Look for planner and model."""
-        self._node, self._known = node, known
+        self._node, self._known, self._has_simulator = node, known, has_simulator
         self._load_model = node.create_client(LoadModel, "load_model")
         self._describe = node.create_client(DescribeModel, "describe_model")
         self._set = node.create_client(SetParameters, f"{PLANNER}/set_parameters")
@@ -33,6 +34,7 @@ class Tuning:
         self._wanted: dict[str, Any] = {}  # parameters to set
         self._setting = self._got = self._described = False
         self._there = {"the planner": False, "the model": False}
+        self._came: set[str] = set()
         steady_timer(node, LOOK_AROUND, self._look_around)
         events = "/parameter_events"
         node.create_subscription(ParameterEvent, events, self._on_parameters, RELIABLE)
@@ -73,15 +75,17 @@ class Tuning:
         if not self._load_model.service_is_ready():
             self._known.tell(Kind.REFUSAL, "no model's node is there to load another model")
             return
+        self._known.update(loading=model)
         self._known.tell(Kind.NOTE, f"loads {model}")
 
         def on_reply(done: Any) -> None:
             reply = done.result()
-            if reply.error_code != ErrorCode.OK:
-                self._known.tell(Kind.REFUSAL, f"load {model}: {reply.error_message}")
-            else:
-                self._known.update(model=reply.model)
+            self._known.update(model=reply.model, loading="")
+            if reply.error_code == ErrorCode.OK:
                 self._known.tell(Kind.NOTE, f"the model is {reply.model}")
+            else:
+                stays = f"{reply.model} stays"
+                self._known.tell(Kind.REFUSAL, f"load {model}: {reply.error_message}; {stays}")
 
         self._load_model.call_async(LoadModel.Request(model=model)).add_done_callback(on_reply)
 
@@ -92,8 +96,10 @@ class Tuning:
             there = bool(client.service_is_ready())
             if there != self._there[name]:
                 self._there[name] = there
+                self._came.add(name)
                 kind = Kind.NOTE if there else Kind.FAULT
-                self._known.tell(kind, f"{name} is {'there' if there else 'gone'}")
+                self._known.tell(kind, f"{name} is {'ready' if there else 'gone'}")
+        self._look_what_starts()
         if not self._get.service_is_ready():
             self._got = self._setting = False  # a planner that ended answers nothing any more
         elif not self._got:
@@ -102,10 +108,26 @@ class Tuning:
             asked.add_done_callback(self._on_got)
         if not self._describe.service_is_ready():
             self._described = False
+            if self._known.loading:  # it ended before it could answer
+                self._known.update(loading="")
         elif not self._described:
             self._described = True
             asked = self._describe.call_async(DescribeModel.Request())
             asked.add_done_callback(lambda done: self._known.update(model=done.result().model))
+
+    def _look_what_starts(self) -> None:
+        """Say what the graph still waits for, and how far its kernels are compiled."""
+        missing = [name for name in self._there if name not in self._came]
+        progress = compilation_progress() if missing else None
+        if progress is not None:
+            finished, total = progress
+            text = f"compiling {finished} of {total} kernels, once on this machine"
+        elif missing and (self._came or self._has_simulator()):
+            text = f"waits for {' and '.join(missing)}"
+        else:  # all are there; or nobody is: a recording
+            text = ""
+        if text != self._known.starting:
+            self._known.update(starting=text)
 
     def _on_got(self, done: Any) -> None:
         values = map(parameter_value_to_python, done.result().values)

@@ -109,10 +109,12 @@ def _fill_result(plan: Plan, result: PlanResult) -> None:
 def summary(plan: Plan) -> dict[str, str]:
     """Return a plan as the message and the figures of a diagnostic."""
     message = SAID.get(plan.status, "no push to make")
+    if plan.error_code == ErrorCode.CANCELLED:
+        message = "goal cancelled"
     if plan.concern:
         message = f"planning wider: {plan.concern}"
     if plan.fallback:
-        message = f"planning with {plan.dynamics}: the model failed"
+        message = f"planning with {plan.dynamics}: {plan.error_message}"
     return {
         "message": message,
         "goal": str(plan.goal_id),

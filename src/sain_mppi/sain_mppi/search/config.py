@@ -125,7 +125,7 @@ class PlannerConfig(Config):
     horizon: int = option(4, "H, pushes in a sequence", minimum=1, maximum=50)
     rounds: int = option(3, "number of sampling rounds", minimum=1)
     thinning: float = option(
-        0.5, "factor on the samples from one round to the next", minimum=0.01, maximum=1.0
+        0.5, "factor on the samples from one round to the next: 0.5 halves them", minimum=0.01, maximum=1.0
     )
     stuck_rounds: int = option(
         3, "additional wide rounds if no sequence is better than no push", minimum=0
@@ -161,7 +161,7 @@ class PlannerConfig(Config):
         maximum=3600.0,
     )
     ahead: bool = option(
-        True, "while a push is executed, plan on from the scene that it should lead to"
+        True, "plan the next push during a push, from the scene that is predicted after it"
     )
     correction: int = option(
         192, "samples of the one round that corrects such a plan in the real scene", minimum=1
