@@ -10,7 +10,8 @@ from tests.paths import ROOT
 from tests.workspace.source_tree import PYTHON_PACKAGES, requirements_of
 
 REQUIREMENTS = ROOT / "requirements"
-LOCKS = {kind: REQUIREMENTS / f"lock-3.11-{kind}.txt" for kind in ("ros", "python")}
+PYTHONS = ("3.11", "3.12", "3.13")
+HERE = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 
 def pins(path: Path) -> dict[str, str]:
@@ -21,37 +22,54 @@ def pins(path: Path) -> dict[str, str]:
     return {re.sub(r"[-_.]+", "-", match[1]).lower(): match[2] for match in wanted}
 
 
+def locks(python: str) -> dict[str, dict[str, str]]:
+    """What is locked for a Python, by kind."""
+    return {kind: pins(REQUIREMENTS / f"lock-{python}-{kind}.txt") for kind in ("ros", "python")}
+
+
+def locked(python: str) -> dict[str, str]:
+    both = locks(python)
+    return both["ros"] | both["python"]
+
+
+@pytest.mark.parametrize("python", PYTHONS)
 @pytest.mark.parametrize("file", ["ros.in", "python.in", "as_is.txt"])
-def test_what_is_asked_for_is_what_is_locked(file):
-    locked = pins(LOCKS["ros"]) | pins(LOCKS["python"])
-    asked = pins(REQUIREMENTS / file)
-    assert {name: locked.get(name) for name in asked} == asked, "run ./env python tools/lock.py"
+def test_what_is_asked_for_is_what_is_locked(file, python):
+    asked, found = pins(REQUIREMENTS / file), locked(python)
+    assert {name: found.get(name) for name in asked} == asked, "run tools/lock.py"
 
 
-def test_no_package_is_in_both_locks():
+@pytest.mark.parametrize("python", PYTHONS)
+def test_no_package_is_in_both_locks(python):
     """They are installed side by side."""
-    assert pins(LOCKS["ros"]).keys() & pins(LOCKS["python"]).keys() == set()
+    both = locks(python)
+    assert both["ros"].keys() & both["python"].keys() == set()
 
 
-def test_torch_is_asked_for_exactly_and_locked_nowhere():
+def test_pybullet_is_locked_where_it_has_a_wheel():
+    asked = pins(REQUIREMENTS / "bullet.txt")["pybullet"]
+    assert [locked(python).get("pybullet") for python in PYTHONS] == [asked, None, None]
+
+
+@pytest.mark.parametrize("python", PYTHONS)
+def test_torch_is_asked_for_exactly_and_locked_nowhere(python):
     assert set(pins(REQUIREMENTS / "torch.txt")) == {"torch"}
-    assert "torch" not in pins(LOCKS["python"])
+    assert "torch" not in locked(python)
 
 
-def test_colcon_gets_a_setuptools_that_it_can_use():
-    assert int(pins(LOCKS["ros"])["setuptools"].split(".")[0]) < 80
+@pytest.mark.parametrize("python", PYTHONS)
+def test_colcon_gets_a_setuptools_that_it_can_use(python):
+    assert int(locks(python)["ros"]["setuptools"].split(".")[0]) < 80
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES)
 def test_what_a_package_needs_is_pinned(package):
-    files = ("ros.in", "python.in", "as_is.txt", "torch.txt")
+    files = ("ros.in", "python.in", "bullet.txt", "as_is.txt", "torch.txt")
     pinned = {name for file in files for name in pins(REQUIREMENTS / file)}
     assert {name.lower() for name in requirements_of(package)} <= pinned
 
 
-@pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="the locks are for Python 3.11")
 def test_what_is_installed_is_what_is_locked():
     from importlib.metadata import version
 
-    locked = pins(LOCKS["ros"]) | pins(LOCKS["python"])
-    assert {name: version(name) for name in locked} == locked
+    assert {name: version(name) for name in locked(HERE)} == locked(HERE)

@@ -1,4 +1,5 @@
 import importlib.util
+import subprocess
 import sys
 
 import pytest
@@ -60,3 +61,36 @@ def test_a_world_in_bullet_does_not_load_mujoco(tmp_path):
     program = "import sys; from sain_sim.world.world import World; from sain_sim.world.parameters"
     program += " import nominal_parameters as n; World(n()); assert 'mujoco' not in sys.modules"
     subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+
+
+WITHOUT_BULLET = """
+import sys
+sys.modules["pybullet"] = None  # as where it is not installed
+import numpy as np
+from sain_core.errors import ConfigError
+from sain_core.scene import make_scene
+from sain_sim.episodes.truth import TruthConfig
+from sain_sim.world.engines import check_engine
+from sain_sim.world.shadow import BulletPrior
+scene = make_scene(np.array([(0.45, 0.0), (0.7, 0.1)]), np.array([8.0, 8.0]), np.array([0.08, 0.06]))
+print(TruthConfig().engine)
+print(round(float(BulletPrior().predict(scene, np.array([0.0, 0.0, 0.1]))[0, 0] - scene[0, 0]), 2))
+try:
+    check_engine("bullet")
+except ConfigError as error:
+    print(error)
+"""
+
+
+def test_without_pybullet_mujoco_is_the_engine_and_what_brings_it_is_told():
+    """Where Python is above 3.11, PyBullet has no wheel and the set-up leaves it out."""
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed")
+    run = subprocess.run(
+        [sys.executable, "-c", WITHOUT_BULLET], capture_output=True, text=True, timeout=120
+    )
+    assert run.returncode == 0, run.stderr
+    engine, moved, refusal = run.stdout.splitlines()
+    assert engine == "mujoco"
+    assert 0.06 < float(moved) < 0.15  # [m], about as far as the tool travelled
+    assert "needs the package pybullet, which is not installed" in refusal
+    assert "./env pip install -r requirements/bullet.txt" in refusal

@@ -30,8 +30,7 @@ ENGINES: Final = {
     BULLET: EngineEntry(
         "sain_sim.bullet.cell:BulletSimulation",
         "pybullet",
-        'pip install "sain_sim[bullet]", or ./env pip install -r requirements/bullet.txt in a checkout;'
-        " above Python 3.11 it compiles for about ten minutes",
+        "./env pip install -r requirements/bullet.txt (above Python 3.11 it compiles for ten minutes)",
     ),
     MUJOCO: EngineEntry(
         "sain_sim.mujoco.cell:MujocoSimulation",
