@@ -7,7 +7,6 @@ import numpy as np
 
 from sain_core.scene import MID, POSITION, TARGET, make_scene
 from sain_model.physics.planar import PlanarPrior
-from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.world import World
 
 # Two disks that touch (1 mm apart), the target ahead of the mid disk. SI units throughout.
@@ -19,8 +18,7 @@ scene = make_scene(
 friction = 0.12
 push = np.array([0.0, 0.1, 0.10])  # from behind, 0.1 rad to the left, 10 cm
 
-with World(WorldParameters.of_scene(scene, friction)) as world:
-    world.reset(scene)
+with World.of_scene(scene, friction) as world:
     outcome = world.push(push)
 
 predicted = PlanarPrior().step(scene[None], push[None])[0]

@@ -25,7 +25,7 @@ GOAL = np.array([0.68, 0.05])
 
 
 def planner(dynamics, **changes):
-    return Planner(StepwiseRollout(dynamics), replace(CONFIG, **changes))
+    return Planner(dynamics, replace(CONFIG, **changes))
 
 
 def test_the_result_tells_what_was_done(scene, dynamics):

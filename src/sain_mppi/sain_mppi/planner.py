@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.dynamics import RolloutModel, regions_of
+from sain_core.dynamics import Dynamics, RolloutModel, as_rollout, regions_of
 from sain_core.errors import NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.push import PUSH_SIZE
@@ -35,12 +35,12 @@ class Planner:
 
     def __init__(
         self,
-        model: RolloutModel,
+        model: Dynamics | RolloutModel,
         config: PlannerConfig | None = None,
         feasibility: Feasibility | None = None,
     ) -> None:
         """Plan with this model, for an arm that can do what `feasibility` says."""
-        self.model = model
+        self.model = as_rollout(model)
         self.config = config or PlannerConfig()
         self.feasibility = feasibility or Feasibility()
         self.reset()

@@ -31,6 +31,16 @@ def test_a_reset_world_shows_the_scene_that_was_asked_for(world, bench):
     assert np.array_equal(world.observe(), world.observe())
 
 
+def test_a_world_of_a_scene_begins_in_it(bench):
+    scene = bench.touching()
+    with World.of_scene(scene, friction=0.2) as world:
+        assert np.allclose(world.observe(), scene, atol=1e-12)
+        assert world.parameters.friction == 0.2
+    scene[:, POSITION] += 1.0
+    with pytest.raises(SainError, match="off the table"):
+        World.of_scene(scene)
+
+
 def test_a_push_moves_the_target_and_ends_at_rest(world, bench):
     world.reset(bench.touching())
     outcome = world.push(bench.straight)
