@@ -16,6 +16,7 @@ set_up() {
   require_usable_path
   require_compilers
   find_python
+  unset PYTHONDONTWRITEBYTECODE # what is imported here need not be compiled when it is used
   trap on_interrupt INT TERM HUP
   take_lock
   if environment_is_ready && workspace_is_ready; then return; fi # made while this run waited

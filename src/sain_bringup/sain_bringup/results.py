@@ -18,6 +18,7 @@ from sain_core.scene import RADIUS
 from sain_core.storage import write_whole
 from sain_core.types import Points
 from sain_mppi.search.poses import PoseGoal
+from sain_sim.world.engines import BULLET, is_installed, needs
 
 LIVELY = 8  # pushes: the moving picture shows the longest episode with no more than these
 
@@ -41,7 +42,9 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
     with display.stage("drawing the episodes", "episodes drawn"):
         draw_pictures(folder, played)
         write_page(folder / "report.html", read_content(bag).data)
-    if video and played:
+    if video and played and not is_installed(BULLET):
+        display.console.print(f"  no moving picture: it {needs(BULLET)}", soft_wrap=True)
+    elif video and played:
         with display.stage("rendering the moving picture", "moving picture rendered"):
             render_movie(folder / "closed_loop.gif", bag, choose_episode(played), display)
     display.console.print()

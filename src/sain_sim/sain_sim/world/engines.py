@@ -48,6 +48,12 @@ def is_installed(engine: str) -> bool:
     return find_spec(ENGINES[engine].module) is not None
 
 
+def needs(engine: str) -> str:
+    """Return what an engine that is not installed needs, and how to get it."""
+    entry = ENGINES[engine]
+    return f"needs the package {entry.module}, which is not installed: {entry.install}"
+
+
 def check_engine(engine: str, effects: Iterable[str] = ()) -> None:
     """Raise `ConfigError` when an engine is unknown or not installed, or lacks one of the effects.
 
@@ -57,10 +63,7 @@ def check_engine(engine: str, effects: Iterable[str] = ()) -> None:
         raise ConfigError(f"engine is {engine!r}; allowed: {', '.join(ENGINES)}")
     entry = ENGINES[engine]
     if not is_installed(engine):
-        raise ConfigError(
-            f"engine {engine} needs the package {entry.module}, which is not installed:"
-            f" {entry.install}"
-        )
+        raise ConfigError(f"engine {engine} {needs(engine)}")
     if lacking := [effect for effect in effects if effect in entry.lacks]:
         raise ConfigError(
             f"engine {engine} cannot simulate {', '.join(lacking)}; use engine {BULLET}, or effects"
