@@ -30,7 +30,7 @@ ENGINES: Final = {
     BULLET: EngineEntry(
         "sain_sim.bullet.cell:BulletSimulation",
         "pybullet",
-        "./env pip install -r requirements/bullet.txt (above Python 3.11 it compiles for ten minutes)",
+        "./env pip install -r requirements/bullet.txt (above Python 3.11 it compiles for minutes)",
     ),
     MUJOCO: EngineEntry(
         "sain_sim.mujoco.cell:MujocoSimulation",
