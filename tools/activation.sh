@@ -20,6 +20,8 @@ write_activation() {
     # What is not compiled at set-up must be kept when it is: the graph starts a process for every node.
     printf 'unset PYTHONDONTWRITEBYTECODE\n'
     printf 'export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}"\n'
+    # Nothing of the workspace stays in the home folder.
+    printf 'export ROS_LOG_DIR="${ROS_LOG_DIR:-%s}" MPLCONFIGDIR="${MPLCONFIGDIR:-%s}"\n' "$workspace/log/ros" "$fonts"
   } >"$activation.part"
   mv "$activation.part" "$activation"
 }

@@ -33,6 +33,7 @@ workspace_recipe() {
   # shellcheck disable=SC2046  # paths from this file, without spaces
   find . $(missing_packages) -type f \( -name package.xml -o -name setup.py -o -name setup.cfg -o -name CMakeLists.txt \
     -o -path './*/resource/*' -o -name '*.msg' -o -name '*.srv' -o -name '*.action' \) -exec sha256sum {} + | sort -k 2
+  sha256sum ../tools/activation.sh
   # Of a launch or configuration file only its being there matters: the installed one is a link to it.
   find . -type f \( -path './*/launch/*.py' -o -path './*/config/*.yaml' -o -path './*/config/*.rviz' \) -printf 'linked  %p\n' | sort
 }

@@ -4,6 +4,7 @@
 # shellcheck shell=bash disable=SC2154  # the paths are set by recipe.sh
 
 logs=$workspace/log/setup
+fonts=$venv/matplotlib # what Matplotlib knows of fonts; looking them up takes seconds
 lock="" # without the kind and .txt: where the versions of this Python stand
 
 # shellcheck source=tools/jobs.sh
@@ -16,6 +17,7 @@ set_up() {
   require_usable_path
   require_compilers
   find_python
+  export MPLCONFIGDIR=$fonts
   unset PYTHONDONTWRITEBYTECODE # what is imported here need not be compiled when it is used
   trap on_interrupt INT TERM HUP
   take_lock

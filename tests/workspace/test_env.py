@@ -5,6 +5,7 @@ import subprocess
 
 import pytest
 
+from tests.paths import ROOT
 from tests.workspace.command import run
 
 
@@ -43,6 +44,10 @@ def test_without_a_command_it_says_what_it_is_for(root):
     [
         ("ROS_AUTOMATIC_DISCOVERY_RANGE", None, "LOCALHOST"),
         ("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET", "SUBNET"),
+        ("ROS_LOG_DIR", None, f"{ROOT}/ros2_ws/log/ros"),
+        ("ROS_LOG_DIR", "/tmp/logs", "/tmp/logs"),
+        ("MPLCONFIGDIR", None, f"{ROOT}/.venv/matplotlib"),
+        ("MPLCONFIGDIR", "/tmp/fonts", "/tmp/fonts"),
         ("OMP_NUM_THREADS", None, "1"),
         ("OMP_NUM_THREADS", "4", "4"),
         ("RMW_IMPLEMENTATION", None, "rmw_fastrtps_cpp"),
