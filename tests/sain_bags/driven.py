@@ -63,7 +63,7 @@ class Drive:
         self._send("push", push)
         after = before.copy()
         after[0, :2] += self.random.uniform(0.01, 0.05, 2)
-        after[1, 0] += 0.0 if place in parts.still else 0.03
+        after[1:2, 0] += 0.0 if place in parts.still else 0.03
         self.show(episode, before + 0.001, settled=False)
         self.scene_id += 1
         self.stamp += 1.25

@@ -26,7 +26,7 @@ from sain_core.shapes.names import as_names, bodies_named, marked_bodies
 from sain_core.types import Mask, Points, Scenes
 
 SHARD_SIZE: Final = 1000  # transitions, as in the paper
-SHARD_PATTERN: Final = "shard-*.npz"
+SHARD_PATTERN: Final = f"shard-{5 * '[0-9]'}.npz"
 MOVED: Final = 0.002  # [m], the paper's threshold for a target that moved (section III-B b)
 
 TRAIN, VALIDATION, TEST = PARTS = ("train", "validation", "test")
@@ -202,10 +202,11 @@ def row_bodies(columns: Columns) -> list[Bodies]:
         DatasetError: shapes or roles that do not exist, or not one for each body.
     """
     rows, count = len(columns[Column.STATE]), columns[Column.STATE][0].size // STATE_SIZE
+    roles = columns[Column.ROLES].tolist() if Column.ROLES in columns else rows * [""]
     if Column.SHAPES not in columns:
-        return marked_bodies(columns, rows, count)
-    named = zip(*(columns[name].tolist() for name in SHAPED[1:]), strict=True)
-    return [bodies_named(shapes, roles, count) for shapes, roles in named]
+        return marked_bodies(columns, roles, count)
+    named = zip(columns[Column.SHAPES].tolist(), roles, strict=True)
+    return [bodies_named(shapes, role, count) for shapes, role in named]
 
 
 def shard_path(folder: Path, index: int) -> Path:

@@ -9,6 +9,7 @@ import contextlib
 import json
 import os
 import struct
+import tempfile
 import tokenize
 import zipfile
 import zlib
@@ -125,7 +126,7 @@ def write_arrays(path: Path, arrays: Mapping[str, ndarray], deflate_numbers: boo
 
 
 def _write_npz(file: IO[bytes], arrays: Mapping[str, ndarray]) -> None:
-    whole = BytesIO()  # a zip archive goes back and forth, which is dear in a file
+    whole = BytesIO()  # a zip archive goes back and forth, which is slow in a file
     with zipfile.ZipFile(whole, "w", compresslevel=1) as archive:
         for name, array in arrays.items():
             text = array.dtype.kind == "U"
@@ -150,11 +151,10 @@ def make_folder(folder: Path) -> Path:
     Raises:
         OutputError: it is a file, cannot be made or cannot be written, or the disk is full.
     """
-    probe = folder / ".probe"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe.write_bytes(os.urandom(1 << 16))
-        probe.unlink()
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(os.urandom(1 << 16))
     except OSError as error:
         reason = error.strerror or error
         raise OutputError(f"cannot write to {folder}: {reason}; choose another --out") from error
@@ -170,6 +170,16 @@ def write_whole(path: Path, content: bytes) -> Path:
     """Write a file: whole, or not at all; return its path; raises `OutputError`."""
     write_file(path, lambda file: file.write(content))
     return path
+
+
+def remove_partial(folder: Path, name: str) -> None:
+    """Remove what a killed `write_file` left of files of a name, or of a pattern of names.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    for path in folder.glob(f".{name}.[0-9]*{PARTIAL}"):
+        path.unlink()
 
 
 def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:

@@ -57,25 +57,27 @@ def test_too_few_episodes_are_all_to_train_on(record: Callable[..., Any], tmp_pa
 def test_numbers_of_disks_become_data_sets_of_their_own(
     name: FormatName, record: Callable[..., Any], tmp_path: Path
 ) -> None:
-    bags = [tmp_path / "bag", tmp_path / "three"]
-    for disks, folder in enumerate(bags, 2):
+    bags = [tmp_path / "one", tmp_path / "bag", tmp_path / "three"]
+    for disks, folder in enumerate(bags, 1):
         recording = record(folder.name)
         Drive(recording, Parts(disks=disks)).episode(1, [1, 2])
         recording.writer.close()
     out = to(name, bags, tmp_path / "out")
     assert sorted(path.name for path in out.iterdir()) == [
-        "card.json", "conversion.json", "disks-2", "disks-3",
+        "card.json", "conversion.json", "disks-1", "disks-2", "disks-3",
     ]  # fmt: skip
-    for disks in (2, 3):
+    for disks in (1, 2, 3):
         part = out / f"disks-{disks}"
         if name == "parquet":
-            states = parquet.read_table(part / "train-00000.parquet")["state"][0].as_py()
+            states = parquet.read_table(next(part.iterdir()))["state"][0].as_py()
         elif name == "minari":
             states = minari.MinariDataset(part / "data")[0].observations[0]
         else:
             from sain_bags.dataset.formats.to_lerobot import STATE, LeRobotDataset
 
-            states = LeRobotDataset("pushes", root=part)[0][STATE]
+            read = LeRobotDataset("pushes", root=part)
+            states = read[0][STATE]
+            assert len(read.features[STATE]["names"]) == 8 * disks
         assert len(states) == 8 * disks
 
 
@@ -94,7 +96,8 @@ def test_a_stop_while_writing_costs_nothing_and_same_recordings_give_same_bytes(
     assert not any(path for pattern in MADE[name] for path in stopped.glob(pattern))
     gathered = {path: path.stat().st_mtime_ns for path in (stopped / ".rows").iterdir()}
     assert len(gathered) == 3
-    (stopped / ".export.partial" / "of an earlier one").write_bytes(b"killed while writing")
+    (stopped / ".export.partial").mkdir()  # of one that was killed
+    (stopped / ".export.partial" / "data").write_bytes(b"half")
 
     def unchanged(rows: int, of: int) -> None:
         assert {path: path.stat().st_mtime_ns for path in gathered} == gathered
@@ -110,6 +113,29 @@ def test_a_data_set_that_is_whole_is_made_again_to_the_same_bytes(
     before = contents(out)
     (out / "train-00007.parquet").write_bytes(b"of a longer one")
     assert contents(to("parquet", bag, out)) == before
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_overwriting_removes_only_what_a_conversion_wrote(
+    name: FormatName, record: Callable[..., Any], bag: Path, tmp_path: Path
+) -> None:
+    recording = record("three")
+    Drive(recording, Parts(disks=3)).episode(1, [1, 2])
+    recording.writer.close()
+    out = to(name, [bag, recording.writer.folder], tmp_path / "out")
+    mine = [
+        "disks-2/mine.txt", "data/mine.txt", "disks-3/data/mine.hdf5", "shard-mine.npz",
+        "mine.partial", ".rows/mine", ".mine.partial", "train-mine.parquet", "disks-mine/a",
+    ]  # fmt: skip
+    for path in (out / mine_too for mine_too in mine):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("the only copy")
+    to("npz", bag, out, overwrite=True)
+    shards = [f"shard-{index:05d}.npz" for index in range(3)]
+    assert sorted(contents(out)) == sorted(["card.json", "conversion.json", *mine, *shards])
+    assert all((out / path).read_text() == "the only copy" for path in mine)
+    to(name, bag, out, overwrite=True)
+    assert set(mine) < set(contents(out)) and not list(out.glob("shard-0*"))
 
 
 @pytest.mark.parametrize("name", OTHERS)
@@ -140,8 +166,7 @@ def test_a_full_disk_leaves_no_data_set(
     with pytest.raises(OutputError, match=r"cannot write .*No space left on device"):
         to("parquet", bag, tmp_path / "out")
     monkeypatch.undo()
-    assert not (tmp_path / "out" / "card.json").exists()
-    assert not list((tmp_path / "out").glob("*.parquet"))
+    assert list((tmp_path / "out").iterdir()) == []  # nor anything else
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import time
 import tracemalloc
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,7 +18,7 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from sain_bags import commands
-from sain_bags.bag.metadata import Topic, TopicQos, read_profiles
+from sain_bags.bag.metadata import Topic, TopicQos, read_metadata, read_profiles
 from sain_bags.cli.recover import describe
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
@@ -378,3 +379,41 @@ def test_profiles_are_read_in_words_and_in_numbers() -> None:
     assert read_profiles(text) == (profile,)
     assert read_profiles("- history: [") == read_profiles("- history: 99") == ()
     assert read_profiles("") == ()
+
+
+def test_many_channels_are_recovered_in_seconds(tmp_path: Path) -> None:
+    """It took the square of their number: more than 120 s."""
+    path, count = tmp_path / "many.mcap", 20_000
+    with path.open("wb") as stream:
+        writer = McapWriter(stream, chunk_size=4096)
+        writer.start()
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", TEXT.encode())
+        for number in range(count):
+            about = {"of": str(number)}
+            channel = writer.register_channel(f"/t{number % 5000}", "cdr", schema, about)
+            if number % 2 == 0:
+                writer.add_message(channel, number, bytes(4), number)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(0.9 * len(content))])
+    began = time.process_time()
+    report = recover(path, tmp_path / "saved")
+    assert time.process_time() - began < 30.0
+    assert report.messages > 5000
+    assert len(saved(tmp_path / "saved" / "saved_0.mcap")) == report.messages
+    topics = read_metadata(tmp_path / "saved")["topics_with_message_count"]
+    assert (len(topics), sum(topic["message_count"] for topic in topics)) == (5000, report.messages)
+
+
+def test_a_chunk_of_many_messages_is_no_damage(tmp_path: Path) -> None:
+    path, count = tmp_path / "one.mcap", 600_000
+    with path.open("wb") as stream:
+        writer = McapWriter(stream, chunk_size=1 << 30)
+        writer.start()
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", TEXT.encode())
+        channel = writer.register_channel("/text", "cdr", schema)
+        for number in range(count):
+            writer.add_message(channel, number, b"", number)
+        writer.finish()
+    report = recover(path, tmp_path / "saved")
+    assert (report.outcome, report.messages) == (RecoveryOutcome.LOSSLESS, count)
+    assert Bag(path).message_count == Bag(tmp_path / "saved").message_count == count

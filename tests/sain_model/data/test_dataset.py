@@ -5,7 +5,9 @@ import pytest
 
 from sain_core.errors import DatasetError
 from sain_core.scene import Y
+from sain_core.shapes.bodies import Bodies
 from sain_model.data.dataset import load_transitions, split_by_episode
+from sain_model.data.mixed import load_datasets
 
 
 def test_all_shards_are_read_in_order(dataset: Path) -> None:
@@ -56,7 +58,24 @@ def test_the_mirror_of_a_mirror_is_the_data(dataset: Path) -> None:
             lambda a: np.where(np.arange(60)[:, None] == 7, np.inf, a),
             "row 7 of state holds NaN or Inf",
         ),
-        ("state", lambda a: -a, "mass or radius that is not positive"),
+        (
+            "state",
+            lambda a: -a,
+            r"row 0 of state has a mass or radius of -\S+; it must be positive",
+        ),
+        ("next_state", lambda a: -a, "row 0 of next_state has a mass or radius of"),
+        (
+            "masses",
+            lambda a: np.full((60, 2), -0.5),
+            "row 0 of masses has the value -0.5; it must be positive",
+        ),
+        ("state", lambda a: a + 1j, "state is complex128; it should be real numbers"),
+        ("action", lambda a: a.astype(str), "action is <U.*; it should be real numbers"),
+        ("physics_next", lambda a: a > 0, "physics_next is bool; it should be real numbers"),
+        ("moved", lambda a: np.zeros(60), "moved is float64; it should be true or false"),
+        ("shapes", lambda a: np.zeros(60), "shapes is float64; it should be text"),
+        ("roles", lambda a: np.array("movable"), r"roles has shape \(\); it should have 60 rows"),
+        ("roles", lambda a: np.full(60, "king,movable"), "bad.npz: the bodies 'disk,disk' cannot"),
         ("episode", lambda a: a.astype(float), "episode is float64"),
         (
             "physics_next",
@@ -71,7 +90,7 @@ def test_a_damaged_shard_is_refused(
 ) -> None:
     with np.load(dataset / "shard-0.npz") as shard:
         arrays = dict(shard)
-    arrays[key] = change(arrays[key]) if change else None  # type: ignore[operator]
+    arrays[key] = change(arrays.get(key)) if change else None  # type: ignore[operator]
     path = tmp_path / "bad.npz"
     np.savez(path, **{name: value for name, value in arrays.items() if value is not None})
     with pytest.raises(DatasetError, match=message) as caught:
@@ -124,6 +143,10 @@ def test_pushes_against_other_bodies_than_the_first_are_refused(
     shapes, rows = np.array(["t,disk"] * 60), tmp_path / "shard-0.npz"
     np.savez(rows, **arrays, shapes=shapes, roles=np.array(["pushable,movable"] * 60))
     assert len(load_transitions(rows)) == 60
+    np.savez(rows, **arrays, shapes=shapes)  # roles are optional
+    assert len(load_transitions(rows)) == 60
+    (part,) = load_datasets([rows], "any").parts
+    assert part.bodies == Bodies.named(["t", "disk"], ["pushable", "movable"])
     np.savez(rows, **arrays, shapes=shapes, roles=np.array(["pushable,pushable"] * 60))
     with pytest.raises(DatasetError, match="only body 0 may be pushable"):
         load_transitions(rows)

@@ -87,9 +87,21 @@ def test_workers_and_a_kill_change_no_byte(collected, tmp_path):
     with pytest.raises(KilledError):
         collect(cut, kill)
     assert shard_path(cut.out, 0).exists() and not (cut.out / "card.json").exists()
-    (cut.out / "shard-00001.partial").write_bytes(b"half")
+    (cut.out / ".shard-00001.npz.77.partial").write_bytes(b"half")
+    mine = dict.fromkeys(("thesis.partial", ".mine.partial", ".probe"), b"the only copy")
+    for name, text in mine.items():
+        (cut.out / name).write_bytes(text)
     assert collect(cut).transitions == total
-    assert content(cut.out) == whole
+    assert content(cut.out) == whole | mine
+
+
+@pytest.mark.parametrize("name", ["conversion.json", "shard-00000.npz", "card.json"])
+def test_what_no_collection_made_is_left_alone(collected, tmp_path, name, capsys):
+    (tmp_path / name).write_bytes(b"a conversion")
+    assert main(["--out", str(tmp_path), "--episodes", "1"]) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"holds {name} and no collection.json: no collection made it" in said
+    assert content(tmp_path) == {name: b"a conversion"}
 
 
 def test_another_collection_in_the_folder_is_left_alone(collected):

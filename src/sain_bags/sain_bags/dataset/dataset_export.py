@@ -32,8 +32,7 @@ def export(
         OutputError: the folder cannot be written, or the disk is full.
     """
     partial = folder / EXPORT
-    with _writing(folder):
-        remove(partial)
+    with _writing(folder), _removed_after_error(partial):
         if len(shards) > 1:
             partial.mkdir()
         for disks, paths in shards.items():
@@ -48,26 +47,42 @@ def export(
 def put_in_place(folder: Path, name: FormatName) -> None:
     """Replace an earlier data set by the exported one; raises `OutputError`."""
     clear(folder, name)
+    partial = folder / EXPORT
     with _writing(folder):
-        for path in (folder / EXPORT).iterdir():
-            path.replace(folder / path.name)
-        (folder / EXPORT).rmdir()
+        for path in filter(Path.is_file, partial.rglob("*")):
+            place = folder / path.relative_to(partial)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            path.replace(place)
+        shutil.rmtree(partial)
 
 
 def clear(folder: Path, name: FormatName) -> None:
-    """Remove the files of a data set in a format; raises `OutputError`."""
+    """Remove the files of a data set in a format, and nothing else; raises `OutputError`."""
     with _writing(folder):
-        for pattern in (*MADE[name], f"{DISKS}*"):
-            for path in sorted(folder.glob(pattern)):
-                remove(path)
+        for pattern in MADE[name]:
+            for place in (folder, *folder.glob(f"{DISKS}[0-9]*")):
+                remove_files(place, pattern, folder)
 
 
-def remove(path: Path) -> None:
-    """Remove a file or a folder, if it is there."""
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
+def remove_files(folder: Path, pattern: str, top: Path) -> None:
+    """Remove the files of a pattern, and the folders up to `top` that are empty then."""
+    for path in sorted(folder.glob(pattern)):
+        path.unlink()
+        for parent in path.parents:
+            if parent == top or any(parent.iterdir()):
+                break
+            parent.rmdir()
+
+
+@contextmanager
+def _removed_after_error(partial: Path) -> Iterator[None]:
+    """Begin without what an earlier run left, and leave nothing after an error or a stop."""
+    shutil.rmtree(partial, ignore_errors=True)
+    try:
+        yield
+    except BaseException:
+        shutil.rmtree(partial, ignore_errors=True)
+        raise
 
 
 @contextmanager

@@ -12,12 +12,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from sain_bags.dataset.dataset_export import clear, export, put_in_place, remove
+from sain_bags.dataset.dataset_export import clear, export, put_in_place, remove_files
 from sain_bags.dataset.formats import SHARDS, find_format
 from sain_bags.dataset.formats.sharding import write_shard
 from sain_core.dataset import (
     PARTS,
     SEED,
+    SHARD_PATTERN,
     SHARES,
     TRAIN,
     Column,
@@ -26,7 +27,7 @@ from sain_core.dataset import (
     shard_path,
 )
 from sain_core.errors import DatasetError, OutputError
-from sain_core.storage import PARTIAL, write_json
+from sain_core.storage import remove_partial, write_json
 from sain_core.untrusted.json_text import read_json
 
 IDENTITY_FILE: Final = "conversion.json"
@@ -91,7 +92,8 @@ class DatasetFolder:
     ) -> None:
         """Write the rows in the format, then the card, which completes the data set.
 
-        `progress` is called with the number of rows written, and of all.
+        `progress` is called with the number of rows written, and of all. After an error nothing
+        is left of a format other than npz; after a stop, the gathered rows.
 
         Raises:
             OutputError: the folder cannot be written, or the disk is full.
@@ -106,21 +108,31 @@ class DatasetFolder:
                 written += rows
                 progress(written, self._counts.total())
 
-            export(self._write, self.path, self._shards, parts, card, advance)
-            put_in_place(self.path, self._identity["format"])
-            remove(self._gathered)
+            try:
+                export(self._write, self.path, self._shards, parts, card, advance)
+                put_in_place(self.path, self._identity["format"])
+            except Exception:
+                self._remove_gathered()
+                if [path.name for path in self.path.iterdir()] == [IDENTITY_FILE]:
+                    remove_files(self.path, IDENTITY_FILE, self.path)
+                raise
+            self._remove_gathered()
         write_json(self.path / CARD_FILE, card)
 
+    def _remove_gathered(self) -> None:
+        remove_partial(self.path / GATHERED, SHARD_PATTERN)
+        remove_files(self.path / GATHERED, SHARD_PATTERN, self.path)
+
     def _claim(self) -> None:
-        leftovers = [*self.path.glob(f".*{PARTIAL}")]
-        leftovers += [self.path / name for name in (CARD_FILE, PICTURE_FILE)]
-        if self._overwrite:
-            leftovers.append(self.path / GATHERED)
-        if self._overwrite and self._found is not None:
-            clear(self.path, self._found.get("format", SHARDS))
         try:
-            for path in leftovers:
-                remove(path)
+            if self._overwrite:
+                self._remove_gathered()
+            if self._overwrite and self._found is not None:
+                clear(self.path, self._found.get("format", SHARDS))
+            for name in (CARD_FILE, PICTURE_FILE):
+                remove_files(self.path, name, self.path)
+            for name in (CARD_FILE, PICTURE_FILE, IDENTITY_FILE, SHARD_PATTERN):
+                remove_partial(self.path, name)
         except OSError as error:
             raise OutputError(f"cannot clear {self.path}: {error.strerror or error}") from error
         write_json(self.path / IDENTITY_FILE, self._identity)

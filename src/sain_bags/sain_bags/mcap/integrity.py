@@ -121,10 +121,16 @@ class Unpacking:
 
 @dataclass(frozen=True)
 class OpenedChunk:
-    """What was in a chunk."""
+    """What was in a chunk, whose records fit into it."""
 
-    records: tuple[tuple[int, memoryview], ...]  # opcode and content
+    data: memoryview
+    messages: int  # how many it has
     checked: bool  # it has a CRC, and that is right
+
+    def records(self) -> Iterator[tuple[int, memoryview]]:
+        """Yield opcode and content of each record."""
+        for opcode, start, end in records_in(self.data):
+            yield opcode, self.data[start:end]
 
 
 def chunk_content_fits(head: bytes, length: int) -> bool:
@@ -144,8 +150,8 @@ def open_chunk(content: bytes) -> OpenedChunk:
         DatasetError: it is damaged; the message says how it shows.
     """
     data, checked = chunk_data(memoryview(content))
-    records = tuple((opcode, data[start:end]) for opcode, start, end in records_in(data))
-    return OpenedChunk(records, checked)
+    messages = sum(opcode == Opcode.MESSAGE for opcode, _, _ in records_in(data))
+    return OpenedChunk(data, messages, checked)
 
 
 def chunk_data(content: memoryview) -> tuple[memoryview, bool]:

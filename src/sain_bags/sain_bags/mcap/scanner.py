@@ -113,7 +113,7 @@ class Scanner:
         """
         self._unpacking.take(CHUNK_HEAD.unpack_from(record.content)[2])
         found = open_chunk(record.content)
-        self._messages += sum(opcode == Opcode.MESSAGE for opcode, _ in found.records)
+        self._messages += found.messages
         limit("messages", self._messages, most_messages(self.size))
         return found
 

@@ -7,6 +7,7 @@ import contextlib
 import os
 import shutil
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -44,7 +45,6 @@ class BagCopy:
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channels: dict[tuple[str, str, int, tuple[tuple[str, str], ...]], int] = {}
         self._topics: dict[int, tuple[Channel, Schema]] = {}
-        self._messages: dict[int, int] = {}
         self._partial.mkdir(parents=True)
         self._file = (self._partial / f"{folder.name}_0.mcap").open("wb")
         self._mcap = McapWriter(self._file, chunk_size=CHUNK_SIZE, enable_data_crcs=True)
@@ -67,7 +67,6 @@ class BagCopy:
             )
             self._channels[key] = added
             self._topics[added] = (channel, schema)
-            self._messages[added] = 0
             self.counts.setdefault(channel.topic, 0)
         return self._channels[key]
 
@@ -76,7 +75,6 @@ class BagCopy:
     ) -> None:
         """Append one message, its times in [ns since the epoch]."""
         self._mcap.add_message(channel, received, data, published, sequence)
-        self._messages[channel] += 1
         self.counts[self._topics[channel][0].topic] += 1
         first = min(self.span.start, received) if self.span.messages else received
         self.span = Span(first, max(self.span.end, received), self.span.messages + 1)
@@ -92,18 +90,21 @@ class BagCopy:
 
     def finish(self, custom_data: Mapping[str, str], ros_distro: str) -> None:
         """Make the bag whole and move it to its place."""
-        topics = []
-        for number, (channel, schema) in self._topics.items():
+        topics: dict[str, Topic] = {}
+        for channel, schema in self._topics.values():
             profiles = read_profiles(channel.metadata.get("offered_qos_profiles", ""))
             type_hash = channel.metadata.get("topic_type_hash", "")
             topic = Topic(channel.topic, schema.name, "", type_hash, profiles)
-            topics.append((topic, self._messages[number]))
+            found = topics.setdefault(channel.topic, topic)
+            merged = tuple(dict.fromkeys((*found.offered_qos, *profiles)))
+            topics[channel.topic] = replace(found, offered_qos=merged)
+        counted = [(topic, self.counts[name]) for name, topic in topics.items()]
         name = Path(self._file.name).name
         self._mcap.finish()
         self._file.flush()
         os.fsync(self._file.fileno())
         self._file.close()
-        metadata = bag_metadata({name: self.span}, topics, custom_data, ros_distro)
+        metadata = bag_metadata({name: self.span}, counted, custom_data, ros_distro)
         write_metadata(self._partial, metadata)
         self._partial.rename(self.folder)
 

@@ -157,7 +157,7 @@ class _Salvage:
             return
         self._report.chunks += 1
         orphans = 0
-        for opcode, content in opened.records:
+        for opcode, content in opened.records():
             if opcode == Opcode.MESSAGE:
                 orphans += not self._write(content, opened.checked)
         if orphans:
@@ -179,19 +179,18 @@ class _Salvage:
         self, schemas: list[Schema], channels: list[Channel], checked: bool = True
     ) -> None:
         """Learn descriptions, all or, where they contradict what is known, none."""
-        new_schemas = {**self._schemas, **{schema.id: schema for schema in schemas}}
-        new_channels = {**self._channels, **{channel.id: channel for channel in channels}}
-        changed = any(new_schemas[number] != known for number, known in self._schemas.items())
-        if changed or any(new_channels[n] != known for n, known in self._channels.items()):
+        changed = any(self._schemas.get(schema.id, schema) != schema for schema in schemas)
+        if changed or any(self._channels.get(one.id, one) != one for one in channels):
             raise DatasetError("it describes a channel otherwise than the file does before")
+        self._schemas |= {schema.id: schema for schema in schemas}
+        self._channels |= {channel.id: channel for channel in channels}
         for channel in channels:
-            schema = new_schemas.get(channel.schema_id)
+            schema = self._schemas.get(channel.schema_id)
             lost = channel.schema_id and schema is None  # its messages could not be decoded
             if channel.id not in self._numbers and not lost:
                 self._numbers[channel.id] = self._copy.add_channel(channel, schema)
                 if not checked:
                     self._unchecked.add(channel.id)
-        self._schemas, self._channels = new_schemas, new_channels
 
     def _write(self, content: memoryview, checked: bool) -> bool:
         """Save a message; return whether its channel is known."""
@@ -237,7 +236,7 @@ class _Salvage:
 def _descriptions(opened: OpenedChunk) -> tuple[list[Schema], list[Channel]]:
     schemas: list[Schema] = []
     channels: list[Channel] = []
-    for opcode, content in opened.records:
+    for opcode, content in opened.records():
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             if not is_exact(opcode, content):
                 raise DatasetError("a description in it is damaged")

@@ -37,10 +37,11 @@ def bodies_named(shapes: str, roles: str, count: int) -> Bodies:
     return bodies
 
 
-def marked_bodies(columns: Mapping[str, ndarray], rows: int, count: int) -> list[Bodies]:
+def marked_bodies(columns: Mapping[str, ndarray], roles: list[str], count: int) -> list[Bodies]:
     """Return the bodies of rows of which columns mark those that are no disks."""
-    names = np.full((rows, count), DISK, dtype=object)
+    names = np.full((len(roles), count), DISK, dtype=object)
     for name in footprint_names() if any(key.endswith(MARKS) for key in columns) else ():
         if f"{name}{MARKS}" in columns:
             names[np.asarray(columns[f"{name}{MARKS}"], dtype=bool)] = name
-    return [bodies_named(BETWEEN.join(row), "", count) for row in names]
+    named = zip(names, roles, strict=True)
+    return [bodies_named(BETWEEN.join(row), role, count) for row, role in named]

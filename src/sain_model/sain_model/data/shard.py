@@ -9,6 +9,7 @@ from numpy import ndarray
 from sain_core.dataset import FLAT, NEEDED, SHAPED, Column, Columns, as_scenes, row_bodies
 from sain_core.errors import DatasetError
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
+from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.names import as_names
 from sain_core.storage import read_arrays
 from sain_core.untrusted.limits import BODIES, LARGEST_NUMBER
@@ -17,6 +18,13 @@ NO_STEP: Final = -1  # where a shard does not tell
 UNKNOWN: Final = {Column.FRICTION: np.nan, Column.FLOOR_NEXT: np.nan, Column.STEP: NO_STEP}
 LOADED: Final = (*NEEDED, *UNKNOWN)
 
+KINDS: Final = {  # of NumPy, by the types of the schema
+    "float64": ("fiu", "real numbers"),
+    "int64": ("iu", "integers"),
+    "uint64": ("iu", "integers"),
+    "bool": ("b", "true or false"),
+    "str": ("U", "text"),
+}
 HINT: Final = ", or a model for any shape: train with --bodies any or --from sain_any_shape"
 
 
@@ -38,6 +46,7 @@ def read_shard(path: Path, any_shape: bool = False) -> Columns:
     if arrays[Column.ACTION].ndim == 0 or not len(arrays[Column.ACTION]):
         raise DatasetError(f"{path} holds no transitions")
     count = len(arrays[Column.ACTION])
+    _check_types(path, arrays, count)
     disks = _disks(path, arrays[Column.STATE], count, least=1 if any_shape else 2)
     if not any_shape:
         _check_bodies(path, arrays)
@@ -46,15 +55,43 @@ def read_shard(path: Path, any_shape: bool = False) -> Columns:
         shape = (count, *column.row_shape(disks))
         values = arrays.get(column, np.full(shape, UNKNOWN.get(column)))
         columns[column] = _checked(path, column, values, shape)
-    if (columns[Column.STATE][..., [MASS, RADIUS]] <= 0.0).any():
-        raise DatasetError(f"{path}: state has a mass or radius that is not positive")
+    _check_positive(path, arrays, columns)
     return columns | _shaped(path, arrays, columns[Column.ACTION]) if any_shape else columns
+
+
+def _check_types(path: Path, arrays: Columns, count: int) -> None:
+    """Raise `DatasetError` where a column has values of another kind than the schema's."""
+    for column in filter(arrays.__contains__, Column):
+        values, (kinds, wanted) = arrays[column], KINDS[column.dtype]
+        if values.dtype.kind not in kinds:
+            kind = f"{values.dtype}; it should be {wanted}"
+            raise DatasetError(f"{path}: {column} is {kind}")
+        if values.ndim == 0 or len(values) != count:
+            size = f"shape {values.shape}; it should have {count} rows, as action has"
+            raise DatasetError(f"{path}: {column} has {size}")
+
+
+def _check_positive(path: Path, arrays: Columns, columns: Columns) -> None:
+    """Raise `DatasetError` where a mass or a radius is not positive."""
+    scenes = (Column.STATE, Column.NEXT_STATE, Column.PHYSICS_NEXT)
+    found = {column: columns[column][..., [MASS, RADIUS]] for column in scenes}
+    found |= {
+        column: arrays[column] for column in (Column.MASSES, Column.RADII) if column in arrays
+    }
+    for column, values in found.items():
+        if not (wrong := ~(values > 0.0)).any():
+            continue
+        row, *_ = place = tuple(np.argwhere(wrong)[0])
+        what = "a mass or radius of" if column in scenes else "the value"
+        raise DatasetError(
+            f"{path}: row {row} of {column} has {what} {values[place]:g}; it must be positive"
+        )
 
 
 def _shaped(path: Path, arrays: Columns, action: ndarray) -> Columns:
     """Return shapes and roles of each row as text, and the action with the pushed body."""
-    bodies = row_bodies(arrays)
-    if Column.SHAPES in arrays:
+    bodies = _row_bodies(path, arrays)
+    if Column.SHAPES in arrays and Column.ROLES in arrays:
         names: Columns = {column: arrays[column] for column in SHAPED[1:]}
     else:
         texts = np.array([as_names(some) for some in bodies])
@@ -87,15 +124,22 @@ def _disks(path: Path, states: ndarray, count: int, least: int) -> int:
 
 def _check_bodies(path: Path, arrays: Columns) -> None:
     """Raise `DatasetError` where other bodies than the first are pushed."""
-    if Column.SHAPES not in arrays:
+    if not {Column.SHAPES, Column.ROLES} & arrays.keys():
         return
-    for bodies in dict.fromkeys(row_bodies(arrays)):
+    for bodies in dict.fromkeys(_row_bodies(path, arrays)):
         if not bodies.has_paper_roles:
             pairs = zip(bodies.shapes, bodies.roles, strict=True)
             names = ", ".join(f"{shape.name} ({role})" for shape, role in pairs)
             raise DatasetError(
                 f"{path} holds the bodies {names}; for disks, only body 0 may be pushable{HINT}"
             )
+
+
+def _row_bodies(path: Path, arrays: Columns) -> list[Bodies]:
+    try:
+        return row_bodies(arrays)
+    except DatasetError as error:
+        raise DatasetError(f"{path}: {error}") from error
 
 
 def _checked(path: Path, column: Column, values: ndarray, shape: tuple[int, ...]) -> ndarray:
@@ -105,8 +149,6 @@ def _checked(path: Path, column: Column, values: ndarray, shape: tuple[int, ...]
     if values.shape != shape:
         raise DatasetError(f"{path}: {column} has shape {values.shape}; it should be {shape}")
     if column.dtype == "int64":
-        if values.dtype.kind not in "iu":
-            raise DatasetError(f"{path}: {column} is {values.dtype}; it should be integers")
         return values.astype(np.int64)
     numbers = np.asarray(values, dtype=np.float64)
     allowed = np.isfinite(numbers)

@@ -12,20 +12,21 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from sain_core.config import option
-from sain_core.dataset import SHARD_SIZE, Column, describe_fields
+from sain_core.dataset import SHARD_PATTERN, SHARD_SIZE, Column, describe_fields
 from sain_core.errors import DatasetError
-from sain_core.storage import write_json
+from sain_core.storage import remove_partial, write_json
 from sain_core.untrusted.json_text import read_json
 from sain_core.workers.options import WorkerOptions
 from sain_core.workers.running import run_on_workers
 from sain_core.workers.work import Software, Work
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
-from sain_sim.collecting.push_counts import CollectionJournal, PushCounts
-from sain_sim.collecting.shards import ShardWriter, load_by_count, remove_leftovers
+from sain_sim.collecting.push_counts import JOURNAL_FILE, CollectionJournal, PushCounts
+from sain_sim.collecting.shards import ShardWriter, load_by_count
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINES
 
 IDENTITY_FILE: Final = "collection.json"
 CARD_FILE: Final = "card.json"
+CONVERSION_FILE: Final = "conversion.json"  # of a converted data set
 
 LATER: Final = (
     "truth",
@@ -75,7 +76,8 @@ def collect(
     """
     folder = config.out
     _claim(folder, config)
-    remove_leftovers(folder)
+    for name in (IDENTITY_FILE, CARD_FILE, JOURNAL_FILE, SHARD_PATTERN):
+        remove_partial(folder, name)
     writer = ShardWriter(folder, config.episode.counts)
     first = writer.first
     progress(first, writer.shards * SHARD_SIZE)
@@ -126,6 +128,12 @@ def _claim(folder: Path, config: CollectConfig) -> None:
                     " use the same settings to go on, or another folder"
                 )
         return
+    for pattern in (SHARD_PATTERN, CARD_FILE, CONVERSION_FILE):
+        if others := sorted(folder.glob(pattern)):
+            raise DatasetError(
+                f"{folder} holds {others[0].name} and no {IDENTITY_FILE}: no collection made it;"
+                " collect into another folder"
+            )
     write_json(path, _identity(config))
 
 

@@ -16,7 +16,7 @@ from sain_core.dataset import (
 )
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_SIZE
-from sain_core.storage import PARTIAL, read_arrays, write_arrays
+from sain_core.storage import read_arrays, write_arrays
 
 Place = tuple[int, int]  # of a row: its episode and its step
 
@@ -142,9 +142,3 @@ def _load(path: Path) -> Columns:
     if missing:
         raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}; no collection made it")
     return arrays
-
-
-def remove_leftovers(folder: Path) -> None:
-    """Delete what a killed run left half-written."""
-    for path in folder.glob(f"*{PARTIAL}"):
-        path.unlink()

@@ -18,11 +18,16 @@ FormatName = Literal["npz", "parquet", "minari", "lerobot"]
 Write = Callable[[StoredRows, Path], None]  # rows into a folder that does not exist yet
 
 SHARDS: Final = "npz"  # the format that rows are gathered in
-MADE: Final[dict[FormatName, tuple[str, ...]]] = {  # patterns of what a data set's folder holds
+CHUNK: Final = "chunk-[0-9][0-9][0-9]/file-[0-9][0-9][0-9].parquet"
+MADE: Final[dict[FormatName, tuple[str, ...]]] = {  # patterns of all files of a data set
     SHARDS: (SHARD_PATTERN,),
-    "parquet": tuple(f"{part}-*.parquet" for part in PARTS),
-    "minari": ("data",),
-    "lerobot": ("data", "meta"),
+    "parquet": tuple(f"{part}-{5 * '[0-9]'}.parquet" for part in PARTS),
+    "minari": ("data/main_data.hdf5", "data/metadata.json"),
+    "lerobot": (
+        f"data/{CHUNK}",
+        f"meta/episodes/{CHUNK}",
+        *(f"meta/{name}" for name in ("info.json", "stats.json", "tasks.parquet")),
+    ),
 }
 
 

@@ -10,6 +10,7 @@ in the stamps [ns]. LeRobot's loader has no unsigned numbers: ids are stored as 
 import os
 import sys
 import warnings
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final
 
@@ -50,6 +51,7 @@ from lerobot.utils.utils import SuppressProgressBars  # noqa: E402
 
 FRAMES_A_SECOND: Final = 1
 TASK: Final = "Push the mid disk so that it pushes the target disk to the goal."
+LONE_TASK: Final = "Push the body to the goal."
 STATE: Final = "observation.state"
 NEXT_STATE: Final = "next.state"
 GOAL: Final = "observation.environment_state"
@@ -61,23 +63,26 @@ def write(rows: StoredRows, folder: Path) -> None:
     """Write a data set; the parts of its split follow one another, as ``info.json`` says."""
     dataset: Any = None
     splits, count = {}, 0
-    with SuppressProgressBars(), warnings.catch_warnings(action="ignore", category=RuntimeWarning):
+    with ExitStack() as stack:
+        stack.enter_context(SuppressProgressBars())
+        stack.enter_context(warnings.catch_warnings(action="ignore", category=RuntimeWarning))
         for part in PARTS:
             first = count
             for columns in rows.sequences(part):
                 frames = _frames(columns)
-                dataset = dataset or _create(folder, frames, rows)
-                _save(dataset, frames)
+                if dataset is None:
+                    dataset = _create(folder, frames, rows)
+                    stack.callback(dataset.finalize)  # else it writes when it is freed, or never
+                _save(dataset, frames, TASK if rows.disks > 1 else LONE_TASK)
                 count += 1
             splits[part] = f"{first}:{count}"
-        dataset.finalize()
     dataset.meta.info["splits"] = splits
     write_info(dataset.meta.info, folder)
     write_stats(dict(sorted(dataset.meta.stats.items())), folder)  # else in the order of hashes
 
 
 def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
-    names = ("mid", "target", *(f"disk{index}" for index in range(2, rows.disks)))
+    names = ("mid", "target", *(f"disk{index}" for index in range(2, rows.disks)))[: rows.disks]
     states = [f"{disk}_{name}" for disk in names for name in STATE_NAMES]
     named = {STATE: states, NEXT_STATE: states, Column.PHYSICS_NEXT: states}
     named |= {Column.ACTION: list(PUSH_NAMES), GOAL: ["goal_x", "goal_y", str(Column.TOLERANCE)]}
@@ -102,7 +107,7 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
 def _frames(columns: Columns) -> Columns:
     """Return the columns of a frame, by LeRobot's keys."""
     frames = {
-        RENAMED.get(key, key): _signed(values)
+        RENAMED.get(key, key): _storable(values)
         for key, values in columns.items()
         if key not in JOINED
     }
@@ -114,16 +119,18 @@ def _frames(columns: Columns) -> Columns:
     return frames
 
 
-def _signed(values: ndarray) -> ndarray:
+def _storable(values: ndarray) -> ndarray:
+    """Return values as `lerobot` takes them: signed, and without an axis for one number."""
+    values = values[:, 0] if values.shape[1:] == (1,) else values
     return values.view(np.int64) if values.dtype == np.uint64 else values
 
 
-def _save(dataset: LeRobotDataset, frames: Columns) -> None:
+def _save(dataset: LeRobotDataset, frames: Columns, task: str) -> None:
     """Save an episode, as a whole: frame by frame `lerobot` cannot, with NumPy from 2.4 on."""
     count = len(frames[Column.ACTION])
     episode = dataset.create_episode_buffer()
     episode |= {key: list(values) for key, values in frames.items()}
     episode["frame_index"] = list(range(count))
     episode["timestamp"] = [index / FRAMES_A_SECOND for index in range(count)]
-    episode |= {"size": count, "task": [TASK] * count}
+    episode |= {"size": count, "task": [task] * count}
     dataset.save_episode(episode)
