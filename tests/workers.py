@@ -18,7 +18,7 @@ MOST: Final = 4
 TOGETHER: Final = {  # files that share a worker, by a part of their path
     "system": ("tests/system/", "documentation/test_terminal"),
     "graph": ("/ros/",),
-    "browser": ("sain_bags/report/", "documentation/test_site"),
+    "browser": ("sain_bags/report/", "page/test_in_browser", "documentation/test_site"),
     "formats": ("dataset/formats/", "test_dataset_export"),  # only one worker imports LeRobot
     "processes": ("sain_bringup/", "collecting/", "tests/workspace/"),
 }

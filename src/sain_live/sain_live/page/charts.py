@@ -14,7 +14,7 @@ from sain_live.state import Kind, LiveCurves, LiveState, LogLine
 FONT: Final = "11px sans-serif"
 WHOLE: Final = (1, 2, 5, 10, 20, 50, 100, 200)  # between two ticks: pushes are counted
 LINES: Final = 14  # of the log that are shown
-HEIGHT: Final = 120  # pixels of a chart
+HEIGHT: Final = 110  # pixels of a chart
 WIDTH: Final = 330  # pixels of the panel
 NUMBERS: Final = 58  # pixels, for the numbers beside a chart: 200,000 fits
 HEADROOM: Final = 1.08  # top of a chart over its largest value

@@ -1,0 +1,141 @@
+"""The page as a person sees it, in Chromium."""
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sain_core.scene import RADIUS
+from sain_live.page.goals import HANDLE
+from sain_live.page.live_page import LivePage
+from sain_live.page.serving import CAMERA, FIELD_OF_VIEW, LOOK_AT
+from sain_live.state import LiveCurves, LiveState
+from tests.sain_bags.browser import WEBGL, Browser, opened_browser
+from tests.sain_live.straw import AIM, BODIES, SCENE, Written, made_up, served
+
+WIDTH, HEIGHT = 390, 844  # pixels of a phone
+SQUARE = 1.7 / 7  # of a handle's size: where the middle of its square is, along both axes
+CHARTS = """return Object.values(window.__viserTestpoints?.uplots ?? {}).map(one => ({
+  title: one.chart.root.innerText,
+  x: one.chart.axes[0]._values, y: one.chart.axes[1]._values,
+  left: one.chart.bbox.left / devicePixelRatio,
+  drawn: one.chart.data.map(values => [...values]),
+  wide: one.chart.axes[1]._values.map(text => {
+    one.chart.ctx.font = one.chart.axes[1].font[0];
+    return one.chart.ctx.measureText(text).width / devicePixelRatio;
+  }),
+}))"""
+PLACES = """const place = one => one.getBoundingClientRect().toJSON();
+const scene = document.querySelector("canvas[data-engine]");
+const button = [...document.querySelectorAll("button")].find(one => one.innerText == "Start");
+return scene && button && [place(scene), place(button)]"""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with opened_browser(WEBGL) as browser:
+        yield browser
+
+
+@pytest.fixture
+def page() -> Iterator[tuple[LiveState, Written, LivePage]]:
+    known, orders = made_up(), Written()
+    with served(known, orders) as page:
+        yield known, orders, page
+
+
+def opened(browser: Browser, page: LivePage, width: int, height: int, phone: bool) -> None:
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": phone}
+    browser.chrome.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    touch = {"enabled": phone, "maxTouchPoints": 1}
+    browser.chrome.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", touch)
+    browser.chrome.get(f"http://127.0.0.1:{page.server.get_port()}")
+
+
+def wait(look: Callable[[], Any], what: str) -> Any:
+    end = time.monotonic() + 60.0
+    while not (seen := look()):
+        assert time.monotonic() < end, f"waited for {what}"
+        time.sleep(0.1)
+    return seen
+
+
+def pixel(place: np.ndarray, scene: dict[str, float]) -> tuple[float, float]:
+    """Return where the camera sees a place [m]."""
+    forward = np.subtract(LOOK_AT, CAMERA)
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    x, y, depth = np.array([right, np.cross(right, forward), forward]) @ (place - CAMERA)
+    focal = scene["height"] / 2 / np.tan(FIELD_OF_VIEW / 2)
+    middle = scene["x"] + scene["width"] / 2, scene["y"] + scene["height"] / 2
+    return middle[0] + focal * x / depth, middle[1] - focal * y / depth
+
+
+def test_on_a_phone_the_panel_is_below_the_scene_and_goals_can_be_dragged(browser, page):
+    known, orders, page = page
+    opened(browser, page, WIDTH, HEIGHT, phone=True)
+
+    def places() -> Any:
+        """The scene and a button of the panel, once one is above the other on the screen."""
+        scene, button = browser.run(PLACES) or ({"bottom": HEIGHT}, {"top": 0.0, "bottom": 0.0})
+        below = scene["bottom"] <= button["top"] and button["bottom"] <= HEIGHT
+        return (scene, button) if below else None
+
+    scene, _ = wait(places, "the page")
+    assert scene["width"] == WIDTH
+    assert scene["height"] > 0.4 * HEIGHT
+    for row in SCENE:
+        x, y = pixel(np.array([row[0], row[1], 0.0]), scene)
+        assert scene["left"] < x < scene["right"]
+        assert scene["top"] < y < scene["bottom"]
+    pose = AIM.poses[0]
+    size = HANDLE + BODIES.shapes[0].circumradius * SCENE[0, RADIUS]
+    aslant = pose.heading + np.pi / 4
+    along = SQUARE * size * 2**0.5 * np.array([np.cos(aslant), np.sin(aslant), 0.0])
+    held = np.array([pose.x, pose.y, 0.0]) + along
+    wait(lambda: page.viewers == 1, "the viewer")
+
+    def drag() -> list[Any]:
+        way = [held + (0.0, -0.1 * part, 0.0) for part in np.linspace(0.0, 1.0, 6)]
+        for kind, place in [("touchStart", way[0]), *(("touchMove", one) for one in way[1:])]:
+            x, y = pixel(place, scene)
+            touch(kind, [{"x": round(x), "y": round(y)}])
+            browser.settle()
+        touch("touchEnd", [])
+        browser.settle()
+        return orders.of("aim")
+
+    def touch(kind: str, points: list[Any]) -> None:
+        event = {"type": kind, "touchPoints": points}
+        browser.chrome.execute_cdp_cmd("Input.dispatchTouchEvent", event)
+
+    wait(drag, "the goal to be dragged")  # once it is drawn
+    ((aim,), *_) = orders.of("aim")
+    assert (aim.poses[0].x, aim.poses[0].y) == pytest.approx((pose.x, pose.y - 0.1), abs=0.02)
+    assert known.aim is orders.of("aim")[-1][0]
+
+
+def test_charts_have_numbers_that_can_be_read(browser, page):
+    known, _, page = page
+    nan = float("nan")
+    known.update(
+        curves=LiveCurves(
+            (68.0, 30.0, 2.0), (nan, 0.4, 0.3), (nan, 5.0, nan), (nan, 20_000.0, 35.0)
+        )
+    )
+    opened(browser, page, 1280, 800, phone=False)
+
+    def charts() -> list[dict[str, Any]]:
+        shown = browser.run(CHARTS)
+        return shown if len(shown) == 3 and all(one["y"] for one in shown) else []
+
+    wait(lambda: charts() and "20,000" in charts()[2]["y"], "the charts")
+    for chart in charts():
+        assert len(chart["x"]) >= 2
+        assert len(chart["y"]) >= 3
+        assert max(chart["wide"]) < chart["left"] - 10
+    assert charts()[0]["drawn"] == [[0.0, 1.0, 2.0], [68.0, 30.0, 2.0]]
+    assert "what the model predicts" in browser.run("return document.body.innerText")
