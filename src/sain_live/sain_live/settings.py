@@ -12,6 +12,7 @@ from sain_core.errors import BusyError, ConfigError
 from sain_eval.scenes.scenarios import OFFERED
 
 NO_SCENARIO: Final = ""
+NO_BAG: Final = ""
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,13 @@ class PageConfig(Config):
         "scenario to reset the scene to, once the simulator is there; empty: leave it",
     )
     seed: int = option(0, "of that scene", minimum=0, maximum=2**31 - 1)
+    bag: str = option(
+        NO_BAG, "folder of a recording to play, in place of the graph; empty: the graph"
+    )
+    speed: float = option(
+        1.0, "of a recording: simulated time / playing time", minimum=1e-3, maximum=1e3
+    )
+    loop: bool = option(True, "begin a recording again at its end")
     rate: float = option(
         40.0, "most updates sent to each viewer", unit="Hz", minimum=1.0, maximum=60.0
     )

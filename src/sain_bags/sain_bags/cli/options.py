@@ -64,14 +64,13 @@ class PlayOptions(Config):
 
 @dataclass(frozen=True)
 class ViewOptions(Config):
-    """Open a bag in the live page: it is played again and again, until Ctrl-C.
+    """Play a bag in the live page, with a timeline, until Ctrl-C; the page's address is printed.
 
-    The page's address is printed. Nothing else should publish the same topics meanwhile; set
-    another ROS_DOMAIN_ID beside a running graph.
+    Nothing is published, so a graph may run beside it.
     """
 
     bag: tyro.conf.Positional[Path] = required(BAG)
-    rate: float = option(1.0, "recorded time / playing time", minimum=1e-3, maximum=1e3)
+    rate: float = option(1.0, "simulated time / playing time", minimum=1e-3, maximum=1e3)
     host: str = option("127.0.0.1", "address to listen at; 0.0.0.0: open to other computers")
     port: int = option(8080, "port to listen at", minimum=1, maximum=65535)
     loop: bool = option(True, "begin again at the end")

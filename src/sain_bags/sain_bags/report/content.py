@@ -13,9 +13,9 @@ from sain_bags.reading.timing import BINS, TopicTiming, read_timings
 from sain_bags.report.episode_content import describe_episode, outcome
 from sain_bags.report.gathering import Gathered, Limits, Progress, gather, graphs
 from sain_bags.report.pushes import models, rounded, target_error
+from sain_bags.report.titles import episode_titles
 from sain_core.feasibility import Feasibility
 
-EPISODES_KEY: Final = "episodes"  # of the custom data: what `closed_loop` calls each with a goal
 STEPS: Final = 200  # of the curve of errors
 HISTOGRAM: Final = 24  # bars
 
@@ -39,7 +39,7 @@ def read_content(bag: Bag, limits: Limits = Limits(), progress: Progress = lambd
     """
     timings = read_timings(bag)
     recorded = [one for name in graphs(bag) for one in gather(bag, name, limits, progress)]
-    titles = _titles(bag, recorded)
+    titles = episode_titles(bag, [one.part for one in recorded])
     idle = [one.idle for one in recorded]
     if all(idle):  # then there is nothing else to show
         idle = [False] * len(recorded)
@@ -100,23 +100,6 @@ def _timing(timing: TopicTiming, start: int) -> dict[str, Any]:
         "missing": timing.missing,
         "places": [[1e-9 * (time - start), count] for time, count in timing.places],
     }
-
-
-def _titles(bag: Bag, found: Sequence[Gathered]) -> list[str]:
-    """Return what the page calls each episode: graph, number, and the recording's own name."""
-    with_goal = [one for one in found if one.episode.goal is not None and one.goal == 1]
-    names = bag.custom_data.get(EPISODES_KEY, "").split()
-    rest = iter(names if len(names) == len(with_goal) else [""] * len(with_goal))
-    several = len({one.namespace for one in found}) > 1
-    titles, name = [], ""
-    for one in found:
-        if one.goal == 1:
-            name = "" if one.episode.goal is None else next(rest).replace(":", " ")
-        graph = (one.namespace or "/") if several else ""
-        goal = f"goal {one.goal} of {one.goals}" if one.goals > 1 else ""
-        words = (graph, f"Episode {one.episode.episode_id}", name, goal)
-        titles.append(" · ".join(filter(None, words)))
-    return titles
 
 
 def _idle_text(titles: Sequence[str]) -> str:

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from sain_bags.reading.reader import Bag, Received
 from sain_bags.report.frames import Frame, Frames
+from sain_bags.report.titles import EpisodePart
 from sain_bags.transitions.message_fields import (
     EPISODE_TYPES,
     PUSH,
@@ -56,6 +57,12 @@ class Gathered:
     def sent(self) -> dict[int, Any]:
         """The pushes (sain_interfaces/msg/Push) without an answer: the last of their episode."""
         return self.log.sent if self.goal == self.goals else {}
+
+    @property
+    def part(self) -> EpisodePart:
+        """Which part of which episode it is."""
+        number, has_goal = self.episode.episode_id, self.episode.goal is not None
+        return EpisodePart(self.namespace, number, has_goal, self.goal, self.goals)
 
     @property
     def idle(self) -> bool:

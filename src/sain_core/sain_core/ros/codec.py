@@ -6,6 +6,7 @@ is checked number by number (20 times slower for 100,000 doubles). Doubles arriv
 
 from array import array
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -40,8 +41,8 @@ def encode_time(nanoseconds: int) -> Time:
     return Time(sec=sec, nanosec=nanosec)
 
 
-def decode_time(stamp: Time) -> float:
-    """Return a time stamp in seconds."""
+def decode_time(stamp: Any) -> float:
+    """Return a time stamp, received or recorded, in seconds."""
     return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 

@@ -27,8 +27,8 @@ START, END = "start", "end"
 class GoalsView:
     """Draws the goal and takes what viewers do with it."""
 
-    def __init__(self, server: viser.ViserServer, known: LiveState, orders: Orders) -> None:
-        """Draw nothing yet."""
+    def __init__(self, server: viser.ViserServer, known: LiveState, orders: Orders | None) -> None:
+        """Draw nothing yet; without orders, goals have no handles."""
         self._server = server
         self._known = known
         self._orders = orders
@@ -72,15 +72,7 @@ class GoalsView:
     def _make(self, pose: BodyPose, scene: Scene, bodies: Bodies) -> Any:
         name, shape = f"/goals/{pose.body}", bodies.shapes[pose.body]
         radius = float(scene[pose.body, RADIUS])
-        handle = self._server.scene.add_transform_controls(
-            name,
-            scale=HANDLE + shape.circumradius * radius,
-            line_width=3.0,
-            active_axes=(True, True, False),
-            disable_rotations=pose.heading is None,
-            depth_test=False,
-            opacity=0.9,
-        )
+        handle = self._handle(name, HANDLE + shape.circumradius * radius, pose)
         colour = rgb(PALETTE.goal)
         scene_api, rest = self._server.scene, np.zeros(8)
         rest[RADIUS] = radius
@@ -94,6 +86,21 @@ class GoalsView:
             reach = shape.circumradius * radius
             edges.append(line(np.array([[0.5 * reach, 0.0], [1.2 * reach, 0.0]]), LOW))
         scene_api.add_line_segments(f"{name}/edges", np.concatenate(edges), colour, thickness=EDGE)
+        return handle
+
+    def _handle(self, name: str, size: float, pose: BodyPose) -> Any:
+        """Add what carries a goal, and moves it where it can be dragged."""
+        if self._orders is None:
+            return self._server.scene.add_frame(name, show_axes=False)
+        handle = self._server.scene.add_transform_controls(
+            name,
+            scale=size,
+            line_width=3.0,
+            active_axes=(True, True, False),
+            disable_rotations=pose.heading is None,
+            depth_test=False,
+            opacity=0.9,
+        )
         handle.on_update(self._on_update(pose.body))
         return handle
 
@@ -113,7 +120,7 @@ class GoalsView:
         """Take a goal where a viewer let it go; where that cannot be, it snaps back."""
         known = self._known
         aim, seen, bodies = known.aim, known.scene, known.bodies
-        if aim is None or seen is None or bodies is None:
+        if aim is None or seen is None or bodies is None or self._orders is None:
             return
         if left:
             self._snap_back(body, "the viewer who dragged it left; it is where it was")

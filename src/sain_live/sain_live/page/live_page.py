@@ -3,7 +3,7 @@
 import logging
 import time
 from threading import Event, Thread
-from typing import Final
+from typing import Final, Protocol
 
 import viser
 
@@ -15,7 +15,9 @@ from sain_live.page.controls import ControlsView
 from sain_live.page.goals import GoalsView
 from sain_live.page.planner_form import PlannerForm
 from sain_live.page.plans import PlanView
+from sain_live.page.playing import PlayingView
 from sain_live.page.serving import open_server
+from sain_live.player import Player
 from sain_live.settings import PageConfig
 from sain_live.state import Kind, LiveState
 
@@ -25,11 +27,30 @@ BEHIND: Final = 0.1  # [s] that the pace may catch up
 logger = logging.getLogger(__name__)
 
 
+class View(Protocol):
+    """A part of the page."""
+
+    def show(self, known: LiveState) -> None:
+        """Draw what has changed."""
+
+
 class LivePage:
     """Serves what is known to any number of viewers, and gives their orders."""
 
-    def __init__(self, known: LiveState, orders: Orders, config: PageConfig) -> None:
+    def __init__(
+        self,
+        known: LiveState,
+        orders: Orders | None,
+        config: PageConfig,
+        player: Player | None = None,
+    ) -> None:
         """Listen and show what is known.
+
+        Args:
+            known: the graph, or a moment of a recording.
+            orders: what carries out what viewers ask of a graph; None: it is a recording.
+            config: where it is served.
+            player: of the recording.
 
         Raises:
             BusyError: the port is in use.
@@ -39,19 +60,23 @@ class LivePage:
         self._end = Event()
         self.server = server = open_server(config)
         tabs = server.gui.add_tab_group()
-        with tabs.add_tab("Run", viser.Icon.PLAYER_PLAY):
-            controls = ControlsView(server, known, orders, config)
-        with tabs.add_tab("Planner", viser.Icon.ADJUSTMENTS):
-            self.form = PlannerForm(server, known, orders)
+        controls: list[View] = []
+        if player is not None:
+            with tabs.add_tab("Recording", viser.Icon.PLAYER_PLAY):
+                controls.append(PlayingView(server, player))
+        if orders is not None:
+            with tabs.add_tab("Run", viser.Icon.PLAYER_PLAY):
+                controls.append(ControlsView(server, known, orders, config))
+            with tabs.add_tab("Planner", viser.Icon.ADJUSTMENTS):
+                controls.append(PlannerForm(server, known, orders))
         self.goals = GoalsView(server, known, orders)
-        self._views = (
+        self._views: tuple[View, ...] = (
             BodiesView(server),
             self.goals,
             PlanView(server),
             ArmView(server),
             ChartsView(server),
-            controls,
-            self.form,
+            *controls,
         )
         self.updates = 0  # sent
         self._thread = Thread(target=self._run, name="page", daemon=True)

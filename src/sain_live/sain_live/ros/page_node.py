@@ -1,5 +1,6 @@
 """The node of the live page."""
 
+from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
@@ -9,34 +10,54 @@ from sain_core.ros.parameters import read_parameters
 from sain_core.ros.steady import steady_timer
 from sain_live.orders import Reset
 from sain_live.page.live_page import LivePage
+from sain_live.player import Player
 from sain_live.ros.asking import Asking
 from sain_live.ros.listening import Listening
-from sain_live.settings import NO_SCENARIO, PageConfig, check_free, is_loopback
+from sain_live.ros.reading import read_recording
+from sain_live.settings import NO_BAG, NO_SCENARIO, PageConfig, check_free, is_loopback
 from sain_live.state import LiveState
 
 LOOK: float = 0.1  # [s] between looks for a simulator, at the start
 
 
 class PageNode(Node):
-    """Serves the page; knows and steers the graph by topics, services and actions alone."""
+    """Serves the page, of the graph or of a recording.
+
+    It knows and steers the graph by topics, services and actions alone.
+    """
 
     def __init__(self, **options: Any) -> None:
-        """Listen to the graph and to browsers."""
+        """Listen to the graph, or read the recording, and listen to browsers."""
         super().__init__("page_node", namespace=NAMESPACE, **options)
         self.config = config = read_parameters(self, PageConfig)
         check_free(config.host, config.port)
-        self.known = known = LiveState(world="")
-        self.asking = Asking(self, known)
-        self.listening = Listening(self, known)
-        self.page = LivePage(known, self.asking, config)
-        self._reset_to = config.scenario
-        steady_timer(self, LOOK, self._begin)
+        self.known = LiveState(world="")
+        self._parts: list[Any] = []  # to be closed
+        if config.bag == NO_BAG:
+            self._show_graph()
+        else:
+            self._show_recording()
         if not is_loopback(config.host):
             self.get_logger().warning(
                 "whoever reaches this computer may open the page and steer the arm; there is no"
                 " password"
             )
         self.ready = f"the page is at {config.address}"
+
+    def _show_graph(self) -> None:
+        self.asking = Asking(self, self.known)
+        listening = Listening(self, self.known)
+        self.page = LivePage(self.known, self.asking, self.config)
+        self._parts += [listening, self.page]
+        self._reset_to = self.config.scenario
+        steady_timer(self, LOOK, self._begin)
+
+    def _show_recording(self) -> None:
+        self.get_logger().info(f"reading {self.config.bag}")
+        recording = read_recording(Path(self.config.bag))
+        self.player = Player(self.known, recording, self.config.speed, self.config.loop)
+        self.page = LivePage(self.known, None, self.config, self.player)
+        self._parts += [self.player, self.page]
 
     def _begin(self) -> None:
         """Reset the scene to the scenario that was asked for, once there is a simulator."""
@@ -46,6 +67,6 @@ class PageNode(Node):
 
     def destroy_node(self) -> None:
         """Serve the page no more."""
-        self.listening.close()
-        self.page.close()
+        for part in self._parts:
+            part.close()
         super().destroy_node()

@@ -1,5 +1,7 @@
 """A goal as a message, and back."""
 
+from typing import Any
+
 import numpy as np
 from builtin_interfaces.msg import Time
 
@@ -10,8 +12,8 @@ from sain_mppi.loop.decision import Task
 from sain_mppi.search.poses import TOLERANCE, TURN_PER_METRE, BodyPose, PoseGoal
 
 
-def decode_task(message: Goal) -> Task:
-    """Return what a ``Goal`` asks for: poses where it has some, else a place for the target.
+def decode_task(message: Any) -> Task:
+    """Return what a ``Goal``, received or recorded, asks for: poses where it has some, else a place for the target.
 
     Raises:
         SainError: NaN or Inf in a pose, too many poses, a tolerance that is not positive.

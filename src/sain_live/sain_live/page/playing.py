@@ -1,0 +1,109 @@
+"""The controls of a recording: episode, timeline, push, speed, and what is shown."""
+
+import time
+from html import escape
+from typing import Any, Final
+
+import numpy as np
+import viser
+
+from sain_core.drawing.palette import PALETTE
+from sain_live.player import Player
+from sain_live.recording import Chapter
+from sain_live.state import LiveState
+
+PREVIOUS, PLAY, PAUSE, NEXT = "◀ push", "Play", "Pause", "push ▶"
+SPEEDS: Final = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+OFTEN: Final = 0.1  # [s], between two moves of the sliders
+STEP: Final = 0.01  # [s], of the timeline
+
+
+class PlayingView:
+    """The tab of a recording, in place of the controls of a graph."""
+
+    def __init__(self, server: viser.ViserServer, player: Player) -> None:
+        """Make the controls."""
+        self._player, gui = player, server.gui
+        self._status, self._moved = "", 0.0
+        self._chapter: Chapter | None = None
+        self._text = gui.add_html("")
+        titles = tuple(chapter.title for chapter in player.recording.chapters)
+        self._title = gui.add_dropdown("episode", titles)
+        self._buttons = gui.add_button_group("steps", (PREVIOUS, NEXT))
+        self._play = gui.add_button(PAUSE, icon=viser.Icon.PLAYER_PAUSE)
+        self._time = gui.add_slider("time [s]", 0.0, 1.0, STEP, 0.0, hint="of the episode")
+        self._push = gui.add_slider("push", 0, 1, 1, 0, hint="at its end; 0: the start")
+        speeds = sorted({*SPEEDS, player.speed})
+        names = {f"{speed:g}": speed for speed in speeds}
+        self._speed = gui.add_dropdown(
+            "speed", tuple(names), initial_value=f"{player.speed:g}", hint="1: as it was simulated"
+        )
+        self._title.on_update(self._asked(player.open))
+        self._time.on_update(self._asked(lambda value: player.seek(float(value))))
+        self._push.on_update(self._asked(lambda value: player.seek_push(int(value))))
+        self._speed.on_update(self._asked(lambda value: player.set_speed(names[value])))
+        self._buttons.on_click(self._asked(lambda value: player.step(value == NEXT)))
+        self._play.on_click(lambda _: player.play(not player.playing))
+
+    @staticmethod
+    def _asked(act: Any) -> Any:
+        def take(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:  # else it was set here
+                act(event.target.value)
+
+        return take
+
+    def show(self, known: LiveState) -> None:
+        """Show what is played, and where."""
+        player = self._player
+        text = playing_text(player, known)
+        if text != self._status:
+            self._status = self._text.content = text
+        label = PAUSE if player.playing else PLAY
+        if self._play.label != label:
+            self._play.label = label
+            self._play.icon = viser.Icon.PLAYER_PAUSE if player.playing else viser.Icon.PLAYER_PLAY
+        if player.chapter is not self._chapter:
+            self._open(player.chapter)
+        if player.playing and time.monotonic() < self._moved + OFTEN:
+            return
+        self._moved = time.monotonic()
+        for slider, value in ((self._time, round(player.time, 2)), (self._push, player.push)):
+            if slider.value != value:
+                slider.value = value
+
+    def _open(self, chapter: Chapter) -> None:
+        self._chapter, self._title.value = chapter, chapter.title
+        self._time.value, self._push.value = 0.0, 0
+        self._time.max = max(round(chapter.duration, 2), STEP)
+        self._push.max, self._push.visible = max(chapter.pushes, 1), chapter.pushes > 0
+
+
+def distance_text(known: LiveState) -> str:
+    """Return how far the bodies are from the goal, as on the report page; "": there is none."""
+    if known.aim is None or known.scene is None or known.bodies is None:
+        return ""
+    apart, turn = known.aim.errors(known.scene.disks, known.bodies)
+    turns = any(pose.heading is not None for pose in known.aim.poses)
+    return f"{1e3 * apart:.1f} mm" + (f", {np.degrees(turn):.1f}°" if turns else "")
+
+
+def playing_text(player: Player, known: LiveState) -> str:
+    """Return what is shown, as HTML."""
+    chapter = player.chapter
+    facts = [("recording", player.recording.name)]
+    facts += [("time", f"{player.time:.1f} of {chapter.duration:.1f} s")]
+    facts += [("pushes", f"{player.push} of {chapter.pushes}")]
+    facts += [("to the goal", distance_text(known))]
+    facts += [("loop", f"{known.phase}{f': {known.why}' if known.why else ''}")]
+    facts += [("model", known.model), ("engine", known.engine), ("world", known.world)]
+    rows = "".join(
+        f'<div style="display:flex"><span style="width:86px;color:{PALETTE.soft}">{name}</span>'
+        f'<span style="overflow-wrap:anywhere">{escape(value)}</span></div>'
+        for name, value in facts
+        if value
+    )
+    return (
+        f'<div style="padding:6px 14px;font-size:13px;line-height:1.5">'
+        f'<div style="font-size:17px;font-weight:600">{escape(chapter.title)}</div>{rows}</div>'
+    )

@@ -1,0 +1,138 @@
+"""Plays a recording: puts what was known at a time into `LiveState`."""
+
+import time
+from collections import deque
+from threading import Event, RLock, Thread
+from typing import Final
+
+from sain_core.errors import InvalidInputError
+from sain_live.recording import Chapter, Recording
+from sain_live.state import LOG_LINES, LiveState
+
+STEP: Final = 1.0 / 40.0  # [s], between two moments that are shown
+HOLD: Final = 1.0  # [s], the end of a chapter stays, before the next one begins
+
+
+class Player:
+    """One for all viewers: each sees the same moment. To be used from any thread.
+
+    Attributes:
+        recording: what is played.
+        speed: recorded time / playing time.
+        playing: whether time goes on.
+    """
+
+    def __init__(
+        self, known: LiveState, recording: Recording, speed: float = 1.0, loop: bool = True
+    ) -> None:
+        """Play from the start of the first chapter; with `loop` again and again."""
+        self.recording, self.speed, self.playing = recording, speed, True
+        self._known, self._loop = known, loop
+        self._chapter, self._time = 0, 0.0
+        self._lock, self._end = RLock(), Event()
+        self._show()
+        self._thread = Thread(target=self._run, name="player", daemon=True)
+        self._thread.start()
+
+    @property
+    def chapter(self) -> Chapter:
+        """The one that is shown."""
+        return self.recording.chapters[self._chapter]
+
+    @property
+    def time(self) -> float:
+        """Time [s] in that chapter."""
+        return min(self._time, self.chapter.duration)
+
+    @property
+    def push(self) -> int:
+        """How many pushes of that chapter have ended."""
+        return self.chapter.pushes_at(self._time)
+
+    def close(self) -> None:
+        """Play no more."""
+        self._end.set()
+        self._thread.join()
+
+    def set_speed(self, speed: float) -> None:
+        """Play at another speed from now on."""
+        self.speed = speed
+
+    def play(self, playing: bool) -> None:
+        """Let time go on, or stand still; at the end of everything it begins again."""
+        with self._lock:
+            at_end = self._chapter == len(self.recording.chapters) - 1
+            if playing and at_end and self._time >= self.chapter.duration:
+                self._chapter, self._time = 0, 0.0
+            self.playing = playing
+            self._show()
+
+    def open(self, title: str) -> None:
+        """Go to the start of a chapter.
+
+        Raises:
+            InvalidInputError: there is none of that title.
+        """
+        titles = [chapter.title for chapter in self.recording.chapters]
+        if title not in titles:
+            raise InvalidInputError(f"there is no {title!r}; there are {', '.join(titles)}")
+        self._go(titles.index(title), 0.0)
+
+    def seek(self, seconds: float) -> None:
+        """Stand still at a time [s] of this chapter."""
+        with self._lock:
+            self.playing = False
+            self._go(self._chapter, min(max(seconds, 0.0), self.chapter.duration))
+
+    def seek_push(self, number: int) -> None:
+        """Stand still at the end of a push of this chapter; 0: its start."""
+        self.seek(self.chapter.rests[min(max(number, 0), self.chapter.pushes)])
+
+    def step(self, forward: bool) -> None:
+        """Stand still at the end of the next or previous push, if need be of another chapter."""
+        with self._lock:
+            self.playing = False
+            if forward:
+                later = [rest for rest in self.chapter.rests if rest > self._time]
+                if later:
+                    self._go(self._chapter, later[0])
+                else:
+                    self._go(self._chapter + 1, 0.0)
+                return
+            earlier = [rest for rest in self.chapter.rests if rest < self.time]
+            if earlier:
+                self._go(self._chapter, earlier[-1])
+            else:
+                self._go(self._chapter - 1, None)
+
+    def _go(self, chapter: int, seconds: float | None) -> None:
+        """Show a time [s] of a chapter, None: its last rest; beyond the last comes the first."""
+        with self._lock:
+            self._chapter = chapter % len(self.recording.chapters)
+            self._time = self.chapter.rests[-1] if seconds is None else seconds
+            self._show()
+
+    def _show(self) -> None:
+        values = self.chapter.at(self._time).values
+        lines = values.get("lines", 0)
+        log = deque(self.recording.log[max(lines - LOG_LINES, 0) : lines], LOG_LINES)
+        self._known.update(**{"log": log, **values})
+
+    def _run(self) -> None:
+        before = time.monotonic()
+        while not self._end.wait(STEP):
+            now = time.monotonic()
+            with self._lock:
+                if self.playing:
+                    self._advance((now - before) * self.speed)
+            before = now
+
+    def _advance(self, seconds: float) -> None:
+        self._time += seconds
+        if self._time < self.chapter.duration + HOLD * self.speed:
+            self._show()
+        elif self._loop or self._chapter < len(self.recording.chapters) - 1:
+            self._go(self._chapter + 1, 0.0)
+        else:
+            self._time, self.playing = self.chapter.duration, False
+            self._show()

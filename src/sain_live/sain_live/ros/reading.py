@@ -1,0 +1,184 @@
+"""A bag as a recording for the page: its messages pass once through what a graph's pass through."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from sain_bags.reading.reader import Bag, Received
+from sain_bags.report.frames import Frame, frame_times
+from sain_bags.report.gathering import graphs
+from sain_bags.report.titles import EpisodePart, episode_titles
+from sain_core.errors import DatasetError, ErrorCode
+from sain_live.recording import Chapter, Moment, Recording
+from sain_live.ros.hearing import Hearing, Take
+from sain_live.state import Kind, LiveState
+
+SHOWN: Final = (
+    "bodies", "scene", "aim", "joints", "curves", "phase", "why", "pushes", "model", "engine",
+    "world", "lines", "result", "plan",
+)  # fmt: skip
+NOTED: Final = ("scene", "goal", "plan", "push_result", "physics_prediction")
+MOST: Final = 20_000  # moments that are kept; of more, every second, fourth, ... in motion
+DIAGNOSTICS: Final = "/diagnostics"
+
+
+@dataclass(eq=False)
+class _Draft:
+    """A chapter while its messages come in."""
+
+    episode_id: int
+    goal: int  # number of it in the episode
+    frames: list[Frame] = field(default_factory=list)
+    values: list[dict[str, Any]] = field(default_factory=list)
+    rests: list[Frame] = field(default_factory=list)
+    moved: bool = False
+
+    def note(self, frame: Frame, values: dict[str, Any], rest: bool) -> None:
+        if not self.frames or rest:
+            self.rests.append(frame)
+        self.moved |= not frame.settled or rest
+        self.frames.append(frame)
+        self.values.append(values)
+
+    @property
+    def aims(self) -> list[Any]:
+        return [one["aim"] for one in self.values if one["aim"] is not None]
+
+    def whole(self, title: str, arm: Any) -> Chapter:
+        times, aim = frame_times(self.frames).tolist(), next(iter(self.aims), None)
+        for values in self.values:  # before the goal came, an episode is on its way there, too
+            values.update(arm=arm, aim=values["aim"] or aim)
+        numbers = {id(frame): number for number, frame in enumerate(self.frames)}
+        moments = tuple(map(Moment, times, self.values))
+        return Chapter(title, moments, tuple(times[numbers[id(frame)]] for frame in self.rests))
+
+    def thin(self) -> None:
+        """Leave out every second scene in motion."""
+        rests, kept, odd = {id(frame) for frame in self.rests}, [], False
+        for number, frame in enumerate(self.frames):
+            odd ^= not frame.settled
+            if frame.settled or odd or id(frame) in rests:
+                kept.append(number)
+        self.frames = [self.frames[number] for number in kept]
+        self.values = [self.values[number] for number in kept]
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a whole bag, each graph's episodes after those of the one before.
+
+    Raises:
+        DatasetError: damaged, or without scenes.
+    """
+    bag = Bag(path)
+    parts, drafts, arms, log = [], [], [], []
+    for namespace in graphs(bag):
+        reader = _Reader(bag, namespace, len(log))
+        found = reader.read()
+        parts += [
+            EpisodePart(namespace, one.episode_id, bool(one.aims), one.goal, reader.goals(one))
+            for one in found
+        ]
+        drafts += found
+        arms += [reader.known.arm] * len(found)
+        log += list(reader.known.log)
+    if not drafts:
+        why = f": {log[0].text}" if log else "; it is no recording of the graph"
+        raise DatasetError(f"{path} holds no scenes that can be shown{why}")
+    titles = _unique(episode_titles(bag, parts))
+    acted = [draft.moved or bool(draft.aims) for draft in drafts]
+    chapters = [
+        draft.whole(title, arm)
+        for draft, title, arm, shown in zip(drafts, titles, arms, acted, strict=True)
+        if shown or not any(acted)
+    ]
+    name = bag.path.resolve()
+    return Recording(
+        (name.parent if name.name == "bag" else name).name, tuple(chapters), tuple(log)
+    )
+
+
+def _unique(titles: list[str]) -> list[str]:
+    """Return titles with a number behind those that were there before: of a simulator's restart."""
+    before = [titles[:number].count(title) for number, title in enumerate(titles)]
+    return [f"{t} ({n + 1})" if n else t for t, n in zip(titles, before, strict=True)]
+
+
+class _Reader:
+    """Reads the episodes of one graph."""
+
+    def __init__(self, bag: Bag, namespace: str, lines: int) -> None:
+        self.known = LiveState(log=deque(), lines=lines)
+        topics = {topic.name: topic.type for topic in bag.topics}
+        hearing = Hearing(self.known, lambda: f"{namespace}/shapes" in topics, offers_goal=False)
+        self._takes = {
+            name: (topic, take)
+            for topic, (kind, take) in hearing.handlers.items()
+            for name in (topic if topic.startswith("/") else f"{namespace}/{topic}",)
+            if topics.get(name) == f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
+        }
+        self._see = hearing.handlers["scene"][1]
+        self._bag = bag
+        self._goals: dict[int, list[int]] = {}  # ids of those of an episode
+        self._drafts: list[_Draft] = []
+        self._count, self._stride = 0, 1  # scenes in motion; each so many-th is kept
+        self._kept = 0
+
+    def read(self) -> Sequence[_Draft]:
+        for received in self._bag.messages(self._takes):
+            topic, take = self._takes[received.topic]
+            try:
+                self._take(topic, take, received)
+            except Exception as error:  # noqa: BLE001 - as in a graph, one message ends nothing
+                self.known.tell(Kind.FAULT, f"a message on {received.topic} is ignored: {error}")
+        return self._drafts
+
+    def goals(self, draft: _Draft) -> int:
+        """Return how many goals the episode of a draft had."""
+        return max(len(self._goals.get(draft.episode_id, ())), 1)
+
+    def _take(self, topic: str, take: Take, received: Received) -> None:
+        message, known, ended = received.message, self.known, False
+        if topic == DIAGNOSTICS:
+            for status in message.status:
+                status.level = bytes([status.level])  # as rclpy has it
+        elif topic == "goal" and message.episode_id:
+            goals = self._goals.setdefault(message.episode_id, [])
+            if goals[-1:] != [message.goal_id]:
+                goals.append(message.goal_id)
+        elif topic == "push_result" and message.error_code == ErrorCode.OK and message.after.disks:
+            for scene in (message.before, message.after):
+                scene.episode_id, scene.settled = message.episode_id, True
+            if known.scene is None or known.scene.episode_id != message.episode_id:
+                self._see(message.before)  # scenes were not recorded
+                self._note(received.log_time, ended)
+            self._see(message.after)
+            ended = True
+        take(message)
+        if topic in NOTED and known.scene is not None:
+            self._note(received.log_time, ended)
+
+    def _note(self, log_time: int, ended: bool) -> None:
+        """Keep what is known now; `ended`: a push has."""
+        known, seen = self.known, self.known.scene
+        if seen is None:
+            return
+        key = seen.episode_id, max(len(self._goals.get(seen.episode_id, ())), 1)
+        draft = self._drafts[-1] if self._drafts else None
+        if draft is None or (draft.episode_id, draft.goal) != key:
+            draft = _Draft(*key)
+            self._drafts.append(draft)
+        self._count += not seen.settled
+        if not seen.settled and self._count % self._stride:
+            return
+        self._kept += 1
+        last = draft.frames[-1].stamp if draft.frames else 0
+        stamp = max(round(1e9 * seen.time), last)  # topics may overtake each other
+        frame = Frame(stamp, log_time, seen.scene_id, seen.settled, seen.disks)
+        draft.note(frame, {name: getattr(known, name) for name in SHOWN}, ended)
+        if self._kept > MOST:
+            self._stride *= 2
+            for one in self._drafts:
+                one.thin()
+            self._kept = sum(len(one.frames) for one in self._drafts)

@@ -1,0 +1,103 @@
+"""A recording that is played, without a page."""
+
+import time
+
+import pytest
+
+from sain_core.errors import InvalidInputError
+from sain_live.player import Player
+from sain_live.recording import Chapter, Moment, Recording
+from sain_live.state import Kind, LiveState, LogLine
+
+
+def chapter(title, *times, rests):
+    moments = tuple(Moment(t, {"why": f"{title} {t}", "lines": round(t)}) for t in times)
+    return Chapter(title, moments, rests)
+
+
+RECORDING = Recording(
+    "mine",
+    (
+        chapter("one", 0.0, 1.0, 2.0, 3.0, rests=(0.0, 1.0, 3.0)),
+        chapter("two", 0.0, 0.5, rests=(0.0, 0.5)),
+    ),
+    tuple(LogLine(float(n), Kind.NOTE, f"line {n}") for n in range(3)),
+)
+
+
+@pytest.fixture
+def played():
+    known = LiveState()
+    player = Player(known, RECORDING)
+    player.play(False)
+    player.seek(0.0)
+    yield known, player
+    player.close()
+
+
+def test_a_time_shows_what_was_known_then(played):
+    known, player = played
+    player.seek(2.5)
+    assert (known.why, player.push) == ("one 2.0", 1)
+    assert [line.text for line in known.log] == ["line 0", "line 1"]
+    player.seek(99.0)
+    assert (known.why, player.time) == ("one 3.0", 3.0)
+
+
+def test_steps_go_from_push_to_push_and_on_into_the_next_chapter_and_back(played):
+    known, player = played
+    seen = []
+    for _ in range(5):
+        player.step(forward=True)
+        seen.append(known.why)
+    assert seen == ["one 1.0", "one 3.0", "two 0.0", "two 0.5", "one 0.0"]
+    seen.clear()
+    for _ in range(5):
+        player.step(forward=False)
+        seen.append(known.why)
+    assert seen == ["two 0.5", "two 0.0", "one 3.0", "one 1.0", "one 0.0"]
+
+
+def test_a_push_is_shown_at_its_end(played):
+    known, player = played
+    player.seek_push(2)
+    assert (known.why, player.push, player.playing) == ("one 3.0", 2, False)
+    player.seek_push(7)
+    assert known.why == "one 3.0"
+
+
+def test_a_chapter_is_opened_by_its_title(played):
+    known, player = played
+    player.open("two")
+    assert known.why == "two 0.0"
+    with pytest.raises(InvalidInputError, match="there is no 'three'; there are one, two"):
+        player.open("three")
+
+
+def wait(done):
+    end = time.monotonic() + 20.0
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def test_playing_goes_through_all_and_stops_at_the_end():
+    known, shown = LiveState(), []
+    player = Player(known, RECORDING, speed=20.0, loop=False)
+    while player.playing:
+        known.changed.wait(20.0)
+        known.changed.clear()
+        shown.append(known.why)
+    assert (shown[-1], player.time, player.chapter.title) == ("two 0.5", 0.5, "two")
+    player.play(True)
+    assert (player.playing, player.chapter.title) == (True, "one")
+    player.close()
+
+
+def test_playing_in_a_loop_begins_again():
+    known = LiveState()
+    player = Player(known, RECORDING, speed=20.0)
+    wait(lambda: player.chapter.title == "two")
+    wait(lambda: player.chapter.title == "one")
+    assert player.playing
+    player.close()
