@@ -227,8 +227,12 @@ def test_interrupt_leaves_no_process_and_a_whole_bag(
     assert second.end() == 1
     assert "already" in second.text()
     assert "ROS_DOMAIN_ID" in second.text()
+    assert f"No episode was played, so {second.out} was removed." in second.text()
+    assert not second.out.exists()
+    endless.wait_for("✓ 1/")
     os.kill(endless.process.pid, signal.SIGINT)
     assert endless.end() == 128 + signal.SIGINT, endless.text()
+    assert f"What was recorded is whole. It is in {endless.out}/bag/." in endless.text()
     bag = Bag(endless.out / "bag")
     bag.check()
     with AnyReader([endless.out / "bag"]) as reader:

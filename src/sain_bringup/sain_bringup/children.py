@@ -141,9 +141,13 @@ class Child:
         """Return the error that says how it ended and what it said last."""
         code = self.process.returncode or 0
         exit_code = code if code >= 0 else 128 - code
-        reason, said = f"{self.name} {trouble}", self.last_lines()
-        more = f"; the end of {self.log}:\n{said}" if said else " and said nothing"
-        return ProcessDiedError(reason + more, reason, exit_code)
+        reason = f"{self.name} {trouble}"
+        return ProcessDiedError(reason + self.last_words(), reason, exit_code)
+
+    def last_words(self) -> str:
+        """Return what to add to an error of this process: what it said last."""
+        said = self.last_lines()
+        return f"; the end of its log:\n{said}" if said else " and said nothing"
 
     def last_lines(self, count: int = LAST_LINES) -> str:
         """Return the end of its log."""

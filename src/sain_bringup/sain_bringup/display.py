@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Final
 
 from rich.console import Console
-from rich.markup import escape
-from rich.status import Status
 from rich.text import Text
 
 from sain_bringup.options import EpisodePlan
+from sain_core.cli.waiting_line import WaitingLine
 
 WIDTH: Final = 50  # of what a stage did, before the time it took
 SHOWN_DISTANCES: Final = 8  # of an episode, in one line
@@ -23,14 +22,15 @@ class Display:
     def __init__(self, console: Console) -> None:
         """Show on this console."""
         self.console = console
-        self._status = Status("", console=console, spinner_style="cyan")
+        self._waiting = WaitingLine(console)
+        self.begun = 0  # episodes that were played, whole or in part
 
     @contextmanager
     def stage(self, doing: str, done: str) -> Iterator[None]:
         """Show that something is under way, then that it is done and how long it took."""
         started = time.monotonic()
-        self.status(doing)
-        with self._moving():
+        with self._waiting:
+            self.status(doing)
             yield
         seconds = time.monotonic() - started
         self._line("green", "✓", f"{done:<{WIDTH}}", f"{seconds:5.1f} s")
@@ -38,7 +38,10 @@ class Display:
     @contextmanager
     def episode(self, number: int, total: int, plan: EpisodePlan) -> Iterator["EpisodeView"]:
         """Show an episode while it is played; a line with its outcome stays."""
-        with self._moving():
+        moving: AbstractContextManager[object] = (
+            self._waiting if self.console.is_terminal else nullcontext()
+        )
+        with moving:
             view = EpisodeView(self, f"{number}/{total}  {plan.scenario} {plan.seed}")
             view.show()
             yield view
@@ -55,7 +58,7 @@ class Display:
 
     def status(self, text: str) -> None:
         """Change the moving line."""
-        self._status.update(f"[dim]{escape(text)}[/]")
+        self._waiting.say(text)
 
     def note(self, text: str) -> None:
         """Print a line that stays, for what deserves attention."""
@@ -69,9 +72,6 @@ class Display:
             highlight=False,
             soft_wrap=True,
         )
-
-    def _moving(self) -> AbstractContextManager[object]:
-        return self._status if self.console.is_terminal else nullcontext()
 
 
 class EpisodeView:
@@ -99,6 +99,7 @@ class EpisodeView:
 
     def at(self, distance: float) -> None:
         """Say how far [m] the target is from the goal, at the start and after each push."""
+        self._display.begun += not self.distances
         self.distances.append(distance)
         self.show()
 

@@ -49,6 +49,11 @@ class Heartbeats:
         address = self._socket.getsockname().decode("ascii").replace("\0", "@")
         return {notify.SOCKET: address, notify.TIMEOUT: str(round(1e6 * self._config.timeout))}
 
+    @property
+    def heard_at(self) -> float:
+        """When the last heartbeat came [s], or when the process was started."""
+        return self._last
+
     def hear(self, process_id: int) -> None:
         """Take what has come from a process."""
         for word, sender in self._datagrams():

@@ -97,13 +97,22 @@ class Supervisor:
             child.heartbeats.hear(child.process.pid)
         return [c.name for c in self._children if c.name in names and not c.heartbeats.ready]
 
+    def heard_at(self, names: Collection[str]) -> float:
+        """Return when one of these that is not ready gave its last sign of life [s]; or -inf."""
+        waited_for = [c for c in self._children if c.name in names and not c.heartbeats.ready]
+        return max((child.heartbeats.heard_at for child in waited_for), default=-inf)
+
+    def last_words(self, name: str) -> str:
+        """Return what a process said last, to be added to an error about it; empty: no process."""
+        return "".join(child.last_words() for child in self._children if child.name == name)
+
     def check(self) -> None:
         """Restart what has died or hangs. Call it often.
 
         Raises:
             ProcessDiedError: a process died that is not to be restarted, was not ready yet, ended
                 as if asked to, or is one of too many within a short time. It names the process,
-                how it ended, its log and that log's last lines.
+                how it ended, and its log's last lines.
         """
         for place, child in enumerate(self._children):
             if trouble := child.trouble():

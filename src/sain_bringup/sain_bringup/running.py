@@ -17,6 +17,7 @@ from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.options import RECORDINGS
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_core import notify
+from sain_model.compute.kernel_progress import compile_visibly
 
 UNWATCHED: Final = {notify.SOCKET: "", notify.TIMEOUT: ""}  # a driver may wait for its arm
 POLL: Final = 0.02  # [s] between looks at the processes
@@ -33,6 +34,10 @@ def run(options: GraphOptions, console: Console) -> int:
         console.print(f"graph: {text}", markup=False, highlight=False, soft_wrap=True)
 
     interrupts, code = Interrupts(), 0
+    try:
+        compile_visibly(console)
+    except Stopped:
+        return 0
     with (
         suppress(Stopped),  # which `deferred` raises at the end
         interrupts.deferred(),

@@ -11,7 +11,7 @@ mppi_node: Final = NodeCommand(
     node="ros.mppi_node:MppiNode",
     settings="loop.agent:MppiConfig",
     publishes=("push", "plan", "plan_markers", "/diagnostics"),
-    subscribes=("scene", "shapes", "push_result", "goal", "goal_pose"),
+    subscribes=("scene", "shapes", "push_result", "goal", "goal_pose", "/diagnostics"),
     actions=("reach",),
     calls=("rollout",),
     example="planner.samples:=512",

@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from visualization_msgs.msg import Marker
 
+import sain_mppi.ros.remote
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
@@ -150,7 +151,7 @@ def test_the_planner_says_when_it_sees_its_model(graph, straw):
     node = graph.start(MppiNode, **SMALL)
     graph.wait(lambda: len(levels()) > 1, "the planner's diagnostics")
     assert set(levels()) == {
-        (DiagnosticStatus.WARN, "no model serves rollout yet: plans rest on the prior")
+        (DiagnosticStatus.WARN, "no model is ready yet: plans use physics without learning")
     }
     Remote(graph, still)
     graph.wait(lambda: levels()[-1] == (DiagnosticStatus.OK, "ready"), "the planner's word")
@@ -253,3 +254,44 @@ def test_while_a_plan_waits_for_its_model_a_reset_cancels_it(graph, straw):
     push = nth_push(graph, 1)
     assert (push.episode_id, push.scene_id) == (2, 2)
     assert not graph.find("plan", episode_id=1)
+
+
+class Starting:
+    """What the node of a model says while it loads."""
+
+    def __init__(self, graph):
+        self.publisher = graph.bystander.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        graph.wait(lambda: self.publisher.get_subscription_count() == 1, "who hears diagnostics")
+        status = DiagnosticStatus(level=DiagnosticStatus.WARN, name="/sain/model_node: predictions")
+        status.message = "compiling 31 of 40 kernels"
+        self.publisher.publish(DiagnosticArray(status=[status]))
+
+
+def test_the_first_goal_waits_for_a_model_that_compiles_and_says_so(graph, straw):
+    def said():
+        statuses = [status for array in graph.heard["/diagnostics"] for status in array.status]
+        return [status.message for status in statuses if "mppi_node" in status.name]
+
+    node = graph.start(MppiNode, **SMALL)
+    Starting(graph)
+    graph.wait(lambda: node.remote.starting, "the model's word")
+    graph.listen("/diagnostics", DiagnosticArray)
+    graph.aim(GOAL, 1)
+    straw.show()
+    waits = "waits for the model: compiling 31 of 40 kernels"
+    graph.wait(lambda: waits in said(), "the planner's word")
+    Remote(graph, still)
+    made = plan(graph, goal_id=1)
+    assert (made.status, made.fallback, made.dynamics) == (Plan.PUSH, False, "standing still")
+    assert made.planning_time < 5.0  # it does not count what it waited
+
+
+def test_a_model_that_dies_while_it_compiles_is_waited_for_no_longer(graph, straw, monkeypatch):
+    monkeypatch.setattr(sain_mppi.ros.remote, "SILENCE", 1.0)
+    node = graph.start(MppiNode, **SMALL)
+    Starting(graph)
+    graph.wait(lambda: node.remote.starting, "the model's word")
+    graph.aim(GOAL, 1)
+    straw.show()
+    made = plan(graph, goal_id=1)
+    assert (made.status, made.fallback) == (Plan.PUSH, True)

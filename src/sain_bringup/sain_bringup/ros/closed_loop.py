@@ -1,5 +1,6 @@
 """``ros2 run sain_bringup closed_loop``: the whole graph, from a clean start to a report."""
 
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +9,6 @@ from typing import Final
 from rich.console import Console
 
 from sain_bags.bag.metadata import describe_recording
-from sain_bringup.children import ProcessDiedError
 from sain_bringup.display import Display
 from sain_bringup.graph import (
     MODEL,
@@ -30,9 +30,12 @@ from sain_bringup.options import (
 )
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_bringup.ros.director import Director
+from sain_core.errors import SainError
 from sain_core.provenance import provenance
 from sain_core.ros.node_main import ros_context
 from sain_eval.scenes.scenarios import draw_scene
+from sain_model.compute.kernel_progress import describe_compilation, describe_progress
+from sain_model.compute.kernel_store import compile_kernels, kernels_are_ready
 
 BAG: Final = "bag"  # folder of the recording
 
@@ -44,18 +47,25 @@ def run(options: ClosedLoopOptions, console: Console) -> int:
         SainError: an output that cannot be written, or a graph that broke. No process is left
             behind, and what was recorded is whole, or the error says how it becomes so.
     """
+    interrupts, display = Interrupts(), Display(console)
     folder = make_output_folder(options)
-    interrupts = Interrupts()
     try:
         with ros_context():
-            return 0 if play_and_report(options, folder, Display(console), interrupts) else 1
+            return 0 if play_and_report(options, folder, display, interrupts) else 1
     except Stopped as stopped:
-        text = f"Stopped. No process is left. {describe_recording(folder / BAG)}"
+        text = f"Stopped. No process is left. {what_is_left(folder, display.begun)}"
         Console(stderr=True, soft_wrap=True).print(text, style="yellow", markup=False)
         return 128 + stopped.number
-    except ProcessDiedError as error:
-        state = describe_recording(folder / BAG)
-        raise ProcessDiedError(f"{error}\n{state}", error.reason, error.exit_code) from error
+    except SainError as error:
+        raise SainError(f"{error}\n{what_is_left(folder, display.begun)}") from error
+
+
+def what_is_left(folder: Path, episodes: int) -> str:
+    """Return what became of the results of a run that failed; without an episode there are none."""
+    if episodes:
+        return f"{describe_recording(folder / BAG)} It is in {folder / BAG}/."
+    shutil.rmtree(folder, ignore_errors=True)
+    return f"No episode was played, so {folder} was removed."
 
 
 def play_and_report(
@@ -63,6 +73,7 @@ def play_and_report(
 ) -> bool:
     """Play the episodes and write the results; return whether all reached the goal."""
     display.headline(describe(episode_plans(options), options), folder)
+    compile_first(display)
     with Supervisor(folder / "logs", tell=display.note) as supervisor:
 
         def check() -> None:
@@ -77,6 +88,14 @@ def play_and_report(
     from sain_bringup.results import write_results  # loads what the start need not wait for
 
     return write_results(folder, options.video, display)
+
+
+def compile_first(display: Display) -> None:
+    """Compile the kernels where that is not done, before any process waits for them."""
+    if kernels_are_ready():
+        return
+    with display.stage("compiling kernels", "kernels compiled"):
+        compile_kernels(lambda *progress: display.status(describe_progress(*progress)))
 
 
 def play(
@@ -102,9 +121,15 @@ def play(
             supervisor.start(name, command, patient=name == RECORDER, again=again)
         director.wait_for_graph(
             lambda: supervisor.starting((SIMULATOR, MODEL, PLANNER)),
-            lambda missing: display.status(f"starting the graph, waiting for {missing}"),
+            lambda missing: display.status(waiting_for(missing)),
         )
     for number, plan in enumerate(plans, start=1):
         case = draw_scene(plan.scenario, plan.seed)
         with display.episode(number, len(plans), plan) as view:
             director.play(case, options.tolerance, view)
+
+
+def waiting_for(missing: str) -> str:
+    """Return what to show while processes are missing."""
+    more = describe_compilation()
+    return f"starting the graph, waiting for {missing}{more and f', {more}'}"

@@ -78,29 +78,44 @@ class Director(Node):
         """Wait until every part is up and connected; show which processes are waited for.
 
         `starting` returns the names of this run's own processes that are not ready. Without it
-        another graph that runs already could pass for this one.
+        another graph that runs already could pass for this one. The time begins anew with each
+        part that comes, and with each sign of life of a process that starts.
 
         Raises:
-            GraphTimeoutError: naming what is missing.
+            GraphTimeoutError: naming what is missing, and what it said last.
             BusyError: another graph runs already.
         """
         missing = [Missing(name, name) for name in starting()]
-        next_look = 0.0
+        next_look = changed_at = 0.0
 
         def up() -> bool:
-            nonlocal missing, next_look
+            nonlocal missing, next_look, changed_at
             if (now := time.monotonic()) >= next_look:
                 next_look = now + LOOK
                 if now - self._joined < EARLY:
                     refuse_peers(self, ("scene", "push", "/clock"), 0.0)
+                before = missing
                 missing = [Missing(name, f"{name} is ready") for name in starting()]
                 missing = missing or self._missing()
+                changed_at = changed_at if missing == before else now
                 show(", ".join(dict.fromkeys(part.process for part in missing)))
             return not missing
 
-        self.wait(up, lambda: f"still missing: {', '.join(part.what for part in missing)}")
+        def problem() -> str:
+            what = ", ".join(part.what for part in missing)
+            return f"still missing: {what}{self._last_words(missing[0].process)}"
+
+        self.wait(up, problem, since=lambda: max(changed_at, self._heard_at(missing)))
         refuse_rivals(self, OWNED)
         self._graph_is_up = True
+
+    def _heard_at(self, missing: list[Missing]) -> float:
+        names = [part.process for part in missing]
+        return -inf if self._supervisor is None else self._supervisor.heard_at(names)
+
+    def _last_words(self, process: str) -> str:
+        words = "" if self._supervisor is None else self._supervisor.last_words(process)
+        return f"; {process} makes no progress{words}" if words else ""
 
     def _missing(self) -> list[Missing]:
         missing = missing_parts(self, self._servers.values())

@@ -11,6 +11,7 @@ from rclpy.node import Node
 
 from sain_core import notify
 
+LOOK: Final = 0.25  # [s] between looks at a job that is waited for
 PATIENCE: Final = 60.0  # [s] that a job may take while the executor waits for it
 
 T = TypeVar("T")
@@ -69,11 +70,17 @@ class Worker:
         """Run a job and wait for it: for short ones that the executor cannot go on without."""
         return self.wait(job).result()
 
-    def wait(self, job: Callable[[], T]) -> "Future[T]":
-        """Run a job and wait for it, as `call`; return its future, done, whether well or not."""
+    def wait(
+        self, job: Callable[[], T], meanwhile: Callable[[], None] = lambda: None
+    ) -> "Future[T]":
+        """Run a job and wait for it, as `call`; return its future, done, whether well or not.
+
+        `meanwhile` is called on this thread, a few times a second.
+        """
         future = self._pool.submit(job)
         enough = monotonic() + PATIENCE
-        while not wait([future], notify.heartbeat_period() or None).done:
+        while not wait([future], notify.heartbeat_period() or LOOK).done:
+            meanwhile()
             if monotonic() < enough:  # the executor waits, and lives
                 notify.alive()
         return future

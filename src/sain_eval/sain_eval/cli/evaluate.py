@@ -33,6 +33,7 @@ from sain_eval.loop.tables import (
     shape_table,
     table_cells,
 )
+from sain_model.compute.kernel_progress import compile_visibly
 
 TABLE_FILE: Final = "table.md"
 SHAPE_TABLE_FILE: Final = "table_per_shape.md"
@@ -57,6 +58,7 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
         OutputError: the folder cannot be written or holds other results.
         CheckpointError: a controller's model cannot be loaded.
     """
+    compile_visibly(console)  # neither the first plan nor each worker
     with silent_interrupts():
         for name in dict.fromkeys(name for part in options.parts for name in part.controllers):
             # a bad name should not wait for its first scene

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict
-from time import perf_counter
+from time import monotonic, perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -28,6 +28,8 @@ from sain_core.shapes.bodies import Bodies as CoreBodies
 from sain_core.shapes.received import decode_bodies, decode_request_bodies
 from sain_interfaces.msg import Bodies
 from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
+from sain_model.compute.kernel_progress import describe_progress
+from sain_model.compute.kernel_store import compile_kernels
 from sain_model.serving.latency import ServiceRecord
 from sain_model.serving.settings import ServingConfig
 
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
 
 Response = TypeVar("Response", PredictResidual.Response, Rollout.Response)
 REPORT_PERIOD = 1.0  # [s]
+SAY_PERIOD = 5.0  # [s], of what is done before the node serves
+TASK = "predictions"  # of the diagnostics
 MOST_LOADS = 16  # models that wait to be loaded
 
 
@@ -51,25 +55,50 @@ class ModelNode(Node):
         """Load the model and run it once."""
         super().__init__("model_node", namespace=NAMESPACE, **options)
         config = read_parameters(self, ServingConfig)
-        # PyTorch takes a second to load: a mistake in the parameters is reported before.
-        from sain_model.serving.server import load_server
-
+        self.reception = Reception(self)
+        self.diagnostics = Diagnostics(self, TASK, more=lambda: self.reception.figures)
         self.worker, self.loader = Worker(self, "serving"), Worker(self, "loading")
-        self.server = self.worker.call(lambda: load_server(config))
+        self.server = self._load(config)
         self.prepared: ModelServer | None = None
         self.record = ServiceRecord()
-        self.reception = Reception(self)
         self.bodies: CoreBodies | None = None  # of the episode; None: nobody tells
         self.reception.listen(Bodies, "shapes", self._on_bodies, LATCHED)
         self.status, self.message = OK, "serving"
         steady_timer(self, REPORT_PERIOD, self._report)
-        self.diagnostics = Diagnostics(self, "predictions", more=lambda: self.reception.figures)
         self._offer(config.service_introspection)
         self.state_file = StateFile(self, config.state_file)
         served = self.state_file.read().get("model", config.model)
         if served != config.model:  # it was changed before a crash
             self.set_parameters([Parameter("model", value=str(served))])
         self.get_logger().info(f"ready: serves {config.model}")
+
+    def _load(self, config: ServingConfig) -> "ModelServer":
+        """Load the first model, and say so to those who wait for it: no timer runs yet."""
+        said, doing = 0.0, f"loading {config.model}"
+
+        def work() -> "ModelServer":
+            nonlocal doing
+            compile_kernels(report)
+            doing = f"loading {config.model}"
+            # PyTorch takes a second to load: a mistake in the parameters is reported before.
+            from sain_model.serving.server import load_server
+
+            return load_server(config)
+
+        def report(finished: int, total: int) -> None:
+            nonlocal doing
+            doing = describe_progress(finished, total)
+
+        def say() -> None:
+            nonlocal said
+            self.diagnostics.set(WARN, doing)
+            self.diagnostics.publish()
+            if monotonic() - said >= SAY_PERIOD:
+                said = monotonic()
+                self.get_logger().info(doing)
+
+        say()
+        return self.worker.wait(work, say).result()
 
     def _offer(self, introspection: str) -> None:
         group = ReentrantCallbackGroup()

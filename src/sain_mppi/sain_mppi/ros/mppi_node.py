@@ -6,6 +6,7 @@ from itertools import count
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
 from sain_core import wire
@@ -44,9 +45,12 @@ from sain_mppi.ros.remote import RemoteRollout
 from sain_mppi.ros.resumption import Notes
 
 MOST_EARLY = 500  # scenes that are kept until their shapes are known
+FEW = 4  # of them, as come while shapes are on their way
+MOST_SHAPES = 16  # episodes whose shapes are kept until their scenes come
 LOOK_AROUND = 1.0  # [s] between looks for who listens
 LOOK_FOR_RIVALS = 0.5  # [s] between looks for other planners
 LOOK_AGAIN = 0.1  # [s] between looks for what no message tells of
+NO_MODEL = "no model is ready yet: plans use physics without learning"
 
 
 class MppiNode(Node):
@@ -67,12 +71,13 @@ class MppiNode(Node):
         self.worker = Worker(self, "planning")
         self.notes = Notes(self, config.state_file)
         self.plan_ids = count(self.notes.plans + 1)
-        self.bodies: tuple[int, CoreBodies] | None = None  # the latest, and of which episode
+        self.episode = 0  # of the latest scene
+        self.shapes: dict[int, CoreBodies] = {}  # of this episode and others, by episode
         self.early: list[SceneMessage] = []  # of an episode whose shapes are not known yet
         self._offer()
         self._resume()
         self.starting, self.rival = True, ""
-        self.diagnostics.set(WARN, "no model is ready yet: plans use physics without learning")
+        self.diagnostics.set(WARN, NO_MODEL)
         steady_timer(self, LOOK_AGAIN, self._look_again)
         steady_timer(self, LOOK_FOR_RIVALS, self._look_for_rivals)
         if config.state_file:
@@ -89,11 +94,14 @@ class MppiNode(Node):
         reception.listen(SceneMessage, "scene", self._on_scene, RELIABLE, self._ignore_scene)
         reception.listen(PushResult, "push_result", self._on_result, QUEUE)
         reception.listen(Bodies, "shapes", self._on_bodies, LATCHED, self._ignore_bodies)
+        if self.remote is not None:
+            told = self.remote.on_diagnostics
+            reception.listen(DiagnosticArray, "/diagnostics", told, RELIABLE)
         self.goals = Goals(
             self,
             reception,
             Aims(self._on_goal, self._refuse_goal, self._drop),
-            lambda: None if self.bodies is None else self.bodies[1],
+            lambda: self.shapes.get(self.episode),
         )
 
     def _resume(self) -> None:
@@ -114,6 +122,9 @@ class MppiNode(Node):
         if self.starting and (self.remote is None or self.remote.ready):
             self.starting = False
             self.diagnostics.set(OK, "ready")
+        elif self.starting and self.remote is not None:
+            doing = self.remote.starting
+            self.diagnostics.set(WARN, f"waits for the model: {doing}" if doing else NO_MODEL)
         self._go_on()
 
     def _look_around(self) -> None:
@@ -148,14 +159,21 @@ class MppiNode(Node):
         self._go_on()
 
     def _on_bodies(self, message: Bodies) -> None:
-        bodies = decode_bodies(message)
-        if self.bodies is not None and self.bodies[0] == message.episode_id:
-            check_unchanged(self.bodies[1], bodies)
+        bodies, episode = decode_bodies(message), message.episode_id
+        if episode == self.episode and episode in self.shapes:
+            check_unchanged(self.shapes[episode], bodies)
             # They are told at the start of an episode, and of a process that goes on with it.
             self.agent.world_restarted(codec.decode_time(message.header.stamp))
-        self.bodies = message.episode_id, bodies
-        self.agent.meet(*self.bodies)
+        else:  # whose scenes come, if any: not every publisher is the simulator
+            self.shapes.pop(episode, None)
+            for other in [one for one in self.shapes if one != self.episode][: 1 - MOST_SHAPES]:
+                del self.shapes[other]
+            self.shapes[episode] = bodies
+            if episode == self.episode:
+                self.agent.meet(episode, bodies)
         early, self.early = self.early, []
+        if len(early) > FEW:
+            self.diagnostics.set(OK, "ready")
         for scene in early:
             self._on_scene(scene)
 
@@ -169,8 +187,7 @@ class MppiNode(Node):
 
         Topics overtake each other. Recordings from before there were shapes have none to wait for.
         """
-        known = self.bodies is not None and self.bodies[0] == episode_id
-        return not known and self.count_publishers("shapes") > 0
+        return episode_id not in self.shapes and self.count_publishers("shapes") > 0
 
     def _on_scene(self, message: SceneMessage) -> None:
         scene = wire.decode_disks(message.disks)
@@ -178,7 +195,13 @@ class MppiNode(Node):
         if self._waits_for_shapes(message.episode_id):
             same = [early for early in self.early if early.episode_id == message.episode_id]
             self.early = [*same[-MOST_EARLY:], message]
+            if len(self.early) > FEW:
+                self.diagnostics.set(WARN, f"waits for the shapes of episode {message.episode_id}")
             return
+        if self.episode != message.episode_id:
+            self.episode = message.episode_id
+            if self.episode in self.shapes:
+                self.agent.meet(self.episode, self.shapes[self.episode])
         if message.settled and self.config.estimator.is_exact and not is_settled(scene):
             self.get_logger().warning(
                 "scenes are called settled while their bodies move: noisy observations need"
@@ -211,8 +234,10 @@ class MppiNode(Node):
             self.get_logger().warning(f"nothing is learned of push {message.push_id}: {error}")
 
     def _go_on(self) -> None:
-        """Start on what is to be decided next, if anything."""
-        if not self.back.complete():
+        """Start on what is to be decided next, if anything; the first plan waits for a model that
+        is about to serve.
+        """
+        if not self.back.complete() or (self.remote is not None and self.remote.starting):
             return
         step: PlanJob | Stop | None
         if self._failed(done := outcome(self.agent.next)):

@@ -2,10 +2,12 @@
 
 from copy import copy
 from dataclasses import dataclass
+from math import inf
 from threading import Event
 from time import monotonic
 from typing import Final, Self
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
 from sain_core import wire
@@ -19,11 +21,14 @@ from sain_core.errors import (
 )
 from sain_core.history import PushHistory
 from sain_core.ros import codec
+from sain_core.ros.diagnostics import node_of
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_interfaces.srv import Rollout
 
 LOOK: Final = 0.02  # [s] between looks whether an answer is still wanted
+MODEL_NODE: Final = "model_node"
+SILENCE: Final = 10.0  # [s] after which a model that was starting counts as dead
 
 
 @dataclass
@@ -40,6 +45,8 @@ class RemoteRollout:
         """Ask through this node, waiting no longer than `timeout_s` for each answer."""
         self._client = node.create_client(Rollout, "rollout")
         self._name = node.resolve_service_name("rollout")
+        self._node_name = node.resolve_service_name(MODEL_NODE)
+        self._starting = -inf, ""
         self._timeout_s = timeout_s
         self._served = Served()
         self._bodies: Bodies | None = None
@@ -52,6 +59,20 @@ class RemoteRollout:
     def model(self) -> str:
         """The model that answered last; empty: none has."""
         return self._served.model
+
+    def on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Take note of what the model's node does before it serves."""
+        for status in message.status:
+            if node_of(status) == self._node_name:
+                self._starting = monotonic(), status.message
+
+    @property
+    def starting(self) -> str:
+        """What the model does before it serves for the first time; empty: nothing, or nobody is."""
+        said_at, doing = self._starting
+        if self.ready or self.model or monotonic() - said_at > SILENCE:
+            return ""
+        return doing
 
     @property
     def ready(self) -> bool:
