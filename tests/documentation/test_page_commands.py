@@ -1,6 +1,9 @@
 """Every command of every page: what it names exists, and a test runs it or it is marked."""
 
 import ast
+import re
+import subprocess
+import sys
 from importlib import import_module
 from pathlib import Path
 from shlex import split
@@ -59,11 +62,39 @@ def test_python_is_python_and_imports_what_there_is(page: Path) -> None:
                     assert [one.name for one in node.names if not hasattr(module, one.name)] == []
 
 
+def python_of(page: str) -> str:
+    """The one block of Python of a page."""
+    blocks = code_blocks((ROOT / page).read_text())
+    (code,) = [block.code for block in blocks if block.language == "python"]
+    return code
+
+
 def test_the_first_steps_in_python_are_run(capsys: pytest.CaptureFixture[str]) -> None:
-    page = (ROOT / "docs/tutorials/first_steps.md").read_text()
-    (code,) = [block.code for block in code_blocks(page) if block.language == "python"]
-    exec(compile(code, "docs/tutorials/first_steps.md", "exec"), {})
+    exec(python_of("docs/tutorials/first_steps.md"), {})
     assert capsys.readouterr().out.startswith("[ 0.69")
+
+
+def test_the_python_of_readme_is_ten_lines_and_prints_what_readme_says() -> None:
+    code = python_of("README.md")
+    assert len([line for line in code.splitlines() if line.strip()]) == 10
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    said = re.search(r"It prints `(.*)`", (ROOT / "README.md").read_text())
+    assert said
+    reached, predicted, *none = numbers_of(done.stdout)
+    assert none == [] and len(reached) == len(predicted) == 2
+    assert re.sub(NUMBERS, "[]", done.stdout.strip()) == re.sub(NUMBERS, "[]", said[1])
+    for printed, stated in zip((reached, predicted), numbers_of(said[1]), strict=True):
+        assert printed == pytest.approx(stated, abs=0.002)  # another processor rounds otherwise
+    assert reached == pytest.approx(predicted, abs=0.002)
+
+
+NUMBERS = r"\[[^\]]*\]"
+
+
+def numbers_of(text: str) -> list[list[float]]:
+    """The numbers of each pair of brackets."""
+    return [[float(word) for word in found[1:-1].split()] for found in re.findall(NUMBERS, text)]
 
 
 def test_a_wrong_command_is_found() -> None:

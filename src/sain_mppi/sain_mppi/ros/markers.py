@@ -30,7 +30,7 @@ GOAL_COLOUR: Final = rgba(PALETTE.goal, 0.8)
 GHOST_ALPHA: Final = 0.25
 REGION_COLOUR: Final = (0.96, 0.76, 0.20, 0.35)
 CHEAP: Final = np.array([0.20, 0.60, 0.35, 0.6])
-DEAR: Final = np.array([0.75, 0.25, 0.20, 0.15])
+EXPENSIVE: Final = np.array([0.75, 0.25, 0.20, 0.15])
 
 State = Float[np.ndarray, "8"]
 
@@ -123,7 +123,7 @@ def _goal_disk(number: int, x: float, y: float, tolerance: float, stamp: Time) -
 
 
 def _others(scene: Scene, others: Shown, body: int, stamp: Time) -> list[Marker]:
-    """Return where other sequences lead a body, from green (cheap) to a pale red (dear)."""
+    """Return where other sequences lead a body, from green (cheap) to a pale red (expensive)."""
     count, horizon = others.predicted.shape[:2]
     if not count:
         return []
@@ -133,7 +133,7 @@ def _others(scene: Scene, others: Shown, body: int, stamp: Time) -> list[Marker]
     legs = np.stack([ways[:, :-1], ways[:, 1:]], axis=2)  # (R, H, 2, 2), from and to
     marker.points = [Point(x=x, y=y, z=DISK_HEIGHT) for x, y in legs.reshape(-1, 2).tolist()]
     rank = np.linspace(0.0, 1.0, count)[:, None]
-    for red, green, blue, alpha in ((1.0 - rank) * CHEAP + rank * DEAR).tolist():
+    for red, green, blue, alpha in ((1.0 - rank) * CHEAP + rank * EXPENSIVE).tolist():
         colour = ColorRGBA(r=red, g=green, b=blue, a=alpha)
         marker.colors.extend([colour] * (2 * horizon))
     return [marker]

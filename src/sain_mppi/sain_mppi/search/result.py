@@ -39,7 +39,7 @@ class Times:
 
 @dataclass(frozen=True)
 class Shown:
-    """Some of the sequences that were tried, from the cheapest to the dearest."""
+    """Some of the sequences that were tried, from the cheapest to the most expensive."""
 
     predicted: PredictedScenes  # (R, H, N, 8)
     costs: Scalars  # (R,), finite
@@ -51,7 +51,7 @@ class Shown:
 
     @classmethod
     def of(cls, predicted: PredictedScenes, costs: Scalars, count: int) -> Self:
-        """Return up to so many, evenly spread from the cheapest to the dearest."""
+        """Return up to so many, evenly spread from the cheapest to the most expensive."""
         order = np.argsort(costs, kind="stable")
         order = order[np.isfinite(costs[order])]
         if len(order) > count:
