@@ -1,6 +1,7 @@
 """The recorder as a process: stopped, killed, and out of space, while messages keep coming."""
 
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -13,13 +14,18 @@ import pytest
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rich.console import Console
 from std_msgs.msg import String
 
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import RecoveryOutcome
+from sain_bags.recovery.resumption import set_aside
+from sain_bags.ros.record import join_parts
 from sain_bags.writing.gaps import read_gaps
 from sain_bringup.graph import executable
+from sain_core import notify
+from sain_core.errors import OutputError
 
 pytestmark = pytest.mark.ros
 TOPIC = "/numbers"
@@ -157,3 +163,64 @@ def test_a_disk_that_is_nearly_full_is_refused(speaker: Speaker, tmp_path: Path)
     assert process.returncode == 1
     assert "MB are left on the disk" in errors
     assert not (tmp_path / "bag").exists()
+
+
+def test_a_recorder_that_goes_on_joins_all_parts_at_a_signal(
+    speaker: Speaker, tmp_path: Path
+) -> None:
+    out, cut_off = tmp_path / "bag", tmp_path / "bag.cut_off"
+    for parts in range(3):
+        process = start(speaker, out, "--resume")
+        wait(lambda parts=parts: len(list(cut_off.glob("*.mcap"))) == parts)
+        wait(lambda: has_messages(out / "bag_0.mcap"))
+        if parts < 2:
+            process.kill()
+            process.communicate()
+    process.send_signal(signal.SIGINT)
+    said, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (0, "")
+    assert re.search(r"joining the parts of the recording, .* MB; Ctrl-C leaves the parts\n", said)
+    found = numbers(Bag(out))
+    assert found == sorted(set(found)) and len(found) > 30
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
+def test_a_recorder_refuses_to_go_on_with_a_folder_of_something_else(
+    speaker: Speaker, tmp_path: Path
+) -> None:
+    thesis = tmp_path / "work" / "thesis.tex"
+    thesis.parent.mkdir()
+    thesis.write_text("the only copy")
+    process = start(speaker, thesis.parent, "--resume")
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "work is no recording that was cut off: it holds 'thesis.tex'" in errors
+    assert thesis.read_text() == "the only copy"
+
+
+def test_a_second_signal_leaves_parts_that_the_printed_command_makes_whole(
+    speaker: Speaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "bag"
+    process = start(speaker, out)
+    wait(lambda: has_messages(out / "bag_0.mcap"))
+    process.kill()
+    process.communicate()
+    cut_off = set_aside(out)
+    assert cut_off is not None
+    process = start(speaker, out)
+    wait(lambda: has_messages(out / "bag_0.mcap"))
+    process.kill()
+    process.communicate()
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    monkeypatch.setattr(notify, "alive", lambda: os.kill(os.getpid(), signal.SIGTERM))
+    try:
+        with pytest.raises(OutputError, match="a signal ended the recorder before it was joined"):
+            join_parts(cut_off, out, Console())
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert [path.name for path in tmp_path.iterdir()] == ["bag.cut_off"]
+    recover(out, tmp_path / "saved")
+    found = numbers(Bag(tmp_path / "saved"))
+    assert found == sorted(set(found)) and len(found) > 20
