@@ -4,7 +4,7 @@ Scenes of `anywhere` in Bullet, the shipped model, at most 15 pushes, 0.5 cm. Al
 same model, costs, feasibility and agent. Times are processor seconds of a plan in a process with
 one thread, so that other jobs on the machine hardly count. Nothing is planned ahead.
 
-A run that was stopped goes on where it was. Table and picture have all that the journal has: expensive
+A run that was stopped goes on where it was. Table and picture have all that the journal has: slow
 settings can play fewer scenes. judo is optional:
 
     {install}

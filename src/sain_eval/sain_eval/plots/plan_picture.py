@@ -63,9 +63,10 @@ def draw_plan(
 ) -> list[str]:
     """Draw a plan from a scene (N, 8) towards a goal, a place (2,) or poses, into axes, in metres.
 
-    Thin lines are where other sequences lead the wanted bodies, from green (cheap) to red (expensive);
-    thick ones what the chosen sequence does to the bodies that it moves; faint outlines where they
-    should come to rest; the arrow is the first push. Without `bodies` all are disks.
+    Thin lines are where other sequences lead the wanted bodies, from green (cheap) to red
+    (expensive); thick ones what the chosen sequence does to the bodies that it moves; faint
+    outlines where they should come to rest; the arrow is the first push. Without `bodies` all are
+    disks.
 
     Returns:
         What `draw_plan_legend` explains.
