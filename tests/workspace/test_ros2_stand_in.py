@@ -146,3 +146,19 @@ def test_incomplete_commands_show_the_usage(ros2, arguments):
     code, _, err = finish(ros2(*arguments))
     assert code == 2
     assert "usage: ros2 run" in err
+
+
+def test_an_unknown_name_gets_the_nearest_one(ros2):
+    assert finish(ros2("run", "arm", "reac")) == (
+        1, "", "No executable found (did you mean 'reach'?)\n"
+    )  # fmt: skip
+    assert finish(ros2("run", "tabel", "stand")) == (
+        1, "", "Package 'tabel' not found (did you mean 'table'?)\n"
+    )  # fmt: skip
+    assert finish(ros2("run", "arm", "xyz")) == (1, "", "No executable found\n")
+
+
+def test_who_reads_no_further_ends_it_without_an_error(ros2):
+    process = ros2("pkg", "list")
+    process.stdout.close()
+    assert (process.wait(20), process.stderr.read()) == (0, "")

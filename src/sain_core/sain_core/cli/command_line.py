@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
 from typing import Annotated, Any, Final, Literal, get_type_hints
 
+from sain_core.cli.closed_pipe import end_with_the_reader
 from sain_core.cli.host import check_host
 from sain_core.cli.interrupts import interrupts_after_imports, silent_interrupts
 from sain_core.config import describe_values
@@ -46,6 +47,10 @@ class Command:
 
     def __call__(self, arguments: list[str] | None = None) -> int:
         """Run it with these arguments, or those of the process; return its exit code."""
+        with end_with_the_reader():
+            return self._read_and_run(arguments)
+
+    def _read_and_run(self, arguments: list[str] | None) -> int:
         with silent_interrupts(arguments is None):
             given = sys.argv[1:] if arguments is None else arguments
             own = split_ros_arguments(given)[0] if self.ros else given
@@ -63,8 +68,12 @@ class Command:
     def _run(self, work: Callable[..., int | None], options: Any) -> int:
         from rich.console import Console
 
+        class Output(Console):
+            def on_broken_pipe(self) -> None:  # by default it ends the process, with exit code 1
+                raise  # noqa: PLE0704 - rich calls this where it handles the error
+
         try:
-            return work(options, Console()) or 0
+            return work(options, Output()) or 0
         except SainError as error:
             return self._fail(error, 1)
         except KeyboardInterrupt:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, Final
 
+from sain_core.cli.closed_pipe import end_with_the_reader
 from sain_core.cli.command_line import WRONG_USAGE, load, split_ros_arguments
 from sain_core.cli.host import check_host
 from sain_core.cli.interrupts import silent_interrupts
@@ -49,7 +50,8 @@ class NodeCommand:
         own, _ = split_ros_arguments(given)
         with silent_interrupts(arguments is None):
             if "--help" in own or "-h" in own:
-                sys.stdout.write("\n".join(self.help()) + "\n")
+                with end_with_the_reader():
+                    sys.stdout.write("\n".join(self.help()) + "\n")
                 return 0
             if own:
                 sys.stderr.write(f"{self.name.split()[1]}: {self._problem(own)}\n")
