@@ -99,7 +99,7 @@ def test_on_a_phone_the_panel_is_below_the_scene_and_goals_can_be_dragged(browse
     wait(lambda: page.viewers == 1, "the viewer")
 
     def drag() -> list[Any]:
-        way = [held + (0.0, -0.1 * part, 0.0) for part in np.linspace(0.0, 1.0, 6)]
+        way = [np.add(held, (0.0, -0.1 * part, 0.0)) for part in np.linspace(0.0, 1.0, 6)]
         for kind, place in [("touchStart", way[0]), *(("touchMove", one) for one in way[1:])]:
             x, y = pixel(place, scene)
             touch(kind, [{"x": round(x), "y": round(y)}])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 
 from benchmarks.live_viewer import Viewer
 from sain_core.errors import BusyError, ErrorCode
@@ -172,12 +172,12 @@ def test_a_model_that_cannot_predict_the_bodies_is_refused_and_the_old_one_stays
 
 
 def test_the_page_says_what_the_graph_waits_for(graph, alone, monkeypatch):
-    progress = [(31, 40)]
-    monkeypatch.setattr(tuning, "compilation_progress", lambda: progress[0])
+    progress = ["compiling 31 of 40 kernels"]
+    monkeypatch.setattr(tuning, "describe_compilation", lambda: progress[0])
     known = alone.known
     graph.wait(lambda: "compiling 31 of 40 kernels" in known.starting, "how far it is")
     alone.asking.start()
-    progress[0] = None
+    progress[0] = ""
     graph.start(SimNode, peer_wait=0.0)
     graph.wait(lambda: known.starting == "waits for the planner and the model", "who is missing")
     graph.wait(lambda: known.scene, "a scene")
@@ -188,25 +188,6 @@ def test_the_page_says_what_the_graph_waits_for(graph, alone, monkeypatch):
     graph.start(MppiNode, **SMALL)
     graph.wait(lambda: known.starting == "", "all")
     assert faults(alone) == []
-
-
-def test_trouble_is_a_fault_only_once_the_graph_has_started(graph, alone):
-    say = graph.bystander.create_publisher(DiagnosticArray, "/diagnostics", 10)
-    graph.wait(say.get_subscription_count, "the page")
-
-    def trouble(text):
-        status = DiagnosticStatus(level=DiagnosticStatus.WARN, name="/sain/mppi_node: planning")
-        status.message = text
-        say.publish(DiagnosticArray(status=[status]))
-        graph.wait(lambda: f"planner: {text}" in told(alone), text)
-
-    alone.known.update(starting="waits for the model")
-    trouble("no model yet")
-    trouble("no model still")
-    assert faults(alone) == []
-    alone.known.update(starting="")
-    trouble("the model failed")
-    assert faults(alone) == ["planner: the model failed"]
 
 
 def test_refused_pushes_are_told(graph, whole):

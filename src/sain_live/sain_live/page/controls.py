@@ -77,7 +77,7 @@ class ControlsView:
         self._scenario = gui.add_dropdown(
             "scenario", scenario_names(), initial_value=config.scenario or FIRST
         )
-        self._seed = gui.add_text(
+        self._seed: Any = gui.add_text(
             "seed", str(config.seed), hint="number of the scene; the same one is the same scene"
         )
         self._shape = gui.add_dropdown(
@@ -100,7 +100,7 @@ class ControlsView:
 
     def _add_model(self) -> None:
         self._models = (*dynamics_names(), *checkpoints(Path("runs")))
-        self._model = self._gui.add_dropdown(
+        self._model: Any = self._gui.add_dropdown(
             "model",
             (*self._models, NONE_YET),
             initial_value=NONE_YET,

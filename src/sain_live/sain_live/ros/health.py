@@ -34,9 +34,10 @@ class Health:
             if (level, status.message) == before or status.message == "starting":
                 continue
             if level != OK:
-                first = status.name not in self._levels
-                kind = Kind.NOTE if first or self._known.starting else Kind.FAULT
-                self._known.tell(kind, f"{plain_name(node_of(status))}: {status.message}")
+                first, starting = status.name not in self._levels, self._known.starting
+                if first or not starting:  # else the page says all the time what it waits for
+                    kind = Kind.NOTE if first or starting else Kind.FAULT
+                    self._known.tell(kind, f"{plain_name(node_of(status))}: {status.message}")
             elif before[0] != OK:
                 self._known.tell(Kind.NOTE, f"{plain_name(node_of(status))}: {status.message}")
             self._levels[status.name] = level, status.message

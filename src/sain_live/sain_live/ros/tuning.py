@@ -14,7 +14,7 @@ from sain_core.ros.steady import steady_timer
 from sain_interfaces.srv import DescribeModel, LoadModel
 from sain_live.orders import planner_settings
 from sain_live.state import Kind, LiveState
-from sain_model.compute.kernel_store import compilation_progress
+from sain_model.compute.kernel_progress import describe_compilation
 
 PLANNER: Final = "mppi_node"
 LOOK_AROUND: Final = 0.5  # [s]
@@ -118,14 +118,9 @@ class Tuning:
     def _look_what_starts(self) -> None:
         """Say what the graph still waits for, and how far its kernels are compiled."""
         missing = [name for name in self._there if name not in self._came]
-        progress = compilation_progress() if missing else None
-        if progress is not None:
-            finished, total = progress
-            text = f"compiling {finished} of {total} kernels, once on this machine"
-        elif missing and (self._came or self._has_simulator()):
+        text = describe_compilation() if missing else ""
+        if not text and missing and (self._came or self._has_simulator()):  # else a recording
             text = f"waits for {' and '.join(missing)}"
-        else:  # all are there; or nobody is: a recording
-            text = ""
         if text != self._known.starting:
             self._known.update(starting=text)
 

@@ -125,7 +125,10 @@ class PlannerConfig(Config):
     horizon: int = option(4, "H, pushes in a sequence", minimum=1, maximum=50)
     rounds: int = option(3, "number of sampling rounds", minimum=1)
     thinning: float = option(
-        0.5, "factor on the samples from one round to the next: 0.5 halves them", minimum=0.01, maximum=1.0
+        0.5,
+        "factor on the samples from one round to the next: 0.5 halves them",
+        minimum=0.01,
+        maximum=1.0,
     )
     stuck_rounds: int = option(
         3, "additional wide rounds if no sequence is better than no push", minimum=0
