@@ -15,7 +15,9 @@ def test_without_a_terminal_lines_come_at_times_and_say_something_new(
     clock = [100.0]
     monkeypatch.setattr(waiting_line.time, "monotonic", lambda: clock[-1])
     console = Console(file=StringIO(), width=40)
-    with WaitingLine(console, patience_s=1.0) as line:
+    line = WaitingLine(console, patience_s=1.0)
+    line.say("nobody waits yet")
+    with line:
         for seconds, text in (
             (100.9, "too early to mention"),
             (101.0, "compiling 1 of 40 kernels [bold]"),
@@ -26,6 +28,8 @@ def test_without_a_terminal_lines_come_at_times_and_say_something_new(
         ):
             clock.append(seconds)
             line.say(text)
+    clock.append(200.0)
+    line.say("nobody waits any more")
     assert isinstance(console.file, StringIO)
     assert console.file.getvalue() == (
         "compiling 1 of 40 kernels [bold]\ncompiling 31 of 40 kernels\n"

@@ -1,6 +1,7 @@
 """One line that says what a command waits for: moving in a terminal, elsewhere printed at times."""
 
 import time
+from math import inf
 from types import TracebackType
 from typing import TYPE_CHECKING, Final, Self
 
@@ -25,7 +26,7 @@ class WaitingLine:
         self._console = console
         self._patience_s = patience_s
         self._status: Status | None = None
-        self._due = 0.0
+        self._due = inf
         self._printed = ""
 
     def __enter__(self) -> Self:
@@ -45,10 +46,10 @@ class WaitingLine:
         """Clear the line."""
         if self._status is not None:
             self._status.stop()
-            self._status = None
+        self._status, self._due = None, inf
 
     def say(self, text: str) -> None:
-        """Say what is waited for."""
+        """Say what is waited for; nothing is shown before and after the wait."""
         if self._status is not None:
             self._status.update(f"[dim]{escape(text)}[/]")
         elif text and text != self._printed and time.monotonic() >= self._due:
