@@ -1,3 +1,5 @@
+from time import sleep
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from sain_core.errors import (
 from sain_core.history import PushHistory
 from sain_core.push import PushLimits
 from sain_core.scene import make_scene, wrap_angle
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.devices import choose_device
 from sain_model.dynamics.identify import believing_model
@@ -196,6 +199,32 @@ def test_a_model_is_loaded_and_tried_before_it_is_served(
     np.testing.assert_array_equal(server.predict(SCENES, PUSHES)[1], sain.step(SCENES, PUSHES))
     with pytest.raises(ModelUnavailableError, match="model 'broken' predicts NaN or Inf"):
         load_server(ServingConfig(model="broken"))
+
+
+class Slow(IdentityPrior):
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        sleep(0.004 * len(pushes))
+        return scenes.copy()
+
+
+class DisksOnly:
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        return scenes.copy()
+
+
+def test_a_model_that_is_of_no_use_to_a_planner_replaces_no_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    models = {"one": IdentityPrior(), "slow": Slow(), "disks": DisksOnly()}
+    monkeypatch.setattr(server_module, "load_dynamics", models.__getitem__)
+    server = load_server(ServingConfig(model="one", max_work=9))
+    with pytest.raises(ConfigError, match=r"'slow' takes . ms for a prediction; a planner needs"):
+        server.with_model("slow")
+    disks, bodies = Bodies.disks(2), Bodies.named(["t"])
+    assert server.with_model("disks", disks).description.model == "disks"
+    with pytest.raises(ConfigError, match="can only predict disks; the bodies are t: use a model"):
+        server.with_model("disks", bodies)
+    assert server.with_model("one", bodies).description.model == "one"
 
 
 def test_a_served_model_infers_masses_that_are_not_measured(

@@ -95,7 +95,7 @@ class ModelServer:
         times = []
         for _ in range(TRIALS):
             begun = perf_counter()
-            self.rollout(WARM_UP_SCENE, TRIAL_PUSHES)
+            as_rollout(self._usual).rollout(WARM_UP_SCENE, TRIAL_PUSHES)
             times.append((perf_counter() - begun) / len(TRIAL_PUSHES))
         if min(times) > SLOWEST:
             raise ConfigError(
