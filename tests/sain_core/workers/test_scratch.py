@@ -61,6 +61,15 @@ def test_a_folder_is_removed_with_the_object() -> None:
     assert not Path(folder.name).exists()
 
 
+def test_a_folder_that_only_has_such_a_name_stays(tmp_path: Path) -> None:
+    thesis = tmp_path / f"{scratch.PREFIX}mine" / "thesis"
+    thesis.parent.mkdir()
+    thesis.write_text("the only copy")
+    os.utime(thesis.parent, (0.0, 0.0))
+    scratch._remove_abandoned(tmp_path)
+    assert thesis.exists()
+
+
 @pytest.mark.parametrize("what", ["FIFO", "link", "file"])
 def test_what_others_put_among_the_temporary_folders_is_ignored(tmp_path: Path, what: str) -> None:
     planted, victim = tmp_path / f"{scratch.PREFIX}x", tmp_path / "victim"

@@ -18,6 +18,7 @@ from typing import Final
 from sain_core.errors import OutputError
 
 PREFIX: Final = "sain-scratch-"
+MARK: Final = ".sain-scratch"  # a file in each folder that a process of ours made
 YOUNG: Final = 60.0  # [s] in which a process may have made its folder and not locked it yet
 
 
@@ -78,6 +79,7 @@ def _root() -> Path:
     """The folder of this process, which is locked while the process or a fork of it lives."""
     _remove_abandoned(Path(tempfile.gettempdir()))
     root = Path(tempfile.mkdtemp(prefix=PREFIX))
+    (root / MARK).touch()
     fcntl.flock(os.open(root, os.O_RDONLY), fcntl.LOCK_SH)
     atexit.register(_remove, root, os.getpid())
     return root
@@ -91,7 +93,8 @@ def _remove(root: Path, owner: int) -> None:
 def _remove_abandoned(place: Path) -> None:
     for folder in place.glob(f"{PREFIX}*"):
         with suppress(OSError):  # another user's, still locked, or just removed by another process
-            if time.time() - folder.lstat().st_mtime < YOUNG:
+            is_young = time.time() - folder.lstat().st_mtime < YOUNG
+            if is_young or not (folder / MARK).is_file():
                 continue
             lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:
