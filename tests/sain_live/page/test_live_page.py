@@ -199,8 +199,8 @@ def test_plan_and_result_are_drawn_and_cleared(shown):
     pushes = np.array([(0.0, 0.0, 0.1)] * 2)
     plan = LivePlan(7, SCENE, pushes, after, np.full((2, 2), 0.01), np.arange(3.0), ways)
     known.update(plan=plan, result=LiveResult(7, SCENE, SCENE, after[0], None))
-    drawn = {f"/plan/{n}" for n in ("others", "chosen", "later", "ghost0", "regions", "push")}
-    drawn |= {"/result/predicted", "/result/reality", "/result/label"}
+    drawn = {f"/plan/{n}" for n in ("others", "chosen", "next", "last", "regions", "push")}
+    drawn |= {"/result/predicted"}
     viewer.wait(lambda: drawn <= set(viewer.nodes), "the plan")
     known.update(plan=None, result=None)
     viewer.wait(lambda: not drawn & set(viewer.nodes), "an empty table")

@@ -23,9 +23,8 @@ COLOURS: Final = {Kind.NOTE: PALETTE.soft, Kind.REFUSAL: PALETTE.alarm, Kind.FAU
 LEGEND: Final = (
     (PALETTE.predicted, "what the model predicts"),
     (PALETTE.physics, "what physics without learning predicts"),
-    (PALETTE.ink, "chosen pushes; result of the last one"),
-    ("#268c55", "other pushes that were tried: low cost"),
-    ("#e2b0a8", "other pushes that were tried: high cost"),
+    (PALETTE.ink, "next push"),
+    ("#b8b2a6", "other pushes that were tried"),
     ("#dea820", "where a body should be after the push"),
     (PALETTE.goal, "goal"),
 )

@@ -5,13 +5,13 @@ from math import cos, sin
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.drawing.palette import rgba
-from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, unit
+from sain_core.scene import unit
 from sain_core.shapes.shape import Shape
-from sain_core.types import Points, States
+from sain_core.types import Points
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
 Vector = tuple[float, float, float]
@@ -85,23 +85,7 @@ def circle(centre: Points, radius: float, height: float) -> Segments:
     return ring(centre + radius * unit(bearings), height)
 
 
-def outline(shape: Shape, state: States, height: float = DISK_HEIGHT) -> Segments:
-    """Return the outline of a body in a state (8,), with a mark of its heading if it has one."""
-    drawn = ring(shape.placed(state), height)
-    if shape.is_round:
-        return drawn
-    ahead = shape.circumradius * state[RADIUS] * unit(state[THETA])
-    mark = np.stack([state[:2] + 0.75 * ahead, state[:2] + 1.15 * ahead])
-    return np.concatenate([drawn, line(mark, height)])
-
-
 def mesh(shape: Shape, radius: float) -> tuple[ndarray, ndarray]:
     """Return vertices (V, 3) [m] and faces (T, 3) of a body about its centre."""
     corners = shape.triangles(radius).reshape(-1, 3)
     return corners, np.arange(len(corners)).reshape(-1, 3)
-
-
-def blend(first: Rgb, second: Rgb, share: ndarray) -> UInt8[ndarray, "S 3"]:
-    """Return colours between two, for shares (S,) from 0 to 1."""
-    mixed = np.outer(1.0 - share, first) + np.outer(share, second)
-    return np.asarray(mixed.round(), dtype=np.uint8)

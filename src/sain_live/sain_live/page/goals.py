@@ -17,8 +17,8 @@ from sain_live.state import Kind, LiveState
 from sain_mppi.search.poses import BodyPose
 
 HANDLE: Final = 0.11  # [m], length of the arrows
-LOW: Final = 0.002  # [m], height over the table
-EDGE: Final = 0.004  # [m]
+LOW: Final = 0.0025  # [m], height over the table
+EDGE: Final = 3.0  # pixels
 ALPHA: Final = 0.28
 
 START, END = "start", "end"
@@ -84,8 +84,10 @@ class GoalsView:
         edges = [ring(shape.outline(radius), LOW), circle(np.zeros(2), pose.tolerance, LOW)]
         if pose.heading is not None:
             reach = shape.circumradius * radius
-            edges.append(line(np.array([[0.5 * reach, 0.0], [1.2 * reach, 0.0]]), LOW))
-        scene_api.add_line_segments(f"{name}/edges", np.concatenate(edges), colour, thickness=EDGE)
+            edges.append(line(np.array([[0.0, 0.0], [0.3 * reach, 0.0]]), LOW))
+        scene_api.add_line_segments(
+            f"{name}/edges", np.concatenate(edges), colour, thickness=EDGE, thickness_units="screen"
+        )
         return handle
 
     def _handle(self, name: str, size: float, pose: BodyPose) -> Any:
@@ -97,6 +99,7 @@ class GoalsView:
             scale=size,
             line_width=3.0,
             active_axes=(True, True, False),
+            disable_axes=True,
             disable_rotations=pose.heading is None,
             depth_test=False,
             opacity=0.9,

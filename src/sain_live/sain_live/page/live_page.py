@@ -17,6 +17,7 @@ from sain_live.page.planner_form import PlannerForm
 from sain_live.page.plans import PlanView
 from sain_live.page.playing import PlayingView
 from sain_live.page.serving import open_server
+from sain_live.page.stage import draw_stage
 from sain_live.player import Player
 from sain_live.settings import PageConfig
 from sain_live.state import Kind, LiveState
@@ -69,6 +70,7 @@ class LivePage:
                 controls.append(ControlsView(server, known, orders, config))
             with tabs.add_tab("Planner", viser.Icon.ADJUSTMENTS):
                 controls.append(PlannerForm(server, known, orders))
+        draw_stage(server)
         self.goals = GoalsView(server, known, orders)
         self._views: tuple[View, ...] = (
             BodiesView(server),

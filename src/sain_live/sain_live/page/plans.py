@@ -7,36 +7,32 @@ import viser
 
 from sain_core.drawing.palette import PALETTE
 from sain_core.push import LENGTH, PushLimits, pushed_bodies, strokes
-from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, THETA, X, Y, unit
+from sain_core.scene import DISK_HEIGHT, POSITION, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
 from sain_live.page.geometry import (
     Rgb,
     Segments,
-    blend,
     circle,
     lifted,
     line,
-    mesh,
-    outline,
     rgb,
-    upright,
+    ring,
 )
-from sain_live.state import LivePlan, LiveResult, LiveState, largest_error
+from sain_live.state import LivePlan, LiveResult, LiveState
 
-CHEAP: Final = (38, 140, 85)
-DEAR: Final = (226, 176, 168)
+OTHERS: Final = (184, 178, 166)
+FEW: Final = 6  # other sequences that are shown, the cheapest
 CHOSEN: Final = rgb(PALETTE.ink)
 PREDICTED: Final = rgb(PALETTE.predicted)
+LATER: Final = (184, 152, 211)  # the same, of pushes after the next one
 PHYSICS: Final = rgb(PALETTE.physics)
-RESULT: Final = rgb(PALETTE.ink)
 REGION: Final = (222, 168, 32)
-GHOST: Final = 0.25  # opacity
-THIN: Final = 0.0014  # [m]
-THICK: Final = 0.005
-LINE: Final = 0.003
-TOP: Final = DISK_HEIGHT + 0.002  # [m]
-LIFT: Final = 0.001  # [m], of lines over others
+THIN: Final = 1.0  # pixels
+LINE: Final = 2.0
+FLOOR: Final = 0.0016  # [m], of lines on the table: over the shadows
+LIFT: Final = 0.0003  # [m], of lines over others
+TOOL: Final = DISK_HEIGHT + 0.012  # [m], of the arrow of a push
 MOVED: Final = 0.001  # [m]
 LIMITS: Final = PushLimits()
 
@@ -71,85 +67,72 @@ class PlanView:
         self._nodes[group] = []
 
     def _lines(
-        self,
-        group: str,
-        name: str,
-        segments: Segments | list[Segments],
-        colour: Rgb | np.ndarray,
-        thickness: float = LINE,
+        self, group: str, name: str, segments: list[Segments], colour: Rgb, thickness: float = LINE
     ) -> None:
-        points = np.concatenate(segments) if isinstance(segments, list) else segments
-        if len(points):
-            node = self._scene.add_line_segments(
-                f"/{group}/{name}", points, colour, thickness=thickness
-            )
-            self._nodes[group].append(node)
+        if not segments:
+            return
+        node = self._scene.add_line_segments(
+            f"/{group}/{name}",
+            np.concatenate(segments),
+            colour,
+            thickness=thickness,
+            thickness_units="screen",
+        )
+        self._nodes[group].append(node)
 
     def _draw_plan(self, plan: LivePlan, bodies: Bodies, aimed: list[int]) -> None:
+        """Draw on the table where the bodies should go; the next push is an arrow over them."""
         if len(plan.start) != len(bodies) or not len(plan.predicted):
             return
         shown = sorted({*aimed, *pushed_bodies(plan.pushes).tolist()})
         self._draw_others(plan, aimed)
-        ways = np.concatenate([plan.start[None], plan.predicted])[:, :, POSITION]
-        self._lines("plan", "chosen", line(ways[:, shown].swapaxes(0, 1), TOP), CHOSEN, THICK)
-        later = [
-            outline(bodies.shapes[b], after[b], TOP) for after in plan.predicted for b in shown
-        ]
-        self._lines("plan", "later", later, PREDICTED, THIN)
-        for body in shown:
-            state = plan.predicted[0, body]
-            vertices, faces = mesh(bodies.shapes[body], float(state[RADIUS]))
-            ghost = self._scene.add_mesh_simple(
-                f"/plan/ghost{body}",
-                vertices,
-                faces,
-                color=PREDICTED,
-                opacity=GHOST,
-                cast_shadow=False,
-                position=(state[X], state[Y], DISK_HEIGHT / 2),
-                wxyz=upright(float(state[THETA])),
-            )
-            self._nodes["plan"].append(ghost)
+        paths = np.concatenate([plan.start[None], plan.predicted])[:, :, POSITION]
+        chosen = line(paths[:, shown].swapaxes(0, 1), FLOOR + LIFT)
+        self._lines("plan", "chosen", [chosen], PREDICTED)
+        height = FLOOR + 2 * LIFT
+        after = {"next": (plan.predicted[0], PREDICTED, LINE)}
+        if len(plan.predicted) > 1:
+            after["last"] = plan.predicted[-1], LATER, THIN
+        for name, (scene, colour, thickness) in after.items():
+            rings = [ring(bodies.shapes[body].placed(scene[body]), height) for body in shown]
+            self._lines("plan", name, rings, colour, thickness)
         if plan.regions is not None:
             radii = plan.regions[0]
             rings = [
-                circle(plan.predicted[0, b, POSITION], float(radii[b]), TOP + LIFT)
+                circle(plan.predicted[0, b, POSITION], float(radii[b]), height)
                 for b in shown
                 if radii[b] > 0.0
             ]
-            self._lines("plan", "regions", rings or [np.empty((0, 2, 3))], REGION)
+            self._lines("plan", "regions", rings, REGION, THIN)
         self._draw_push(plan, bodies)
 
     def _draw_others(self, plan: LivePlan, aimed: list[int]) -> None:
-        """Draw where other sequences lead the bodies of the goal, from cheap to dear."""
-        count, horizon = plan.places.shape[:2]
-        if not count or not aimed:
+        """Draw where a few other sequences lead the bodies of the goal."""
+        if not len(plan.places) or not aimed:
             return
-        start = np.broadcast_to(plan.start[:, POSITION], (count, 1, *plan.start[:, POSITION].shape))
-        ways = np.concatenate([start, plan.places], axis=1)[:, :, aimed]
-        segments = line(ways.swapaxes(1, 2), TOP - LIFT)
-        share = np.linspace(0.0, 1.0, count) ** 0.5
-        colours = np.repeat(blend(CHEAP, DEAR, share), len(aimed) * horizon, axis=0)
-        both_ends = np.repeat(colours[:, None], 2, axis=1)
-        self._lines("plan", "others", segments, both_ends, THIN)
+        places = plan.places[np.argsort(plan.costs)[:FEW]]
+        start = np.broadcast_to(plan.start[:, POSITION], (len(places), 1, len(plan.start), 2))
+        paths = np.concatenate([start, places], axis=1)[:, :, aimed]
+        self._lines("plan", "others", [line(paths.swapaxes(1, 2), FLOOR)], OTHERS, THIN)
 
     def _draw_push(self, plan: LivePlan, bodies: Bodies) -> None:
         push = plan.pushes[0]
         if push[LENGTH] <= 0.0:
             return
         start, heading = strokes(plan.start, push, LIMITS, bodies)
-        ends = lifted(np.stack([start, start + push[LENGTH] * unit(heading)]), TOP)
+        ends = lifted(np.stack([start, start + push[LENGTH] * unit(heading)]), TOOL)
         arrow = self._scene.add_arrows(
             "/plan/push",
             ends[None],
             CHOSEN,
-            shaft_radius=0.003,
-            head_radius=0.008,
-            head_length=0.02,
+            shaft_radius=0.0035,
+            head_radius=0.010,
+            head_length=0.024,
         )
         self._nodes["plan"].append(arrow)
 
     def _draw_result(self, result: LiveResult, bodies: Bodies) -> None:
+        """Draw where the last push was expected to lead: the bodies show where it led."""
         after = result.after
         if len(after) != len(bodies):
             return
@@ -157,22 +140,11 @@ class PlanView:
         for name, scene, colour in (
             ("physics", result.physics, PHYSICS),
             ("predicted", result.planned, PREDICTED),
-            ("reality", after, RESULT),
         ):
             if scene is not None and len(scene) == len(after):
-                rings = [outline(bodies.shapes[b], scene[b], TOP + LIFT) for b in shown]
-                self._lines("result", name, rings or [np.empty((0, 2, 3))], colour)
-        text = error_text(result)
-        if text and shown:
-            x, y = after[shown[0], POSITION].tolist()
-            node = self._scene.add_label(
-                "/result/label",
-                text,
-                position=(x, y, DISK_HEIGHT + 0.09),
-                font_screen_scale=0.8,
-                anchor="bottom-center",
-            )
-            self._nodes["result"].append(node)
+                height = DISK_HEIGHT + FLOOR
+                rings = [ring(bodies.shapes[b].placed(scene[b]), height) for b in shown]
+                self._lines("result", name, rings, colour, THIN)
 
     @staticmethod
     def _compared(result: LiveResult) -> list[int]:
@@ -183,16 +155,6 @@ class PlanView:
         before = result.before if result.before is not None else expected
         moved = _way(result.after, before) > MOVED
         return np.flatnonzero(moved | (_way(expected, before) > MOVED)).tolist()
-
-
-def error_text(result: LiveResult) -> str:
-    """Return how far off the predictions of a push were, in words; "": nobody predicted."""
-    parts = []
-    for name, scene in (("prediction", result.planned), ("physics", result.physics)):
-        error = largest_error(scene, result.after)
-        if np.isfinite(error):
-            parts.append(f"{name} {error:.1f} mm off")
-    return ", ".join(parts)
 
 
 def _way(scene: Scene, other: Scene) -> np.ndarray:

@@ -16,8 +16,8 @@ from sain_core.errors import BusyError
 from sain_live.settings import PageConfig, check_free, is_loopback
 
 TITLE: Final = "SAIN live"
-CAMERA: Final = (1.52, -0.72, 1.02)  # [m], in front of the table, to its right
-LOOK_AT: Final = (0.42, 0.02, 0.14)
+CAMERA: Final = (1.50, -0.80, 1.00)  # [m], in front of the table, to its right
+LOOK_AT: Final = (0.46, 0.0, 0.17)
 FIELD_OF_VIEW: Final = 0.72  # [rad]
 AMBIENT: Final = 0.3  # brightness of lights
 SKY: Final = 0.7

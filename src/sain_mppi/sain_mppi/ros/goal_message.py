@@ -13,7 +13,7 @@ from sain_mppi.search.poses import TOLERANCE, TURN_PER_METRE, BodyPose, PoseGoal
 
 
 def decode_task(message: Any) -> Task:
-    """Return what a ``Goal``, received or recorded, asks for: poses where it has some, else a place for the target.
+    """Return what a ``Goal``, received or recorded, asks for: poses, or a place for the target.
 
     Raises:
         SainError: NaN or Inf in a pose, too many poses, a tolerance that is not positive.
