@@ -7,8 +7,8 @@ dimensions that the message states and that every number is finite. The encoder 
 """
 
 from collections.abc import Sequence
-from math import prod
-from typing import Any
+from math import atan2, isfinite, prod
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Float
@@ -31,6 +31,10 @@ from sain_core.types import (
 )
 
 MIN_DISKS = 1
+UNIT: Final = 0.01  # by which the length of a quaternion may be off
+UPRIGHT: Final = 0.9  # cosine of the largest tilt of a body, 25 degrees
+Place = Float[ndarray, "3"]
+Turn = Float[ndarray, "4"]  # quaternion x y z w
 GOAL_POSE_FIELDS = ("x", "y", "heading", "tolerance", "heading_tolerance")
 
 
@@ -108,6 +112,44 @@ def decode_goal_poses(message: Any) -> tuple[Indices, ndarray]:
         row[:] = np.nan
         row[[GOAL_POSE_FIELDS.index(name) for name in named]] = given
     return np.array([pose.body for pose in poses], dtype=np.int64), values
+
+
+def decode_pose(message: Any, what: str) -> Float[ndarray, "3"]:
+    """Return x, y and heading (3,) of a ``Pose`` on the table; raises as the two that follow."""
+    place, turn = message.position, message.orientation
+    given = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
+    return flat_pose(*check_pose(*given, what), what)
+
+
+def check_pose(place: Sequence[float], turn: Sequence[float], what: str) -> tuple[Place, Turn]:
+    """Return a place (3,) [m] and a unit quaternion (4,).
+
+    Raises:
+        InvalidInputError: NaN, Inf, or a quaternion that is no rotation.
+    """
+    if not all(map(isfinite, (*place, *turn))):
+        raise InvalidInputError(f"{what} has a number that is NaN or Inf; all must be finite")
+    size = float(np.linalg.norm(turn))
+    if abs(size - 1.0) > UNIT:
+        raise InvalidInputError(
+            f"{what} has a quaternion of length {size:.3g}; it must be 1 (x y z w)"
+        )
+    return np.array(place), np.array(turn) / size
+
+
+def flat_pose(place: Place, turn: Turn, what: str) -> Float[ndarray, "3"]:
+    """Return x, y and heading (3,) of an upright body.
+
+    Raises:
+        InvalidInputError: its z axis does not point up.
+    """
+    x, y, z, w = turn.tolist()
+    upright = 1.0 - 2.0 * (x * x + y * y)
+    if upright < UPRIGHT:
+        tilt = np.degrees(np.arccos(np.clip(upright, -1.0, 1.0)))
+        raise InvalidInputError(f"{what} is tilted by {tilt:.0f} degrees; its z axis must point up")
+    heading = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return np.array([place[0], place[1], heading])
 
 
 def decode_plan(message: Any) -> tuple[Pushes, Scenes]:

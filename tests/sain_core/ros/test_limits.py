@@ -35,7 +35,7 @@ def framed(message):
         (LoadModel.Request(model=LONG), "model has 5000 characters; at most 4096"),
         (Rollout.Request(samples=2**20 + 1), "samples is 1048577; at most 1048576"),
         (Rollout.Request(horizon=2**32 - 1), "horizon is 4294967295; at most 1024"),
-        (Rollout.Request(past=5000), "past is 5000; at most 4096"),
+        (Rollout.Request(past=4096), "past is 4096; at most 200"),
     ],
 )
 def test_what_is_too_large_is_named_with_its_limit(message, text):

@@ -14,7 +14,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Goal, GoalPose, Plan
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.ros.mppi_node import MppiNode
+from sain_mppi.ros.mppi_node import MOST_SHAPES, MppiNode
 from sain_mppi.search.poses import BodyPose, PoseGoal
 from tests.rviz import shown
 from tests.sain_mppi.ros.straw import SMALL, nth_push, plan
@@ -105,9 +105,30 @@ def test_shapes_that_change_during_an_episode_are_ignored_and_reported(
     nth_push(graph, 1)
     shapes(Bodies.named(["l", "disk"], ["pushable", "fixed"]))
     warned(graph, "shapes of episode 1 are ignored: the shape of body 0 changed from t to l")
-    assert planner.bodies == (1, TEE)
-    shapes(Bodies.named(["l", "disk"]), episode_id=2)
-    graph.wait(lambda: planner.bodies[0] == 2, "the next episode")
+    assert planner.shapes == {1: TEE}
+
+
+def test_shapes_of_another_episode_change_nothing_until_its_scenes_come(
+    graph, straw, shapes, planner
+):
+    shapes(TEE)
+    straw.show(disks=SCENE)
+    graph.wait(lambda: planner.episode == 1, "the scene")
+    elsewhere = Bodies.named(["l", "disk"], ["pushable", "fixed"])
+    for episode in (*range(100, 100 + MOST_SHAPES), 7):
+        shapes(elsewhere, episode_id=episode)
+        graph.wait(lambda wanted=episode: wanted in planner.shapes, "the shapes")
+    assert len(planner.shapes) == MOST_SHAPES + 1  # and those of this episode
+    graph.aim_at(TURN, 1)
+    pushes, predicted = wire.decode_plan(plan(graph, push_id=nth_push(graph, 1).push_id))
+    expected = PlanarPrior().with_bodies(TEE).step(SCENE[None], pushes[:1])[0]
+    np.testing.assert_array_equal(predicted[0], expected)
+    straw.show(scene_id=2, episode_id=7, disks=SCENE)
+    graph.wait(lambda: graph.find("push", episode_id=7), "a push in the other episode")
+    other = plan(graph, push_id=graph.find("push", episode_id=7)[0].push_id)
+    pushes, predicted = wire.decode_plan(other)
+    expected = PlanarPrior().with_bodies(elsewhere).step(SCENE[None], pushes[:1])[0]
+    np.testing.assert_array_equal(predicted[0], expected)
 
 
 def test_a_scene_of_other_bodies_than_its_shapes_gets_no_push(graph, straw, shapes, planner):

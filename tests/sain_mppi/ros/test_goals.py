@@ -1,5 +1,7 @@
 """Goals as ROS users send them, each seen in the push that follows."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
@@ -102,8 +104,7 @@ def test_a_pose_from_rviz_moves_the_target(graph, straw, planner):
 def test_the_heading_of_a_pose_counts_for_a_body_that_has_one(graph, straw, planner):
     publisher = graph.bystander.create_publisher(PoseStamped, "goal_pose", 10)
     graph.wait(publisher.get_subscription_count, "who listens to poses")
-    planner.bodies = 1, Bodies.named(("box_3x2",))
-    planner.agent.meet(*planner.bodies)
+    planner.shapes[1] = Bodies.named(("box_3x2",))
     alone = START[:1].copy()
     straw.show(disks=alone)
     pose = Pose(position=Point(x=0.5, y=0.1), orientation=Quaternion(z=np.sin(0.2), w=np.cos(0.2)))
@@ -113,11 +114,37 @@ def test_the_heading_of_a_pose_counts_for_a_body_that_has_one(graph, straw, plan
     assert made.goal_turn == pytest.approx(0.4)
 
 
+@pytest.mark.parametrize(
+    ("turn", "text"),
+    [
+        ((0.0, 0.0, 0.0, 0.0), "quaternion of length 0; it must be 1"),
+        ((0.0, 0.0, 0.0, 2.0), "quaternion of length 2; it must be 1"),
+        ((0.5, 0.0, 0.0, 0.866), "is tilted by 60 degrees; its z axis must point up"),
+        ((1.0, 0.0, 0.0, 0.0), "is tilted by 180 degrees; its z axis must point up"),
+        ((0.0, 0.0, 0.0, np.nan), "has a number that is NaN or Inf; all must be finite"),
+    ],
+)
+def test_a_pose_that_no_body_on_the_table_has_is_refused(
+    graph, straw, planner, monkeypatch, turn, text
+):
+    said = []
+    monkeypatch.setattr(planner, "get_logger", lambda: SimpleNamespace(error=said.append))
+    publisher = graph.bystander.create_publisher(PoseStamped, "goal_pose", 10)
+    graph.wait(publisher.get_subscription_count, "who listens to poses")
+    straw.show()
+    pose = Pose(position=Point(x=GOAL[0], y=GOAL[1]))
+    pose.orientation = Quaternion(**dict(zip("xyzw", turn, strict=True)))
+    publisher.publish(PoseStamped(pose=pose))
+    graph.wait(lambda: said, "the refusal")
+    (line,) = said
+    assert line.startswith("a message on goal_pose is ignored: the goal pose ") and text in line
+    assert planner.agent._tracker.task is None
+
+
 @pytest.mark.parametrize("known", [True, False], ids=["shapes", "no shapes"])
 def test_a_place_means_the_only_body_of_a_scene(graph, straw, planner, client, known):
     if known:
-        planner.bodies = 1, Bodies.named(("t",))
-        planner.agent.meet(*planner.bodies)
+        planner.shapes[1] = Bodies.named(("t",))
     alone = START[:1].copy()
     straw.show(disks=alone)
     graph.aim((0.5, 0.1), 1)

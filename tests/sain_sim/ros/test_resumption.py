@@ -13,6 +13,7 @@ from sain_sim.ros.resumption import LeftEpisode
 from sain_sim.ros.sim_node import SimNode
 
 PUSH = (0.0, 0.0, 0.08)
+TIMELESS = '{"episode_id": 1, "scene_id": 1, "push": "", "untold": "", "time": 1e300}'
 
 
 def latest(graph):
@@ -124,10 +125,20 @@ def test_pushes_and_resets_before_all_listen_again(graph, left):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{}]", '{"reset": 1}', '{"reset": "AAAA", "episode_id": 1}', "[" * 10**6]
+    "text",
+    [
+        "",
+        "[]",
+        "{}]",
+        '{"episode_id": 1e400}',
+        TIMELESS,
+        '{"reset": 1}',
+        '{"reset": "AAAA", "episode_id": 1}',
+        "[" * 10**6,
+    ],
 )
 def test_a_damaged_file_is_refused(graph, tmp_path, text):
     path = tmp_path / "sim.json"
     path.write_text(text)
     with pytest.raises(DatasetError, match=r"is not the state of a node|is damaged"):
-        LeftEpisode.read(StateFile(graph.bystander, str(path)).read())
+        LeftEpisode.read(StateFile(graph.bystander, str(path)))

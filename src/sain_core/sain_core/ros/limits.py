@@ -45,7 +45,7 @@ COUNTS: Final = {
 }
 """Elements of an array; all others: `MOST_NUMBERS`."""
 
-VALUES: Final = {"samples": 2**20, "batch": 2**20, "horizon": 1024, "past": 4096}
+VALUES: Final = {"samples": 2**20, "batch": 2**20, "horizon": 1024, "past": 200}
 """Dimensions that a request states: K, B, H and P."""
 
 SEQUENCE: Final = re.compile(r"sequence<(.+?)(?:, \d+)?>")

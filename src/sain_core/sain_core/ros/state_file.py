@@ -3,8 +3,10 @@
 import base64
 import json
 import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
@@ -14,6 +16,8 @@ from sain_core.storage import PARTIAL
 from sain_core.untrusted.json_text import read_json
 
 M = TypeVar("M")
+MOST_ID: Final = 2**64 - 1  # in messages
+ANEW: Final = "remove it to begin anew"
 
 
 class StateFile:
@@ -39,17 +43,33 @@ class StateFile:
         """Return what was written last; nothing where there is none.
 
         Raises:
-            DatasetError: it is not such a file.
+            DatasetError: it is not such a file; with its path, why, and what to do.
         """
         if self._path is None or not self._path.exists():
             return {}
         try:
             state = read_json(self._path)
         except (OSError, UntrustedFileError) as error:
-            raise DatasetError(f"{self._path} is not the state of a node: {error}") from error
+            raise DatasetError(
+                f"{self._path} is not the state of a node: {error}; {ANEW}"
+            ) from error
         if not isinstance(state, dict):
-            raise DatasetError(f"{self._path} is not the state of a node")
+            raise DatasetError(f"{self._path} is not the state of a node: it is no object; {ANEW}")
         return state
+
+    @contextmanager
+    def decoding(self) -> Iterator[None]:
+        """Decode what was read within this.
+
+        Raises:
+            DatasetError: what is decoded is missing or of another kind; as from `read`.
+        """
+        try:
+            yield
+        except KeyError as error:
+            raise DatasetError(f"{self._path} is damaged: it has no {error}; {ANEW}") from error
+        except (DatasetError, OverflowError, TypeError, ValueError) as error:
+            raise DatasetError(f"{self._path} is damaged: {error}; {ANEW}") from error
 
     def write(self, **state: Any) -> None:
         """Replace the state by what JSON can hold; a full disk is reported, and stops nothing."""
@@ -66,6 +86,14 @@ class StateFile:
                 f" {error.strerror or error}",
                 throttle_duration_sec=10.0,
             )
+
+
+def id_in(state: Mapping[str, Any], name: str) -> int:
+    """Return an id or a count of a state; raises `ValueError` where it is none."""
+    value = int(state[name])
+    if not 0 <= value <= MOST_ID:
+        raise ValueError(f"{name} is {value}; allowed: 0 to {MOST_ID}")
+    return value
 
 
 def text_of(message: Any) -> str:

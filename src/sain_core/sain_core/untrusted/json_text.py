@@ -2,6 +2,7 @@
 
 import json
 import re
+from math import isinf
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,7 +35,7 @@ def parse_json(text: str) -> Any:
     limit("bytes", len(text), JSON_BYTES)
     limit("values", sum(text.count(sign) for sign in ",[{"), JSON_ITEMS)
     try:
-        content = json.loads(text, parse_int=_integer)
+        content = json.loads(text, parse_int=_integer, parse_float=_number)
     except RecursionError:
         raise too_deep() from None
     except UntrustedFileError:
@@ -51,6 +52,13 @@ def _integer(digits: str) -> int:
     if len(digits) > DIGITS:
         raise too_long(digits)
     return int(digits)
+
+
+def _number(digits: str) -> float:
+    number = float(digits)
+    if isinf(number):
+        raise UntrustedFileError(f"the number {digits[:DIGITS]} is too large for a double")
+    return number
 
 
 def _limit_depth(content: Any) -> None:

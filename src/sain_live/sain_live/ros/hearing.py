@@ -10,7 +10,7 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from sain_core import wire
-from sain_core.errors import ErrorCode
+from sain_core.errors import ErrorCode, InvalidInputError
 from sain_core.ros import codec
 from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies as CoreBodies
@@ -123,6 +123,9 @@ class Hearing:
             self._see(early)
 
     def _on_joints(self, message: JointState) -> None:
+        names, positions = len(message.name), len(message.position)
+        if names != positions:
+            raise InvalidInputError(f"{names} names and {positions} positions; allowed: as many")
         self._known.update(joints=dict(zip(message.name, message.position, strict=True)))
 
     def _on_description(self, message: String) -> None:

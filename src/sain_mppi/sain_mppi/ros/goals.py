@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import atan2
 from typing import Any, Final, NamedTuple, cast
 
 from geometry_msgs.msg import PoseStamped
@@ -14,7 +13,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from sain_core import wire
-from sain_core.errors import CancelledError, error_reply
+from sain_core.errors import CancelledError, InvalidInputError, error_reply
 from sain_core.push import push_ids
 from sain_core.ros.codec import WORLD_FRAME, encode_disks, header
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, RELIABLE, SERVICE
@@ -119,15 +118,13 @@ class Goals:
 
     def _on_pose(self, message: PoseStamped) -> None:
         if message.header.frame_id not in ("", WORLD_FRAME):
-            self._node.get_logger().error(
+            raise InvalidInputError(
                 f"the goal pose is in frame {message.header.frame_id!r}; allowed: {WORLD_FRAME!r}"
             )
-            return
-        goal = Goal(goal_id=next(self._ids), x=message.pose.position.x, y=message.pose.position.y)
+        x, y, heading = wire.decode_pose(message.pose, "the goal pose").tolist()
+        goal = Goal(goal_id=next(self._ids), x=x, y=y)
         body, turns = self._target()
         if turns:
-            turn = message.pose.orientation
-            heading = 2.0 * atan2(turn.z, turn.w)
             pose = GoalPose(body=body, x=goal.x, y=goal.y, heading=heading, has_heading=True)
             goal.poses = [pose]
         self._publish(goal)

@@ -20,7 +20,7 @@ from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.ownership import Ownership
 from sain_core.ros.parameters import LiveParameters, read_parameters
 from sain_core.ros.peers import Return, listeners
-from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
+from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE
 from sain_core.ros.reception import Reception, outcome
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
@@ -93,7 +93,7 @@ class MppiNode(Node):
         self.diagnostics = Diagnostics(self, "planning", more=lambda: reception.figures)
         reception.listen(SceneMessage, "scene", self._on_scene, RELIABLE, self._ignore_scene)
         reception.listen(PushResult, "push_result", self._on_result, QUEUE)
-        reception.listen(Bodies, "shapes", self._on_bodies, LATCHED, self._ignore_bodies)
+        reception.listen(Bodies, "shapes", self._on_bodies, LATCHED_QUEUE, self._ignore_bodies)
         if self.remote is not None:
             told = self.remote.on_diagnostics
             reception.listen(DiagnosticArray, "/diagnostics", told, RELIABLE)

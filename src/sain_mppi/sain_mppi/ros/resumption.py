@@ -4,8 +4,7 @@ from collections.abc import Iterable
 
 from rclpy.node import Node
 
-from sain_core.errors import DatasetError
-from sain_core.ros.state_file import StateFile, message_of, text_of
+from sain_core.ros.state_file import StateFile, id_in, message_of, text_of
 from sain_interfaces.msg import Goal, Plan, PushResult
 from sain_mppi.loop.memory import MOST_PUSHES
 
@@ -73,11 +72,9 @@ class Notes:
         state = self._file.read()
         if not state:
             return
-        try:
+        with self._file.decoding():
             self.goal = message_of(Goal, state["goal"]) if state["goal"] else None
-            self.pushes, self.plans = int(state["pushes"]), int(state["plans"])
+            self.pushes, self.plans = id_in(state, "pushes"), id_in(state, "plans")
             self.heard = [int(stamp) for stamp in state["heard"]]
             self.listeners = [str(name) for name in state["listeners"]]
             self.results = [message_of(PushResult, text) for text in state["results"]]
-        except (KeyError, TypeError, ValueError) as error:
-            raise DatasetError(f"the state of the planner is damaged: {error}") from error

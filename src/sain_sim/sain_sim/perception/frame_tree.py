@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, hypot, inf, isfinite
+from math import inf
 from typing import Final
 
 import numpy as np
@@ -10,14 +10,11 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError
+from sain_core.wire import Place, Turn, check_pose, flat_pose
 
 DEEPEST: Final = 32  # frames from a body to the world
 MOST_FRAMES: Final = 1000
 TOGETHER: Final = 1.0  # [s], within which a frame may not have two parents
-UNIT: Final = 0.01  # by which the length of a quaternion may be off
-UPRIGHT: Final = 0.9  # cosine of the largest tilt of a body, 25 degrees
-Place = Float[ndarray, "3"]
-Turn = Float[ndarray, "4"]  # quaternion x y z w
 
 
 @dataclass(frozen=True)
@@ -80,39 +77,6 @@ class FrameTree:
             place = link.place + _rotated(link.turn, place)
             turn, stamp, name = _product(link.turn, turn), min(stamp, link.stamp), link.parent
         raise InvalidInputError(f"frame {frame!r} is in a circle of frames on /tf")
-
-
-def check_pose(place: Sequence[float], turn: Sequence[float], what: str) -> tuple[Place, Turn]:
-    """Return a place (3,) [m] and a unit quaternion (4,).
-
-    Raises:
-        InvalidInputError: NaN, Inf, or a quaternion that is no rotation.
-    """
-    if not all(map(isfinite, (*place, *turn))):
-        raise InvalidInputError(f"{what} has a number that is NaN or Inf; all must be finite")
-    size = float(np.linalg.norm(turn))
-    if abs(size - 1.0) > UNIT:
-        raise InvalidInputError(
-            f"{what} has a quaternion of length {size:.3g}; it must be 1 (x y z w)"
-        )
-    return np.array(place), np.array(turn) / size
-
-
-def flat_pose(place: Place, turn: Turn, what: str) -> Float[ndarray, "3"]:
-    """Return x, y and heading (3,) of an upright body.
-
-    Raises:
-        InvalidInputError: its z axis does not point up.
-    """
-    x, y, z, w = turn.tolist()
-    upright = 1.0 - 2.0 * (x * x + y * y)
-    if upright < UPRIGHT:
-        tilt = np.degrees(np.arccos(np.clip(upright, -1.0, 1.0)))
-        raise InvalidInputError(f"{what} is tilted by {tilt:.0f} degrees; its z axis must point up")
-    size = hypot(w, z)
-    assert size > 0.0
-    heading = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return np.array([place[0], place[1], heading])
 
 
 def _product(first: Turn, second: Turn) -> Turn:

@@ -10,7 +10,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from tf2_msgs.msg import TFMessage
 
-from sain_core.errors import ConfigError, DatasetError, InvalidInputError
+from sain_core import wire
+from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.limits import shortened
@@ -21,13 +22,13 @@ from sain_core.ros.parameters import read_parameters
 from sain_core.ros.peers import publishers
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS
 from sain_core.ros.reception import Reception
-from sain_core.ros.state_file import StateFile
+from sain_core.ros.state_file import StateFile, id_in
 from sain_core.ros.steady import steady_timer
 from sain_core.scene import Table
 from sain_interfaces.msg import Bodies, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_sim.perception.body_file import Poses, read_bodies
-from sain_sim.perception.frame_tree import FrameTree, check_pose, flat_pose
+from sain_sim.perception.frame_tree import FrameTree
 from sain_sim.perception.scene_tracker import SceneTracker
 from sain_sim.perception.settings import PosesConfig
 from sain_sim.ros.markers import table_markers
@@ -69,11 +70,10 @@ class PosesNode(Node):
 
     def _ids_left(self) -> tuple[int, int]:
         """Return the ids of the process before; 0: there was none."""
-        left = self.state.read()
-        try:
-            return int(left.get("episode_id", 0)), int(left.get("scene_id", 0))
-        except (TypeError, ValueError) as error:
-            raise DatasetError(f"{self.state} is damaged: {error}; remove it") from error
+        if not (left := self.state.read()):
+            return 0, 0
+        with self.state.decoding():
+            return id_in(left, "episode_id"), id_in(left, "scene_id")
 
     def _listen(self) -> None:
         self.reception = reception = Reception(self)
@@ -108,12 +108,10 @@ class PosesNode(Node):
                 f"the poses are in frame {message.header.frame_id!r}; they must be in"
                 f" {self.config.frame!r}"
             )
-        rows = []
-        for body, pose in enumerate(message.poses):
-            place, turn = pose.position, pose.orientation
-            given = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
-            what = f"the pose of body {body}"
-            rows.append(flat_pose(*check_pose(*given, what), what))
+        rows = [
+            wire.decode_pose(pose, f"the pose of body {body}")
+            for body, pose in enumerate(message.poses)
+        ]
         self._see(np.array(rows).reshape(-1, 3), codec.decode_time(message.header.stamp))
 
     def _on_tf(self, message: TFMessage, static: bool = False) -> None:

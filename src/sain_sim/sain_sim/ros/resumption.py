@@ -1,18 +1,17 @@
 """What a simulator keeps of its episode, so that another process goes on where it crashed."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Final
 
 from rclpy.node import Node
 
-from sain_core.errors import DatasetError
 from sain_core.ros.peers import Return, listeners
-from sain_core.ros.state_file import StateFile, message_of, text_of
+from sain_core.ros.state_file import StateFile, id_in, message_of, text_of
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene
 
 HEARD: Final = "push_result"  # by all who follow an episode
+LATEST: Final = 2.0**31 - 1e5  # [s], simulated: stamps hold 32 bits
 LOST_TIME: Final = 60.0  # [s], simulated: the clock had gone on, and never goes back
 
 
@@ -27,6 +26,7 @@ class LeftEpisode:
         time: simulated [s].
         push: the one that was under way; None: there was none.
         untold: the result that led to the scene, until it is published; None: it was.
+        listeners: the nodes that hear the simulator.
     """
 
     reset: ResetScene.Request
@@ -35,9 +35,10 @@ class LeftEpisode:
     time: float
     push: Push | None = None
     untold: PushResult | None = None
+    listeners: tuple[str, ...] = ()
 
-    def write(self, file: StateFile, listeners: Sequence[str]) -> None:
-        """Replace what a file holds; with the nodes that hear the simulator."""
+    def write(self, file: StateFile) -> None:
+        """Replace what a file holds."""
         file.write(
             reset=text_of(self.reset),
             episode_id=self.episode_id,
@@ -45,26 +46,28 @@ class LeftEpisode:
             time=self.time,
             push="" if self.push is None else text_of(self.push),
             untold="" if self.untold is None else text_of(self.untold),
-            listeners=listeners,
+            listeners=self.listeners,
         )
 
     @classmethod
-    def read(cls, state: Mapping[str, Any]) -> "LeftEpisode | None":
+    def read(cls, file: StateFile) -> "LeftEpisode | None":
         """Return what a file holds; None: nothing.
 
         Raises:
             DatasetError: it is damaged.
         """
-        if not state:
+        if not (state := file.read()):
             return None
-        try:
-            ids = int(state["episode_id"]), int(state["scene_id"])
+        with file.decoding():
+            ids = id_in(state, "episode_id"), id_in(state, "scene_id")
             push = message_of(Push, state["push"]) if state["push"] else None
             untold = message_of(PushResult, state["untold"]) if state["untold"] else None
             reset = message_of(ResetScene.Request, state["reset"])
-            return cls(reset, *ids, float(state["time"]), push, untold)
-        except (KeyError, TypeError, ValueError) as error:
-            raise DatasetError(f"the state of the simulator is damaged: {error!r}") from error
+            time = float(state["time"])
+            if not 0.0 <= time < LATEST:
+                raise ValueError(f"time is {time} s; allowed: 0 to {LATEST:.0f} s")
+            listeners = tuple(str(name) for name in state.get("listeners", ()))
+            return cls(reset, *ids, time, push, untold, listeners)
 
 
 class Resumption:
@@ -83,10 +86,9 @@ class Resumption:
         """
         self._node = node
         self._file = StateFile(node, path)
-        state = self._file.read()
-        self.left = LeftEpisode.read(state)
+        self.left = LeftEpisode.read(self._file)
         self.waits = self.left is not None
-        self._listeners = [str(name) for name in state.get("listeners", ())]
+        self._listeners = () if self.left is None else self.left.listeners
         self._moment: LeftEpisode | None = None  # the latest that was kept
         self._back = Return(node, HEARD, self._listeners)
 
@@ -107,8 +109,8 @@ class Resumption:
 
     def keep(self, moment: LeftEpisode) -> None:
         """Replace the state."""
-        self._moment = moment
-        moment.write(self._file, self._listeners)
+        self._moment = replace(moment, listeners=self._listeners)
+        self._moment.write(self._file)
 
     def all_listen(self) -> bool:
         """Tell whether all who listened before a crash listen again, or have had their time."""
@@ -116,8 +118,9 @@ class Resumption:
 
     def look_around(self) -> None:
         """Note who listens, at once: before the first reset nothing else may be noted."""
-        if not self.keeps or (found := sorted(listeners(self._node, HEARD))) == self._listeners:
+        found = tuple(sorted(listeners(self._node, HEARD))) if self.keeps else self._listeners
+        if found == self._listeners:
             return
         self._listeners = found
         if self._moment is not None:
-            self._moment.write(self._file, self._listeners)
+            self.keep(self._moment)
