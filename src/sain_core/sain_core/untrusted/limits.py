@@ -25,7 +25,7 @@ PIECE_BYTES: Final = 128 * MIB  # of one chunk, record or message
 PIECE_RECORDS: Final = 5_000_000  # the smallest messages of a piece are 4.3 million
 
 # Bags
-FREE_MESSAGES: Final = 2_000_000  # of any file; `FREE_BYTES` have room for so many
+FREE_MESSAGES: Final = 500_000  # of any file
 BYTES_A_MESSAGE: Final = 8  # of the file, for each more: its index alone has 16
 SUMMARY_BYTES: Final = 64 * MIB
 TOPICS: Final = 10_000
