@@ -30,9 +30,9 @@ def run(options: PlayOptions, console: Console) -> None:
     console.print(f"{state} {played.messages:,} messages{late}", highlight=False)
 
 
-def play_bag(options: PlayOptions, console: Console, watch: StopSignal | None = None) -> Played:
-    """Play a bag until it ends or `watch` notes a signal; rclpy is initialised. Raises as `run`."""
-    watch, bag = watch or StopSignal(), Bag(options.bag)
+def play_bag(options: PlayOptions, console: Console) -> Played:
+    """Play a bag until it ends or a signal comes; rclpy is initialised. Raises as `run`."""
+    watch, bag = StopSignal(), Bag(options.bag)
     chosen = choose_topics(bag, options.topics, options.passage.clock > 0.0)
     player = Player(chosen, options.namespace)
     try:

@@ -28,11 +28,11 @@ class PlayingView:
         self._chapter: Chapter | None = None
         self._text = gui.add_html("")
         titles = tuple(chapter.title for chapter in player.recording.chapters)
-        self._title = gui.add_dropdown("episode", titles)
+        self._title: Any = gui.add_dropdown("episode", titles)
         self._buttons = gui.add_button_group("steps", (PREVIOUS, NEXT))
         self._play = gui.add_button(PAUSE, icon=viser.Icon.PLAYER_PAUSE)
-        self._time = gui.add_slider("time [s]", 0.0, 1.0, STEP, 0.0, hint="of the episode")
-        self._push = gui.add_slider("push", 0, 1, 1, 0, hint="at its end; 0: the start")
+        self._time: Any = gui.add_slider("time [s]", 0.0, 1.0, STEP, 0.0, hint="of the episode")
+        self._push: Any = gui.add_slider("push", 0, 1, 1, 0, hint="at its end; 0: the start")
         speeds = sorted({*SPEEDS, player.speed})
         names = {f"{speed:g}": speed for speed in speeds}
         self._speed = gui.add_dropdown(

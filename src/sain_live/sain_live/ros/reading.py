@@ -13,7 +13,7 @@ from sain_bags.report.titles import EpisodePart, episode_titles
 from sain_core.errors import DatasetError, ErrorCode
 from sain_live.recording import Chapter, Moment, Recording
 from sain_live.ros.hearing import Hearing, Take
-from sain_live.state import Kind, LiveState
+from sain_live.state import Kind, LiveState, LogLine
 
 SHOWN: Final = (
     "bodies", "scene", "aim", "joints", "curves", "phase", "why", "pushes", "model", "engine",
@@ -72,7 +72,9 @@ def read_recording(path: Path) -> Recording:
         DatasetError: damaged, or without scenes.
     """
     bag = Bag(path)
-    parts, drafts, arms, log = [], [], [], []
+    drafts: list[_Draft] = []
+    log: list[LogLine] = []
+    parts, arms = [], []
     for namespace in graphs(bag):
         reader = _Reader(bag, namespace, len(log))
         found = reader.read()
