@@ -12,13 +12,16 @@ from rich.console import Console
 
 from sain_bags.transitions.recorded_episodes import Episode
 from sain_bags.transitions.recorded_pushes import PlanRecord, RecordedPush
+from sain_bringup import movie
 from sain_bringup.display import Display, EpisodeView
-from sain_bringup.movie import Moment, MovieConfig, choose_moments, encode_gif, film
+from sain_bringup.movie import Film, Moment, MovieConfig, Scenery, choose_moments, encode_gif
 from sain_bringup.options import EpisodePlan
 from sain_bringup.report import PlayedEpisode, summary_table
 from sain_bringup.results import choose_episode, draw_pictures
 from sain_core.scene import make_scene
 from sain_core.types import Scene
+from sain_core.workers.processes import ProcessPool
+from sain_core.workers.work import Work
 
 GOAL = np.array([0.60, 0.0])
 
@@ -135,14 +138,25 @@ def test_a_long_episode_is_shown_faster() -> None:
 class FakeRenderer:
     """Draws a red square as far right as the first joint says; some cameras see no target."""
 
-    def __init__(self, blind: int) -> None:
-        self.blind, self.used, self.pixels = blind, [], (1, 1)
+    def __init__(self, blind: int, used: list[float]) -> None:
+        self.blind, self.used, self.pixels = blind, used, (1, 1)
+
+    def __enter__(self) -> "FakeRenderer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        pass
 
     def eyes(self, pairs: list, goal: np.ndarray, ring: float) -> np.ndarray:
+        assert len(pairs) == 5
         return np.arange(12.0).reshape(4, 3)
 
     def look_from(self, eye: np.ndarray) -> None:
-        self.used.append(eye[0])
+        if self.used[-1:] != [eye[0]]:
+            self.used.append(eye[0])
 
     def picture(
         self, joints: np.ndarray, disks: Scene, goal: np.ndarray, ring: float
@@ -153,28 +167,64 @@ class FakeRenderer:
         return picture
 
 
-def filmed(renderer: FakeRenderer) -> list[Image.Image]:
-    return film(renderer, moments(5, 0.1), GOAL, 0.08, 0.27, "paper 4", lambda _: None)
+class InProcess(ProcessPool):
+    """A pool whose workers are this process."""
+
+    def __init__(self, size: int, work: Work) -> None:
+        self.size, self.runners = size, [work.start() for _ in range(size)]
+        self.done: list = []
+
+    def begin(self, number: int, job: object) -> None:
+        self.done.insert(0, (number, self.runners[number].run(job)))
+
+    def finished(self) -> list:
+        return [self.done.pop()]
+
+    def close(self) -> None:
+        pass
 
 
-def test_a_camera_that_hides_the_target_is_moved() -> None:
-    for blind, used in ((0, [0]), (1, [0, 3]), (2, [0, 3, 6]), (99, [0, 3, 6, 0])):
-        renderer = FakeRenderer(blind)
-        assert len(filmed(renderer)) == 5
-        assert renderer.used == used
+def filmed(
+    monkeypatch: pytest.MonkeyPatch, blind: int = 0
+) -> tuple[list[Image.Image], list[float]]:
+    used: list[float] = []
+    monkeypatch.setattr(movie, "ProcessPool", InProcess)
+    monkeypatch.setattr(movie.Scenery, "renderer", lambda _: FakeRenderer(blind, used))
+    scenery = Scenery(scene(0.4), None, None, GOAL, 0.08, 0.27, "paper 4", MovieConfig())
+    return Film(scenery, moments(5, 0.1), processes=2).frames(), used
 
 
-def test_the_gif_moves_and_ends_with_a_pause() -> None:
-    frames = filmed(FakeRenderer(0))
+def test_a_camera_that_hides_the_target_is_moved(monkeypatch: pytest.MonkeyPatch) -> None:
+    for blind, expected in ((0, [0]), (1, [0, 3]), (2, [0, 3, 6]), (99, [0, 3, 6, 0])):
+        frames, used = filmed(monkeypatch, blind)
+        assert len(frames) == 5
+        assert used == expected
+
+
+def test_a_film_rendered_by_several_processes_is_that_of_one() -> None:
+    config = MovieConfig(width=64, height=64)
+    scenery = Scenery(scene(0.5), None, None, GOAL, 0.08, 0.27, "paper 4", config)
+    bent = np.array([0.0, 0.3, 0.0, -2.0, 0.0, 2.3, 0.8])
+    shown = [replace(one, joints=bent + 0.05 * one.time) for one in moments(3, 1.0)]
+    films = [Film(scenery, shown, processes) for processes in (1, 2)]
+    alone, together = ([np.array(frame) for frame in film.frames()] for film in films)
+    for film in films:
+        film.close()
+    np.testing.assert_array_equal(alone, together)
+    assert (alone[0] != alone[2]).any()
+
+
+def test_the_gif_moves_and_ends_with_a_pause(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames, _ = filmed(monkeypatch)
     config = MovieConfig(rate=10.0, hold=1.0)
-    with Image.open(BytesIO(encode_gif(frames, config))) as movie:
-        assert movie.n_frames == 5
-        assert movie.size == (128, 96)
-        assert movie.info["duration"] == 100
-        red = np.array(movie.convert("RGB")).reshape(-1, 3)
-        movie.seek(4)
-        assert movie.info["duration"] == 1100
-        last = np.array(movie.convert("RGB"))
+    with Image.open(BytesIO(encode_gif(frames, config))) as shown:
+        assert shown.n_frames == 5
+        assert shown.size == (128, 96)
+        assert shown.info["duration"] == 100
+        red = np.array(shown.convert("RGB")).reshape(-1, 3)
+        shown.seek(4)
+        assert shown.info["duration"] == 1100
+        last = np.array(shown.convert("RGB"))
     assert (np.abs(red.astype(int) - (200, 60, 30)).sum(axis=1) < 40).any()
     assert np.abs(last[50, 36].astype(int) - (200, 60, 30)).sum() < 40
 

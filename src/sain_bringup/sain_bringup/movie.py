@@ -4,10 +4,13 @@ The arm's joints and the disks come from the bag and nothing is simulated again:
 is what happened.
 """
 
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, Final
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -21,6 +24,8 @@ from sain_bringup.options import NAMESPACE_KEY
 from sain_core.config import Config, option
 from sain_core.types import Points, Scene
 from sain_core.wire import decode_disks
+from sain_core.workers.processes import ProcessPool
+from sain_core.workers.work import Software, Work
 
 if TYPE_CHECKING:
     from sain_sim.rendering.render import Renderer  # takes a second to load
@@ -32,6 +37,7 @@ RING: Final = (26, 158, 102)  # the goal's, as `sain_sim.rendering.render` draws
 RARE: Final = (GREEN, RING, INK)
 SWATCH: Final = 40  # [px], rows that a rare colour gets in the sheet for the palette
 MARGIN: Final = 16  # [px]
+MOST_PROCESSES: Final = 8
 VIEWS: Final = 3  # cameras that are tried until one shows target and goal in every picture
 PALETTE_SAMPLES: Final = 8  # frames that the common palette is made from
 
@@ -102,33 +108,105 @@ def choose_moments(moments: Sequence[Moment], config: MovieConfig) -> list[Momen
     return [moments[index] for index in dict.fromkeys(nearest.tolist())]
 
 
-def film(
-    renderer: "Renderer",
-    moments: Sequence[Moment],
-    goal: Points,
-    ring: float,
-    tolerance: float,
-    title: str,
-    status: Callable[[str], object],
-) -> list[Image.Image]:
-    """Render moments from a camera that stands where no picture hides the target or the goal.
+@dataclass(frozen=True)
+class Scenery:
+    """What all pictures of a film have in common."""
 
-    A ring of this radius [m] is drawn about the goal (2,), the title on each picture. `status` is
-    called with a line about the progress.
+    start: Scene  # (N, 8)
+    shapes: tuple[str, ...] | None
+    outline: Points | None  # (C, 2) [m], of the first body in its goal; None: a ring is drawn
+    goal: Points  # (2,) [m]
+    ring: float  # [m], radius
+    tolerance: float  # [m]
+    title: str  # on each picture
+    config: MovieConfig
+
+    def renderer(self) -> "Renderer":
+        """Return what renders the pictures."""
+        from sain_sim.rendering.render import CameraConfig, Renderer
+
+        camera = CameraConfig(width=self.config.width, height=self.config.height)
+        renderer = Renderer(self.start, self.shapes, camera)
+        if self.outline is not None:
+            renderer.mark_goal(self.outline)
+        return renderer
+
+
+class Part(NamedTuple):
+    """Moments of a film, seen from one place.
+
+    Attributes:
+        whatever: pictures that hide the target or the goal count, too.
     """
-    eyes = renderer.eyes([(moment.joints, moment.scene) for moment in moments], goal, ring)
-    for last, eye in [*((False, eye) for eye in eyes[:VIEWS]), (True, eyes[0])]:
-        renderer.look_from(eye)
-        frames: list[Image.Image] = []
-        for moment in moments:
-            picture = renderer.picture(moment.joints, moment.scene, goal, ring)
-            if not (last or all(renderer.pixels)):
-                break  # to the next camera
-            frames.append(_caption(picture, title, moment.distance, tolerance))
-            status(f"rendering the moving picture, {len(frames)} of {len(moments)}")
-        else:
-            return frames
-    raise AssertionError("the last camera shows all moments")
+
+    moments: Sequence[Moment]
+    eye: Float[ndarray, "3"]  # [m]
+    whatever: bool
+
+
+class Camera:
+    """Renders parts of a film, in a process of its own."""
+
+    def __init__(self, scenery: Scenery) -> None:
+        """Build what is to be seen."""
+        self._scenery, self._renderer = scenery, scenery.renderer()
+
+    def run(self, part: Part) -> list[Image.Image] | None:
+        """Return the pictures of a part; None where one hides the target or the goal."""
+        scenery, renderer = self._scenery, self._renderer
+        renderer.look_from(part.eye)
+        frames = []
+        for moment in part.moments:
+            picture = renderer.picture(moment.joints, moment.scene, scenery.goal, scenery.ring)
+            if not (part.whatever or all(renderer.pixels)):
+                return None
+            frames.append(_caption(picture, scenery.title, moment.distance, scenery.tolerance))
+        return frames
+
+    def close(self) -> None:
+        """Close the renderer."""
+        self._renderer.close()
+
+
+class Film:
+    """The pictures of an episode, rendered on all cores as soon as this is made.
+
+    The camera stands where no picture hides the target or the goal, or else in the best place.
+    """
+
+    def __init__(self, scenery: Scenery, moments: Sequence[Moment], processes: int = 0) -> None:
+        """Begin to render in so many processes; 0: one for each core."""
+        with scenery.renderer() as renderer:
+            seen = [(moment.joints, moment.scene) for moment in moments]
+            eyes = renderer.eyes(seen, scenery.goal, scenery.ring)
+        self._views = [*((eye, False) for eye in eyes[:VIEWS]), (eyes[0], True)]
+        size = min(processes or len(os.sched_getaffinity(0)), MOST_PROCESSES, len(moments))
+        ends = np.linspace(0, len(moments), size + 1).astype(int).tolist()
+        self._parts = [moments[first:last] for first, last in pairwise(ends)]
+        nothing = Software((), ())  # that the pictures must agree with
+        work = Work(partial(Camera, scenery), nothing, lambda part: "the film", goes_on=False)
+        self._pool: ProcessPool[Part, list[Image.Image] | None] = ProcessPool(size, work)
+        self._begin()
+
+    def _begin(self) -> None:
+        eye, whatever = self._views.pop(0)
+        for number, moments in enumerate(self._parts):
+            self._pool.begin(number, Part(moments, eye, whatever))
+
+    def frames(self) -> list[Image.Image]:
+        """Wait for the pictures and return them."""
+        while True:
+            done: dict[int, list[Image.Image] | None] = {}
+            while len(done) < len(self._parts):
+                done.update(self._pool.finished())
+            parts = [done[number] for number in sorted(done)]
+            if None not in parts:
+                return [frame for part in parts if part is not None for frame in part]
+            self._begin()  # from the next place; from the last one, all pictures count
+
+    def close(self) -> None:
+        """End the processes, also in the middle of the work."""
+        self._pool.close()
 
 
 def encode_gif(frames: Sequence[Image.Image], config: MovieConfig) -> bytes:

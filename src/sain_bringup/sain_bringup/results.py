@@ -1,5 +1,6 @@
 """What a run leaves behind: summary, pictures and a page, all made from the bag."""
 
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 from sain_bags.reading.reader import Bag
@@ -7,11 +8,12 @@ from sain_bags.report.content import read_content
 from sain_bags.report.writing import write_page
 from sain_bringup.display import Display
 from sain_bringup.movie import (
+    Film,
     MovieConfig,
+    Scenery,
     choose_moments,
     encode_gif,
     episode_moments,
-    film,
 )
 from sain_bringup.report import PlayedEpisode, played_episodes, summary_table, write_summary
 from sain_core.scene import RADIUS
@@ -39,14 +41,19 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
         played = played_episodes(bag)
         summaries = tuple(episode.summary() for episode in played)
         write_summary(folder / "summary.json", bag, summaries)
-    with display.stage("drawing the episodes", "episodes drawn"):
-        draw_pictures(folder, played)
-        write_page(folder / "report.html", read_content(bag).data)
-    if video and played and not is_installed(BULLET):
-        display.console.print(f"  no moving picture: it {needs(BULLET)}", soft_wrap=True)
-    elif video and played:
-        with display.stage("rendering the moving picture", "moving picture rendered"):
-            render_movie(folder / "closed_loop.gif", bag, choose_episode(played), display)
+    with ExitStack() as rendering:
+        film = None
+        if video and played and not is_installed(BULLET):
+            display.console.print(f"  no moving picture: it {needs(BULLET)}", soft_wrap=True)
+        elif video and played:
+            film = rendering.enter_context(closing(begin_film(bag, choose_episode(played))))
+        with display.stage("drawing the episodes", "episodes drawn"):
+            draw_pictures(folder, played)
+            write_page(folder / "report.html", read_content(bag).data)
+        if film is not None:
+            with display.stage("rendering the moving picture", "moving picture rendered"):
+                gif = encode_gif(film.frames(), MovieConfig())
+                write_whole(folder / "closed_loop.gif", gif)
     display.console.print()
     display.console.print(summary_table(summaries), soft_wrap=True)
     display.console.print("\nWritten, to be opened in this order:")
@@ -87,25 +94,16 @@ def choose_episode(played: tuple[PlayedEpisode, ...]) -> PlayedEpisode:
     return max(played, key=charm)
 
 
-def render_movie(
-    path: Path, bag: Bag, one: PlayedEpisode, display: Display, config: MovieConfig | None = None
-) -> Path:
-    """Render one episode from its recording as an animated GIF."""
-    from sain_sim.rendering.render import CameraConfig, Renderer  # takes a second to load
-
-    config = config or MovieConfig()
+def begin_film(bag: Bag, one: PlayedEpisode, config: MovieConfig = MovieConfig()) -> Film:
+    """Begin to render one episode from its recording."""
     one = one.last_part()
-    moments = choose_moments(episode_moments(bag, one.episode), config)
-    camera = CameraConfig(width=config.width, height=config.height)
     goal, tolerance = one.episode.goal, one.episode.tolerance
     assert goal is not None
     # The target has reached the goal when it lies wholly inside the ring.
     ring = float(one.episode.start[one.episode.aimed, RADIUS]) + tolerance
-    with Renderer(one.episode.start, one.record().shapes or None, camera) as renderer:
-        if (corners := _goal_outline(one)) is not None:
-            renderer.mark_goal(corners)
-        frames = film(renderer, moments, goal, ring, tolerance, one.title, display.status)
-    return write_whole(path, encode_gif(frames, config))
+    shapes, outline = one.record().shapes or None, _goal_outline(one)
+    scenery = Scenery(one.episode.start, shapes, outline, goal, ring, tolerance, one.title, config)
+    return Film(scenery, choose_moments(episode_moments(bag, one.episode), config))
 
 
 def _goal_outline(one: PlayedEpisode) -> Points | None:
