@@ -4,15 +4,19 @@ who hears a node: one that goes on after a crash waits for them, or they would m
 
 import time
 from collections.abc import Iterable
-from typing import Final
+from typing import Any, Final
 
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from sain_core.errors import BusyError
+from sain_core.ros.qos import LATCHED
+from sain_core.ros.steady import steady_timer
 
 POLL_S: Final = 0.05
 PATIENCE: Final = 10.0  # [s], for listeners that may be gone for good
+LATE: Final = 0.5  # [s] between looks for who is new, and from then on until he is told
 ANYONE: Final = "anyone"
 NAME_WAIT_S: Final = 2.0  # for the name of a node whose publisher was discovered before
 
@@ -109,3 +113,45 @@ class Return:
                 self._node.get_logger().warning(f"goes on without {names}, who listened before")
                 self._missing.clear()
         return not self._missing
+
+
+class LatchedTopic:
+    """A latched topic that also those hear who did not ask for what was latched.
+
+    A subscriber with ROS's default durability (volatile) that joins late hears nothing; so does
+    ``ros2 topic echo --qos-reliability best_effort``. For such a one the last message is published
+    again, once, with the same stamp. Make and call this on the executor's thread.
+    """
+
+    def __init__(self, node: Node, kind: type, topic: str) -> None:
+        """Create the publisher."""
+        self._node = node
+        self._publisher = node.create_publisher(kind, topic, LATCHED)
+        self._last: Any = None
+        self._count = 0
+        self._told: set[bytes] = set()
+        self._new: set[bytes] = set()
+        steady_timer(node, LATE, self._look)
+
+    def publish(self, message: Any) -> None:
+        """Publish a message, which whoever joins later hears, too."""
+        self._last = message
+        self._told = self._volatile()
+        self._publisher.publish(message)
+
+    def _look(self) -> None:
+        """Look for new subscribers; who was new the last time has found this publisher by now."""
+        if self._new:
+            self._told |= self._new
+            self._new = set()
+            self._publisher.publish(self._last)
+        count = self._publisher.get_subscription_count()
+        if count != self._count and self._last is not None:
+            self._count = count
+            self._new = self._volatile() - self._told
+
+    def _volatile(self) -> set[bytes]:
+        """Return who hears only what is published from now on; to find that costs some ms."""
+        found = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        volatile = DurabilityPolicy.VOLATILE
+        return {bytes(one.endpoint_gid) for one in found if one.qos_profile.durability == volatile}

@@ -6,6 +6,7 @@ from itertools import count
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
@@ -73,6 +74,7 @@ class MppiNode(Node):
         self.plan_ids = count(self.notes.plans + 1)
         self.episode = 0  # of the latest scene
         self.shapes: dict[int, CoreBodies] = {}  # of this episode and others, by episode
+        self.shapes_stamp = Time()  # of the latest
         self.early: list[SceneMessage] = []  # of an episode whose shapes are not known yet
         self._offer()
         self._resume()
@@ -160,10 +162,13 @@ class MppiNode(Node):
 
     def _on_bodies(self, message: Bodies) -> None:
         bodies, episode = decode_bodies(message), message.episode_id
+        again = self.shapes_stamp == message.header.stamp != Time()  # for somebody who came late
+        self.shapes_stamp = message.header.stamp
         if episode == self.episode and episode in self.shapes:
             check_unchanged(self.shapes[episode], bodies)
             # They are told at the start of an episode, and of a process that goes on with it.
-            self.agent.world_restarted(codec.decode_time(message.header.stamp))
+            if not again:
+                self.agent.world_restarted(codec.decode_time(message.header.stamp))
         else:  # whose scenes come, if any: not every publisher is the simulator
             self.shapes.pop(episode, None)
             for other in [one for one in self.shapes if one != self.episode][: 1 - MOST_SHAPES]:

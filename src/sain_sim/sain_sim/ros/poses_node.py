@@ -19,8 +19,8 @@ from sain_core.ros.markers import MarkerBoard
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.ownership import Ownership
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.peers import publishers
-from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS
+from sain_core.ros.peers import LatchedTopic, publishers
+from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS
 from sain_core.ros.reception import Reception
 from sain_core.ros.state_file import StateFile, id_in
 from sain_core.ros.steady import steady_timer
@@ -58,7 +58,7 @@ class PosesNode(Node):
         self.tracker = SceneTracker(self.bodies, config, ids)
         self.kept, self.trouble, self.rival = ids, "", ""
         self.last: SceneMessage | None = None
-        self.shapes_publisher = self.create_publisher(Bodies, "shapes", LATCHED)
+        self.shapes_publisher = LatchedTopic(self, Bodies, "shapes")
         self.scene_publisher = self.create_publisher(SceneMessage, "scene", RELIABLE)
         self.markers = MarkerBoard(self, "markers")
         self._listen()

@@ -10,6 +10,7 @@ from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.ros import codec
 from sain_core.ros.limits import shortened
 from sain_core.ros.markers import MarkerBoard
+from sain_core.ros.peers import LatchedTopic
 from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
 from sain_core.scene import is_settled
 from sain_core.types import Scene
@@ -32,7 +33,7 @@ class Publishing:
         self._session = session
         self._clock = node.create_publisher(Clock, "/clock", RELIABLE)
         # Before the scene's: a planner that sees scenes can see that there are shapes to wait for.
-        self._shapes = node.create_publisher(Bodies, "shapes", LATCHED)
+        self._shapes = LatchedTopic(node, Bodies, "shapes")
         self._scene = node.create_publisher(SceneMessage, "scene", RELIABLE)
         self._result = node.create_publisher(PushResult, "push_result", QUEUE)
         self._prediction = node.create_publisher(PushPrediction, "physics_prediction", RELIABLE)
