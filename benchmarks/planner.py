@@ -241,9 +241,9 @@ def print_memory(model: str) -> None:
     """Print by how much [MB] a large plan raises the peak over what is held before it."""
     case, sain = problem(), load_dynamics(model)
     usual = PlannerConfig(horizon=HORIZON, stop_share=0.0)
-    plan_again(Planner(sain, replace(usual, samples=64)), case)  # type: ignore[arg-type]
+    plan_again(Planner(sain, replace(usual, samples=64)), case)
     idle = status("VmRSS")
-    plan_again(Planner(sain, replace(usual, samples=MANY)), case)  # type: ignore[arg-type]
+    plan_again(Planner(sain, replace(usual, samples=MANY)), case)
     print((status("VmHWM") - idle) / 1024)
 
 

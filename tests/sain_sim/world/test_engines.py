@@ -72,7 +72,8 @@ from sain_core.scene import make_scene
 from sain_sim.episodes.truth import TruthConfig
 from sain_sim.world.engines import check_engine
 from sain_sim.world.shadow import BulletPrior
-scene = make_scene(np.array([(0.45, 0.0), (0.7, 0.1)]), np.array([8.0, 8.0]), np.array([0.08, 0.06]))
+places = np.array([(0.45, 0.0), (0.7, 0.1)])
+scene = make_scene(places, np.array([8.0, 8.0]), np.array([0.08, 0.06]))
 print(TruthConfig().engine)
 print(round(float(BulletPrior().predict(scene, np.array([0.0, 0.0, 0.1]))[0, 0] - scene[0, 0]), 2))
 try:

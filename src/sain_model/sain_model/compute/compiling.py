@@ -60,17 +60,16 @@ def _compile(function: Callable[..., Any], **options: bool) -> Callable[..., Any
     Kernels let go of Python's lock: `sain_model.compute.thread_pool` runs them side by side.
     """
     config: Any = numba.config
+    njit: Any = numba.njit
     others, config.CACHE_LOCATOR_CLASSES = config.CACHE_LOCATOR_CLASSES, f"{__name__}.BySources"
     try:
-        kernel: Callable[..., Any] = numba.njit(cache=True, nogil=True, **OPTIONS, **options)(
-            function
-        )
+        kernel: Callable[..., Any] = njit(cache=True, nogil=True, **OPTIONS, **options)(function)
     finally:
         config.CACHE_LOCATOR_CLASSES = others
     return kernel
 
 
-class BySources(_CacheLocator):  # type: ignore[misc]
+class BySources(_CacheLocator):
     """Tells Numba to keep a kernel in the folder of its module and of all that it is made from.
 
     Numba itself looks at the path and the content of the kernel's own file alone. After an edit in

@@ -43,9 +43,7 @@ class TruthConfig(Config):
         ALL, f"effects of a rough world: all, none, or a list of {', '.join(KNOWN_EFFECTS)}"
     )
     lab: int = option(0, "number of the rough world", minimum=0)
-    engine: str = option(
-        DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES)
-    )
+    engine: str = option(DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES))
 
     def __post_init__(self) -> None:
         """Check the fields, that every effect is one, and that the engine has them."""
