@@ -1,6 +1,6 @@
 """What is said while kernels are compiled, by whoever compiles them or waits for that."""
 
-from rich.console import Console
+from typing import TYPE_CHECKING
 
 from sain_core.cli.waiting_line import WaitingLine
 from sain_model.compute.kernel_store import (
@@ -8,6 +8,9 @@ from sain_model.compute.kernel_store import (
     compile_kernels,
     kernels_are_ready,
 )
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 def describe_progress(finished: int, total: int) -> str:
@@ -21,13 +24,19 @@ def describe_compilation() -> str:
     return "" if progress is None else describe_progress(*progress)
 
 
-def compile_visibly(console: Console) -> None:
+def compile_visibly(console: "Console | None" = None) -> None:
     """Return when all kernels are compiled, at once where they are; show how far that is.
+
+    By default on standard error.
 
     Raises:
         ModelUnavailableError: they cannot be compiled.
     """
     if kernels_are_ready():
         return
-    with WaitingLine(console) as line:
+    if console is None:
+        from rich.console import Console
+
+        console = Console(stderr=True)
+    with WaitingLine(console, 0.0) as line:
         compile_kernels(lambda finished, total: line.say(describe_progress(finished, total)))

@@ -21,7 +21,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import Indices, Pushes, Scalars, Scenes
 from sain_model.compute.batch_checks import check_batch
 from sain_model.compute.compiling import plain
-from sain_model.compute.kernel_store import compile_kernels
+from sain_model.compute.kernel_progress import compile_visibly
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.physics.body_kernels import Physics
 from sain_model.physics.corrections import (
@@ -49,7 +49,7 @@ class PlanarPrior:
 
     def __post_init__(self) -> None:
         """See that the kernels are compiled: no plan is to wait for them."""
-        compile_kernels()
+        compile_visibly()
 
     @cached_property
     def _physics(self) -> Physics:
