@@ -9,7 +9,7 @@ from sain_core.scene import MID, RADIUS
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.compiling import plain
-from sain_model.compute.kernel_store import compile_kernels
+from sain_model.compute.kernel_progress import compile_visibly
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.network.feature_kernels import LANES
 from sain_model.network.interaction_network import InteractionNetwork
@@ -33,7 +33,7 @@ class CompiledNetwork:
 
     def __init__(self, network: InteractionNetwork) -> None:
         """Take the weights as they are now."""
-        compile_kernels()
+        compile_visibly()
         config = self._config = network.config
         relation, relation_widths = pack(network.relation)
         dynamics, dynamics_widths = pack(network.dynamics)
