@@ -27,6 +27,7 @@ setup(
             "live = sain_bringup.commands:live",
             "goal = sain_bringup.commands:goal",
             "push = sain_bringup.commands:push",
+            "reset = sain_bringup.commands:reset",
             "watch = sain_bringup.commands:watch",
         ],
     },

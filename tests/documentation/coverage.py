@@ -24,6 +24,7 @@ BY_TEST = {  # program -> test that starts it
     "sain_bringup watch": TERMINAL,
     "sain_bringup push": TERMINAL,
     "sain_bringup goal": TERMINAL,
+    "sain_bringup reset": TERMINAL,
     "sain_bags record": TERMINAL,
     "sain_bags view": "tests/sain_bags/ros/test_view.py",
     "sain_bags play": "tests/system/test_play.py",

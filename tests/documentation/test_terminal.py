@@ -69,6 +69,17 @@ def test_a_push_is_sent_and_its_result_printed(run: Run) -> None:
     assert "mm" in said
 
 
+def test_another_episode_is_begun_and_its_bodies_printed(run: Run) -> None:
+    def begun() -> tuple[int, str]:
+        said = run("sain_bringup", "reset", "--seed", "7", "--timeout", "60")
+        found = re.fullmatch(r"episode (\d+): (body 0 at \(0\.350, 0\.000\) m, body 1 .*\n)", said)
+        assert found, said
+        return int(found[1]), found[2]
+
+    (first, there), (second, again) = begun(), begun()
+    assert (second, again) == (first + 1, there)
+
+
 def most_messages(log: str) -> int:
     """How many messages a recorder has, by what it says from time to time."""
     counts = re.findall(r"([\d,]+) messages", log)

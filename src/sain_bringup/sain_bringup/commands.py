@@ -11,4 +11,5 @@ graph: Final = Command("sain_bringup graph", "graph_options:GraphOptions", "runn
 live: Final = Command("sain_bringup live", "graph_options:LiveOptions", "live:run", ros=True)
 goal: Final = Command("sain_bringup goal", "options:GoalOptions", "ros.goal:run", ros=True)
 push: Final = Command("sain_bringup push", "options:PushOptions", "ros.push:run", ros=True)
+reset: Final = Command("sain_bringup reset", "options:ResetOptions", "ros.reset:run", ros=True)
 watch: Final = Command("sain_bringup watch", "options:WatchOptions", "ros.watch:run", ros=True)

@@ -48,9 +48,7 @@ class ClosedLoopOptions(Config):
         minimum=1e-4,
         maximum=0.2,
     )
-    engine: str = option(
-        DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES)
-    )
+    engine: str = option(DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES))
     model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
     belief: str = option(
         "", "file of `sain_model identify`, with which each episode begins; empty: none"
@@ -136,6 +134,14 @@ class GoalOptions(Config):
     )
     max_pushes: int = option(30, "pushes after which to give up; 0: never", minimum=0)
     timeout: float = option(10.0, "longest wait for the planner", unit="s", minimum=0.0)
+
+
+@dataclass(frozen=True)
+class ResetOptions(Config):
+    """Begin another episode in the simulator, and print where its bodies are."""
+
+    seed: int = option(0, "of the episode", minimum=0, maximum=2**32 - 1)
+    timeout: float = option(10.0, "longest wait for the simulator", unit="s", minimum=0.0)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import pytest
 from sain_core.dynamics import StepwiseRollout
 from sain_core.feasibility import Feasibility
 from sain_core.push import LENGTH, rotate_pushes
-from sain_core.scene import MID, POSITION, TARGET, Table, rotate_scenes
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, rotate_scenes, unit
 from sain_core.seeding import generator
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
@@ -82,6 +82,38 @@ def test_a_mid_disk_out_of_reach_costs(scene):
     far[MID, POSITION], far[TARGET, POSITION] = [0.74, 0.0], [0.60, 0.0]
     goal = np.array([0.5, 0.3])
     assert rest_terms(far, goal)["reach"] > rest_terms(scene, goal)["reach"] + 1.0
+
+
+@pytest.mark.parametrize(("y", "out"), [(0.45, 0.0), (0.52, 0.0), (0.55, 0.03), (0.60, 0.08)])
+def test_a_disk_whose_rim_gets_to_the_edge_of_the_table_costs(scene, y, out):
+    after = scene.copy()
+    after[MID, POSITION], after[MID, RADIUS] = [0.4, y], 0.08  # the edge: 0.6
+    pushes = np.zeros((1, 1, 3))
+    rollout = make_rollout(scene, pushes, after[None, None], np.array([0.5, 0.2]))
+    terms = cost_terms(rollout, WEIGHTS, FEASIBILITY)
+    start = scene[MID, RADIUS] - 0.08  # circles are as large as at the start
+    expected = WEIGHTS.overhang * max(out + start, 0.0)
+    assert terms["overhang"][0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_mid_disk_that_the_tool_can_only_push_further_away_costs_unless_the_goal_asks(scene):
+    def around(away, goal):
+        after = scene.copy()
+        after[MID, POSITION] = away * unit(np.asarray(0.3))
+        rollout = make_rollout(scene, np.zeros((1, 1, 3)), after[None, None], np.array(goal))
+        return float(cost_terms(rollout, WEIGHTS, FEASIBILITY)["around"][0])
+
+    limits, reach = FEASIBILITY.limits, FEASIBILITY.reach
+    beside = scene[MID, RADIUS] + limits.tool_radius + limits.clearance
+    last = np.sqrt(reach.outer**2 - beside**2)  # with the tool beside it, at the end of the reach
+    near, far = (0.5, 0.0), (0.95, 0.0)
+    assert around(last, near) == pytest.approx(0.0)
+    assert around(last + 0.03, near) == pytest.approx(WEIGHTS.around * 0.03)
+    there = scene[TARGET, POSITION]
+    assert around(last + 0.01, there) > 1.0  # also where the target is at its goal
+    asked = 0.95 - scene[MID, RADIUS] - scene[TARGET, RADIUS]
+    assert around(asked, far) == pytest.approx(0.0)
+    assert around(asked + 0.02, far) == pytest.approx(WEIGHTS.around * 0.02)
 
 
 def test_a_later_push_that_is_blocked_costs(scene):

@@ -70,7 +70,7 @@ def test_moving_a_body_that_is_to_be_kept_costs():
 def test_a_shape_that_gets_over_the_edge_of_the_table_costs(x: float, out: float):
     after = SCENE.copy()
     after[0, POSITION] = x, 0.0  # a circle of 6 cm and 2 cm of room; the edge is at 16 cm
-    after[1, POSITION] = x, 0.3  # a disk does not count here
+    after[1, POSITION] = 0.5, 0.3
     for goal in (GOAL, np.array([0.4, 0.0])):
         terms = make_objective(goal, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
             SCENE, np.zeros((1, 1, 4)), after[None, None]

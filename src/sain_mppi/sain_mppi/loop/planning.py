@@ -15,6 +15,7 @@ from sain_mppi.loop.progress_monitor import ProgressMonitor
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.objective import make_objective
+from sain_mppi.search.proposals import RESET
 
 SHORTEST: Final = 4.0  # standard deviations of places: a shorter way of a body is lost in noise
 MODEL_SHARE: Final = 0.8  # of the time for a plan: a model that is silent so long is late
@@ -88,8 +89,8 @@ class PlanningDecider(Decider):
         if monitor.hopeless:
             raise NoProgressError(
                 f"{monitor.without} pushes in a row brought nothing, the distance is"
-                f" {1e3 * job.distance:.0f} mm; choose another goal, move a disk, or"
-                " send the goal again"
+                f" {1e3 * job.distance:.0f} mm; choose another goal, move a body,"
+                f" send the goal again, or {RESET}"
             )
 
     def prepare(self, decision: PushDecision, generator: np.random.Generator) -> bool:

@@ -4,7 +4,7 @@ Every term takes a `Rollout` and returns (K,). ``remaining`` fades the terms tha
 while there is something left to do: close to the goal it does not matter where the mid disk is.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -67,6 +67,7 @@ def cost_terms(
     bodies: Bodies | None = None,
 ) -> dict[str, Scalars]:
     """Return every term (K,), already weighted. Not finite where the prediction is not."""
+    asked = {MID: mid_asked(rollout)}
     remaining = np.minimum(rollout.distance[:, -1] / weights.done_within, 1.0)  # (K,)
     return {
         "position": position_cost(rollout, weights),
@@ -76,6 +77,7 @@ def cost_terms(
         "caution": weights.caution * overshoot_risk(rollout, weights, feasibility),
         "clearance": weights.clearance * tool_nearness(rollout, weights, feasibility, bodies),
         "reach": weights.reach * remaining * reach_excess(rollout, weights, feasibility),
+        "around": weights.around * pushers_lost(rollout, asked, feasibility, bodies),
         "edge": weights.edge * edge_nearness(rollout, {TARGET: rollout.goal}, weights, feasibility),
         "overhang": weights.overhang
         * overhang(rollout, {TARGET: rollout.goal}, feasibility, bodies),
@@ -162,6 +164,37 @@ def reach_excess(rollout: TargetRollout, weights: CostWeights, feasibility: Feas
     return np.asarray(np.square(_shortfall(room, weights.reach_margin)).sum(axis=1))
 
 
+def mid_asked(rollout: TargetRollout) -> float:
+    """Return how near to the base [m] the mid disk can be when the target is at its goal."""
+    radii = rollout.before[0, 0, [MID, TARGET], RADIUS]
+    return float(np.linalg.norm(rollout.goal) - radii.sum())
+
+
+def pushers_lost(
+    rollout: Rollout,
+    asked: Mapping[int, float],
+    feasibility: Feasibility,
+    bodies: Bodies | None,
+    others: Collection[int] = (),
+) -> Scalars:
+    """Return how far [m] pushable bodies get beyond where the tool can push them, summed (K,).
+
+    There the tool cannot stand beside them, and so it can only push them further away. What the
+    goal itself asks for is no fault: `asked` has the distances [m] of bodies from the base. The
+    `others` are judged elsewhere.
+    """
+    reach, limits = feasibility.reach, feasibility.limits
+    known = bodies or Bodies.disks(rollout.after.shape[2])
+    total = np.zeros(len(rollout.after))
+    for body in sorted(set(known.pushable) - set(others)):
+        size = known.shapes[body].circumradius * float(rollout.before[0, 0, body, RADIUS])
+        beside = size + limits.tool_radius + limits.clearance
+        far = max(np.sqrt(max(reach.outer**2 - beside**2, 0.0)), asked.get(body, 0.0))
+        away = np.linalg.norm(rollout.after[:, :, body, POSITION], axis=-1)  # (K, H)
+        total += np.maximum(away - far, 0.0).max(axis=1)
+    return total
+
+
 def edge_nearness(
     rollout: Rollout, goals: Mapping[int, Goal], weights: CostWeights, feasibility: Feasibility
 ) -> Scalars:
@@ -180,21 +213,21 @@ def edge_nearness(
 def overhang(
     rollout: Rollout, goals: Mapping[int, Goal], feasibility: Feasibility, bodies: Bodies | None
 ) -> Scalars:
-    """Return how far [m] circumscribed circles of shapes get too near the edge, summed (K,).
+    """Return how far [m] circumscribed circles of bodies get too near the edge, summed (K,).
 
     A support that leaves the table tilts its body, and no prior predicts that. So there is room for
-    errors. A body may go as near to the edge as its goal is, or else as near as it is now; `goals`
-    has the places (2,) of bodies. Disks count by `edge_nearness`.
+    errors with corners. A body may go as near to the edge as its goal is, or else as near as it is now; `goals`
+    has the places (2,) of bodies.
     """
     total = np.zeros(len(rollout.after))
-    for body, shape in enumerate(() if bodies is None else bodies.shapes):
-        if shape.is_round:
-            continue
+    known = bodies or Bodies.disks(rollout.after.shape[2])
+    for body, shape in enumerate(known.shapes):
         first = rollout.before[0, 0, body]
         size = shape.circumradius * float(first[RADIUS])
+        margin = 0.0 if shape.is_round else ERROR_ROOM  # it does not turn
         asked = float(_table_room(goals.get(body, first[POSITION]), feasibility.table))
         room = _table_room(rollout.after[:, :, body, POSITION], feasibility.table)  # (K, H)
-        total += np.maximum(min(size + ERROR_ROOM, asked) - room, 0.0).max(axis=1)
+        total += np.maximum(min(size + margin, asked) - room, 0.0).max(axis=1)
     return total
 
 

@@ -98,13 +98,13 @@ class CostWeights(Config):
     )
     around: float = option(
         100.0,
-        "pose goals: weight of a body where the tool cannot get behind it",
+        "weight of a body where the tool cannot get behind it, or beside one that it pushes",
         unit="1/m",
         minimum=0.0,
     )
     overhang: float = option(
         100.0,
-        "shapes: weight of what sticks out over the table's edge",
+        "weight of what sticks out over the table's edge",
         unit="1/m",
         minimum=0.0,
     )

@@ -7,7 +7,7 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSITION, RADIUS
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scalars, Scene, Scenes
-from sain_mppi.search.cost import Rollout, blocked_pushes, edge_nearness, overhang
+from sain_mppi.search.cost import Rollout, blocked_pushes, edge_nearness, overhang, pushers_lost
 from sain_mppi.search.cost_weights import CostWeights
 from sain_mppi.search.poses import Errors, PoseGoal
 
@@ -59,7 +59,11 @@ def pose_terms(
     return {
         "distance": weights.distance * distance[:, -1],
         "running": weights.running_pose * distance[:, :-1].sum(axis=1),
-        "around": weights.around * reach_around(goal, rollout, feasibility, bodies),
+        "around": weights.around
+        * (
+            reach_around(goal, rollout, feasibility, bodies)
+            + pushers_lost(rollout, {}, feasibility, bodies, others=places)
+        ),
         "edge": weights.edge * edge_nearness(rollout, places, weights, feasibility),
         "overhang": weights.overhang * overhang(rollout, places, feasibility, bodies),
         "keep": weights.keep * kept_moved(goal, rollout, start),

@@ -15,6 +15,7 @@ from sain_mppi.search.sampling import (
 )
 from sain_mppi.search.search import Search
 
+RESET: Final = "reset the scene: ./env ros2 run sain_bringup reset"
 SURPLUS: Final = 2  # sequences drawn for each one wanted: those are dropped whose first push is
 # not permitted
 LAST_RESORT: Final = 256  # uniform draws in a hard place, besides four for each one wanted
@@ -42,7 +43,7 @@ def draw_permitted(
         sequences = np.concatenate([sequences, more[search.permitted(more[:, 0])]])
     if not len(sequences):
         raise NoPushError(
-            f"no push can be carried out {search.where}; move a disk by hand or reset"
+            f"no push can be carried out {search.where}; move a body by hand, or {RESET}"
         )
     return np.asarray(sequences[:count])
 

@@ -1,0 +1,47 @@
+"""``ros2 run sain_bringup reset``: another episode, and where its bodies are."""
+
+from typing import Final
+
+from rclpy.node import Node
+from rich.console import Console
+from rich.markup import escape
+
+from sain_bringup.options import ResetOptions
+from sain_bringup.ros.push import SilentSimulatorError
+from sain_core.errors import ErrorCode
+from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
+from sain_core.scene import POSITION
+from sain_core.wire import decode_disks
+from sain_interfaces.srv import ResetScene
+
+SERVICE: Final = "reset_scene"
+
+
+def run(options: ResetOptions, console: Console) -> int:
+    """Reset the scene, print what came of it, and return the exit code."""
+    with ros_context():
+        node = Node("reset", namespace=NAMESPACE)
+        try:
+            reply = _reset(node, options)
+        finally:
+            node.destroy_node()
+    if reply.error_code != ErrorCode.OK:
+        console.print(f"[red]not reset[/]: {escape(reply.error_message)}", soft_wrap=True)
+        return int(reply.error_code) or 1
+    places = decode_disks(reply.scene.disks)[:, POSITION]
+    bodies = ", ".join(f"body {body} at ({x:.3f}, {y:.3f}) m" for body, (x, y) in enumerate(places))
+    console.print(f"[green]episode {reply.scene.episode_id}[/]: {bodies}", soft_wrap=True)
+    return 0
+
+
+def _reset(node: Node, options: ResetOptions) -> ResetScene.Response:
+    client = node.create_client(ResetScene, SERVICE)
+    name = node.resolve_service_name(SERVICE)
+    if not client.wait_for_service(options.timeout):
+        raise SilentSimulatorError(
+            f"nobody serves {name} (waited {options.timeout:g} s); is the simulator running?"
+        )
+    answer = client.call_async(ResetScene.Request(seed=options.seed))
+    if not spin_until(node, answer.done, options.timeout):
+        raise SilentSimulatorError(f"{name} did not answer within {options.timeout:g} s")
+    return answer.result()
