@@ -30,7 +30,7 @@ lint: ## style, types, import boundaries, prose, shell scripts, Docker files
 
 lint-types: ; @./env mypy
 lint-style: ; @./env ruff check && ./env ruff format --check
-lint-imports: ; @./env lint-imports --no-logo
+lint-imports: ; @./env lint-imports --no-logo && ./env python tools/circles.py
 lint-prose: ; @./env python tools/prose.py
 lint-shell: ; @./env shellcheck --external-sources $(SHELL_SCRIPTS)
 lint-docker:

@@ -18,7 +18,6 @@ HELPERS = {
     "hostile",
     "hostile_entries",
     "hostile_flood",
-    "hostile_table",
     "identification",
     "live_browser",
     "live_driver",

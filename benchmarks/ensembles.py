@@ -35,7 +35,7 @@ from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.coverage import measure_intervals
 from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
-from sain_model.network.feature_kernels import RELATION_FEATURES
+from sain_model.network.features import count_features
 from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.network.settings import BOOTSTRAP, ORDER
 from sain_model.training.interval_fit import fit_intervals
@@ -94,7 +94,7 @@ def forward_times(command: Command, batch: int) -> dict[str, float]:
     config = command.training.network
     lone = [InteractionNetwork(config) for _ in range(command.size)]
     together = ensemble(lone)
-    inputs = torch.randn(batch, 2, config.disk_features), torch.randn(batch, 2, RELATION_FEATURES)
+    inputs = tuple(torch.randn(batch, 2, count) for count in count_features(config))
     calls: dict[str, Callable[[], object]] = {
         "one": lambda: lone[0](*inputs),
         "ensemble": lambda: together(*inputs),

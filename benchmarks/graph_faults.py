@@ -30,7 +30,7 @@ from benchmarks.faults.surroundings import (
 )
 from benchmarks.faults.table import Row, show, write_page
 from benchmarks.hostile_files import run_files
-from benchmarks.hostile_table import flood_node
+from benchmarks.hostile_messages import flood_node
 from sain_bags.reading.reader import Bag
 from sain_bringup.graph import RECORDER
 from sain_core.ros.node_main import ros_context

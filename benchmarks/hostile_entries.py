@@ -1,5 +1,11 @@
-"""What the three nodes take: a valid message for each entry, and its fatal fields."""
+"""What the three nodes take: valid messages, and those that no honest sender sends.
 
+`hostile` makes the latter from the fields that a message class declares.
+"""
+
+import re
+from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -15,6 +21,14 @@ PACKAGES: Final = {"sim_node": "sain_sim", "model_node": "sain_model", "mppi_nod
 SCENE: Final = make_scene(
     np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
 )
+FLOATS: Final = (float("nan"), float("inf"), float("-inf"), 1e308, -1e308)
+TEXTS: Final = ("../../etc/passwd", "%s%n", "\x1b[31m\n", "☠" * 30, "x" * 65, "x" * 100_000)
+LENGTHS: Final = (11, 100, 1000, 20_000)
+CHANCES: Final = (0.4, 0.4, 0.17, 0.03)  # of the lengths: long ones take long to send
+INTEGERS: Final = {f"uint{bits}": 2**bits - 1 for bits in (8, 16, 32, 64)} | {
+    f"int{bits}": 2 ** (bits - 1) - 1 for bits in (8, 16, 32, 64)
+}
+SEQUENCE: Final = re.compile(r"sequence<(.+?)(?:, (\d+))?>")
 
 
 @dataclass(frozen=True)
@@ -65,3 +79,56 @@ def entries() -> list[Entry]:
         Entry(mppi, "push_result", msg.PushResult, result, ("before", "after"), "error_message"),
         Entry(mppi, "reach", action.Reach, action.Reach.Goal(goal=goal), ("goal",)),
     ]
+
+
+def hostile(valid: Any, fatal: Sequence[str], random: np.random.Generator) -> Any:
+    """Return a copy of a message with one of the fatal fields spoilt, and up to two others."""
+    message = deepcopy(valid)
+    kinds = message.get_fields_and_field_types()
+    names = list(kinds)
+    chosen = [str(random.choice(list(fatal)))] if fatal else []
+    chosen += [str(name) for name in random.choice(names, random.integers(3))] if names else []
+    for name in dict.fromkeys(chosen):
+        if name not in fatal and name.endswith("_id"):
+            continue  # of the push or goal that the answer names
+        setattr(message, name, spoilt(getattr(message, name), kinds[name], random))
+    return message
+
+
+def spoilt(value: Any, kind: str, random: np.random.Generator) -> Any:
+    """Return another value for a field of this type, which should be refused."""
+    if found := SEQUENCE.fullmatch(kind):
+        return _spoilt_sequence(list(value), found[1], random)[: int(found[2] or LENGTHS[-1])]
+    if kind in ("double", "float"):
+        return float(random.choice(FLOATS if kind == "double" else FLOATS[:3]))
+    if kind == "boolean":
+        return not value
+    if kind.startswith("string"):
+        return TEXTS[random.integers(len(TEXTS))]
+    if kind in INTEGERS:
+        return INTEGERS[kind]
+    if hasattr(value, "get_fields_and_field_types"):
+        inner = value.get_fields_and_field_types()
+        name = str(random.choice(list(inner)))
+        setattr(value, name, spoilt(getattr(value, name), inner[name], random))
+    return value
+
+
+def _spoilt_sequence(values: list[Any], kind: str, random: np.random.Generator) -> list[Any]:
+    """Return a sequence with one spoilt element, or one that is much too long."""
+    if values and random.uniform() < 0.5:
+        place = int(random.integers(len(values)))
+        values[place] = spoilt(deepcopy(values[place]), kind, random)
+        return values
+    if kind in INTEGERS or kind.startswith("string"):
+        element: Any = INTEGERS.get(kind, "disk")
+    else:
+        element = 0.5 if kind in ("double", "float") else None
+    if element is None:
+        element = values[0] if values else _default(kind)
+    return [element] * int(random.choice(LENGTHS, p=CHANCES))
+
+
+def _default(kind: str) -> Any:
+    package, name = kind.split("/")
+    return getattr(__import__(f"{package}.msg", fromlist=[name]), name)()

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.hostile_entries import PACKAGES, entries
-from benchmarks.hostile_messages import hostile
-from benchmarks.hostile_table import Row, flood_node
+from benchmarks.hostile_entries import PACKAGES, entries, hostile
+from benchmarks.hostile_messages import Row, flood_node
 from sain_core.ros.node_main import ros_context
 
 pytestmark = pytest.mark.system

@@ -17,7 +17,7 @@ model_node: Final = NodeCommand(
     example="model:=planar",
 )
 train: Final = Command(
-    "sain_model train", "training.options:train_options", "cli.train:run", resumes="epoch"
+    "sain_model train", "cli.options:train_options", "cli.train:run", resumes="epoch"
 )
 train_correction: Final = Command(
     "sain_model train_correction",

@@ -19,6 +19,7 @@ from sain_bringup.graph import executable
 from sain_core.cli.command_line import read_options
 from sain_core.errors import ConfigError
 from sain_model import commands
+from sain_model.cli.options import train_options
 from sain_model.data.batches import Batches
 from sain_model.data.dataset import Split, load_transitions, split_by_episode
 from sain_model.network.settings import NetworkConfig
@@ -30,7 +31,6 @@ from sain_model.training.options import (
     PAPER_STEPS,
     PRESETS,
     TrainOptions,
-    train_options,
 )
 from sain_model.training.progress import FOLDER, event_log
 from sain_model.training.push_training import Trainer

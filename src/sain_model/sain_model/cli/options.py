@@ -1,6 +1,7 @@
-"""Options of the commands that evaluate; they load without PyTorch."""
+"""Options of the commands, beside `sain_model.training.options`; they load without PyTorch."""
 
-from dataclasses import dataclass
+import argparse
+from dataclasses import dataclass, field, make_dataclass
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -8,6 +9,7 @@ import tyro
 
 from sain_core.config import Config, option, required
 from sain_model.dynamics.settings import STEPS
+from sain_model.training.options import DEFAULT, PRESETS, TrainOptions
 from sain_model.training.settings import TrainingConfig
 
 DATASET: Final = "a shard *.npz, or a folder of them"
@@ -77,3 +79,30 @@ class LearningCurveOptions(Config):
     )
     steps: int = option(4000, "steps of the optimiser for every network", minimum=1)
     training: TrainingConfig = TrainingConfig()
+
+
+def train_options(arguments: list[str]) -> type[TrainOptions]:
+    """Return the options with the defaults that ``--preset`` and ``--from`` of arguments give.
+
+    Raises:
+        CheckpointError: the checkpoint of ``--from`` is not sound.
+    """
+    scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    scout.add_argument("--preset", default=DEFAULT)
+    scout.add_argument("--from", dest="parent")
+    try:
+        scouted = scout.parse_known_args(arguments)[0]
+    except argparse.ArgumentError:
+        return TrainOptions  # which reports it
+    usual = PRESETS.get(scouted.preset, TrainingConfig())
+    if scouted.parent:
+        from sain_model.training.fine_tuning import Parent  # loads PyTorch
+
+        usual = Parent.load(scouted.parent).settings
+    return make_dataclass(
+        "TrainOptions",
+        [("training", TrainingConfig, field(default=usual))],
+        bases=(TrainOptions,),
+        frozen=True,
+        namespace={"__doc__": TrainOptions.__doc__},
+    )

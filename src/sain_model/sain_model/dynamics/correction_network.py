@@ -8,6 +8,7 @@ from torch import Tensor, nn
 
 from sain_model.dynamics.settings import CorrectionNetworkConfig
 from sain_model.network.feature_kernels import PLACE_FEATURES, TURN_SCALE
+from sain_model.network.features import count_features
 from sain_model.network.interaction_network import OUTPUTS, POSITION_UNIT, sum_messages
 from sain_model.network.members import make_perceptron, zero_last_layer
 from sain_model.physics.corrections import CORRECTIONS, DRAG
@@ -32,9 +33,10 @@ class CorrectionNetwork(nn.Module):
         """Build it so that it starts out by leaving the prior as it is."""
         super().__init__()
         self.config = config
-        inputs = config.seen.disk_features + config.message + config.places
+        of_body, of_relation = count_features(config.seen)
+        inputs = of_body + config.message + config.places
         size = config.hidden, config.layers
-        self.relation = make_perceptron(config.seen.relation_features, config.message, *size)
+        self.relation = make_perceptron(of_relation, config.message, *size)
         self.dynamics = make_perceptron(inputs, CORRECTIONS + OUTPUTS, *size)
         zero_last_layer(self.dynamics)
         if config.places:

@@ -283,7 +283,9 @@ class SainDynamics:
         prediction = Prediction(
             self.correct(scenes, pushes, physics_next),
             self.members_spread(scenes, pushes, physics_next),
-            physics_spread(self, scenes, pushes, friction, friction_log_std, mass_log_std),
+            physics_spread(
+                self.step, self.prior, scenes, pushes, friction, friction_log_std, mass_log_std
+            ),
         )
         told = self.with_regions(prediction, scenes, pushes)
         if told.radius is None or self.widening == 1.0:

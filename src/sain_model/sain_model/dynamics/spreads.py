@@ -1,22 +1,23 @@
 """How far predictions move with what is not known of the physics: friction, and masses."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_core.dynamics import Dynamics
 from sain_core.scene import POSITION
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import with_mass_ratio
 
-if TYPE_CHECKING:
-    from sain_model.dynamics.sain import SainDynamics
+Step = Callable[[Scenes, Pushes, Scalars | None], Scenes]
 
 
 def physics_spread(
-    model: "SainDynamics",
+    step: Step,
+    prior: Dynamics,
     scenes: Scenes,
     pushes: Pushes,
     friction: Scalars | None,
@@ -26,7 +27,8 @@ def physics_spread(
     """Return how far places move with one standard deviation [m].
 
     Args:
-        model: what predicts.
+        step: predicts, with friction (B,) or with what the prior has.
+        prior: what is under it.
         scenes: settled scenes.
         pushes: one a scene.
         friction: with the table (B,); None: what the model believes.
@@ -34,15 +36,15 @@ def physics_spread(
         mass_log_std: of the logarithm of the ratio of masses (B,).
     """
     spread = np.zeros(scenes.shape[:2])
-    if not isinstance(model.prior, PlanarPrior):
+    if not isinstance(prior, PlanarPrior):
         return spread
     if log_std.any():
-        usual = np.full(len(pushes), model.prior.config.friction) if friction is None else friction
-        less, more = (model.step(scenes, pushes, usual * np.exp(way * log_std)) for way in (-1, 1))
+        usual = np.full(len(pushes), prior.config.friction) if friction is None else friction
+        less, more = (step(scenes, pushes, usual * np.exp(way * log_std)) for way in (-1, 1))
         spread = _half_way(less, more)
     if mass_log_std.any():
         less, more = (
-            model.step(with_mass_ratio(scenes, np.exp(way * mass_log_std)), pushes, friction)
+            step(with_mass_ratio(scenes, np.exp(way * mass_log_std)), pushes, friction)
             for way in (-1, 1)
         )
         spread = np.hypot(spread, _half_way(less, more))

@@ -12,6 +12,7 @@ from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_progress import compile_visibly
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.network.feature_kernels import LANES
+from sain_model.network.features import count_features
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.network_kernels import TILE, Weights
 from sain_model.network.sain_kernels import (
@@ -47,7 +48,7 @@ class CompiledNetwork:
             dynamics_widths,
             int(max(relation_widths.max(), dynamics_widths.max())),
             config.message,
-            config.disk_features,
+            count_features(config)[0],
             unit.detach().cpu().numpy().astype(np.float64),
         )
 

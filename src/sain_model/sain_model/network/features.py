@@ -23,7 +23,9 @@ from sain_model.network.feature_kernels import (
     NetworkWork,
     write_features,
 )
-from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME
+from sain_model.network.settings import ANY_SHAPE, PUSH_FRAME, WORLD_FRAME, NetworkConfig
+from sain_model.network.shape_feature_kernels import SHAPE_BODY_FEATURES
+from sain_model.network.shape_relation_kernels import SHAPE_RELATION_FEATURES
 
 Residual = Float[ndarray, "B N 3"]  # dx, dy [m] along the push frame's axes, dtheta [rad]
 
@@ -44,9 +46,12 @@ class Features:
         return disks, relations
 
 
-def count_disk_features(frame: str) -> int:
-    """Return how many features a disk has in this frame."""
-    return DISK_FEATURES + (PLACE_FEATURES if frame == WORLD_FRAME else 0)
+def count_features(config: NetworkConfig) -> tuple[int, int]:
+    """Return how many features each body and each relation has."""
+    places = PLACE_FEATURES if config.features == WORLD_FRAME else 0
+    if config.bodies == ANY_SHAPE:
+        return SHAPE_BODY_FEATURES + places, SHAPE_RELATION_FEATURES
+    return DISK_FEATURES + places, RELATION_FEATURES
 
 
 def make_features(
@@ -55,11 +60,12 @@ def make_features(
     """Return the inputs of a network; the frame "world" adds places and headings."""
     batch, disks, _ = scenes.shape
     unused = np.empty(0)
+    of_disk, of_relation = count_features(NetworkConfig(features=frame))
     work = NetworkWork(
         np.empty((disks, 4, batch)),
         np.empty((disks, batch)),
-        np.empty((disks, count_disk_features(frame), batch)),
-        np.empty((disks * (disks - 1), RELATION_FEATURES, batch)),
+        np.empty((disks, of_disk, batch)),
+        np.empty((disks * (disks - 1), of_relation, batch)),
         unused,
         unused,
     )

@@ -13,6 +13,7 @@ from sain_model.network.feature_kernels import (
     GAP_BEFORE,
     TURN_SCALE,
 )
+from sain_model.network.features import count_features
 from sain_model.network.members import make_perceptron, zero_last_layer
 from sain_model.network.settings import NetworkConfig
 
@@ -32,8 +33,9 @@ class InteractionNetwork(nn.Module):
         super().__init__()
         self.config = config
         size = config.hidden, config.layers, config.members
-        self.relation = make_perceptron(config.relation_features, config.message, *size)
-        self.dynamics = make_perceptron(config.disk_features + config.message, OUTPUTS, *size)
+        of_body, of_relation = count_features(config)
+        self.relation = make_perceptron(of_relation, config.message, *size)
+        self.dynamics = make_perceptron(of_body + config.message, OUTPUTS, *size)
         zero_last_layer(self.dynamics)
         self.register_buffer(
             "unit", torch.tensor([POSITION_UNIT, POSITION_UNIT, TURN_SCALE]), persistent=False

@@ -48,22 +48,3 @@ class NetworkConfig(PerceptronConfig):
         "what is seen of bodies: disks by their centres, or any shape by its contacts",
         choices=(DISKS, ANY_SHAPE),
     )
-
-    @property
-    def disk_features(self) -> int:
-        """The number of features of each body."""
-        from sain_model.network.feature_kernels import PLACE_FEATURES  # loads Numba
-        from sain_model.network.features import count_disk_features
-        from sain_model.network.shape_feature_kernels import SHAPE_BODY_FEATURES
-
-        if self.bodies == DISKS:
-            return count_disk_features(self.features)
-        return SHAPE_BODY_FEATURES + (PLACE_FEATURES if self.features == WORLD_FRAME else 0)
-
-    @property
-    def relation_features(self) -> int:
-        """The number of features of each relation."""
-        from sain_model.network.feature_kernels import RELATION_FEATURES
-        from sain_model.network.shape_relation_kernels import SHAPE_RELATION_FEATURES
-
-        return RELATION_FEATURES if self.bodies == DISKS else SHAPE_RELATION_FEATURES

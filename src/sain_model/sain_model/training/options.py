@@ -8,8 +8,7 @@ With 3,000 transitions an epoch is 188 steps, so that the learning rate is halve
 epochs are steps. See docs/guides/training.md. This module loads without PyTorch.
 """
 
-import argparse
-from dataclasses import dataclass, field, make_dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -85,33 +84,6 @@ class TrainOptions(Config):
     )
     training: TrainingConfig = TrainingConfig()
     rollout: RolloutConfig = RolloutConfig()
-
-
-def train_options(arguments: list[str]) -> type[TrainOptions]:
-    """Return the options with the defaults that ``--preset`` and ``--from`` of arguments give.
-
-    Raises:
-        CheckpointError: the checkpoint of ``--from`` is not sound.
-    """
-    scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
-    scout.add_argument("--preset", default=DEFAULT)
-    scout.add_argument("--from", dest="parent")
-    try:
-        scouted = scout.parse_known_args(arguments)[0]
-    except argparse.ArgumentError:
-        return TrainOptions  # which reports it
-    usual = PRESETS.get(scouted.preset, TrainingConfig())
-    if scouted.parent:
-        from sain_model.training.fine_tuning import Parent  # loads PyTorch
-
-        usual = Parent.load(scouted.parent).settings
-    return make_dataclass(
-        "TrainOptions",
-        [("training", TrainingConfig, field(default=usual))],
-        bases=(TrainOptions,),
-        frozen=True,
-        namespace={"__doc__": TrainOptions.__doc__},
-    )
 
 
 @dataclass(frozen=True)
