@@ -38,5 +38,5 @@ def _take_possible_time(self: TimeSource, message: Any) -> None:
     )
 
 
-TimeSource.clock_callback = _take_possible_time  # type: ignore[method-assign]
+TimeSource.clock_callback = _take_possible_time  # type: ignore[assignment, method-assign]
 """Any process may publish the clock: such a message would end every node of simulated time."""
