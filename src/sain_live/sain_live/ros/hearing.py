@@ -30,6 +30,7 @@ from sain_live.ros.pushes import Stories
 from sain_live.state import Kind, LiveArm, LivePlan, LiveScene, LiveState, Phase
 from sain_mppi.ros.goal_message import decode_task
 
+MOST_SHAPES: Final = 16  # episodes whose shapes are kept until their scenes come
 Take = Callable[[Any], None]
 RECENT: Final = 5.0  # [s]
 WORLD: Final = "world"
@@ -61,6 +62,7 @@ class Hearing:
         self._known, self._shapes_come, self._offers_goal = known, shapes_come, offers_goal
         self._stories = Stories()
         self._bodies_of = 0  # episode
+        self._shapes: dict[int, CoreBodies] = {}  # of this episode and others, by episode
         self._goal_of = 0  # episode; 0: any
         self._goal_id: int | None = None  # that the pushes are counted of
         self._early: LiveScene | None = None  # whose bodies are not known yet
@@ -84,13 +86,17 @@ class Hearing:
         time = codec.decode_time(message.header.stamp)
         ids = message.episode_id, message.scene_id
         seen = LiveScene(wire.decode_disks(message.disks), *ids, message.settled, time)
-        if self._bodies_of != message.episode_id and self._shapes_come():
+        if message.episode_id not in self._shapes and self._shapes_come():
             self._early = seen
             return
         self._see(seen)
 
     def _see(self, seen: LiveScene) -> None:
         known, before = self._known, self._known.scene
+        shapes = self._shapes.get(seen.episode_id)
+        if shapes is not None and self._bodies_of != seen.episode_id:
+            self._bodies_of = seen.episode_id
+            known.update(bodies=shapes)
         if known.bodies is None or len(known.bodies) != len(seen.disks):
             known.update(bodies=CoreBodies.disks(len(seen.disks)))
         assert known.bodies is not None
@@ -102,7 +108,7 @@ class Hearing:
         aim = None if known.aim is None else known.aim.among(len(seen.disks))
         if aim is None or any(pose.body >= len(seen.disks) for pose in aim.poses):
             aim = first_aim(seen.disks, known.bodies) if self._offers_goal else None
-        if aim is not None and not aim.same(known.aim):
+        if aim is not known.aim and not (aim is not None and aim.same(known.aim)):
             known.update(aim=aim)
         if known.phase is Phase.WAITING:
             known.update(phase=Phase.PAUSED)
@@ -116,11 +122,18 @@ class Hearing:
         self._known.update(plan=None, result=None, curves=self._stories.curves(), pushes=0)
 
     def _on_bodies(self, message: Bodies) -> None:
-        self._bodies_of = message.episode_id
-        self._known.update(bodies=decode_bodies(message))
+        bodies, episode = decode_bodies(message), message.episode_id
+        self._shapes.pop(episode, None)
+        for other in [one for one in self._shapes if one != self._bodies_of][: 1 - MOST_SHAPES]:
+            del self._shapes[other]
+        self._shapes[episode] = bodies
+        if episode == self._bodies_of:
+            self._known.update(bodies=bodies)
         early, self._early = self._early, None
-        if early is not None and early.episode_id == message.episode_id:
+        if early is not None and early.episode_id == episode:
             self._see(early)
+        elif early is not None:
+            self._early = early
 
     def _on_joints(self, message: JointState) -> None:
         names, positions = len(message.name), len(message.position)
