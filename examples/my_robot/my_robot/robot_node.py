@@ -129,6 +129,11 @@ class RobotNode(Node):
         ]
         self.table.set_up(np.array(rows))
 
+    def destroy_node(self) -> None:
+        """Let another driver have the results."""
+        super().destroy_node()
+        self.ownership.release()
+
 
 def is_at_rest(scene: Scene) -> bool:
     """Tell whether the converter sees all bodies at rest: none has a velocity then."""
