@@ -31,9 +31,7 @@ class GraphOptions(Config):
     that did not crash. Ctrl-C ends all of them.
     """
 
-    engine: str = option(
-        DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES)
-    )
+    engine: str = option(DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES))
     model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
     belief: str = option(
         "", "file of `sain_model identify`, with which each episode begins; empty: none"

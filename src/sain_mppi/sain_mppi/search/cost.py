@@ -216,8 +216,8 @@ def overhang(
     """Return how far [m] circumscribed circles of bodies get too near the edge, summed (K,).
 
     A support that leaves the table tilts its body, and no prior predicts that. So there is room for
-    errors with corners. A body may go as near to the edge as its goal is, or else as near as it is now; `goals`
-    has the places (2,) of bodies.
+    errors with corners. A body may go as near to the edge as its goal is, or else as near as it is
+    now; `goals` has the places (2,) of bodies.
     """
     total = np.zeros(len(rollout.after))
     known = bodies or Bodies.disks(rollout.after.shape[2])
