@@ -1,0 +1,1 @@
+"""What `benchmarks.gates` measures: structure, speed, one push, closed loops."""

@@ -1,0 +1,174 @@
+"""One push at home, and closed loops on few scenes that nothing else plays."""
+
+import subprocess
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from benchmarks.gate.table import Gate
+from benchmarks.shapes_collect import NAMES, SEEN, UNSEEN
+from sain_core.scene import TARGET
+from sain_core.workers.options import WorkerOptions
+from sain_eval.loop.evaluation import EpisodeJob, run_jobs
+from sain_eval.loop.results import SceneRecord, summarise
+from sain_eval.pusht.evaluation import PushtJob, results_row, run_pusht_jobs
+from sain_eval.tolerance import Tolerance
+from sain_model.data.dataset import load_transitions
+from sain_model.data.mixed import load_datasets
+from sain_model.dynamics.load import load_shipped
+from sain_model.evaluation.history_errors import (
+    PRIOR_HISTORY,
+    SAIN_HISTORY,
+    history_predictions,
+)
+from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.evaluation.shape_errors import PUSHED, shape_errors
+from sain_model.network.settings import ANY_SHAPE
+from sain_sim.episodes.truth import RANDOMISED_TRUTH, ROUGH, TruthConfig
+from sain_sim.world.engines import MUJOCO
+
+SHIPPED, PLANAR = "sain", "planar"
+WITHIN: Final = Tolerance(0.005, 0.03)
+WORKERS: Final = WorkerOptions(workers=2)
+FIRST: Final = {"Bullet": 70_000, "rough": 71_000, "MuJoCo": 72_000}  # seeds
+WORLDS: Final = {
+    "Bullet": RANDOMISED_TRUTH,
+    "rough": TruthConfig(world=ROUGH),
+    "MuJoCo": TruthConfig(engine=MUJOCO),
+}
+PUSHT: Final = range(73_000, 73_006)
+DRAWN: Final = tuple(name for name in SEEN if name in NAMES)  # `collect` has no others
+SAMPLES: Final = {
+    "disks": ["--episodes", "150", "--seed", "9101"],
+    "seen shapes": ["--episodes", "100", "--seed", "9102", "--shapes", ",".join(DRAWN)],
+    "unseen shapes": ["--episodes", "100", "--seed", "9103", "--shapes", ",".join(UNSEEN)],
+}
+
+
+@dataclass(frozen=True)
+class Part:
+    """Scenes of one scenario in one world; `before` is the figure of the results page."""
+
+    world: str
+    scenario: str
+    scenes: int
+    before: str
+    controller: str = SHIPPED
+
+    @property
+    def name(self) -> str:
+        """Names it in the table."""
+        world = "" if self.world == "Bullet" else f"{self.world}, "
+        controller = "" if self.controller == SHIPPED else f", {self.controller}"
+        return f"{world}{self.scenario}{controller}"
+
+    def jobs(self) -> list[EpisodeJob]:
+        """Return the episodes to play."""
+        first, truth = FIRST[self.world], WORLDS[self.world]
+        return [
+            EpisodeJob(self.scenario, seed, self.controller, (WITHIN,), truth=truth)
+            for seed in range(first, first + self.scenes)
+        ]
+
+    def has(self, record: SceneRecord) -> bool:
+        """Tell whether a record is of it."""
+        same = (record.scenario, record.controller) == (self.scenario, self.controller)
+        return same and 0 <= record.seed - FIRST[self.world] < self.scenes
+
+
+PARTS: Final = (
+    Part("Bullet", "paper", 8, "40/40, 3.9"),
+    Part("Bullet", "paper_cube", 8, "100/100, 3.6"),
+    Part("Bullet", "anywhere", 20, "300/300, 4.3"),
+    Part("Bullet", "anywhere_cube", 8, "99/100, 4.9"),
+    Part("Bullet", "push_t", 8, "100/100, 4.9"),
+    Part("Bullet", "shapes", 20, "330/330, 4.7"),
+    Part("Bullet", "shapes_indirect", 10, "193/200, 7.4"),
+    Part("Bullet", "rearrange_2", 3, "50/50, 9.9"),
+    Part("Bullet", "rearrange_3", 3, "50/50, 15.1"),
+    Part("Bullet", "rearrange_4", 3, "100/100, 24.2 (planar)"),
+    Part("Bullet", "blocked", 8, "100/100, 5.3"),
+    Part("rough", "anywhere", 12, "65/100, 10.2"),
+    Part("rough", "anywhere", 12, "73/100, 10.5", PLANAR),
+    Part("MuJoCo", "anywhere", 12, "293/300, 5.4"),
+    Part("MuJoCo", "push_t", 6, "100/100, 5.5"),
+)
+
+
+def measure_one_push(data: Path) -> list[Gate]:
+    """Measure SAIN's mean error over that of its physics with the same history."""
+    model, gates = load_shipped(), []
+    for name, how in SAMPLES.items():
+        collect(data / name.split()[0], how)
+    disks = load_transitions(data / "disks")
+    predicted = history_predictions(disks, model)
+    sain, physics = (
+        position_errors(predicted[name], disks.next_state, TARGET)
+        for name in (SAIN_HISTORY, PRIOR_HISTORY)
+    )
+    ratio = ratio_over_episodes(sain, physics, disks.episode, 0)
+    gates.append(_ratio("disks", ratio, "0.97", 0.03))
+    for name, before in (("seen shapes", "0.92"), ("unseen shapes", "0.94")):
+        mixed = load_datasets([data / name.split()[0]], ANY_SHAPE)
+        pushed = shape_errors(mixed, model)["bodies"][PUSHED]
+        gates.append(_ratio(name, pushed["ratio_mm"], before, 0.01))
+        gates.append(_ratio(f"headings of {name}", pushed["ratio_deg"], "0.82", 0.01))
+    return gates
+
+
+def collect(folder: Path, how: list[str]) -> None:
+    """Collect a sample once."""
+    if (folder / "card.json").exists():
+        return
+    bodies = ["--bodies", "1-2"] if "--shapes" in how else []
+    command = ["ros2", "run", "sain_sim", "collect", "--out", str(folder), "--workers", "2"]
+    subprocess.run([*command, *how, *bodies], check=True, stdout=subprocess.DEVNULL)
+
+
+def _ratio(name: str, ratio: list[float], before: str, slack: float) -> Gate:
+    """Return the gate of a ratio. The sample is the same each time, so its interval is shown."""
+    value, low, high = ratio
+    shown = f"{value:.3f} [{low:.2f}, {high:.2f}]"
+    return Gate(f"{name}: SAIN / physics", value, "", before, slack=slack, shown=shown)
+
+
+def measure() -> list[Gate]:
+    """Play the scenes of all parts."""
+    jobs = [job for part in PARTS for job in part.jobs()]
+    with closing(run_jobs(jobs, WORKERS)) as results:
+        records = [record for played in results for record in played]
+    groups = {part: [one for one in records if part.has(one)] for part in PARTS}
+    rows = {part: summarise(group)[0] for part, group in groups.items()}
+    gates = [gate for part, row in rows.items() for gate in _gates(part.name, row, part.before)]
+    plain = [one for part in PARTS if part.world == "Bullet" for one in groups[part]]
+    plain = [replace(one, scenario="all", heading_tolerance=0.0) for one in plain]
+    gates += _gates("Bullet, all of these", summarise(plain)[0], "")
+    shipped, planar = (row for part, row in rows.items() if part.world == "rough")
+    more = shipped["successes"] - planar["successes"]
+    gates.append(Gate("rough, anywhere: SAIN - planar", more, "scenes", "-8 of 100", at_least=0))
+    with closing(run_pusht_jobs([PushtJob(seed, "pusht") for seed in PUSHT], WORKERS)) as played:
+        gates += _gates("gym-pusht", results_row("pusht", list(played)), "500/500, 3.3")
+    return gates
+
+
+def _gates(name: str, row: dict[str, Any], before: str) -> list[Gate]:
+    """Return the gates of a row of a summary: scenes solved, and pushes in these."""
+    rate, pushes = row["rate"], row["pushes"]
+    interval = rate["low"], rate["high"]
+    share = f"({100 * rate['low']:.0f}-{100 * rate['high']:.0f} %)"
+    shown = f"{row['successes']}/{row['scenes']} {share}"
+    gates = [
+        Gate(
+            f"{name}: solved",
+            rate["estimate"],
+            before=before,
+            interval=interval,
+            shown=shown,
+            more_is_better=True,
+        )
+    ]
+    if pushes["estimate"] is not None:
+        spread = pushes["low"], pushes["high"]
+        gates.append(Gate(f"{name}: pushes", pushes["estimate"], interval=spread))
+    return gates

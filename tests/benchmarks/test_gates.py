@@ -1,0 +1,102 @@
+"""What `benchmarks.gates` prints: ok, open or worse, and figures that can be read again."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from benchmarks import gates
+from benchmarks.gate.loops import FIRST, PARTS
+from benchmarks.gate.structure import count, read_sources
+from benchmarks.gate.table import Baseline, Gate, print_gates, write_gates
+
+NONE = Baseline("", {})
+SOLVED = Gate("solved", 0.9, interval=(0.6, 1.0), more_is_better=True)
+
+
+def line(capsys: pytest.CaptureFixture[str], gate: Gate, before: Gate | None) -> str:
+    """The last cell of the line that is printed for a gate beside a baseline."""
+    sound = print_gates("group", [gate], Baseline("abc", {gate.name: before}) if before else NONE)
+    row = next(one for one in capsys.readouterr().out.splitlines() if gate.name in one)
+    verdict = row.strip("│ ").split("│")[-1].strip()
+    assert sound == (verdict != "worse")
+    return verdict
+
+
+@pytest.mark.parametrize(
+    ("gate", "before", "verdict"),
+    [
+        (Gate("lines", 27_000, at_most=27_000), None, "ok"),
+        (Gate("lines", 27_001, at_most=27_000), None, "open"),
+        (Gate("lines", 27_001, at_most=27_000), 30_000, "open"),
+        (Gate("lines", 30_001, at_most=27_000), 30_000, "worse"),
+        (Gate("plan", 33.9, "ms", slack=0.1), None, "33.9 ms"),  # nothing to compare with
+        (Gate("plan", 33.9, "ms", slack=0.1), 31.0, "ok"),
+        (Gate("plan", 34.2, "ms", slack=0.1), 31.0, "worse"),
+        (Gate("rate", 91.0, slack=0.1, more_is_better=True), 100.0, "ok"),
+        (Gate("rate", 89.0, slack=0.1, more_is_better=True), 100.0, "worse"),
+        (Gate("rate", 89.0, at_least=80.0, slack=0.1, more_is_better=True), 100.0, "ok"),
+        (replace(SOLVED, value=0.61), 0.9, "ok"),
+        (replace(SOLVED, value=0.59), 0.9, "worse"),
+    ],
+)
+def test_a_figure_is_worse_only_beyond_its_baseline(capsys, gate, before, verdict) -> None:
+    known = None if before is None else replace(gate, value=before)
+    assert line(capsys, gate, known) == verdict
+
+
+def test_figures_are_read_as_written_and_groups_stay(tmp_path: Path) -> None:
+    path = tmp_path / "gates.json"
+    first = [SOLVED, Gate("lines", 3.0, at_most=2.0, before="4")]
+    write_gates(path, "loops", first)
+    write_gates(path, "speed", [Gate("plan", 31.0, "ms")])
+    write_gates(path, "speed", [Gate("plan", 30.0, "ms")])
+    read = Baseline.read(path, "loops").gates
+    assert [replace(gate, interval=None) for gate in read.values()] == [
+        replace(gate, interval=None) for gate in first
+    ]
+    assert read["solved"].worst == 0.6
+    assert Baseline.read(path, "speed").gates["plan"].value == 30.0
+    assert Baseline.read(path, "structure").gates == {}
+
+
+def play(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> object:
+    """The exit code of the script."""
+    monkeypatch.setattr(sys, "argv", ["gates", "--only", "structure", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        gates.main()
+    return end.value.code
+
+
+def test_structure_is_read_from_the_sources_and_compared(monkeypatch, capsys, tmp_path) -> None:
+    kept = tmp_path / "kept.json"
+    assert play(monkeypatch, "--baseline", kept, "--out", kept) == 0
+    lines = Baseline.read(kept, "structure").gates["lines of the five packages"]
+    assert lines.value > 1000 and f"{lines.value:,.0f}" in capsys.readouterr().out
+    write_gates(kept, "structure", [replace(lines, value=lines.value - 1)])
+    assert play(monkeypatch, "--baseline", kept, "--out", tmp_path / "now.json") == (
+        1 if lines.value > (lines.at_most or 0.0) else 0
+    )
+    missing = tmp_path / "none.json"
+    told = play(monkeypatch, "--baseline", missing, "--out", kept)
+    assert told == f"there is no baseline {missing}; make one: --out {missing}"
+
+
+def test_a_planted_source_is_counted(tmp_path: Path) -> None:
+    package = tmp_path / "sain_core" / "sain_core"
+    package.mkdir(parents=True)
+    (package / "a.py").write_text("def f(bodies: Bodies | None, others: Bodies | None): ...\n")
+    (tmp_path / "sain_core" / "setup.py").write_text("Bodies | None\n")
+    sources = read_sources(tmp_path)
+    assert list(sources) == [Path("sain_core/sain_core/a.py")]
+    assert count(r"\bBodies \| None", sources) == 2
+
+
+def test_scenes_are_counted_once() -> None:
+    jobs = [(job.truth, job.scenario, job.controller, job.seed) for p in PARTS for job in p.jobs()]
+    assert len(set(jobs)) == len(jobs)
+    for part in PARTS:
+        seeds = range(FIRST[part.world], FIRST[part.world] + part.scenes)
+        others = [first for world, first in FIRST.items() if world != part.world]
+        assert not any(first in seeds for first in others)
