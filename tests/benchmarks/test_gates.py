@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import gates
 from benchmarks.gate.loops import FIRST, PARTS
-from benchmarks.gate.structure import count, read_sources
+from benchmarks.gate.structure import count, measure, read_sources
 from benchmarks.gate.table import Baseline, Gate, print_gates, write_gates
 
 NONE = Baseline("", {})
@@ -81,6 +81,13 @@ def test_structure_is_read_from_the_sources_and_compared(monkeypatch, capsys, tm
     missing = tmp_path / "none.json"
     told = play(monkeypatch, "--baseline", missing, "--out", kept)
     assert told == f"there is no baseline {missing}; make one: --out {missing}"
+
+
+def test_the_kept_baseline_has_what_is_measured() -> None:
+    kept = Baseline.read(gates.BASELINE, "structure")
+    assert kept.commit and {gate.name for gate in measure()} == set(kept.gates)
+    for part in PARTS:
+        assert f"{part.name}: solved" in Baseline.read(gates.BASELINE, "loops").gates
 
 
 def test_a_planted_source_is_counted(tmp_path: Path) -> None:
