@@ -108,12 +108,12 @@ def measure_one_push(data: Path) -> list[Gate]:
         for name in (SAIN_HISTORY, PRIOR_HISTORY)
     )
     ratio = ratio_over_episodes(sain, physics, disks.episode, 0)
-    gates.append(_ratio("disks", ratio, "0.97", 0.03))
+    gates += _errors("disks", "mm", float(sain.mean()), ratio, "0.97", 0.03)
     for name, before in (("seen shapes", "0.92"), ("unseen shapes", "0.94")):
         mixed = load_datasets([data / name.split()[0]], ANY_SHAPE)
         pushed = shape_errors(mixed, model)["bodies"][PUSHED]
-        gates.append(_ratio(name, pushed["ratio_mm"], before, 0.01))
-        gates.append(_ratio(f"headings of {name}", pushed["ratio_deg"], "0.82", 0.01))
+        for unit, told in (("mm", before), ("deg", "0.82")):
+            gates += _errors(name, unit, pushed[f"sain_{unit}"], pushed[f"ratio_{unit}"], told)
     return gates
 
 
@@ -126,11 +126,19 @@ def collect(folder: Path, how: list[str]) -> None:
     subprocess.run([*command, *how, *bodies], check=True, stdout=subprocess.DEVNULL)
 
 
-def _ratio(name: str, ratio: list[float], before: str, slack: float) -> Gate:
-    """Return the gate of a ratio. The sample is the same each time, so its interval is shown."""
+def _errors(
+    name: str, unit: str, error: float, ratio: list[float], before: str, slack: float = 0.01
+) -> list[Gate]:
+    """Return the gates of a mean error, and of its ratio to that of physics.
+
+    The sample is the same each time, so the interval of the ratio is only shown.
+    """
     value, low, high = ratio
     shown = f"{value:.3f} [{low:.2f}, {high:.2f}]"
-    return Gate(f"{name}: SAIN / physics", value, "", before, slack=slack, shown=shown)
+    return [
+        Gate(f"{name}: SAIN, {unit}", error, unit, slack=slack),
+        Gate(f"{name}: SAIN / physics, {unit}", value, "", before, slack=slack, shown=shown),
+    ]
 
 
 def measure() -> list[Gate]:
