@@ -3,6 +3,7 @@
 import os
 import socket
 import subprocess
+import tempfile
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -90,7 +91,7 @@ def test_a_full_disk_is_noticed_first(tmp_path: Path, monkeypatch: pytest.Monkey
     def no_space(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", no_space)
+    monkeypatch.setattr(tempfile, "TemporaryFile", no_space)
     with pytest.raises(OutputError, match="No space left on device"):
         make_output_folder(replace(DEMO, out=tmp_path / "results"))
 

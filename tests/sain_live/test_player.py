@@ -5,13 +5,13 @@ import time
 import pytest
 
 from sain_core.errors import InvalidInputError
-from sain_live.player import Player
-from sain_live.recording import Chapter, Moment, Recording
+from sain_live.player import RecordingPlayer
+from sain_live.recording import Chapter, Recording, Snapshot
 from sain_live.state import Kind, LiveState, LogLine
 
 
 def chapter(title, *times, rests):
-    moments = tuple(Moment(t, {"why": f"{title} {t}", "lines": round(t)}) for t in times)
+    moments = tuple(Snapshot(t, {"why": f"{title} {t}", "lines": round(t)}) for t in times)
     return Chapter(title, moments, rests)
 
 
@@ -28,7 +28,7 @@ RECORDING = Recording(
 @pytest.fixture
 def played():
     known = LiveState()
-    player = Player(known, RECORDING)
+    player = RecordingPlayer(known, RECORDING)
     player.play(False)
     player.seek(0.0)
     yield known, player
@@ -83,7 +83,7 @@ def wait(done):
 
 def test_playing_goes_through_all_and_stops_at_the_end():
     known, shown = LiveState(), []
-    player = Player(known, RECORDING, speed=20.0, loop=False)
+    player = RecordingPlayer(known, RECORDING, speed=20.0, loop=False)
     while player.playing:
         known.changed.wait(20.0)
         known.changed.clear()
@@ -96,7 +96,7 @@ def test_playing_goes_through_all_and_stops_at_the_end():
 
 def test_playing_in_a_loop_begins_again():
     known = LiveState()
-    player = Player(known, RECORDING, speed=20.0)
+    player = RecordingPlayer(known, RECORDING, speed=20.0)
     wait(lambda: player.chapter.title == "two")
     wait(lambda: player.chapter.title == "one")
     assert player.playing

@@ -144,7 +144,7 @@ class Part(NamedTuple):
     whatever: bool
 
 
-class Camera:
+class FilmWorker:
     """Renders parts of a film, in a process of its own."""
 
     def __init__(self, scenery: Scenery) -> None:
@@ -184,7 +184,7 @@ class Film:
         ends = np.linspace(0, len(moments), size + 1).astype(int).tolist()
         self._parts = [moments[first:last] for first, last in pairwise(ends)]
         nothing = Software((), ())  # that the pictures must agree with
-        work = Work(partial(Camera, scenery), nothing, lambda part: "the film", goes_on=False)
+        work = Work(partial(FilmWorker, scenery), nothing, lambda part: "the film", goes_on=False)
         self._pool: ProcessPool[Part, list[Image.Image] | None] = ProcessPool(size, work)
         self._begin()
 

@@ -13,7 +13,7 @@ STEP: Final = 1.0 / 40.0  # [s], between two moments that are shown
 HOLD: Final = 1.0  # [s], the end of a chapter stays, before the next one begins
 
 
-class Player:
+class RecordingPlayer:
     """One for all viewers: each sees the same moment. To be used from any thread.
 
     Attributes:

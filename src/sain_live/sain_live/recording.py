@@ -9,7 +9,7 @@ from sain_live.state import LogLine
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class Snapshot:
     """What is known at one time.
 
     Attributes:
@@ -32,7 +32,7 @@ class Chapter:
     """
 
     title: str
-    moments: tuple[Moment, ...]
+    moments: tuple[Snapshot, ...]
     rests: tuple[float, ...]
 
     @property
@@ -45,7 +45,7 @@ class Chapter:
         """How many pushes were carried out."""
         return len(self.rests) - 1
 
-    def at(self, time: float) -> Moment:
+    def at(self, time: float) -> Snapshot:
         """Return the last moment that is not later than a time [s]."""
         number = bisect_right(self.moments, time, key=lambda moment: moment.time)
         return self.moments[max(number - 1, 0)]

@@ -1,5 +1,6 @@
 """A full /dev/shm and a computer without a network are told, before ROS dies or waits."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 from sain_core.cli import host
 from sain_core.cli.host import check_loopback, check_shared_memory
 from sain_core.errors import OutputError
+from sain_core.ros.network import RANGE
 from sain_sim.commands import sim_node
 
 
@@ -34,7 +36,8 @@ def test_without_a_network_a_command_says_at_once_what_to_do():
     if subprocess.run([*isolated, "true"], capture_output=True).returncode:
         pytest.skip("this computer lets nobody make a network of his own")
     code = "from sain_bringup.commands import closed_loop; raise SystemExit(closed_loop([]))"
-    ended = subprocess.run([*isolated, sys.executable, "-c", code], capture_output=True, text=True)
+    command, closed = [*isolated, sys.executable, "-c", code], {**os.environ, RANGE: "LOCALHOST"}
+    ended = subprocess.run(command, capture_output=True, text=True, env=closed)
     assert ended.returncode == 1 and ended.stdout == ""
     assert ended.stderr == (
         "closed_loop: nodes talk over 127.0.0.1, which cannot be used here: Network is unreachable;"
@@ -43,8 +46,9 @@ def test_without_a_network_a_command_says_at_once_what_to_do():
 
 
 def test_who_opens_the_network_needs_no_loopback(monkeypatch):
+    monkeypatch.setenv(RANGE, "LOCALHOST")
     check_loopback()
     with pytest.raises(host.NoNetworkError):
         check_loopback("203.0.113.1")  # nobody's own
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    monkeypatch.setenv(RANGE, "SUBNET")
     check_loopback("203.0.113.1")

@@ -18,7 +18,7 @@ from sain_live.page.plans import PlanView
 from sain_live.page.playing import PlayingView
 from sain_live.page.serving import open_server
 from sain_live.page.stage import draw_stage
-from sain_live.player import Player
+from sain_live.player import RecordingPlayer
 from sain_live.settings import PageConfig
 from sain_live.state import Kind, LiveState
 
@@ -28,7 +28,7 @@ BEHIND: Final = 0.1  # [s] that the pace may catch up
 logger = logging.getLogger(__name__)
 
 
-class View(Protocol):
+class PagePart(Protocol):
     """A part of the page."""
 
     def show(self, known: LiveState) -> None:
@@ -43,7 +43,7 @@ class LivePage:
         known: LiveState,
         orders: Orders | None,
         config: PageConfig,
-        player: Player | None = None,
+        player: RecordingPlayer | None = None,
     ) -> None:
         """Listen and show what is known.
 
@@ -61,7 +61,7 @@ class LivePage:
         self._end = Event()
         self.server = server = open_server(config)
         tabs = server.gui.add_tab_group()
-        controls: list[View] = []
+        controls: list[PagePart] = []
         if player is not None:
             with tabs.add_tab("Recording", viser.Icon.PLAYER_PLAY):
                 controls.append(PlayingView(server, player))
@@ -72,7 +72,7 @@ class LivePage:
                 controls.append(PlannerForm(server, known, orders))
         draw_stage(server)
         self.goals = GoalsView(server, known, orders)
-        self._views: tuple[View, ...] = (
+        self._views: tuple[PagePart, ...] = (
             BodiesView(server),
             self.goals,
             PlanView(server),

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 
 from sain_core.drawing.palette import PALETTE
-from sain_live.player import Player
+from sain_live.player import RecordingPlayer
 from sain_live.recording import Chapter
 from sain_live.state import LiveState
 
@@ -21,7 +21,7 @@ STEP: Final = 0.01  # [s], of the timeline
 class PlayingView:
     """The tab of a recording, in place of the controls of a graph."""
 
-    def __init__(self, server: viser.ViserServer, player: Player) -> None:
+    def __init__(self, server: viser.ViserServer, player: RecordingPlayer) -> None:
         """Make the controls."""
         self._player, gui = player, server.gui
         self._status, self._moved = "", 0.0
@@ -88,7 +88,7 @@ def distance_text(known: LiveState) -> str:
     return f"{1e3 * apart:.1f} mm" + (f", {np.degrees(turn):.1f}°" if turns else "")
 
 
-def playing_text(player: Player, known: LiveState) -> str:
+def playing_text(player: RecordingPlayer, known: LiveState) -> str:
     """Return what is shown, as HTML."""
     chapter = player.chapter
     facts = [("recording", player.recording.name)]

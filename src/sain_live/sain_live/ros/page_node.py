@@ -10,7 +10,7 @@ from sain_core.ros.parameters import read_parameters
 from sain_core.ros.steady import steady_timer
 from sain_live.orders import Reset
 from sain_live.page.live_page import LivePage
-from sain_live.player import Player
+from sain_live.player import RecordingPlayer
 from sain_live.ros.asking import Asking
 from sain_live.ros.listening import Listening
 from sain_live.ros.reading import read_recording
@@ -55,7 +55,7 @@ class PageNode(Node):
     def _show_recording(self) -> None:
         self.get_logger().info(f"reading {self.config.bag}")
         recording = read_recording(Path(self.config.bag))
-        self.player = Player(self.known, recording, self.config.speed, self.config.loop)
+        self.player = RecordingPlayer(self.known, recording, self.config.speed, self.config.loop)
         self.page = LivePage(self.known, None, self.config, self.player)
         self._parts += [self.player, self.page]
 

@@ -11,7 +11,7 @@ from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import graphs
 from sain_bags.report.titles import EpisodePart, episode_titles
 from sain_core.errors import DatasetError, ErrorCode
-from sain_live.recording import Chapter, Moment, Recording
+from sain_live.recording import Chapter, Recording, Snapshot
 from sain_live.ros.hearing import Hearing, Take
 from sain_live.state import Kind, LiveState, LogLine
 
@@ -51,7 +51,7 @@ class _Draft:
         for values in self.values:  # before the goal came, an episode is on its way there, too
             values.update(arm=arm, aim=values["aim"] or aim)
         numbers = {id(frame): number for number, frame in enumerate(self.frames)}
-        moments = tuple(map(Moment, times, self.values))
+        moments = tuple(map(Snapshot, times, self.values))
         return Chapter(title, moments, tuple(times[numbers[id(frame)]] for frame in self.rests))
 
     def thin(self) -> None:

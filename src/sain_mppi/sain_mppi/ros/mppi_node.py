@@ -60,8 +60,8 @@ class MppiNode(Node):
     def __init__(self, **options: Any) -> None:
         """Get the agent ready, and wait for a scene and a goal."""
         super().__init__("mppi_node", namespace=NAMESPACE, **options)
-        self.ownership = Ownership(self, ("plan",))  # people and players send pushes, too
         self.config = config = read_parameters(self, MppiConfig)
+        self.ownership = Ownership(self, ("plan",))  # people and players send pushes, too
         in_process = config.dynamics != SERVICE
         self.remote = None if in_process else RemoteRollout(self, config.model_timeout)
         model = self.remote or as_rollout(
