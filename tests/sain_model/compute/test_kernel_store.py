@@ -75,6 +75,7 @@ def test_an_edit_compiles_only_what_it_must_and_says_so(copies: tuple[Path, Path
     compile_kernels()
     store = copies[0] / "__pycache__" / "kernels"
     shutil.copytree(KEPT, store)
+    (store / "my_kernels-0123456789abcdef").mkdir()  # another program's
     kernels = copies[0] / "network" / "network_kernels.py"
     kernels.write_text(kernels.read_text() + "\n# edited\n")
     program = """
@@ -97,6 +98,7 @@ print(kernels_are_ready(), compilation_progress())
     assert run.stdout.splitlines() == ["False", "True None"]
     lines = run.stderr.splitlines()
     assert lines and all(re.fullmatch(r"compiling \d+ of \d+ kernels", line) for line in lines)
+    (store / "my_kernels-0123456789abcdef").rmdir()
     folders, before = ({path.name for path in place.glob("*_kernels-*")} for place in (store, KEPT))
     assert {name.partition("-")[0] for name in folders} == {kernel.stem for kernel in KERNELS}
     assert {name.partition("-")[0] for name in folders - before} == {

@@ -120,7 +120,7 @@ def play(
             again = restart_command(name, command)
             supervisor.start(name, command, patient=name == RECORDER, again=again)
         director.wait_for_graph(
-            lambda: supervisor.starting((SIMULATOR, MODEL, PLANNER)),
+            lambda: supervisor.starting((SIMULATOR, MODEL, PLANNER, RECORDER)),
             lambda missing: display.status(waiting_for(missing)),
         )
     for number, plan in enumerate(plans, start=1):

@@ -39,6 +39,7 @@ COMPILER: Final = "sain_model.cli.kernels"
 CHAINS: Final = ("shapes", "disks", "network")  # what the compiler does side by side
 COMPILES: Final = "SAIN_COMPILES_KERNELS"  # set in the compiler's processes
 POLL_PERIOD: Final = 0.1  # [s]
+HASH_LENGTH: Final = 16  # digits in the name of a folder
 IMPORT: Final = re.compile(r"^from (sain_core|sain_model)\.([\w.]+) import", re.MULTILINE)
 KERNEL: Final = re.compile(
     r"^@(?:compiled|compiled_apart|callable_kernel)\ndef (\w+)", re.MULTILINE
@@ -130,7 +131,7 @@ def _hash(paths: set[Path]) -> str:
     digest = hashlib.sha256()
     for path in sorted(paths, key=lambda path: path.name):
         digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+    return digest.hexdigest()[:HASH_LENGTH]
 
 
 # --- where it is kept -----------------------------------------------------------------------------
@@ -166,7 +167,7 @@ def _stamp() -> Path:
     """The file that is there when all kernels are, for this Python, Numba and processor."""
     made_by = platform.python_version(), version("numba"), _processor(), source_hashes()
     digest = hashlib.sha256((PACKAGE / "cli" / "kernels.py").read_bytes() + repr(made_by).encode())
-    return kernel_folder() / f"complete-{digest.hexdigest()[:16]}"
+    return kernel_folder() / f"complete-{digest.hexdigest()[:HASH_LENGTH]}"
 
 
 def _processor() -> str:
@@ -198,13 +199,14 @@ def _lock_file() -> Path:
 
 
 def _remove_outdated() -> None:
-    """Remove kernels of earlier sources, and nothing else."""
-    current = {*module_folders().values()}
-    for path in kernel_folder().glob("*_kernels-*"):
-        if path not in current:
+    """Remove kernels of earlier sources, and nothing else: others may keep theirs here, too."""
+    folders = module_folders()
+    ours = re.compile(rf"({'|'.join(folders)})-[0-9a-f]{{{HASH_LENGTH}}}")
+    for path in kernel_folder().iterdir():
+        if ours.fullmatch(path.name) and path not in folders.values():
             shutil.rmtree(path, ignore_errors=True)
-    for path in kernel_folder().glob("complete-*"):
-        path.unlink(missing_ok=True)
+        elif re.fullmatch(rf"complete-[0-9a-f]{{{HASH_LENGTH}}}", path.name):
+            path.unlink(missing_ok=True)
 
 
 # --- how it gets there ----------------------------------------------------------------------------
