@@ -158,8 +158,8 @@ install_locked_python() { install --ignore-installed --no-deps -r "$lock-python.
 update_locked() { install --no-deps -r "$lock-ros.txt" -r "$lock-python.txt" && install_arm && mend_wheels; }
 
 install_beside_ros() {
-  (cd "$root/requirements" && install -c jazzy-constraints.txt -r python.in && install --no-deps -r as_is.txt)
-  install_arm
+  (cd "$root/requirements" && install -c jazzy-constraints.txt -r python.in && install --no-deps -r as_is.txt) &&
+    install_arm
 }
 
 # The arm's description and meshes come with PyBullet, which has no wheel above Python 3.11. They are data,

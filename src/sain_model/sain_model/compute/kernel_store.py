@@ -9,7 +9,6 @@ Numba: to see that all kernels are there takes some milliseconds.
 import fcntl
 import functools
 import hashlib
-import logging
 import os
 import platform
 import re
@@ -45,8 +44,6 @@ KERNEL: Final = re.compile(
     r"^@(?:compiled|compiled_apart|callable_kernel)\ndef (\w+)", re.MULTILINE
 )
 
-log = logging.getLogger(__name__)
-
 
 def kernels_are_ready() -> bool:
     """Return whether all kernels of these sources are compiled."""
@@ -73,7 +70,7 @@ def compile_kernels(report: Report | None = None) -> None:
 
     Args:
         report: is called again and again with how many kernels have been compiled, and of how many
-            that were missing. By default the log has one line.
+            that were missing.
 
     Raises:
         ModelUnavailableError: they cannot be compiled; with the end of what the compiler printed.
@@ -81,8 +78,6 @@ def compile_kernels(report: Report | None = None) -> None:
     if COMPILES in os.environ or kernels_are_ready():
         return
     missing = len(_missing())
-    if report is None:
-        log.warning("compiling %d kernels, once for these sources", missing)
 
     def tell() -> None:
         if report is not None and missing:
