@@ -69,7 +69,7 @@ class PlayedEpisode:
         assert episode.goal is not None
         shapes = draw_scene(self.scenario, self.seed).shapes if self.scenario else ()
         roles: tuple[str, ...] = ()
-        if episode.bodies is not None:
+        if not episode.bodies.are_paper_disks:
             shapes = tuple(shape.footprint for shape in episode.bodies.shapes)
             roles = tuple(map(str, episode.bodies.roles))
         return EpisodeRecord(

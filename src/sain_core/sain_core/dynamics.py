@@ -87,13 +87,13 @@ class ShapedRollout(Protocol):
         ...
 
 
-def shaped(dynamics: Dynamics, bodies: Bodies | None) -> Dynamics:
-    """Return a dynamics for these bodies; None: disks with the paper's roles.
+def shaped(dynamics: Dynamics, bodies: Bodies) -> Dynamics:
+    """Return a dynamics for these bodies.
 
     Raises:
         ConfigError: it can only predict disks.
     """
-    if bodies is None or bodies == Bodies.disks(len(bodies)):
+    if bodies.are_paper_disks:
         return dynamics
     if isinstance(dynamics, ShapedDynamics):
         return dynamics.with_bodies(bodies)
@@ -141,9 +141,9 @@ class StepwiseRollout:
         return predicted
 
 
-def shaped_rollout(model: RolloutModel, bodies: Bodies | None) -> RolloutModel:
+def shaped_rollout(model: RolloutModel, bodies: Bodies) -> RolloutModel:
     """Return a rollout model for these bodies, as `shaped`."""
-    if bodies is None or bodies == Bodies.disks(len(bodies)):
+    if bodies.are_paper_disks:
         return model
     if isinstance(model, ShapedRollout):
         return model.with_bodies(bodies)

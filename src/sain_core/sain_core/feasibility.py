@@ -15,7 +15,7 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.push import LENGTH, LOCATION, PUSH_SIZE, PushLimits, pushed_bodies, strokes
 from sain_core.scene import MID, POSITION, RADIUS, THETA, Table, unit
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.outline import distance_to_way, outline_of
 from sain_core.shapes.shape import Shape
 from sain_core.types import Mask, Points, Pushes, Scalars, Scene, Scenes, States
@@ -46,7 +46,7 @@ def reachable(
     pushes: Pushes,
     limits: PushLimits,
     reach: Reach,
-    bodies: Bodies | None = None,
+    bodies: Bodies = PAPER_DISKS,
 ) -> Mask:
     """Tell for which pushes the tool's whole way lies in reach.
 
@@ -66,7 +66,7 @@ def _within_reach(start: Points, way: Points, length: Scalars, reach: Reach) -> 
 
 
 def tool_gap(
-    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies | None = None
+    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies = PAPER_DISKS
 ) -> Scalars:
     """Return the smallest gap [m] between the tool on its way and any body but the pushed one.
 
@@ -83,10 +83,10 @@ def _gap_on_way(
     scenes: Scenes,
     pushes: Pushes,
     limits: PushLimits,
-    bodies: Bodies | None,
+    bodies: Bodies,
 ) -> Scalars:
     """Return the gap of a tool that starts at (..., 2) and travels in the direction (..., 2)."""
-    if pushes.shape[-1] == PUSH_SIZE and (bodies is None or bodies.all_round):
+    if pushes.shape[-1] == PUSH_SIZE and bodies.all_round:
         others = scenes[..., MID + 1 :, :]
         offset = others[..., POSITION] - start[..., None, :]  # (..., N - 1, 2)
         along = np.clip((offset * way[..., None, :]).sum(-1), 0.0, pushes[..., LENGTH, None])
@@ -100,20 +100,19 @@ def _gap_on_way(
         if not passing.any():
             continue
         state = np.broadcast_to(scenes[..., body, :], (*least.shape, scenes.shape[-1]))[passing]
-        shape = None if bodies is None else bodies.shapes[body]
-        apart = _way_to_body(start[passing], end[passing], state, shape)
+        apart = _way_to_body(start[passing], end[passing], state, bodies.shapes[body])
         least[passing] = np.minimum(least[passing], apart)
     return np.asarray(least - limits.tool_radius)
 
 
 def start_gap(
-    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies | None = None
+    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies = PAPER_DISKS
 ) -> Scalars:
     """Return the gap [m] between the tool before it travels and the body that it is to push.
 
     It is the clearance, but near an inner corner of the outline. Negative: they would touch.
     """
-    if bodies is None or all(shape.is_convex for shape in bodies.shapes):
+    if all(shape.is_convex for shape in bodies.shapes):
         return np.full(pushes.shape[:-1], limits.clearance)
     pushed = pushed_bodies(pushes)
     gap = np.full(np.broadcast_shapes(scenes.shape[:-2], pushed.shape), limits.clearance)
@@ -129,15 +128,14 @@ def start_gap(
     return gap
 
 
-def place_gap(scene: Scene, place: Points, bodies: Bodies | None = None) -> float:
+def place_gap(scene: Scene, place: Points, bodies: Bodies = PAPER_DISKS) -> float:
     """Return the smallest distance [m] from a place (2,) to any body of a scene (N, 8).
 
     Negative or 0: it is inside of a body.
     """
-    shapes = [None] * len(scene) if bodies is None else bodies.shapes
     gaps = (
         _way_to_body(place[None], place[None], state[None], shape)[0]
-        for state, shape in zip(scene, shapes, strict=True)
+        for state, shape in zip(scene, bodies.fitted(len(scene)).shapes, strict=True)
     )
     return float(min(gaps))
 
@@ -155,7 +153,7 @@ def _start_gaps(shape: Shape, radius: float, limits: PushLimits) -> tuple[Scalar
     return locations, distance_to_way(start, start, corners) - limits.tool_radius
 
 
-def _way_to_body(start: Points, end: Points, state: States, shape: Shape | None) -> Scalars:
+def _way_to_body(start: Points, end: Points, state: States, shape: Shape) -> Scalars:
     """Return the distance [m] from straight ways (..., 2) to a body in states (..., 8).
 
     Of ways that pass the circumscribed circle by more than `EXACT_WITHIN`, the distance to that.
@@ -164,7 +162,7 @@ def _way_to_body(start: Points, end: Points, state: States, shape: Shape | None)
     size = np.maximum((way * way).sum(-1), 1e-30)
     share = np.clip(((centre - start) * way).sum(-1) / size, 0.0, 1.0)
     apart = np.linalg.norm(centre - start - share[..., None] * way, axis=-1)
-    if shape is None or shape.is_round:
+    if shape.is_round:
         return np.asarray(apart - state[..., RADIUS])
     apart = np.asarray(apart - shape.circumradius * state[..., RADIUS])
     near = apart < EXACT_WITHIN
@@ -197,10 +195,10 @@ class Feasibility(Config):
         maximum=0.05,
     )
 
-    def mask(self, scenes: Scenes, pushes: Pushes, bodies: Bodies | None = None) -> Mask:
+    def mask(self, scenes: Scenes, pushes: Pushes, bodies: Bodies = PAPER_DISKS) -> Mask:
         """Tell which pushes are reachable and unblocked; one of zero length always is.
 
-        A push must also be against a pushable body, where bodies are given.
+        A push must also be against a pushable body.
         """
         limits = self.limits
         start, heading = strokes(scenes, pushes, limits, bodies)
@@ -208,7 +206,6 @@ class Feasibility(Config):
         gap = _gap_on_way(start, way, scenes, pushes, limits, bodies)
         possible = _within_reach(start, way, pushes[..., LENGTH], self.reach)
         possible &= gap >= self.tool_margin
-        if bodies is not None:
-            possible &= start_gap(scenes, pushes, self.limits, bodies) >= 0.0
-            possible &= np.isin(pushed_bodies(pushes), bodies.pushable)
+        possible &= start_gap(scenes, pushes, self.limits, bodies) >= 0.0
+        possible &= np.isin(pushed_bodies(pushes), bodies.pushable)
         return np.asarray(possible | (pushes[..., LENGTH] == 0.0))

@@ -22,7 +22,7 @@ from sain_core.dynamics import (
 from sain_core.errors import InvalidInputError
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scene
 
 SAME_KIND: Final = 0.05  # share by which one mass or radius may be measured differently
@@ -157,7 +157,7 @@ class LearningRollout(Protocol):
 
 
 def informed_rollout(
-    model: RolloutModel, history: PushHistory, bodies: Bodies | None = None
+    model: RolloutModel, history: PushHistory, bodies: Bodies = PAPER_DISKS
 ) -> RolloutModel:
     """Return what a rollout model becomes by these pushes: itself, if it cannot learn.
 

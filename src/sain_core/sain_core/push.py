@@ -23,7 +23,7 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError, OutOfRangeError
 from sain_core.scene import MID, POSITION, RADIUS, THETA, unit, wrap_angle
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.outline import outline_of
 from sain_core.shapes.shape import Shape
 from sain_core.types import Angles, Indices, Points, PushArray, Pushes, Scenes, States
@@ -137,14 +137,14 @@ def push_direction(pushes: Pushes) -> Angles:
 
 
 def tool_start(
-    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies | None = None
+    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies = PAPER_DISKS
 ) -> Points:
     """Return where the tool's axis stands before it travels, (..., 2) [m]; see `strokes`."""
     return strokes(scenes, pushes, limits, bodies)[0]
 
 
 def tool_end(
-    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies | None = None
+    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies = PAPER_DISKS
 ) -> Points:
     """Return where the tool's axis stands after its travel, (..., 2) [m]; see `strokes`."""
     start, heading = strokes(scenes, pushes, limits, bodies)
@@ -152,7 +152,7 @@ def tool_end(
 
 
 def strokes(
-    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies | None = None
+    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies = PAPER_DISKS
 ) -> tuple[Points, Angles]:
     """Return where the tool's axis stands before it travels, and the world heading of its travel.
 
@@ -163,7 +163,7 @@ def strokes(
         scenes: (..., N, 8).
         pushes: (..., 3) or (..., 4).
         limits: for the tool's radius and the clearance.
-        bodies: of the scenes; None: disks.
+        bodies: of the scenes.
 
     Returns:
         Places (..., 2) [m] and headings (...,) [rad].
@@ -175,7 +175,7 @@ def strokes(
         ..., None
     ] * unit(location)
     heading = wrap_angle(location + pushes[..., ANGLE])
-    if bodies is None or bodies.all_round:
+    if bodies.all_round:
         return np.asarray(start), heading
     pushed = pushed_bodies(pushes)
     lead = start.shape[:-1]

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scene, Scenes
 from sain_live.aims import Aim
 
@@ -128,7 +128,7 @@ class LiveState:
     """All that is known. `changed` is set after each change, `log` is appended to."""
 
     scene: LiveScene | None = None
-    bodies: Bodies | None = None
+    bodies: Bodies = PAPER_DISKS
     aim: Aim | None = None
     plan: LivePlan | None = None
     result: LiveResult | None = None
@@ -158,7 +158,7 @@ class LiveState:
     def errors(self, scene: Scene) -> tuple[float, float] | None:
         """Return distance [m] and turn [rad] of a scene from the goal; None: it is of another."""
         aim, bodies, count = self.aim, self.bodies, len(scene)
-        if aim is None or bodies is None or len(bodies) != count:
+        if aim is None or len(bodies) != count:
             return None
         if any(pose.body >= count for pose in aim.poses):
             return None

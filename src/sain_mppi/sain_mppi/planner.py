@@ -12,7 +12,7 @@ from sain_core.errors import NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import OVERLAP_TOLERANCE, check_scene, move_apart, surface_gaps
-from sain_core.shapes.bodies import Bodies, check_bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_bodies
 from sain_core.types import PushArray, PushSequences, Scene
 from sain_mppi.algorithms import find_algorithm
 from sain_mppi.search.config import EXHAUSTIVE, PlannerConfig
@@ -65,7 +65,7 @@ class Planner:
         deadline: float | None = None,
         wide: bool = False,
         refused: Sequence[PushArray] = (),
-        bodies: Bodies | None = None,
+        bodies: Bodies = PAPER_DISKS,
         start: Scene | None = None,
         shortest: float = 0.0,
     ) -> PlanResult:
@@ -83,7 +83,7 @@ class Planner:
             wide: look further about, and not where the last plan would go on.
             refused: (A,) each, pushes that were refused from this scene: nothing like them is
                 planned.
-            bodies: shapes and roles; None: disks with the paper's roles.
+            bodies: shapes and roles.
             start: (N, 8), the scene in which the goal was given; None: this one.
             shortest: [m], a first push moves its body by more: less would be lost in noise.
 
@@ -95,13 +95,14 @@ class Planner:
             ModelUnavailableError: nothing that the model predicted is finite.
         """
         table, first = self.feasibility.table, scene if start is None else start
-        if bodies is None or bodies.all_round:
+        bodies = bodies.fitted(len(scene))
+        if bodies.all_round:
             scene = as_disks(scene)
             check_scene(scene, table)
         else:
             check_bodies(scene, bodies, table, SEEN_OVERLAP)
         if isinstance(goal, PoseGoal):
-            goal.check(scene, bodies or Bodies.disks(len(scene)), table)
+            goal.check(scene, bodies, table)
         else:
             check_goal(goal, table)
             check_in_reach(goal, scene, self.feasibility)
@@ -135,7 +136,7 @@ class Planner:
         self,
         scene: Scene,
         generator: np.random.Generator,
-        bodies: Bodies | None = None,
+        bodies: Bodies = PAPER_DISKS,
         start: Scene | None = None,
         shortest: float = 0.0,
     ) -> None:

@@ -29,7 +29,7 @@ def framed(message):
         (PushResult(push=Push(source=LONG)), "source has 5000 characters"),
         (Bodies(bodies=[Body(name=LONG)]), "name has 5000 characters; at most 64"),
         (Bodies(bodies=[Body(parts=[SolidPrimitive()] * 13)]), "parts has 13 elements; at most 12"),
-        (Reach.Goal(goal=Goal(poses=[GoalPose()] * 11)), "poses has 11 elements; at most 10"),
+        (Reach.Goal(goal=Goal(poses=[GoalPose()] * 33)), "poses has 33 elements; at most 32"),
         (ResetScene.Request(shapes=["disk", LONG]), "shapes has 5000 characters; at most 64"),
         (ResetScene.Request(roles=[""] * 1025), "roles has 1025 elements; at most 1024"),
         (LoadModel.Request(model=LONG), "model has 5000 characters; at most 4096"),

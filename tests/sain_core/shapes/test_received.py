@@ -66,7 +66,7 @@ BOW = SQUARE[[0, 2, 1, 3]]
     ("message", "error", "text"),
     [
         (bodies(), InvalidInputError, "the message has 0 bodies; allowed: 1 to 10"),
-        (bodies(*[disk()] * 11), InvalidInputError, "has 11 bodies"),
+        (bodies(*[disk()] * 33), InvalidInputError, "has 33 bodies"),
         (bodies(disk("pushable"), body(role="idle")), ConfigError, "role of body 1 is 'idle'"),
         (bodies(disk("fixed")), ConfigError, "no body is pushable"),
         (bodies(disk("pushable", np.nan)), OutOfRangeError, "radius of body 0 is nan m"),

@@ -9,7 +9,7 @@ from sain_core.drawing.figures import DOTS_PER_INCH, new_figure
 from sain_core.dynamics import as_rollout
 from sain_core.scene import POSITION, THETA, make_scene
 from sain_core.seeding import generator
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_eval.plots.plan_picture import draw_plan, draw_plan_legend
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.planner import Planner
@@ -26,7 +26,7 @@ def scene_of(count):
     return make_scene(places, np.full(count, 8.0), np.full(count, 0.08))
 
 
-def picture_of(scene, goal, bodies=None):
+def picture_of(scene, goal, bodies=PAPER_DISKS):
     """Return a plan, what its legend names, and a function: place [m] -> colour (3,)."""
     plan = Planner(as_rollout(PlanarPrior()), PLANNER).plan(
         scene, goal, generator(0, "plan"), bodies=bodies

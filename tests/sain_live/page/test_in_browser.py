@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from sain_core.scene import DISK_HEIGHT, RADIUS, make_scene
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_live.aims import Aim
 from sain_live.page.goals import HANDLE
 from sain_live.page.live_page import LivePage
@@ -159,7 +159,7 @@ def test_the_bodies_lie_in_the_middle_of_a_table_before_a_soft_sky(browser, page
     known, _, page = page
     known.update(
         scene=LiveScene(make_scene(DISKS, np.ones(2), np.array([0.08, 0.06])), 1, 1),
-        bodies=None,
+        bodies=PAPER_DISKS,
         aim=None,
     )
     known.update(

@@ -8,6 +8,7 @@ from websockets.exceptions import InvalidStatus
 
 from benchmarks.live_viewer import Viewer
 from sain_core.errors import BusyError
+from sain_core.shapes.bodies import PAPER_DISKS
 from sain_live.page.live_page import LivePage
 from sain_live.page.serving import refusal
 from sain_live.settings import PageConfig
@@ -287,7 +288,7 @@ def test_a_port_in_use_is_an_error(shown):
 
 def test_bodies_of_the_next_episode_replace_the_others(shown):
     known, _, _, viewer = shown
-    known.update(bodies=None, scene=None, aim=None)
+    known.update(bodies=PAPER_DISKS, scene=None, aim=None)
     viewer.wait(lambda: GOAL not in viewer.nodes, "no goal")
     known.update(bodies=BODIES, scene=LiveScene(SCENE[::-1].copy(), 2, 1), aim=AIM)
     viewer.wait(lambda: GOAL in viewer.nodes, "the goal")

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushSequences
 from sain_model.cli.kernels import RUNS
 from sain_model.compute.kernel_store import CHAINS, compile_kernels, kernels_are_ready
@@ -38,7 +39,9 @@ def test_predictions_run_what_was_compiled() -> None:
         sain.step(scenes, pushes, np.broadcast_to(0.12, 2))
         sain.rollout(scenes[0], sequences(pushes))
     shaped = NetworkConfig(bodies=ANY_SHAPE)
-    network_inputs(shaped, scenes, push_frames(shaped, scenes, pushes, None), scenes, None)
+    network_inputs(
+        shaped, scenes, push_frames(shaped, scenes, pushes, PAPER_DISKS), scenes, PAPER_DISKS
+    )
     for kernel in ENTRIES:
         assert sum(kernel.stats.cache_hits.values()) >= 1, kernel.__name__
         assert not kernel.stats.cache_misses, f"{kernel.__name__} was compiled again"

@@ -12,7 +12,7 @@ from sain_core.errors import CheckpointError, ConfigError
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH
 from sain_core.scene import make_scene
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
@@ -140,7 +140,7 @@ def test_a_network_for_disks_predicts_disks_alone() -> None:
 
 def test_disks_are_bodies_too(sain: SainDynamics) -> None:
     """A network for any shape needs no bodies where all are the paper's disks."""
-    plain = replace(sain, prior=PlanarPrior(), bodies=None)
+    plain = replace(sain, prior=PlanarPrior(), bodies=PAPER_DISKS)
     scenes, pushes = pushes_of(8)
     told = plain.step(scenes, pushes[:, :3])
     np.testing.assert_array_equal(

@@ -11,6 +11,7 @@ import torch
 
 from sain_core.history import PushHistory
 from sain_core.scene import MASS, POSITION
+from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.identify import believing_model, identify
 from sain_model.dynamics.sain import SainDynamics
@@ -69,7 +70,7 @@ def test_four_pushes_tell_the_ratio_of_masses(
     belief: Belief, random_pushes: Draw, friction: float
 ) -> None:
     history = telling(random_pushes, replace(AXES, friction=friction))
-    posterior = infer(belief, None, history, Known.everything(len(history)))
+    posterior = infer(belief, PAPER_DISKS, history, Known.everything(len(history)))
     assert 0.0 < posterior.mass_log_std[0] < 0.1
     off = abs(np.log(posterior.mass_ratio[0] / RATIO))
     assert off < 2.0 * posterior.mass_log_std[0]

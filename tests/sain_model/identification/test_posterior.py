@@ -10,7 +10,7 @@ import torch
 from sain_core.dataset import Transitions
 from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.dynamics.identify import believing_model
@@ -55,7 +55,7 @@ def seen(draw: Draw, config: PlanarConfig, count: int = COUNT, seed: int = 5) ->
 
 
 def told(belief: Belief, history: PushHistory) -> Posterior:
-    return infer(belief, None, history, Known.everything(len(history)))
+    return infer(belief, PAPER_DISKS, history, Known.everything(len(history)))
 
 
 @pytest.mark.parametrize("names", [None, ["cube", "disk"]])

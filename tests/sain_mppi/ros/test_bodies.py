@@ -171,8 +171,8 @@ def test_a_goal_of_poses_that_cannot_be_served_says_why(
 
 
 def test_a_goal_of_more_poses_than_bodies_can_be_is_not_read(graph, straw, shapes, planner):
-    graph.aiming.publish(Goal(goal_id=4, poses=[GoalPose()] * 11))
-    assert "poses has 11 elements; at most 10" in plan(graph, goal_id=4).error_message
+    graph.aiming.publish(Goal(goal_id=4, poses=[GoalPose()] * 33))
+    assert "poses has 33 elements; at most 32" in plan(graph, goal_id=4).error_message
 
 
 def test_shapes_that_are_told_again_for_a_late_listener_are_no_restart(graph, monkeypatch):

@@ -40,7 +40,7 @@ def reset(world, places, shapes, roles=(), size=0.08):
         (APART, ("t", "l"), (), 1e-4, "radii[0] is 0.0001 m; it must be at least 0.02 m"),
         (APART, ("t", "l"), (), 2.0, "radii[0] is 2.0 m; it must be at most 0.2 m"),
         (((0.4, 0.0), (3.0, 0.0)), ("t", "l"), (), 0.08, "disk 1 at (3.000, 0.000) m is off the"),
-        (np.zeros((11, 2)), NAMES, (), 0.08, "the scene has 11 bodies; at most 10 are allowed"),
+        (np.zeros((33, 2)), NAMES, (), 0.08, "the scene has 33 bodies; at most 32 are allowed"),
     ],
 )
 def test_bodies_that_cannot_be_are_named(world, places, shapes, roles, size, message):

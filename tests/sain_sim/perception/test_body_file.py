@@ -44,7 +44,7 @@ def test_shape_and_radius_suffice(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("bodies: []", "it must have a list 'bodies' of 1 to 10 bodies"),
+        ("bodies: []", "it must have a list 'bodies' of 1 to 32 bodies"),
         ("- 1", "it must have a list 'bodies'"),
         ("bodies: [3]", "body 0 is 3; it must have keys: name, shape"),
         ("bodies: [{shape: disk}]", "body 0 has no radius; it needs shape and radius"),

@@ -69,10 +69,10 @@ def test_a_hundred_thousand_disks_are_refused(graph, simulator):
     reply = graph.call(ResetScene, "reset_scene", ResetScene.Request(disks=[DiskState()] * 100_000))
     assert ErrorCode(reply.error_code) is ErrorCode.INVALID
     assert reply.error_message == "disks has 100000 elements; at most 32 are accepted"
-    many = make_scene(np.array([(0.3 + 0.01 * i, 0.0) for i in range(11)]), *np.full((2, 11), 0.1))
+    many = make_scene(np.array([(0.3 + 0.01 * i, 0.0) for i in range(33)]), *np.full((2, 33), 0.1))
     request = ResetScene.Request(disks=codec.encode_disks(many))
     reply = graph.call(ResetScene, "reset_scene", request)
-    assert "the scene has 11 bodies; at most 10 are allowed" in reply.error_message
+    assert "the scene has 33 bodies; at most 32 are allowed" in reply.error_message
 
 
 def test_each_push_of_a_burst_is_answered(graph, simulator):

@@ -1,6 +1,7 @@
 """Shapes, roles and goals of poses, which scenes do not show: a recording states them apart."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -11,7 +12,7 @@ from sain_bags.transitions.message_fields import BODIES, GOAL, GOAL_ID, parent_o
 from sain_bags.transitions.sources import Source
 from sain_core.dataset import POSED, SHAPED, Column, Columns, describe_bodies
 from sain_core.errors import DatasetError, SainError
-from sain_core.shapes.bodies import MOST_BODIES, Bodies
+from sain_core.shapes.bodies import MOST_BODIES, PAPER_DISKS, Bodies
 from sain_core.shapes.received import decode_bodies
 from sain_core.wire import decode_goal_poses
 
@@ -39,13 +40,13 @@ class KnownBodies:
         plain = all(bodies.are_paper_disks for bodies in self._bodies.values())
         self._shaped = bool(self._poses) or not plain
 
-    def of_bag(self, sha256: str) -> Callable[[int], Bodies | None]:
-        """Return what tells the bodies of an episode of a recording; None: the paper's disks.
+    def of_bag(self, sha256: str) -> Callable[[int], Bodies]:
+        """Return what gives the bodies of an episode of a recording, by default the paper's disks.
 
         It can be pickled.
         """
         found = {episode: known for (bag, episode), known in self._bodies.items() if bag == sha256}
-        return found.get
+        return partial(_get, found)
 
     def added_to(self, columns: Columns) -> Columns:
         """Return columns with those of bodies and poses; without, where no recording has any."""
@@ -110,6 +111,10 @@ class KnownBodies:
         poses[bodies, :-1] = values
         poses[list(keep), -1] = tolerance
         self._poses[sha256, int(getattr(message, GOAL_ID))] = poses
+
+
+def _get(bodies: dict[int, Bodies], episode: int) -> Bodies:
+    return bodies.get(episode, PAPER_DISKS)
 
 
 def _names(bodies: Bodies) -> str:

@@ -89,13 +89,14 @@ def _keep(episode: Episode) -> list[dict[str, Any]]:
 def _disks(scene: Scene, gathered: Gathered) -> list[dict[str, Any]]:
     """Return what each body is like; it has an outline [m] in its own frame unless it is round."""
     bodies = gathered.episode.bodies
-    if bodies is not None and len(bodies) == len(scene):
+    if not bodies.are_paper_disks and len(bodies) == len(scene):
         return [
             {
                 "radius": rounded(state[RADIUS]),
                 "mass": rounded(state[MASS], 3),
                 "outline": _corners(shape, float(state[RADIUS])),
-                **({} if bodies.are_paper_disks else {"name": shape.footprint, "role": str(role)}),
+                "name": shape.footprint,
+                "role": str(role),
             }
             for state, shape, role in zip(scene, bodies.shapes, bodies.roles, strict=True)
         ]

@@ -12,7 +12,7 @@ from sain_bags.transitions.recorded_pushes import RecordedPush, push_as_sent
 from sain_core.errors import ErrorCode
 from sain_core.push import PushLimits, pushed_bodies, tool_end, tool_start
 from sain_core.scene import POSE, POSITION, TARGET
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scene
 
 DIGITS: Final = 8  # of metres and radians: what the page rounds again stays what it was
@@ -151,11 +151,11 @@ def _distance(scene: Scene | None, episode: Episode) -> float | None:
     return rounded(episode.distance(scene))
 
 
-def _tool(scene: Scene | None, push: PushArray, bodies: Bodies | None) -> list[list[float]] | None:
+def _tool(scene: Scene | None, push: PushArray, bodies: Bodies) -> list[list[float]] | None:
     """Return where the tool's axis starts and ends, [[x, y], [x, y]]; None: not finite."""
     if scene is None or not np.isfinite(push).all() or pushed_bodies(push) >= len(scene):
         return None
-    if bodies is not None and len(bodies) != len(scene):
-        bodies = None
+    if len(bodies) != len(scene):
+        bodies = PAPER_DISKS
     ends = (tool_start(scene, push, LIMITS, bodies), tool_end(scene, push, LIMITS, bodies))
     return [[round(float(value), PLACE_DIGITS) for value in end] for end in ends]

@@ -21,7 +21,7 @@ class AskedPoses:
 
     bodies: tuple[int, ...]
     values: ndarray  # (P, 5), as `sain_core.wire.GOAL_POSE_FIELDS` names them; NaN: any heading
-    shapes: Bodies | None  # None: not recorded, so disks
+    shapes: Bodies
     keep: tuple[int, ...] = ()  # bodies that may not be moved
     keep_tolerance: float = KEEP_TOLERANCE  # [m], by which these may be moved
 
@@ -56,15 +56,13 @@ class AskedPoses:
         return bool((near & (self.turns(scene) <= allowed)).all() and kept.all())
 
     def _turn(self, scene: Scene, body: int, heading: float) -> float:
-        if np.isnan(heading) or body >= len(scene):
+        if np.isnan(heading) or body >= min(len(scene), len(self.shapes)):
             return 0.0
-        known = self.shapes is not None and body < len(self.shapes)
-        symmetry = self.shapes.shapes[body].symmetry if known and self.shapes else 0.0
-        full = symmetry or 2 * np.pi
+        full = self.shapes.shapes[body].symmetry or 2 * np.pi
         return abs(float(np.mod(scene[body, THETA] - heading + full / 2, full) - full / 2))
 
 
-def asked_poses(message: Any, shapes: Bodies | None) -> AskedPoses | None:
+def asked_poses(message: Any, shapes: Bodies) -> AskedPoses | None:
     """Return the poses of a ``Goal``; None: it has none, or is of an older definition."""
     bodies, values = decode_goal_poses(message)
     if not len(bodies):

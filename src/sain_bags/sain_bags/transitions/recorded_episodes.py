@@ -30,7 +30,7 @@ from sain_bags.transitions.recorded_pushes import (
 from sain_core.errors import DatasetError, InvalidInputError, SainError
 from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, TARGET, Table, target_distance
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.received import decode_bodies
 from sain_core.types import Points, Scene
 from sain_core.wire import decode_disks, decode_goal
@@ -49,7 +49,7 @@ class Episode:
     pushes: tuple[RecordedPush, ...]
     plans: tuple[PlanRecord, ...]
     interval: tuple[int, int]  # [ns since the epoch], first and last message received
-    bodies: Bodies | None = None  # None: not recorded, so disks
+    bodies: Bodies = PAPER_DISKS
     poses: AskedPoses | None = None  # of the goal; None: it is a place for the target
     parts: tuple["Episode", ...] = ()  # towards each goal in order, where there were several
 
@@ -107,7 +107,7 @@ class _Draft:
 
     scenes: list[Scene] = field(default_factory=list)
     goals: list[tuple[int, Any]] = field(default_factory=list)  # when each came [ns], in order
-    bodies: Bodies | None = None
+    bodies: Bodies = PAPER_DISKS
     results: list[Any] = field(default_factory=list)
     plans: list[PlanRecord] = field(default_factory=list)
     first: int = 0
@@ -172,7 +172,7 @@ def collect_episodes(messages: Iterable[Received]) -> tuple[Episode, ...]:
                 draft.goals.pop()  # given once more
             draft.goals.append((received.log_time, message))
         elif received.type == BODIES:
-            draft.bodies = draft.bodies or _bodies(message)
+            draft.bodies = _bodies(message)
         elif received.type == PLAN:
             draft.plans.append(recorded_plan(message))
         elif received.type == PUSH_RESULT:

@@ -26,14 +26,14 @@ from sain_core.dynamics import Dynamics, shaped
 from sain_core.errors import SainError
 from sain_core.push import check_predictable
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET, check_scenes
-from sain_core.shapes.bodies import Bodies, check_bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_bodies
 from sain_core.types import Pushes, Scenes
 from sain_core.wire import MIN_DISKS
 
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction
 
 
-EpisodeBodies = Callable[[int], Bodies | None]  # by the episode's id in the bag
+EpisodeBodies = Callable[[int], Bodies]  # by the episode's id in the bag
 
 
 class RowBlock(NamedTuple):
@@ -59,11 +59,11 @@ class RowMaker:
         self._moved_only, self._keep_unsettled = moved_only, keep_unsettled
 
     def rows(
-        self, pushes: Paired, bodies: EpisodeBodies = lambda _: None
+        self, pushes: Paired, bodies: EpisodeBodies = lambda _: PAPER_DISKS
     ) -> tuple[list[RowBlock], list[Dropped]]:
         """Return the rows of pushes, and those that are none, in their order.
 
-        `bodies` returns those of an episode by its id; None: the paper's disks.
+        `bodies` returns those of an episode by its id; by default the paper's disks.
         """
         dropped: dict[int, Dropped] = {}
         if isinstance(pushes, PairedPushes):
@@ -185,9 +185,9 @@ class RowMaker:
         return predicted, reasons
 
 
-def _step(prior: Dynamics, scenes: Scenes, pushes: Pushes, bodies: Bodies | None) -> Scenes:
+def _step(prior: Dynamics, scenes: Scenes, pushes: Pushes, bodies: Bodies) -> Scenes:
     """Return the prior's predictions (M, N, 8) of pushes that it can be asked about."""
-    if bodies is None or bodies.all_round:
+    if bodies.all_round:
         check_scenes(scenes)
     else:
         for scene in scenes:

@@ -177,9 +177,9 @@ def fill_past(request: Rollout.Request | PredictResidual.Request, history: PushH
         request.past_noise = encode_floats(history.noise)
 
 
-def fill_bodies(request: Rollout.Request | PredictResidual.Request, bodies: Bodies | None) -> None:
-    """Put shapes and roles into a request; None: disks with the paper's roles."""
-    if bodies is not None:
+def fill_bodies(request: Rollout.Request | PredictResidual.Request, bodies: Bodies) -> None:
+    """Put shapes and roles into a request; the paper's disks need none."""
+    if not bodies.are_paper_disks:
         request.shapes = [shape.footprint for shape in bodies.shapes]
         request.roles = [str(role) for role in bodies.roles]
 

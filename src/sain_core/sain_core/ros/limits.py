@@ -17,7 +17,6 @@ from sain_core.shapes.received import LONGEST_NAME
 LONGEST_TEXT: Final = 256  # characters, of a frame, a source or the name of a world
 LONGEST_PATH: Final = 4096  # as Linux has it
 LONGEST_ERROR: Final = 4096  # characters
-MOST_DISKS: Final = 32  # of a scene
 MOST_SUPPORTS: Final = 256  # of a body
 MOST_NUMBERS: Final = 2**26  # of one array: half a gigabyte
 
@@ -33,11 +32,11 @@ TEXTS: Final = {
 
 COUNTS: Final = {
     "bodies": MOST_BODIES,
-    "disks": MOST_DISKS,
+    "disks": MOST_BODIES,
     "shapes": 1024,  # what the parameter max_disks may be
     "roles": 1024,
     "poses": MOST_BODIES,
-    "keep": MOST_DISKS,
+    "keep": MOST_BODIES,
     "parts": MOST_PARTS,
     "points": MOST_CORNERS,
     "supports": MOST_SUPPORTS,

@@ -23,7 +23,7 @@ from sain_core.shapes.registry import get_shape
 from sain_core.shapes.shape import Shape
 from sain_core.types import Scene
 
-MOST_BODIES: Final = 10
+MOST_BODIES: Final = 32
 CUBE: Final = "cube"
 
 
@@ -84,6 +84,10 @@ class Bodies:
         known = tuple(get_shape(name, body) for body, name in enumerate(shapes))
         return cls(known, tuple(map(Role, roles)))
 
+    def fitted(self, count: int) -> "Bodies":
+        """Return these bodies for a scene of so many: the paper's disks fit any number."""
+        return Bodies.disks(count) if self.are_paper_disks and len(self) != count else self
+
     def __len__(self) -> int:
         """Return the number of bodies."""
         return len(self.shapes)
@@ -126,6 +130,9 @@ class Bodies:
 
 def _paper_roles(count: int) -> tuple[Role, ...]:
     return (Role.PUSHABLE, *(Role.MOVABLE,) * (count - 1))
+
+
+PAPER_DISKS: Final = Bodies.disks(MOST_BODIES)  # as many of them as a scene has bodies
 
 
 def check_bodies(

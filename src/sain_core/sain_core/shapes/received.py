@@ -51,16 +51,14 @@ def decode_bodies(message: Any) -> Bodies:
     return Bodies(tuple(shapes), tuple(map(Role, roles)))
 
 
-def decode_request_bodies(request: Any) -> Bodies | None:
-    """Return the bodies of a ``Rollout`` or ``PredictResidual`` request; None: the paper's disks.
+def decode_request_bodies(request: Any) -> Bodies:
+    """Return the bodies of a ``Rollout`` or ``PredictResidual`` request; by default disks.
 
     Raises:
         InvalidInputError: another number of shapes or roles than of bodies.
         ConfigError: a shape or a role that does not exist, or no pushable body.
     """
     shapes, roles = request.shapes, request.roles
-    if not shapes and not roles:
-        return None
     for name, given in (("shapes", shapes), ("roles", roles)):
         if len(given) not in (0, request.disks):
             raise InvalidInputError(f"{len(given)} {name} are given for {request.disks} bodies")

@@ -1,5 +1,6 @@
 """Bodies from above: their outlines, where they should be, and where they were expected."""
 
+from itertools import cycle, islice
 from typing import Any, Final, Protocol, runtime_checkable
 
 import numpy as np
@@ -16,7 +17,7 @@ from sain_core.types import Points, Scene
 from sain_mppi.search.goal import Goal
 from sain_mppi.search.poses import BodyPose, PoseGoal
 
-BODY_COLOURS: Final = (
+_COLOURS: Final = (
     PALETTE.mid,
     PALETTE.target,
     PALETTE.history,
@@ -28,7 +29,7 @@ BODY_COLOURS: Final = (
     PALETTE.soft,
     PALETTE.ink,
 )
-assert len(BODY_COLOURS) == MOST_BODIES
+BODY_COLOURS: Final = tuple(islice(cycle(_COLOURS), MOST_BODIES))
 DASHED: Final = (0, (4, 2.5))
 HEADING_MARK: Final = (0.0, 0.8)  # of the radius, from where to where it is drawn
 

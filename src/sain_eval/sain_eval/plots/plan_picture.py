@@ -15,7 +15,7 @@ from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.push import tool_end, tool_start
 from sain_core.scene import MID, POSITION, RADIUS, TARGET
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Points, Scene
 from sain_eval.plots.body_marks import body_colour, body_names, draw_body, draw_pose
 from sain_eval.plots.legend import draw_legend
@@ -59,7 +59,7 @@ def draw_plan(
     goal: Goal | PoseGoal,
     plan: PlanResult,
     feasibility: Feasibility | None = None,
-    bodies: Bodies | None = None,
+    bodies: Bodies = PAPER_DISKS,
 ) -> list[str]:
     """Draw a plan from a scene (N, 8) towards a goal, a place (2,) or poses, into axes, in metres.
 
@@ -72,7 +72,7 @@ def draw_plan(
         What `draw_plan_legend` explains.
     """
     feasibility = feasibility or Feasibility()
-    planned = _Planned(scene, goal, bodies or Bodies.disks(len(scene)))
+    planned = _Planned(scene, goal, bodies.fitted(len(scene)))
     followed = planned.followed(plan)
     frame_view(axes, _extent(planned, plan, followed))
     draw_table(axes, feasibility)

@@ -13,7 +13,7 @@ from sain_core.dynamics import RolloutModel
 from sain_core.feasibility import Feasibility, Reach
 from sain_core.push import PushLimits, tool_start
 from sain_core.scene import Table
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Mask, Points, Pushes, Scenes
 from sain_eval.pusht.block import PIXEL
 from sain_eval.pusht.way import KEEP_OFF, Corners, Room
@@ -51,7 +51,7 @@ class RoomFeasibility(Feasibility):
     reach: SquareReach = SquareReach(inner=0.0, outer=10.0)
     tool: ToolPlace = field(default_factory=ToolPlace, compare=False)
 
-    def mask(self, scenes: Scenes, pushes: Pushes, bodies: Bodies | None = None) -> Mask:
+    def mask(self, scenes: Scenes, pushes: Pushes, bodies: Bodies = PAPER_DISKS) -> Mask:
         """Tell which pushes are possible.
 
         Whether the tool gets to them counts for pushes that all begin from the scene (1, 8) that
@@ -59,7 +59,7 @@ class RoomFeasibility(Feasibility):
         """
         possible = super().mask(scenes, pushes, bodies)
         one_scene = scenes.ndim == 3 and scenes.strides[0] == 0  # `permitted` repeats it
-        if one_scene and bodies is not None and len(scenes):
+        if one_scene and len(scenes):
             starts = tool_start(scenes, pushes, self.limits, bodies)
             possible &= self._accessible(bodies.shapes[0].placed(scenes[0, 0]), starts)
         return possible

@@ -15,6 +15,7 @@ from sain_eval.pusht.motion import Arena, DiskStroke, Pace, plan_motion
 from sain_eval.pusht.servo import Motion, servo_of
 from sain_eval.pusht.way import Corners, Room, way_out
 
+BLOCK: Final = pusht_bodies()
 MOST_STEPS: Final = 300  # gym-pusht's own limit
 OVERLAP: Final = 3e-4  # [m], of things that touch: gym-pusht's solver leaves a tenth of this
 DIGITS: Final = 9  # of coverages: pymunk keeps shapes in a set, whose order changes the last ones
@@ -43,11 +44,11 @@ class PushtWorld:
         limits: PushLimits = LIMITS,
         pace: Pace = Pace(),
         steps: int = MOST_STEPS,
-        bodies: Bodies | None = None,
+        bodies: Bodies = BLOCK,
     ) -> None:
         """Make the environment; `limits` state where strokes start."""
         self.limits, self._pace = limits, pace
-        self.bodies = bodies or pusht_bodies()
+        self.bodies = bodies
         self.env = make_env(steps)
         self.inner = inner = self.env.unwrapped
         reach = FEASIBILITY.reach

@@ -38,7 +38,7 @@ class BodiesView:
     def show(self, known: LiveState) -> None:
         """Draw what has changed."""
         seen, bodies = known.scene, known.bodies
-        if seen is None or bodies is None or len(bodies) != len(seen.disks):
+        if seen is None or len(bodies) != len(seen.disks):
             return
         made = bodies, tuple(seen.disks[:, RADIUS].tolist())
         if self._made is None or self._made[0] is not bodies or self._made[1] != made[1]:

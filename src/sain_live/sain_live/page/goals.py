@@ -40,7 +40,7 @@ class GoalsView:
     def show(self, known: LiveState) -> None:
         """Draw what has changed; a goal that is being dragged stays with its viewer."""
         aim, seen, bodies = known.aim, known.scene, known.bodies
-        if aim is None or seen is None or bodies is None:
+        if aim is None or seen is None:
             self._clear()
             return
         if any(pose.body >= len(bodies) for pose in aim.poses) or len(bodies) != len(seen.disks):
@@ -123,7 +123,7 @@ class GoalsView:
         """Take a goal where a viewer let it go; where that cannot be, it snaps back."""
         known = self._known
         aim, seen, bodies = known.aim, known.scene, known.bodies
-        if aim is None or seen is None or bodies is None or self._orders is None:
+        if aim is None or seen is None or self._orders is None:
             return
         if left:
             self._snap_back(body, "the viewer who dragged it left; it is where it was")

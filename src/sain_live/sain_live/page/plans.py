@@ -53,12 +53,12 @@ class PlanView:
         if known.plan is not self._plan:
             self._plan = known.plan
             self._clear("plan")
-            if known.plan is not None and bodies is not None:
+            if known.plan is not None:
                 self._draw_plan(known.plan, bodies, _aimed(known, len(bodies)))
         if known.result is not self._result:
             self._result = known.result
             self._clear("result")
-            if known.result is not None and bodies is not None:
+            if known.result is not None:
                 self._draw_result(known.result, bodies)
 
     def _clear(self, group: str) -> None:

@@ -81,7 +81,7 @@ class PlayingView:
 
 def distance_text(known: LiveState) -> str:
     """Return how far the bodies are from the goal, as on the report page; "": there is none."""
-    if known.aim is None or known.scene is None or known.bodies is None:
+    if known.aim is None or known.scene is None:
         return ""
     apart, turn = known.aim.errors(known.scene.disks, known.bodies)
     turns = any(pose.heading is not None for pose in known.aim.poses)

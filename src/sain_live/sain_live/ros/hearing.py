@@ -97,9 +97,8 @@ class Hearing:
         if shapes is not None and self._bodies_of != seen.episode_id:
             self._bodies_of = seen.episode_id
             known.update(bodies=shapes)
-        if known.bodies is None or len(known.bodies) != len(seen.disks):
+        if len(known.bodies) != len(seen.disks):
             known.update(bodies=CoreBodies.disks(len(seen.disks)))
-        assert known.bodies is not None
         if before is None or before.episode_id != seen.episode_id:
             self._begin(seen)
         if seen.settled:
@@ -162,8 +161,7 @@ class Hearing:
         task, known = decode_task(message), self._known
         self._goal_of = message.episode_id
         aim = Aim(task.goal, task.tolerance)
-        if known.bodies is not None:
-            aim = aim.among(len(known.bodies))
+        aim = aim.among(len(known.bodies))
         again = aim.same(known.aim) and message.goal_id == self._goal_id
         if not aim.same(known.aim):
             known.update(aim=aim)

@@ -28,7 +28,7 @@ REPORT_PERIOD: Final = 1.0  # [s]
 
 def push_disks() -> None:
     """Run what pushes disks."""
-    _push(None)
+    _push(Bodies.disks(2))
 
 
 def push_shapes() -> None:
@@ -36,7 +36,7 @@ def push_shapes() -> None:
     _push(Bodies.named(["cube", "disk"]))
 
 
-def _push(bodies: Bodies | None) -> None:
+def _push(bodies: Bodies) -> None:
     from sain_model.identification.varied_pushes import step_varied
     from sain_model.physics.corrections import CORRECTIONS
     from sain_model.physics.planar import PlanarPrior
@@ -63,8 +63,8 @@ def run_networks() -> None:
         network = CompiledNetwork(InteractionNetwork())
         shaped = CompiledNetwork(InteractionNetwork(any_shape))
     shaped.correct(SCENES, PUSHES, SCENES)
-    frames = push_frames(any_shape, SCENES, PUSHES, None)
-    network_inputs(any_shape, SCENES, frames, SCENES, None)
+    frames = push_frames(any_shape, SCENES, PUSHES, Bodies.disks(2))
+    network_inputs(any_shape, SCENES, frames, SCENES, Bodies.disks(2))
     network.correct(SCENES, PUSHES, SCENES)
     network.rollout(PlanarPrior(), SCENES[0], PUSHES[:, None])
 

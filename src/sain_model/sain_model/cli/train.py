@@ -110,7 +110,7 @@ def learn(
         trainer.network, prior, config.prior, friction=infers, recurrent=rollouts is not None
     )
     parts = split.validation.parts
-    intervals = fit_intervals(sain, *(parts[:1] if parts[0].bodies is None else parts))
+    intervals = fit_intervals(sain, *(parts if config.network.bodies == ANY_SHAPE else parts[:1]))
     return replace(sain, intervals=intervals), histories
 
 

@@ -106,7 +106,7 @@ def _errors(
 ) -> dict[str, Any]:
     """Return the errors on held-out episodes of the model and of its prior."""
     test = split.test
-    if any(part.bodies is not None for part in test.parts):
+    if any(not part.bodies.are_paper_disks for part in test.parts):
         return shape_errors(test, sain)
     (part,) = test.parts
     return {

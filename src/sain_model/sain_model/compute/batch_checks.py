@@ -5,26 +5,24 @@ import numpy as np
 from sain_core.errors import InvalidInputError
 from sain_core.push import BODY, PUSH_SIZE
 from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 
 
 def check_batch(
     scenes: np.ndarray,
     pushes: np.ndarray,
     friction: np.ndarray | None = None,
-    bodies: Bodies | None = None,
+    bodies: Bodies = PAPER_DISKS,
 ) -> None:
     """Check that scenes (B, N, 8), pushes (B, 3 or 4) and frictions (B,) fit and can exist.
 
     Raises:
         InvalidInputError: naming what does not.
     """
-    allowed = "N >= 1" if bodies is None else f"N = {len(bodies)}"
-    if (
-        scenes.ndim != 3
-        or scenes.shape[2] != STATE_SIZE
-        or (scenes.shape[1] < 1 if bodies is None else scenes.shape[1] != len(bodies))
-    ):
+    most = len(bodies)
+    least = 1 if bodies.are_paper_disks else most
+    allowed = f"N = {most}" if least == most else f"N = {least} to {most}"
+    if scenes.ndim != 3 or scenes.shape[2] != STATE_SIZE or not least <= scenes.shape[1] <= most:
         raise InvalidInputError(f"scenes have shape (B, N, 8) with {allowed}, not {scenes.shape}")
     if pushes.shape not in ((len(scenes), PUSH_SIZE), (len(scenes), PUSH_SIZE + 1)):
         raise InvalidInputError(

@@ -15,7 +15,7 @@ from sain_core.dataset import NEEDED, SHAPED, Column, Columns, Transitions, draw
 from sain_core.errors import DatasetError
 from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Scalars, Scenes
 from sain_model.data.shard import NO_STEP, read_shard
 from sain_model.physics.friction import EpisodeFriction, FrictionFilter
@@ -33,7 +33,7 @@ class Dataset(Transitions):
         floor_next: the same push repeated in a world set to the observed state; NaN likewise.
         sha256: of all columns that are needed.
         sources: SHA-256 of each folder that it was put together from; empty: it is one folder.
-        bodies: of all scenes; None: all are taken for disks.
+        bodies: of all scenes.
     """
 
     physics_next: Scenes
@@ -43,7 +43,7 @@ class Dataset(Transitions):
     floor_next: Scenes
     sha256: str
     sources: tuple[str, ...] = ()
-    bodies: Bodies | None = None
+    bodies: Bodies = PAPER_DISKS
 
     @cached_property
     def inferred(self) -> dict[FrictionFilter, EpisodeFriction]:

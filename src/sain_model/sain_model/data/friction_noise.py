@@ -30,7 +30,7 @@ def make_filter(prior: Dynamics, train: Dataset | MixedDataset) -> FrictionFilte
     if not isinstance(prior, PlanarPrior):
         return None
     parts = train.parts
-    if all(part.bodies is None for part in parts):
+    if all(part.bodies.are_paper_disks for part in parts):
         parts = (max(parts, key=len),)
     known = all(np.isfinite(part.friction).all() for part in parts)
     config = fit_noise(prior, *parts) if known else FrictionConfig()

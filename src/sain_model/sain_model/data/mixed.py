@@ -163,7 +163,7 @@ def _by_bodies(data: Dataset, shards: list[Columns]) -> list[Dataset]:
 
 def _order(part: Dataset) -> tuple[int, str, tuple[str, ...]]:
     """Return what parts are put together and sorted by: disks by their number."""
-    if part.bodies is None:
+    if part.bodies.are_paper_disks:
         return part.disks, "", ()
     first, *others = (shape.name for shape in part.bodies.shapes)
     return 0, f"{first}|{'|'.join(others)}", part.bodies.roles

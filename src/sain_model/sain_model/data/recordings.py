@@ -21,13 +21,12 @@ def load_recording(path: Path) -> list[RecordedPushes]:
     Raises:
         DatasetError: see `read_shard`; or the path holds no shards.
     """
-    found: dict[Bodies | None, list[Columns]] = {}
+    found: dict[Bodies, list[Columns]] = {}
     for shard in shard_paths(path):
         columns = read_shard(shard, any_shape=True)
-        bodies = row_bodies(columns) if Column.SHAPES in columns else [None] * _rows(columns)
-        kinds = [None if one is None or one.are_paper_disks else one for one in bodies]
-        for kind in dict.fromkeys(kinds):
-            chosen = np.array([one == kind for one in kinds])
+        bodies = row_bodies(columns)
+        for kind in dict.fromkeys(bodies):
+            chosen = np.array([one == kind for one in bodies])
             part = {name: values[chosen] for name, values in columns.items()}
             found.setdefault(kind, []).append(part)
     episodes = np.unique(
@@ -48,11 +47,11 @@ def _rows(columns: Columns) -> int:
     return len(columns[Column.ACTION])
 
 
-def _joined(parts: list[Columns], bodies: Bodies | None, episodes: np.ndarray) -> RecordedPushes:
+def _joined(parts: list[Columns], bodies: Bodies, episodes: np.ndarray) -> RecordedPushes:
     state, action, next_state, episode = (
         np.concatenate([part[name] for part in parts])
         for name in (Column.STATE, Column.ACTION, Column.NEXT_STATE, Column.EPISODE)
     )
-    if bodies is None:
+    if bodies.are_paper_disks:
         action = action[:, :PUSH_SIZE]
     return RecordedPushes(state, action, next_state, np.searchsorted(episodes, episode), bodies)

@@ -10,20 +10,20 @@ from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 
 
-def prior_for(prior: Dynamics, bodies: Bodies | None) -> Dynamics:
-    """Return a prior for these bodies; None: disks with the paper's roles.
+def prior_for(prior: Dynamics, bodies: Bodies) -> Dynamics:
+    """Return a prior for these bodies.
 
     Raises:
         ConfigError: it can only predict disks.
     """
-    if bodies is not None and isinstance(prior, ShapedDynamics):
+    if isinstance(prior, ShapedDynamics):
         return prior.with_bodies(bodies)  # which also allows a disk alone
     return shaped(prior, bodies)
 
 
-def filter_for(friction: FrictionFilter, bodies: Bodies | None) -> FrictionFilter:
-    """Return a filter whose physics predicts these bodies; None: disks."""
-    if bodies is None or not isinstance(friction.physics, PlanarPrior):
+def filter_for(friction: FrictionFilter, bodies: Bodies) -> FrictionFilter:
+    """Return a filter whose physics predicts these bodies."""
+    if not isinstance(friction.physics, PlanarPrior):
         return friction
     return replace(friction, physics=friction.physics.with_bodies(bodies))
 

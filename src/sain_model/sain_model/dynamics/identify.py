@@ -88,12 +88,12 @@ def _network_odds(
         places = np.tile(fit.shared, (len(part), 1))
         places[:, FRICTION] = fit.frictions[part.episode]
         physics_next = step_at(fit.structure, part.bodies, part, places)
-        corrector = model if part.bodies is None else model.with_bodies(part.bodies)
+        corrector = model.with_bodies(part.bodies)
         assert isinstance(corrector, SainDynamics)
         scenes = with_mass_ratio(part.state, mass_factor(places))
         corrected = corrector.network_correct(scenes, part.action, physics_next)
         gain = _density(part, corrected) - _density(part, physics_next)
-        sums[part.bodies is None] += gain
+        sums[part.bodies.are_paper_disks] += gain
     return _Odds(*(float(np.clip(sums[key], -MOST_ODDS, MOST_ODDS)) for key in (True, False)))
 
 

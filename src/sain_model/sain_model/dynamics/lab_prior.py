@@ -40,7 +40,7 @@ class LabPrior(PlanarPrior):
         self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None
     ) -> tuple[Scenes, Touched]:
         """Predict as `PlanarPrior` does: bodies move about their centres of mass."""
-        bodies = self.bodies or Bodies.disks(scenes.shape[1])
+        bodies = self.bodies.fitted(scenes.shape[1])
         check_batch(scenes, pushes, friction, bodies)
         if friction is None:
             friction = np.full(len(scenes), self.config.friction)

@@ -18,7 +18,7 @@ from numpy import ndarray
 from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
@@ -47,7 +47,7 @@ class ParameterCorrection:
     model_hash: str = ""
     card: str = ""
     friction: FrictionConfig | None = None
-    bodies: Bodies | None = None
+    bodies: Bodies = PAPER_DISKS
     kind: ClassVar[str] = PARAMETER_CORRECTION
     device: ClassVar[str] = CPU  # it is small, and its prior runs nowhere else
 
@@ -104,7 +104,7 @@ class ParameterCorrection:
         predicted = apply_residual(physics_next, frames, change / len(self.networks))
         idle = pushes[:, LENGTH] == 0.0
         predicted[idle] = physics_next[idle]
-        fixed = list(self.bodies.fixed) if self.bodies else []
+        fixed = list(self.bodies.fixed)
         predicted[:, fixed] = physics_next[:, fixed]
         return predicted
 

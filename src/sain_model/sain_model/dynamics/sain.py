@@ -15,7 +15,7 @@ from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH, pushed_bodies
 from sain_core.scene import MASS, POSITION, THETA, wrap_angle
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
 from sain_model.compute.batch_checks import check_batch, check_physics_next
 from sain_model.compute.devices import CPU
@@ -64,7 +64,7 @@ class SainDynamics:
             conditioned on; None: it is not conditioned.
         recurrent: whether it was trained on rollouts of its own predictions.
         device: what the network runs on, ``cpu`` or ``cuda``. The prior stays on the CPU.
-        bodies: that are pushed; None: disks.
+        bodies: that are pushed.
         any_shape: the model of all bodies that a network for disks cannot predict; None: it
             refuses them.
         learned: what `with_history` was told; None: nothing.
@@ -84,7 +84,7 @@ class SainDynamics:
     conditioned_log_std: float | None = None
     recurrent: bool = False
     device: str = CPU
-    bodies: Bodies | None = None
+    bodies: Bodies = PAPER_DISKS
     any_shape: "SainDynamics | None" = None
     learned: Learned | None = None
     belief: Belief | None = None
@@ -298,7 +298,7 @@ class SainDynamics:
             return prediction
         long = None
         if self.network.config.bodies == ANY_SHAPE:
-            long = elongations(self.bodies or Bodies.disks(scenes.shape[1]))
+            long = elongations(self.bodies.fitted(scenes.shape[1]))
         radii = self.intervals.radii(prediction, scenes, pushed_bodies(pushes), long)
         return replace(prediction, radius=radii)
 
@@ -325,7 +325,7 @@ class SainDynamics:
         check_physics_next(scenes, physics_next)
         weighed = self._weighed(scenes)
         corrected = self._forward.correct(weighed, pushes, physics_next, self.bodies)
-        if self.bodies is not None and self.bodies.fixed:
+        if self.bodies.fixed:
             fixed = list(self.bodies.fixed)
             corrected[:, fixed] = physics_next[:, fixed]
         if self.network.config.residual == ON_STATE:

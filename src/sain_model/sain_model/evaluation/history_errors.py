@@ -35,7 +35,7 @@ def earlier_friction(friction: FrictionFilter, data: Dataset) -> EpisodeFriction
 
 def predict_with_history(sain: SainDynamics, data: Dataset) -> Prediction:
     """Return predictions as in deployment: with what the episode's earlier pushes tell."""
-    if data.bodies is not None:
+    if not data.bodies.are_paper_disks:
         sain = sain.with_bodies(data.bodies)
     if sain.filter is None:
         return sain.predict(data.state, data.action)

@@ -95,7 +95,7 @@ def held_out_errors(split: Split | MixedSplit, sain: SainDynamics) -> dict[str, 
     of any shape see `shape_errors`.
     """
     told = "test" if len(split.test) else "validation"
-    if any(part.bodies is not None for part in held_out_part(split).parts):
+    if any(not part.bodies.are_paper_disks for part in held_out_part(split).parts):
         return {**shape_errors(held_out_part(split), sain), "held_out": told}
     models = (None, sain) if sain.kind == LEARNED_KIND else (sain, None)
     errors = {

@@ -49,7 +49,6 @@ def measure_bodies(
     """Return one row for each body of each push, of physics with a filter of friction or alone."""
     pieces: list[Rows] = []
     for part in data.parts:
-        assert part.bodies is not None
         columns = {
             **_about(part),
             **_errors(PRIOR, predict_told(physics, part), part.next_state),
@@ -78,16 +77,15 @@ def predict_told(model: FrictionFilter | Dynamics, part: Dataset) -> Scenes:
         return told.physics.step(part.state, part.action, known.mean)
     if not isinstance(model, ParameterCorrection):
         return prior_for(model, part.bodies).step(part.state, part.action)
-    shaped = model if part.bodies is None else model.with_bodies(part.bodies)
+    shaped = model.with_bodies(part.bodies)
     friction = earlier_friction(shaped.filter, part).mean if shaped.filter else None
     return shaped.step(part.state, part.action, friction)
 
 
 def _about(part: Dataset) -> Rows:
     """Return what is asked about each body of each push (M, N)."""
-    assert part.bodies is not None
     shape = len(part), part.disks
-    names = np.array([shape.name for shape in part.bodies.shapes])
+    names = np.array([shape.name for shape in part.bodies.fitted(part.disks).shapes])
     return {
         "shape": np.broadcast_to(names, shape),
         "pushed": pushed_bodies(part.action)[:, None] == np.arange(part.disks),

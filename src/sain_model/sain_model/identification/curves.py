@@ -19,7 +19,7 @@ from sain_model.physics.friction import CHUNK, WATCHED, ways
 from sain_model.physics.planar import PlanarPrior
 
 KEPT: Final = 256  # pushes
-Key = tuple[str, Bodies | None, bytes]
+Key = tuple[str, Bodies, bytes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class PushCurves:
         self._kept: OrderedDict[Key, tuple[ndarray, ndarray]] = OrderedDict()
         self._lock = Lock()
 
-    def of(self, structure: Structure, bodies: Bodies | None, pushes: Transitions) -> Curves:
+    def of(self, structure: Structure, bodies: Bodies, pushes: Transitions) -> Curves:
         """Return the curves of some pushes; only those of new ones are computed."""
         if len(pushes) > KEPT // 2:
             return curves_of(structure, bodies, pushes)
@@ -65,7 +65,7 @@ class PushCurves:
         return Curves(*(np.stack([found[key][part] for key in keys]) for part in (0, 1)))
 
 
-def curves_of(structure: Structure, bodies: Bodies | None, pushes: Transitions) -> Curves:
+def curves_of(structure: Structure, bodies: Bodies, pushes: Transitions) -> Curves:
     """Return how well each pair explains each push."""
     masses, scale = filter_of(structure, bodies), scales_of(pushes, bodies)
     moved, size = ways(pushes.state, pushes.next_state), max(CHUNK // masses.size, 1)
@@ -84,7 +84,7 @@ def curves_of(structure: Structure, bodies: Bodies | None, pushes: Transitions) 
     return Curves(*(np.concatenate(some) for some in zip(*parts, strict=True)))
 
 
-def filter_of(structure: Structure, bodies: Bodies | None) -> MassFilter:
+def filter_of(structure: Structure, bodies: Bodies) -> MassFilter:
     """Return what infers friction and masses of an episode with one kind of physics."""
     prior = PlanarPrior(structure.config, bodies)
     return mass_filter(prior, structure.friction, structure.mass_log_std)

@@ -95,10 +95,10 @@ def errors_of(predicted: ndarray, truth: ndarray) -> Float[ndarray, "*B N 3"]:
     return np.concatenate([off[..., POSITION], turn[..., None]], axis=-1)
 
 
-def scales_of(pushes: Transitions, bodies: Bodies | None) -> Float[ndarray, "M N"]:
-    """Return the scale of each body's error [m], for a factor of 1; None: disks."""
+def scales_of(pushes: Transitions, bodies: Bodies) -> Float[ndarray, "M N"]:
+    """Return the scale of each body's error [m], for a factor of 1."""
     way = np.linalg.norm((pushes.next_state - pushes.state)[..., POSITION], axis=-1)
-    return np.asarray((NOISE if bodies is None else SHAPE_NOISE) + SHARE * way)
+    return np.asarray((NOISE if bodies.are_paper_disks else SHAPE_NOISE) + SHARE * way)
 
 
 def log_density(errors: ndarray, scale: ndarray) -> Float[ndarray, "*B K"]:

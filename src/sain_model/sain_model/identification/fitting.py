@@ -49,7 +49,7 @@ class EpisodeFits:
 
 def fit(
     structure: Structure,
-    bodies: Bodies | None,
+    bodies: Bodies,
     pushes: Transitions,
     known: Known,
     start: Places,
@@ -58,7 +58,7 @@ def fit(
 
     Args:
         structure: kind of physics, and what is believed of its parameters.
-        bodies: of all scenes; None: disks.
+        bodies: of all scenes.
         pushes: M of them.
         known: which of them each row knows; every row knows one.
         start: first vectors z (R, D).
@@ -82,16 +82,14 @@ def fit(
 
 
 def errors_at(
-    structure: Structure, bodies: Bodies | None, pushes: Transitions, places: Places
+    structure: Structure, bodies: Bodies, pushes: Transitions, places: Places
 ) -> Float[ndarray, "P N 3"]:
     """Return errors [m] of predictions, each with parameters z of its own (P, D)."""
     after = step_at(structure, bodies, pushes, places)
     return errors_of(after, pushes.next_state)
 
 
-def step_at(
-    structure: Structure, bodies: Bodies | None, pushes: Transitions, places: Places
-) -> Scenes:
+def step_at(structure: Structure, bodies: Bodies, pushes: Transitions, places: Places) -> Scenes:
     """Predict pushes (P), each with parameters z of its own (P, D)."""
     config, ratio = structure.config, mass_ratio_at(structure.config, places)
     scenes = with_mass_ratio(pushes.state, ratio)
@@ -101,7 +99,7 @@ def step_at(
 
 
 def slopes_of(
-    structure: Structure, bodies: Bodies | None, pushes: Transitions, places: Places
+    structure: Structure, bodies: Bodies, pushes: Transitions, places: Places
 ) -> tuple[Float[ndarray, "P N 3"], Float[ndarray, "P N 3 D"]]:
     """Return errors, and how they change with each parameter, from one batch of predictions."""
     count = places.shape[1]

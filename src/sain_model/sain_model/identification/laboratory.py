@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from sain_core.dataset import Transitions
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_model.identification.curves import curves_of, filter_of
 from sain_model.identification.evidence import FACTORS, log_density, scales_of
 from sain_model.identification.fitting import errors_at, normal_terms, slopes_of
@@ -31,7 +31,7 @@ class RecordedPushes(Transitions):
     """Pushes of the same bodies, and which episode each belongs to, counted over all recordings."""
 
     episode: Int[ndarray, "M"]
-    bodies: Bodies | None = None
+    bodies: Bodies = PAPER_DISKS
 
 
 def count_episodes(parts: Sequence[RecordedPushes]) -> int:
@@ -112,7 +112,7 @@ def _first_frictions(
     structure: Structure, parts: Sequence[RecordedPushes], count: int
 ) -> Float[ndarray, "E"]:
     """Return the friction of each episode with all other parameters as believed."""
-    unit, masses = structure.parameters[FRICTION].spread, filter_of(structure, None)
+    unit, masses = structure.parameters[FRICTION].spread, filter_of(structure, PAPER_DISKS)
     sums, pushes = np.zeros((count, masses.size)), np.zeros(count, np.int64)
     for part in parts:
         curves = curves_of(structure, part.bodies, part)

@@ -67,12 +67,12 @@ class Posterior:
         return trained[self.structure] & ~self.inferred
 
 
-def infer(belief: Belief, bodies: Bodies | None, pushes: Transitions, known: Known) -> Posterior:
+def infer(belief: Belief, bodies: Bodies, pushes: Transitions, known: Known) -> Posterior:
     """Return what each row tells.
 
     Args:
         belief: what is believed before any push.
-        bodies: of all scenes; None: disks.
+        bodies: of all scenes.
         pushes: M of them.
         known: which of them each row knows.
     """
@@ -103,9 +103,7 @@ def infer(belief: Belief, bodies: Bodies | None, pushes: Transitions, known: Kno
     )
 
 
-def step_rows(
-    belief: Belief, bodies: Bodies | None, pushes: Transitions, posterior: Posterior
-) -> Scenes:
+def step_rows(belief: Belief, bodies: Bodies, pushes: Transitions, posterior: Posterior) -> Scenes:
     """Predict push i (M, N, 8) with the physics of row i."""
     predicted = np.empty_like(pushes.state)
     for number, structure in enumerate(belief.structures):
@@ -118,7 +116,7 @@ def step_rows(
 
 def _on_grid(
     structure: Structure,
-    bodies: Bodies | None,
+    bodies: Bodies,
     curves: Curves,
     known: Known,
     usual: Float[ndarray, "D"],

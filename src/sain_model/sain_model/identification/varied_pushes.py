@@ -23,7 +23,7 @@ PhysicsRows = Float[ndarray, "B 20"]  # the numbers of a `Physics` for each push
 
 def step_varied(
     config: PlanarConfig,
-    bodies: Bodies | None,
+    bodies: Bodies,
     scenes: Scenes,
     pushes: Pushes,
     friction: Scalars,
@@ -33,7 +33,7 @@ def step_varied(
 
     Args:
         config: for the tool's radius and where it starts.
-        bodies: of all scenes; None: disks.
+        bodies: of all scenes.
         scenes: (B, N, 8).
         pushes: (B, 3) or (B, 4).
         friction: with the table, (B,).
@@ -43,7 +43,7 @@ def step_varied(
         InvalidInputError: arrays that do not fit together.
     """
     check_batch(scenes, pushes, friction, bodies)
-    if bodies is None or takes_disks(bodies):
+    if takes_disks(bodies):
         return _step_disks(config, scenes, pushes, friction, physics)
     limits = PushLimits(tool_radius=config.tool_radius, clearance=config.clearance)
     start, heading = strokes(scenes, pushes, limits, bodies)

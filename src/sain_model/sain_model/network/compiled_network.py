@@ -6,7 +6,7 @@ import numpy as np
 from torch import Tensor, nn
 
 from sain_core.scene import MID, RADIUS
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_progress import compile_visibly
@@ -57,7 +57,7 @@ class CompiledNetwork:
         scenes: Scenes,
         pushes: Pushes,
         physics_next: Scenes,
-        bodies: Bodies | None = None,
+        bodies: Bodies = PAPER_DISKS,
     ) -> Scenes:
         """Return predictions (B, N, 8) of a prior for pushes (B, 3 or 4) from scenes, corrected."""
         corrected = np.array(physics_next, dtype=np.float64, order="C")
@@ -65,7 +65,7 @@ class CompiledNetwork:
         told = self._places, self.weights
         table = None
         if self._config.bodies == ANY_SHAPE:
-            table = outline_table(bodies or Bodies.disks(scenes.shape[1]))
+            table = outline_table(bodies.fitted(scenes.shape[1]))
 
         def work(first: int) -> None:
             if table is None:

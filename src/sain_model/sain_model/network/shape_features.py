@@ -70,9 +70,7 @@ def elongations(bodies: Bodies) -> Float[ndarray, "N"]:
     return np.asarray(np.hypot(second_x, second_y) / spread)
 
 
-def push_frames(
-    config: NetworkConfig, scenes: Scenes, pushes: Pushes, bodies: Bodies | None
-) -> Strokes:
+def push_frames(config: NetworkConfig, scenes: Scenes, pushes: Pushes, bodies: Bodies) -> Strokes:
     """Return pushes as features and residuals take them: the frame's heading is the first column.
 
     A network for disks takes pushes as they are; one for any shape takes them as
@@ -80,7 +78,7 @@ def push_frames(
     """
     if config.bodies != ANY_SHAPE:
         return pushes
-    known = bodies or Bodies.disks(scenes.shape[1])
+    known = bodies.fitted(scenes.shape[1])
     start, heading = strokes(scenes, pushes, LIMITS, known)
     rows = np.zeros((len(pushes), STROKE_SIZE))
     rows[:, LOCATION] = wrap_angle(heading - pushes[:, ANGLE])
@@ -96,7 +94,7 @@ def network_inputs(
     scenes: Scenes,
     frames: Strokes,
     physics_next: Scenes,
-    bodies: Bodies | None,
+    bodies: Bodies,
 ) -> Features:
     """Return the inputs of a network of this kind.
 
@@ -105,13 +103,13 @@ def network_inputs(
         scenes: before the pushes.
         frames: of the pushes, as `push_frames` makes them.
         physics_next: the prior's prediction.
-        bodies: of the scenes; None: disks.
+        bodies: of the scenes.
     """
     if config.bodies != ANY_SHAPE:
         return make_features(scenes, frames, physics_next, config.features)
     batch, count, _ = scenes.shape
     places = config.features == WORLD_FRAME
-    table = outline_table(bodies or Bodies.disks(count))
+    table = outline_table(bodies.fitted(count))
     width = SHAPE_BODY_FEATURES + (PLACE_FEATURES if places else 0)
     features = np.zeros((batch, count, width), np.float32)
     relations = np.zeros((batch, count * count, SHAPE_RELATION_FEATURES), np.float32)

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from sain_core.push import LENGTH
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.threads import settle_threads
 from sain_model.network.features import apply_residual
@@ -25,7 +25,7 @@ class TorchNetwork:
         scenes: Scenes,
         pushes: Pushes,
         physics_next: Scenes,
-        bodies: Bodies | None = None,
+        bodies: Bodies = PAPER_DISKS,
     ) -> Scenes:
         """Return predictions (B, N, 8) of a prior for pushes (B, 3 or 4) from scenes, corrected."""
         config = self._network.config

@@ -17,7 +17,7 @@ from sain_core.history import PushHistory
 from sain_core.model_checks.response_check import answering, check_step
 from sain_core.push import PushLimits, pushed_bodies
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Indices, Pushes, Scalars, Scenes
 from sain_model.compute.batch_checks import check_batch
 from sain_model.compute.compiling import plain
@@ -45,7 +45,7 @@ class PlanarPrior:
     """Predicts pushes by simulating them in the plane. A `Dynamics`."""
 
     config: PlanarConfig = PlanarConfig()
-    bodies: Bodies | None = None  # that are pushed; None: disks
+    bodies: Bodies = PAPER_DISKS  # that are pushed
 
     def __post_init__(self) -> None:
         """See that the kernels are compiled: no plan is to wait for them."""
@@ -135,7 +135,7 @@ class PlanarPrior:
 
     @property
     def _of_disks(self) -> bool:
-        return self.bodies is None or takes_disks(self.bodies)
+        return takes_disks(self.bodies)
 
     def _push_bodies(
         self,
@@ -145,7 +145,6 @@ class PlanarPrior:
         corrections: Corrections | None = None,
     ) -> tuple[Scenes, Touched]:
         """Run the kernels for bodies of any shape."""
-        assert self.bodies is not None
         if friction is None:
             friction = np.full(len(scenes), self.config.friction)
         limits = PushLimits(tool_radius=self.config.tool_radius, clearance=self.config.clearance)

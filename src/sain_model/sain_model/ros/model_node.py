@@ -24,7 +24,7 @@ from sain_core.ros.reception import Reception
 from sain_core.ros.state_file import StateFile
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
-from sain_core.shapes.bodies import Bodies as CoreBodies
+from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.shapes.received import decode_bodies, decode_request_bodies
 from sain_interfaces.msg import Bodies
 from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
@@ -61,7 +61,7 @@ class ModelNode(Node):
         self.server = self._load(config)
         self.prepared: ModelServer | None = None
         self.record = ServiceRecord()
-        self.bodies: CoreBodies | None = None  # of the episode; None: nobody tells
+        self.bodies = PAPER_DISKS  # of the episode
         self.reception.listen(Bodies, "shapes", self._on_bodies, LATCHED)
         self.status, self.message = OK, "serving"
         steady_timer(self, REPORT_PERIOD, self._report)

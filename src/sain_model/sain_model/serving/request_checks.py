@@ -13,20 +13,18 @@ from sain_core.types import Pushes, Scenes
 SEEN_OVERLAP: Final = 0.02  # [m], of bodies with corners: cameras are not exact
 
 
-def check_asked_scenes(scenes: Scenes, bodies: Bodies | None) -> None:
-    """Raise `InvalidInputError` unless all scenes (B, N, 8) can be of these bodies; None: disks."""
-    if bodies is None or bodies.all_round:
+def check_asked_scenes(scenes: Scenes, bodies: Bodies) -> None:
+    """Raise `InvalidInputError` unless all scenes (B, N, 8) can be of these bodies."""
+    if bodies.all_round:
         check_scenes(scenes)
         return
     for scene in scenes:
         check_bodies(scene, bodies, most=SEEN_OVERLAP)
 
 
-def check_asked_pushes(pushes: Pushes, bodies: Bodies | None) -> None:
+def check_asked_pushes(pushes: Pushes, bodies: Bodies) -> None:
     """Raise `OutOfRangeError` unless all pushes can be asked about, against pushable bodies."""
     check_predictable(pushes)
-    if bodies is None:
-        return
     pushed = np.unique(pushed_bodies(pushes))
     wrong = [int(body) for body in pushed if body not in bodies.pushable]
     if wrong:

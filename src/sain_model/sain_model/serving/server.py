@@ -17,7 +17,7 @@ from sain_core.model_checks.response_check import (
 )
 from sain_core.plugins import as_observed, load_dynamics, with_belief
 from sain_core.scene import THETA, make_scene, wrap_angle
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.devices import AUTO, CPU, choose_device
 from sain_model.physics.planar import PlanarPrior
@@ -69,14 +69,14 @@ class ModelServer:
         self._name = f"model {config.model!r}"
         self.description = describe_model(config.model, dynamics)
         self._usual = dynamics
-        self._learned: tuple[PushHistory, Bodies | None, Dynamics] | None = None
+        self._learned: tuple[PushHistory, Bodies, Dynamics] | None = None
 
-    def with_model(self, name: str, bodies: Bodies | None = None) -> "ModelServer":
+    def with_model(self, name: str, bodies: Bodies = PAPER_DISKS) -> "ModelServer":
         """Return a server of another model with these settings, for a planner.
 
         Args:
             name: of the model; see `load_server`.
-            bodies: of the scene in which it goes on; None: they are not known.
+            bodies: of the scene in which it goes on.
 
         Raises:
             ConfigError: it cannot predict these bodies, or too slowly; also as `load_server`.
@@ -115,10 +115,10 @@ class ModelServer:
                 self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES, bodies=WARM_UP_BODIES)
             self.predict(np.stack([WARM_UP_SCENE] * len(WARM_UP_PUSHES)), WARM_UP_PUSHES[:, 0])
 
-    def knowing(self, history: PushHistory | None, bodies: Bodies | None = None) -> Dynamics:
+    def knowing(self, history: PushHistory | None, bodies: Bodies = PAPER_DISKS) -> Dynamics:
         """Return the model for these bodies, conditioned on an episode's earlier pushes.
 
-        The latest is kept. Bodies None: disks with the paper's roles.
+        The latest is kept.
 
         Raises:
             TooMuchWorkError: more pushes than the limit of work allows.
@@ -133,7 +133,7 @@ class ModelServer:
             return self._learned[2]
         return kept[2]
 
-    def friction(self, history: PushHistory | None, bodies: Bodies | None = None) -> float:
+    def friction(self, history: PushHistory | None, bodies: Bodies = PAPER_DISKS) -> float:
         """Return the friction of a prediction; 0: the model has none."""
         dynamics = self.knowing(history, bodies)
         prior = dynamics.prior if is_learned(dynamics) else dynamics
@@ -144,12 +144,12 @@ class ModelServer:
         scene: Scene,
         pushes: PushSequences,
         history: PushHistory | None = None,
-        bodies: Bodies | None = None,
+        bodies: Bodies = PAPER_DISKS,
     ) -> PredictedScenes:
         """Predict (K, H, N, 8) for push sequences (K, H, A) from a scene (N, 8).
 
         `history` are the earlier pushes of the scene's episode, where they are known; `bodies` its
-        bodies, None: disks with the paper's roles.
+        bodies.
 
         Raises:
             InvalidInputError: a scene that cannot exist.
@@ -171,7 +171,7 @@ class ModelServer:
         pushes: PushSequences,
         predicted: PredictedScenes,
         history: PushHistory | None = None,
-        bodies: Bodies | None = None,
+        bodies: Bodies = PAPER_DISKS,
     ) -> Radii | None:
         """Return how sure the model is of a rollout (K, H, N) [m]; None: it cannot tell.
 
@@ -188,7 +188,7 @@ class ModelServer:
         pushes: Pushes,
         physics_next: Scenes | None = None,
         history: PushHistory | None = None,
-        bodies: Bodies | None = None,
+        bodies: Bodies = PAPER_DISKS,
     ) -> tuple[Scenes, Scenes]:
         """Predict where pushes (B, A) lead from scenes (B, N, 8).
 
@@ -197,7 +197,7 @@ class ModelServer:
             pushes: one a scene.
             physics_next: (B, N, 8), what to correct; None: what the model's own prior predicts.
             history: the earlier pushes of the episode of all these scenes, where they are known.
-            bodies: of all these scenes; None: disks with the paper's roles.
+            bodies: of all these scenes.
 
         Returns:
             The residual (B, N, 8), angles wrapped, and the next state (B, N, 8).

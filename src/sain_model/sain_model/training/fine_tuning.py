@@ -143,8 +143,9 @@ class Parent:
             np.concatenate([_errors(model, part) for part in parts]) for model in (self.sain, sain)
         )
         episodes = np.concatenate([part.episode for part in parts])
+        disks = all(part.bodies.are_paper_disks for part in parts)
         return {
-            "bodies": "target" if parts[0].bodies is None else "pushed bodies",
+            "bodies": "target" if disks else "pushed bodies",
             "before": float(before.mean()),
             "after": float(after.mean()),
             "ratio": ratio_over_episodes(after, before, episodes, seed=0),
@@ -154,7 +155,7 @@ class Parent:
 def _errors(sain: SainDynamics, part: Dataset) -> Scalars:
     """Return how far off the target, or the pushed body, is predicted (M,) [mm]."""
     after = predict_with_history(sain, part).mean
-    if part.bodies is None:
+    if part.bodies.are_paper_disks and part.disks > TARGET:
         return position_errors(after, part.next_state, TARGET)
     off = np.linalg.norm((after - part.next_state)[..., POSITION], axis=-1)
     return np.asarray(1e3 * off[np.arange(len(part)), pushed_bodies(part.action)])

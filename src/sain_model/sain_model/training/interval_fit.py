@@ -65,9 +65,9 @@ def _scored(
     way = np.linalg.norm((prediction.mean - data.state)[..., POSITION], axis=-1)
     off = np.linalg.norm((prediction.mean - data.next_state)[..., POSITION], axis=-1)
     parts = np.stack([prediction.members, prediction.friction, way])  # (3, M, N)
-    if data.bodies is None:
+    if sain.network.config.bodies != ANY_SHAPE:
         return [(parts[..., disk], off[:, disk], np.zeros(len(off))) for disk in (MID, TARGET)]
-    long = np.broadcast_to(elongations(data.bodies), off.shape)
+    long = np.broadcast_to(elongations(data.bodies.fitted(data.disks)), off.shape)
     pushed = pushed_bodies(data.action)[:, None] == np.arange(data.disks)
     return [(parts[:, rows], off[rows], long[rows]) for rows in (pushed, ~pushed)]
 

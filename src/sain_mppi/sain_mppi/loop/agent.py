@@ -13,7 +13,7 @@ from sain_core.feasibility import Feasibility
 from sain_core.push import push_ids
 from sain_core.scene import check_on_table
 from sain_core.seeding import generator
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scene
 from sain_mppi.loop.decision import Decider, PlanJob, PushDecision, Stop, StopReason, Task, View
 from sain_mppi.loop.estimate import EstimatorConfig
@@ -82,7 +82,7 @@ class Agent:
             limits = config.feasibility.limits
             self._estimator = Estimator(config.estimator, patience, clock, limits)
         self._push_ids = push_ids()
-        self._bodies: tuple[int, Bodies | None] = (0, None)  # of which episode
+        self._bodies: tuple[int, Bodies] = (0, PAPER_DISKS)  # of which episode
         self._running: PlanJob | None = None
         self._ahead: PlanJob | None = None  # whose push was prepared for last
 

@@ -10,7 +10,7 @@ import numpy as np
 from sain_core.errors import ConfigError, InvalidInputError, SainError
 from sain_core.history import PushHistory
 from sain_core.scene import MASS, POSITION, RADIUS, Table, target_distance
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scene
 from sain_mppi.loop.progress_monitor import LastPush
 from sain_mppi.loop.uncertainty import Uncertainty
@@ -71,7 +71,7 @@ class PlanJob:
         refused: (3,) each, pushes that were refused from this scene.
         history: the episode's earlier pushes.
         cancelled: set once the decision is no longer wanted.
-        bodies: shapes and roles; None: disks with the paper's roles.
+        bodies: shapes and roles.
     """
 
     task: Task
@@ -82,12 +82,12 @@ class PlanJob:
     refused: tuple[PushArray, ...] = ()
     history: PushHistory = field(default_factory=PushHistory.empty)
     cancelled: Event = field(default_factory=Event)
-    bodies: Bodies | None = None
+    bodies: Bodies = PAPER_DISKS
 
     @property
     def known_bodies(self) -> Bodies:
         """Shapes and roles."""
-        return self.bodies or Bodies.disks(len(self.view.scene))
+        return self.bodies.fitted(len(self.view.scene))
 
     @property
     def goal(self) -> Goal | PoseGoal:

@@ -18,7 +18,7 @@ from sain_core.history import PushHistory
 from sain_core.observation import RADII
 from sain_core.push import PushLimits
 from sain_core.scene import MASS, POSITION, RADIUS
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scalars, Scene
 from sain_mppi.loop.decision import PushDecision, View
 from sain_mppi.loop.estimate import Estimate, EstimatorConfig, fuse, in_motion, part_disks
@@ -129,7 +129,7 @@ class Estimator:
     def _take_end(self, time: float, made: PushDecision | None) -> None:
         self._end, self._made, self._waiting = time, made, False
 
-    def estimate(self, episode_id: int = 0, bodies: Bodies | None = None) -> View | None:
+    def estimate(self, episode_id: int = 0, bodies: Bodies = PAPER_DISKS) -> View | None:
         """Return the view of a scene, once, as soon as there are enough frames of it.
 
         `bodies` are those of this episode; without them, all are disks.
@@ -140,14 +140,14 @@ class Estimator:
         if frames is None:
             return None
         scenes, noise = [frame.scene for frame in frames], self.config.noise_std
-        known = bodies if episode_id == frames[0].episode_id else None
+        known = bodies if episode_id == frames[0].episode_id else PAPER_DISKS
         expected = self._expected()
         found = fuse(scenes, noise, expected)
         if RADII in self.config.unknown_names:
             self._measure(fuse(scenes, noise), expected, known)
         if self._radii is not None:
             found = replace(found, scene=self._radii.apply(found.scene))
-        if known is None or known.all_round:
+        if known.all_round:
             found = replace(found, scene=part_disks(found.scene))
         self.view = self._view(frames[-1], found)
         self._learn(found)
@@ -176,7 +176,7 @@ class Estimator:
                 self.config.noise,
             )
 
-    def _measure(self, seen: Estimate, expected: Estimate | None, bodies: Bodies | None) -> None:
+    def _measure(self, seen: Estimate, expected: Estimate | None, bodies: Bodies) -> None:
         """Learn the radii of disks from what frames show, and from the push before them."""
         if self._radii is None:
             self._radii = RadiusFilter(seen.scene[:, RADIUS], bodies)

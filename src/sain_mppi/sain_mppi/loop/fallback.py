@@ -8,7 +8,7 @@ from sain_core.dynamics import Radii, RegionModel, RolloutModel
 from sain_core.errors import CancelledError, ConfigError, SainError
 from sain_core.history import PushHistory, informed_rollout
 from sain_core.model_checks.response_check import check_finite_answer, check_rollout
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, PushSequences, Scene
 
 logger = logging.getLogger(__name__)
@@ -39,7 +39,7 @@ class FallbackRollout:
         self._model = model
         self._physics: RolloutModel | None = physics  # None: without the history so far
         self._history: PushHistory | None = None
-        self._bodies: Bodies | None = None
+        self._bodies: Bodies = PAPER_DISKS
         self._cancelled = Event()
         self.failure: SainError | None = None
 
@@ -48,7 +48,7 @@ class FallbackRollout:
         history: PushHistory,
         until: float | None = None,
         cancelled: Event | None = None,
-        bodies: Bodies | None = None,
+        bodies: Bodies = PAPER_DISKS,
     ) -> None:
         """Begin a new plan: the model gets another chance.
 
@@ -58,7 +58,7 @@ class FallbackRollout:
             history: the episode's earlier pushes, which model and physics learn from.
             until: a model that has not answered by this `time.monotonic` fails; None: no limit.
             cancelled: once it is set, the plan ends with `CancelledError`.
-            bodies: shapes and roles; None: disks with the paper's roles.
+            bodies: shapes and roles.
         """
         self.failure = None
         self._cancelled = cancelled or Event()

@@ -13,7 +13,7 @@ import numpy as np
 from sain_core.history import PushHistory
 from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, PushLimits, pushed_bodies
 from sain_core.scene import POSITION, RADIUS, unit, wrap_angle
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scalars, Scene
 
 BEFOREHAND: Final = 0.003  # [m], standard deviation of radii: those of disks are nominal +- 5 mm
@@ -26,10 +26,9 @@ OUTLIER: Final = 4.0  # standard deviations
 class RadiusFilter:
     """What is known of the radii of an episode's bodies. Those of other shapes are measured."""
 
-    def __init__(self, radii: Scalars, bodies: Bodies | None = None) -> None:
+    def __init__(self, radii: Scalars, bodies: Bodies = PAPER_DISKS) -> None:
         """Begin with radii (N,) [m], those of disks nominal."""
-        shapes = [None] * len(radii) if bodies is None else bodies.shapes
-        self.round = np.array([shape is None or shape.is_round for shape in shapes])
+        self.round = np.array([shape.is_round for shape in bodies.fitted(len(radii)).shapes])
         self.radii = radii.copy()
         self._covariance = np.diag(np.where(self.round, BEFOREHAND**2, 0.0))
 

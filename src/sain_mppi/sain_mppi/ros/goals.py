@@ -53,7 +53,7 @@ class Goals:
         node: Node,
         reception: Reception,
         aims: Aims,
-        bodies: Callable[[], Bodies | None],
+        bodies: Callable[[], Bodies],
     ) -> None:
         """Hear goals from now on. `bodies` are those of the scene, as far as known."""
         self._node = node
@@ -132,8 +132,6 @@ class Goals:
     def _target(self) -> tuple[int, bool]:
         """The body that a single pose is for, and whether its heading can be seen."""
         bodies = self._bodies()
-        if bodies is None:
-            return 1, False
         body = min(1, len(bodies) - 1)
         return body, not bodies.shapes[body].is_round
 

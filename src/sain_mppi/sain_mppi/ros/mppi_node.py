@@ -26,6 +26,7 @@ from sain_core.ros.reception import Reception, outcome
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
 from sain_core.scene import is_settled
+from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.shapes.bodies import Bodies as CoreBodies
 from sain_core.shapes.received import check_unchanged, decode_bodies
 from sain_interfaces.msg import Bodies, Goal, Plan, Push, PushResult
@@ -103,7 +104,7 @@ class MppiNode(Node):
             self,
             reception,
             Aims(self._on_goal, self._refuse_goal, self._drop),
-            lambda: self.shapes.get(self.episode),
+            lambda: self.shapes.get(self.episode, PAPER_DISKS),
         )
 
     def _resume(self) -> None:

@@ -22,7 +22,7 @@ from sain_core.errors import (
 from sain_core.history import PushHistory
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import node_of
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_interfaces.srv import Rollout
 
@@ -49,7 +49,7 @@ class RemoteRollout:
         self._starting = -inf, ""
         self._timeout_s = timeout_s
         self._served = Served()
-        self._bodies: Bodies | None = None
+        self._bodies: Bodies = PAPER_DISKS
         self._history: PushHistory | None = None
         self._until: float | None = None
         self._cancelled = Event()

@@ -16,7 +16,7 @@ from sain_core.dynamics import Radii, scenes_before
 from sain_core.feasibility import Feasibility, tool_gap
 from sain_core.push import LENGTH
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table, unit
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import Shape
 from sain_core.types import Mask, Points, PredictedScenes, PushSequences, Scalars, Scene
 from sain_mppi.search.cost_weights import CostWeights
@@ -64,7 +64,7 @@ def cost_terms(
     rollout: TargetRollout,
     weights: CostWeights,
     feasibility: Feasibility,
-    bodies: Bodies | None = None,
+    bodies: Bodies = PAPER_DISKS,
 ) -> dict[str, Scalars]:
     """Return every term (K,), already weighted. Not finite where the prediction is not."""
     asked = {MID: mid_asked(rollout)}
@@ -141,7 +141,7 @@ def overshoot_risk(
 
 
 def tool_nearness(
-    rollout: Rollout, weights: CostWeights, feasibility: Feasibility, bodies: Bodies | None = None
+    rollout: Rollout, weights: CostWeights, feasibility: Feasibility, bodies: Bodies = PAPER_DISKS
 ) -> Scalars:
     """Return how deep the tool's way enters the gap it should keep, in gaps squared, summed."""
     gap = tool_gap(rollout.before, rollout.pushes, feasibility.limits, bodies)
@@ -174,7 +174,7 @@ def pushers_lost(
     rollout: Rollout,
     asked: Mapping[int, float],
     feasibility: Feasibility,
-    bodies: Bodies | None,
+    bodies: Bodies,
     others: Collection[int] = (),
 ) -> Scalars:
     """Return how far [m] pushable bodies get beyond where the tool can push them, summed (K,).
@@ -184,10 +184,9 @@ def pushers_lost(
     `others` are judged elsewhere.
     """
     reach, limits = feasibility.reach, feasibility.limits
-    known = bodies or Bodies.disks(rollout.after.shape[2])
     total = np.zeros(len(rollout.after))
-    for body in sorted(set(known.pushable) - set(others)):
-        size = known.shapes[body].circumradius * float(rollout.before[0, 0, body, RADIUS])
+    for body in sorted(set(bodies.pushable) - set(others)):
+        size = bodies.shapes[body].circumradius * float(rollout.before[0, 0, body, RADIUS])
         beside = size + limits.tool_radius + limits.clearance
         far = max(np.sqrt(max(reach.outer**2 - beside**2, 0.0)), asked.get(body, 0.0))
         away = np.linalg.norm(rollout.after[:, :, body, POSITION], axis=-1)  # (K, H)
@@ -211,7 +210,7 @@ def edge_nearness(
 
 
 def overhang(
-    rollout: Rollout, goals: Mapping[int, Goal], feasibility: Feasibility, bodies: Bodies | None
+    rollout: Rollout, goals: Mapping[int, Goal], feasibility: Feasibility, bodies: Bodies
 ) -> Scalars:
     """Return how far [m] circumscribed circles of bodies get too near the edge, summed (K,).
 
@@ -220,8 +219,7 @@ def overhang(
     now; `goals` has the places (2,) of bodies.
     """
     total = np.zeros(len(rollout.after))
-    known = bodies or Bodies.disks(rollout.after.shape[2])
-    for body, shape in enumerate(known.shapes):
+    for body, shape in enumerate(bodies.fitted(rollout.after.shape[2]).shapes):
         first = rollout.before[0, 0, body]
         size = shape.circumradius * float(first[RADIUS])
         margin = 0.0 if shape.is_round else ERROR_ROOM  # it does not turn
@@ -231,13 +229,13 @@ def overhang(
     return total
 
 
-def stranded(rollout: TargetRollout, feasibility: Feasibility, bodies: Bodies | None) -> Scalars:
+def stranded(rollout: TargetRollout, feasibility: Feasibility, bodies: Bodies) -> Scalars:
     """Return by how much [m] there is no room, at the end, to push the target straight to its goal.
 
     Room for body 0 behind the target, on the table, and for the tool behind that, in reach. Disks
     count by `overshoot_risk` and `reach_excess`.
     """
-    if bodies is None or bodies.all_round:
+    if bodies.all_round:
         return np.zeros(len(rollout.after))
     last, limits, reach = rollout.after[:, -1], feasibility.limits, feasibility.reach
     behind = rollout.error[:, -1] / np.maximum(rollout.distance[:, -1:], 1e-9)
@@ -265,7 +263,7 @@ def _table_room(points: Points, table: Table) -> Scalars:
 
 
 def blocked_pushes(
-    rollout: Rollout, feasibility: Feasibility, bodies: Bodies | None = None
+    rollout: Rollout, feasibility: Feasibility, bodies: Bodies = PAPER_DISKS
 ) -> Scalars:
     """Return how many pushes of a sequence could not be carried out when their turn comes."""
     blocked, moving = np.zeros(rollout.moving.shape), rollout.moving

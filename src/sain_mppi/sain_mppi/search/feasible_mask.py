@@ -8,7 +8,7 @@ import numpy as np
 from sain_core.feasibility import Feasibility
 from sain_core.push import LENGTH, LOCATION, PUSH_SIZE, pushed_bodies
 from sain_core.scene import wrap_angle
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Mask, PushArray, Pushes, Scene
 
 REFUSED_NEARBY: Final = np.array([0.15, 0.15, 0.02])  # [rad, rad, m], too like a refused push
@@ -19,7 +19,7 @@ def permitted(
     pushes: Pushes,
     feasibility: Feasibility,
     refused: Sequence[PushArray] = (),
-    bodies: Bodies | None = None,
+    bodies: Bodies = PAPER_DISKS,
     shortest: float = 0.0,
 ) -> Mask:
     """Tell which pushes (B, A) touch their body in a scene (N, 8) and can be carried out.

@@ -10,7 +10,7 @@ from sain_core.dynamics import Radii, scenes_before
 from sain_core.feasibility import Feasibility
 from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, push_direction
 from sain_core.scene import MID, POSITION, THETA, wrap_angle
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.outline import outline_of
 from sain_core.types import PredictedScenes, PushSequences, Scalars, Scene
 from sain_mppi.search.candidates import go_around_sequences, straight_sequences
@@ -27,21 +27,19 @@ SLIDE_SCATTER: Final = 0.3  # of the length of a push towards a pose, as a share
 
 
 class Objective(ABC):
-    """Costs and proposals for one goal. `bodies` are None where all are disks as in the paper."""
+    """Costs and proposals for one goal."""
 
     def __init__(
-        self, weights: CostWeights, feasibility: Feasibility, bodies: Bodies | None = None
+        self, weights: CostWeights, feasibility: Feasibility, bodies: Bodies = PAPER_DISKS
     ) -> None:
         """Judge pushes that the arm can carry out as `feasibility` states."""
         self.weights, self.feasibility, self.bodies = weights, feasibility, bodies
-        self.pushable = (0,) if bodies is None else bodies.pushable
+        self.pushable = bodies.pushable
         self.push_size = PUSH_SIZE if self.pushable == (0,) else PUSH_SIZE + 1
 
     @property
     def has_corners(self) -> bool:
         """Whether the tool may push a body that is not round: such a body turns."""
-        if self.bodies is None:
-            return False
         return any(not self.bodies.shapes[body].is_round for body in self.pushable)
 
     def terms(
@@ -90,7 +88,6 @@ class Objective(ABC):
         drawn = uniform_sequences(self.feasibility.limits, generator, count, horizon)
         if self.push_size == PUSH_SIZE:
             return drawn
-        assert self.bodies is not None
         perimeters = [
             2 * np.pi if shape.is_round else outline_of(shape).perimeter
             for shape in (self.bodies.shapes[body] for body in self.pushable)
@@ -108,7 +105,7 @@ class TargetObjective(Objective):
         goal: Goal,
         weights: CostWeights,
         feasibility: Feasibility,
-        bodies: Bodies | None = None,
+        bodies: Bodies = PAPER_DISKS,
     ) -> None:
         """Bring the target to a goal (2,)."""
         super().__init__(weights, feasibility, bodies)
@@ -137,7 +134,7 @@ class TargetObjective(Objective):
                 go_around_sequences(scene, self.goal, limits, generator, count - straight, horizon),
             ]
         )
-        if self.bodies is not None and not self.bodies.shapes[MID].is_round:
+        if not self.bodies.shapes[MID].is_round:
             outline, limits = outline_of(self.bodies.shapes[MID]), self.feasibility.limits
             heading = push_direction(sequences) - scene[MID, THETA]
             sequences[..., LOCATION], angle = outline.facing(heading)
@@ -241,10 +238,9 @@ def make_objective(
     start: Scene,
     weights: CostWeights,
     feasibility: Feasibility,
-    bodies: Bodies | None,
+    bodies: Bodies,
 ) -> Objective:
     """Return the objective for a goal that was given in a scene `start` (N, 8)."""
     if isinstance(goal, PoseGoal):
-        known = Bodies.disks(len(start)) if bodies is None else bodies
-        return PoseObjective(goal, start, weights, feasibility, known)
+        return PoseObjective(goal, start, weights, feasibility, bodies)
     return TargetObjective(goal, weights, feasibility, bodies)

@@ -80,7 +80,7 @@ class Search:
         """The situation, for messages."""
         body = self.objective.pushable[0]
         x, y = self.scene[body, POSITION]
-        name = "mid disk" if self.objective.bodies is None else f"body {body}"
+        name = f"body {body}"
         refused = f", {len(self.refused)} refused before" if self.refused else ""
         return f"from here: {name} at ({x:.3f}, {y:.3f}) m{refused}"
 

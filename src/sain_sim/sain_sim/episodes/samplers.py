@@ -7,7 +7,7 @@ import numpy as np
 
 from sain_core.push import PaperGrid, PushLimits
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, wrap_angle
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.outline import outline_of
 from sain_core.shapes.shape import Shape
 from sain_core.types import PushArray, Scene
@@ -21,7 +21,7 @@ class CircleSampler:
     """Pushes from any side of the disk; a share of them roughly through the target."""
 
     def draw(
-        self, generator: np.random.Generator, scene: Scene, bodies: Bodies | None = None
+        self, generator: np.random.Generator, scene: Scene, bodies: Bodies = PAPER_DISKS
     ) -> PushArray:
         """Return a push (3,) for a scene (N, 8) of disks."""
         limits = PushLimits()
@@ -38,12 +38,11 @@ class OutlineSampler:
     """Pushes evenly along the outlines of all pushable bodies."""
 
     def draw(
-        self, generator: np.random.Generator, scene: Scene, bodies: Bodies | None = None
+        self, generator: np.random.Generator, scene: Scene, bodies: Bodies = PAPER_DISKS
     ) -> PushArray:
         """Return a push (4,) for a scene (N, 8) of bodies."""
-        known = bodies or Bodies.disks(len(scene))
-        lengths = [scene[body, RADIUS] * perimeter(known.shapes[body]) for body in known.pushable]
-        body = generator.choice(known.pushable, p=np.array(lengths) / sum(lengths))
+        lengths = [scene[body, RADIUS] * perimeter(bodies.shapes[body]) for body in bodies.pushable]
+        body = generator.choice(bodies.pushable, p=np.array(lengths) / sum(lengths))
         limits = PushLimits()
         location = -generator.uniform(-pi, pi)  # (-pi, pi]
         angle = generator.uniform(-limits.max_angle, limits.max_angle)
@@ -64,7 +63,7 @@ class GridSampler:
         self._pushes = grid.pushes()
 
     def draw(
-        self, generator: np.random.Generator, scene: Scene, bodies: Bodies | None = None
+        self, generator: np.random.Generator, scene: Scene, bodies: Bodies = PAPER_DISKS
     ) -> PushArray:
         """Return a push (3,), whatever the scene."""
         return np.asarray(self._pushes[generator.integers(len(self._pushes))])

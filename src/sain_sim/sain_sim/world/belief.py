@@ -8,7 +8,7 @@ from numpy import ndarray
 from sain_core.errors import BlockedError, InvalidInputError
 from sain_core.feasibility import Feasibility, place_gap
 from sain_core.scene import check_states
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Scene
 from sain_sim.world.outcome import Stroke
 
@@ -32,7 +32,7 @@ def believed_scene(scene: Scene, seen: Float[ndarray, "M 8"] | None) -> Float[nd
 
 
 def withdrawn(
-    stroke: Stroke, scene: Scene, feasibility: Feasibility, bodies: Bodies | None = None
+    stroke: Stroke, scene: Scene, feasibility: Feasibility, bodies: Bodies = PAPER_DISKS
 ) -> Stroke:
     """Return a stroke that starts further back by `RETREAT`, for bodies that are seen elsewhere.
 

@@ -11,7 +11,7 @@ from numpy import ndarray
 from sain_core.errors import SainError
 from sain_core.push import LENGTH, PushLimits, strokes
 from sain_core.scene import POSITION, unit
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Mask, PushArray, Scene
 
 MOST_WAY: Final = 2.0  # [m], of a body in a push: several times as far as the arm reaches
@@ -43,7 +43,7 @@ class Stroke:
 
     @classmethod
     def of_push(
-        cls, scene: Scene, push: PushArray, limits: PushLimits, bodies: Bodies | None = None
+        cls, scene: Scene, push: PushArray, limits: PushLimits, bodies: Bodies = PAPER_DISKS
     ) -> "Stroke":
         """Return the tool's way for a push (3,) or (4,) in a scene (N, 8), of disks by default."""
         start, heading = strokes(scene, push, limits, bodies)

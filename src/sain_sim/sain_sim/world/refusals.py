@@ -8,7 +8,7 @@ from sain_core.errors import BlockedError, InvalidInputError, UnreachableError
 from sain_core.feasibility import Feasibility, reachable, start_gap, tool_gap
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import MASS, RADIUS
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scene
 from sain_sim.world.parameters import WorldParameters
 
@@ -35,7 +35,7 @@ def check_same_bodies(scene: Scene, parameters: WorldParameters) -> None:
 
 
 def check_reach(
-    scene: Scene, push: PushArray, feasibility: Feasibility, bodies: Bodies | None = None
+    scene: Scene, push: PushArray, feasibility: Feasibility, bodies: Bodies = PAPER_DISKS
 ) -> None:
     """Raise `UnreachableError` when the tool's way leaves the reach."""
     reach = feasibility.reach
@@ -49,7 +49,7 @@ def check_reach(
 
 
 def check_gap(
-    scene: Scene, push: PushArray, feasibility: Feasibility, bodies: Bodies | None = None
+    scene: Scene, push: PushArray, feasibility: Feasibility, bodies: Bodies = PAPER_DISKS
 ) -> None:
     """Raise `BlockedError` when the tool cannot start, or another body is in its way."""
     room = float(start_gap(scene, push, feasibility.limits, bodies))
