@@ -21,7 +21,7 @@ from sain_bringup.report import PlayedEpisode
 from sain_core.dataset import Column, row_bodies
 from sain_core.errors import DatasetError
 from sain_core.scene import make_scene
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.registry import get_shape
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.search.poses import PoseGoal
@@ -262,7 +262,7 @@ def test_older_recordings_mean_the_same(
         convert([tmp_path / age], tmp_path / f"{age}-npz", KEPT)
         shards[age] = read_npz(tmp_path / f"{age}-npz")
         (episode,) = read_episodes(bag)
-        assert (episode.poses, episode.bodies, len(episode.executed)) == (None, None, 1)
+        assert (episode.poses, episode.bodies, len(episode.executed)) == (None, PAPER_DISKS, 1)
         assert read_content(bag).data["episodes"][0]["pushes"][0]["body"] == 0
     assert list(shards["old"]) == list(shards["new"])
     for name in set(shards["old"]) - {"bag_sha256", "log_time"}:

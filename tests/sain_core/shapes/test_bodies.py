@@ -26,7 +26,7 @@ def test_one_to_ten_bodies_are_allowed(count):
 @pytest.mark.parametrize(
     ("shapes", "roles", "message"),
     [
-        ((), (), "a scene has 0 bodies; allowed: 1 to 10"),
+        ((), (), "a scene has 0 bodies; allowed: 1 to 32"),
         (("t",) * 33, (), "a scene has 33 bodies; allowed: 1 to 32"),
         (("t", "l"), ("pushable",), "2 bodies have 1 roles; give one for each"),
         (("t", "l"), ("movable", "fixed"), "no body is pushable: the roles are movable, fixed"),

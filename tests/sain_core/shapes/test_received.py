@@ -65,7 +65,7 @@ BOW = SQUARE[[0, 2, 1, 3]]
 @pytest.mark.parametrize(
     ("message", "error", "text"),
     [
-        (bodies(), InvalidInputError, "the message has 0 bodies; allowed: 1 to 10"),
+        (bodies(), InvalidInputError, "the message has 0 bodies; allowed: 1 to 32"),
         (bodies(*[disk()] * 33), InvalidInputError, "has 33 bodies"),
         (bodies(disk("pushable"), body(role="idle")), ConfigError, "role of body 1 is 'idle'"),
         (bodies(disk("fixed")), ConfigError, "no body is pushable"),

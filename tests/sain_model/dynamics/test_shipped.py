@@ -10,7 +10,7 @@ from sain_core.history import PushHistory
 from sain_core.plugins import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.scene import make_scene
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scene
 from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import load_sain, shipped_checkpoint
@@ -49,10 +49,8 @@ def pushes(count: int) -> Pushes:
     return PushLimits().sample(np.random.default_rng(3), count)
 
 
-@pytest.mark.parametrize("bodies", [None, Bodies.disks(2), Bodies.disks(3)])
-def test_disks_have_the_network_for_disks_to_the_bit(
-    sain: SainDynamics, bodies: Bodies | None
-) -> None:
+@pytest.mark.parametrize("bodies", [PAPER_DISKS, Bodies.disks(2), Bodies.disks(3)])
+def test_disks_have_the_network_for_disks_to_the_bit(sain: SainDynamics, bodies: Bodies) -> None:
     alone = load_sain(shipped_checkpoint())
     assert alone.model_hash == sain.model_hash == DISKS_SHA256
     scene, pushed = scene_of(3 if bodies and len(bodies) == 3 else 2), pushes(40)

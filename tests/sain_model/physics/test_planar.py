@@ -245,7 +245,7 @@ def test_bad_input_is_refused_by_name(prior: PlanarPrior) -> None:
         InvalidInputError, match=r"pushes have shape \(3, 3\) or \(3, 4\), one for each"
     ):
         check_batch(scenes, pushes[:2])
-    with pytest.raises(InvalidInputError, match=r"scenes have shape \(B, N, 8\) with N >= 1"):
+    with pytest.raises(InvalidInputError, match=r"scenes have shape \(B, N, 8\) with N = 1 to 32"):
         check_batch(scenes[:, :0], pushes)
     with pytest.raises(InvalidInputError, match=r"friction has shape \(3,\), not \(2,\)"):
         check_batch(scenes, pushes, np.array([0.1, 0.1]))

@@ -188,7 +188,7 @@ def test_a_model_in_which_nothing_moves_still_gives_a_push(algorithm, scene):
 
 def test_no_push_left_is_an_error_that_says_where(algorithm, scene, dynamics):
     nowhere = Feasibility(reach=Reach(inner=0.50, outer=0.74, max_bearing=1.0))
-    with pytest.raises(NoPushError, match=r"mid disk at \(0\.400, 0\.000\)"):
+    with pytest.raises(NoPushError, match=r"body 0 at \(0\.400, 0\.000\)"):
         planner(dynamics, algorithm, nowhere).plan(scene, GOAL, generator(0))
 
 

@@ -4,7 +4,7 @@ import pytest
 from sain_core.feasibility import Feasibility
 from sain_core.push import ANGLE, BODY, LENGTH, strokes
 from sain_core.scene import POSITION, make_scene, wrap_angle
-from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_mppi.search.cost_weights import CostWeights
 from sain_mppi.search.objective import PoseObjective, TargetObjective, make_objective
 from sain_mppi.search.poses import BodyPose, PoseGoal
@@ -102,7 +102,7 @@ def test_the_mean_of_pushes_is_one_against_the_body_with_most_weight():
 
 
 def test_a_place_is_the_paper_s_goal_and_poses_are_for_bodies():
-    place = make_objective(np.array([0.6, 0.0]), SCENE, CostWeights(), FEASIBILITY, None)
+    place = make_objective(np.array([0.6, 0.0]), SCENE, CostWeights(), FEASIBILITY, PAPER_DISKS)
     assert isinstance(place, TargetObjective) and place.push_size == 3
     poses = make_objective(GOAL, SCENE, CostWeights(), FEASIBILITY, PAIR)
     assert isinstance(poses, PoseObjective) and poses.push_size == 4

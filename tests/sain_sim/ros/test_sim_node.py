@@ -213,7 +213,6 @@ def test_a_wrong_reset_changes_nothing(graph, simulator, request_fields, code, t
         ([(0.4, 0.0), (0.45, 0.0)], ErrorCode.INVALID, "overlap"),
         ([(0.4, 0.0), (3.0, 0.0)], ErrorCode.OFF_TABLE, "disk 1 at (3.000, 0.000) m is off"),
         ([(0.4, 0.0), (np.nan, 0.0)], ErrorCode.INVALID, "x of disk 1 is nan"),
-        ([(0.4, 0.0)] * 33, ErrorCode.INVALID, "the scene has 33 bodies; at most 32 are allowed"),
     ],
 )
 def test_a_scene_that_cannot_exist_is_not_set_up(graph, simulator, positions, code, text):
