@@ -102,7 +102,7 @@ def test_pushes_are_even_along_the_outlines_of_all_pushable_bodies():
     ("settings", "text"),
     [
         ({"shapes": "t,blob"}, "shape is 'blob'"),
-        ({"shapes": "t", "bodies": "0"}, "bodies is '0'; give a number from 1 to 10"),
+        ({"shapes": "t", "bodies": "0"}, "bodies is '0'; give a number from 1 to 32"),
         ({"shapes": "t", "bodies": "3-1"}, "bodies is '3-1'"),
         ({"shapes": "t", "bodies": "1-999999999999"}, "bodies is '1-999999999999'"),
         ({"shapes": "t", "bodies": "many"}, "bodies is 'many'"),
