@@ -24,6 +24,7 @@ class PlayingView:
     def __init__(self, server: viser.ViserServer, player: RecordingPlayer) -> None:
         """Make the controls."""
         self._player, gui = player, server.gui
+        self._viser = server.get_event_loop()
         self._status, self._moved = "", 0.0
         self._chapter: Chapter | None = None
         self._text = gui.add_html("")
@@ -47,7 +48,9 @@ class PlayingView:
 
     @staticmethod
     def _asked(act: Any) -> Any:
-        def take(event: viser.GuiEvent[Any]) -> None:
+        # Sliders are read and moved in one thread, viser's: a move of a viewer is never undone
+        # before it is read.
+        async def take(event: viser.GuiEvent[Any]) -> None:
             if event.client is not None:  # else it was set here
                 act(event.target.value)
 
@@ -68,7 +71,11 @@ class PlayingView:
         if player.playing and time.monotonic() < self._moved + OFTEN:
             return
         self._moved = time.monotonic()
-        for slider, value in ((self._time, round(player.time, 2)), (self._push, player.push)):
+        self._viser.call_soon_threadsafe(self._move_sliders)
+
+    def _move_sliders(self) -> None:
+        moment = round(self._player.time, 2), self._player.push
+        for slider, value in zip((self._time, self._push), moment, strict=True):
             if slider.value != value:
                 slider.value = value
 
