@@ -32,17 +32,15 @@ from sain_model.data.mixed import load_datasets, split_datasets
 from sain_model.dynamics.checkpoint import save_checkpoint
 from sain_model.dynamics.priors import load_planar
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import PLANAR, PLANAR_LAB, PLANAR_PRIORS, LossConfig
+from sain_model.dynamics.settings import PLANAR, PLANAR_PRIORS, LossConfig
 from sain_model.evaluation.shape_errors import figures, measure_bodies
 from sain_model.network.settings import ANY_SHAPE, PUSH_FRAME, WORLD_FRAME, NetworkConfig
-from sain_model.training.lab_fit import fit_lab
 from sain_model.training.options import TrainOptions
 from sain_model.training.settings import EPISODE, NOTHING, TrainingConfig
 from sain_model.training.training_card import make_card
 from sain_model.training.training_loop import LossHistory
 
 STATES = ("state", "next_state")
-IDENTIFIED_BY = 300  # combinations of shapes with an earlier episode than this fit the prior
 
 
 def main() -> None:
@@ -51,14 +49,9 @@ def main() -> None:
     settle_threads()
     seen, unseen = (load_datasets([path], ANY_SHAPE) for path in as_shards(arguments))
     split = split_datasets(seen, 0, 0.1, 0.15)
-    usual = prior = load_planar(arguments.prior)
-    if arguments.identify:
-        known = [part for part in split.train.parts if part.episode.min() < IDENTIFIED_BY]
-        prior = fit_lab(known, usual.config)
-        print(prior.centre, prior.config.friction, prior.config.disk_friction, flush=True)
-    baseline, friction = make_filter(usual, split.train), make_filter(prior, split.train)
+    prior = load_planar(arguments.prior)
+    friction = make_filter(prior, split.train)
     assert friction is not None
-    assert baseline is not None
     print(friction.config, *(len(part) for part in vars(split).values()), len(unseen), flush=True)
     infers = None if arguments.no_history else friction
     sain: SainDynamics | None = None
@@ -72,11 +65,8 @@ def main() -> None:
         sain, histories = learn(command, seen, split, Console(), physics=(prior, infers))
     report = {}
     for name, test in {"seen": split.test, "unseen": unseen}.items():
-        asked = (usual, prior, friction) if arguments.identify else (usual,)
-        for physics in asked:
-            title = f"{name}, {type(physics).__name__}"
-            print(f"\n## {title}\n\n{table(measure_bodies(physics, None, test))}")
-        rows = measure_bodies(baseline, sain, test)
+        print(f"\n## {name}, {arguments.prior}\n\n{table(measure_bodies(prior, None, test))}")
+        rows = measure_bodies(friction, sain, test)
         report[name] = figures({key: values[rows["pushed"]] for key, values in rows.items()})
         print(f"\n## {arguments.world}, {name} shapes\n\n{table(rows)}", flush=True)
     (arguments.out / "report.json").write_text(json.dumps(report, indent=1) + "\n")
@@ -107,7 +97,6 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--episodes", type=int, default=10**9, help="number of first episodes")
     parser.add_argument("--baseline", action="store_true")
     parser.add_argument("--no-history", action="store_true", help="friction is not inferred")
-    parser.add_argument("--identify", action="store_true", help="fit the prior to the laboratory")
     return parser.parse_args()
 
 
@@ -165,7 +154,7 @@ def options(arguments: argparse.Namespace, infers: bool) -> TrainOptions:
         network=network,
         loss=loss,
         weight_decay=arguments.decay,
-        prior=PLANAR_LAB if arguments.identify else arguments.prior,
+        prior=arguments.prior,
         history=EPISODE if infers else NOTHING,
     )
     return TrainOptions((arguments.data,), arguments.out, arguments.name, training=training)

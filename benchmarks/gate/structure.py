@@ -23,7 +23,7 @@ FORMS: Final = (
     "PushAnswer", "PushStory", "LastPush",
 )  # fmt: skip
 FITTERS: Final = (
-    "FrictionFilter", "MassFilter", "Posterior", "fit_laboratory", "fit_lab", "Calibration",
+    "FrictionFilter", "MassFilter", "Posterior", "fit_laboratory", "Calibration",
     "Identified",
 )  # fmt: skip
 SOLVERS: Final = ("planar_kernels", "outline_push_kernels")  # what steps a push: disks, any shape

@@ -65,7 +65,6 @@ def test_what_was_saved_is_loaded_with_the_prior_it_had(
         "message": 4,
         "layers": 2,
         "features": "push",
-        "residual": "physics",
         "members": 1,
         "bodies": "disks",
     }
@@ -122,7 +121,7 @@ def test_a_card_that_is_none(checkpoint: Path) -> None:
     [
         ("architecture", "transformer", "architecture is 'transformer'; this version reads 'inter"),
         ("feature_version", 99, "feature_version is 99; this version reads 1"),
-        ("format_version", 0, "format_version is 0; this version reads 1"),
+        ("format_version", 1, "has format 1; this version reads 2: train it again with: ros2 run"),
         ("weights_sha256", "0" * 64, "its card says 0000000000000000"),
         ("prior", "plain", "the prior 'plain' has no settings; given: friction, gravity"),
         ("prior_config", {"friction": -1.0}, "PlanarConfig.friction is -1.0"),

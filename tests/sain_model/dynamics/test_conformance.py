@@ -10,11 +10,10 @@ from sain_core.model_checks.conformance import check_dynamics
 from sain_core.plugins import load_dynamics
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.parameter_correction import ParameterCorrection
-from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import IDENTITY, CorrectionNetworkConfig
 from sain_model.network.interaction_network import new_network
-from sain_model.network.settings import ON_STATE, NetworkConfig
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
 
@@ -44,9 +43,7 @@ MODELS: dict[str, Dynamics] = {
     "ensemble in the world": SainDynamics(
         network(members=3, features="world"), PlanarPrior(), "planar"
     ),
-    "on the state": SainDynamics(network(residual=ON_STATE), PlanarPrior(), "planar"),
     "recurrent": SainDynamics(network(), PlanarPrior(), "planar", recurrent=True),
-    "recurrent, physics": PhysicsChain(network(), PlanarPrior(), "planar", recurrent=True),
     "parameter correction": corrected(),
 }
 

@@ -220,8 +220,3 @@ def test_a_card_that_is_not_sound_is_refused(checkpoint, tmp_path, changes, mess
     path = with_card(checkpoint, tmp_path, **changes)
     with pytest.raises(CheckpointError, match=rf"correction\.json: .*{message}"):
         load_dynamics(path)
-
-
-def test_a_card_with_the_names_of_earlier_versions_is_read(checkpoint, tmp_path) -> None:
-    path = with_card(checkpoint, tmp_path, architecture="network-inside-physics")
-    assert isinstance(load_dynamics(path), ParameterCorrection)

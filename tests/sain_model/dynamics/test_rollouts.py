@@ -6,27 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.dynamics import IdentityPrior, RolloutModel, as_rollout
-from sain_core.errors import CheckpointError, ConfigError
-from sain_core.push import LENGTH
+from sain_core.dynamics import as_rollout
+from sain_core.errors import CheckpointError
 from sain_core.scene import POSE, POSITION, TARGET, wrap_angle
 from sain_model.data.dataset import Dataset, Split, split_by_episode
 from sain_model.data.windows import make_windows
 from sain_model.dynamics.loss import rollout_loss
-from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.rollouts import roll
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import (
-    CHAINS,
-    CORRECTED,
-    DIFFERENCES,
-    GRADIENTS,
-    NO_GRADIENT,
-    PHYSICS,
-    SHIFT,
-    LossConfig,
-    RolloutConfig,
-)
+from sain_model.dynamics.settings import LossConfig, RolloutConfig
 from sain_model.evaluation.open_loop import roll_out
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
@@ -61,29 +49,25 @@ def some_network(seed: int = 1, features: str = "push") -> InteractionNetwork:
 
 def test_a_rollout_of_one_push_is_a_step(data: Dataset) -> None:
     windows = make_windows(data, 1)
-    for chain, kind in ((CORRECTED, SainDynamics), (PHYSICS, PhysicsChain)):
-        sain = kind(some_network(), PlanarPrior(), "planar", recurrent=True)
-        stepped = sain.step(data.state, data.action)
-        config = RolloutConfig(chain=chain)
-        with torch.inference_mode():
-            learned = roll(sain.network, windows, sain.prior, config)[:, 0].numpy()
-        learned[..., 2] = wrap_angle(learned[..., 2])
-        # one is PyTorch's forward pass, the other the kernels', both in single precision
-        np.testing.assert_allclose(learned, stepped[..., POSE], atol=1e-6)
-        rolled = as_rollout(sain).rollout(data.state[0], data.action[:1, None])
-        np.testing.assert_allclose(rolled[0, 0], stepped[0], atol=1e-6)
+    sain = SainDynamics(some_network(), PlanarPrior(), "planar", recurrent=True)
+    stepped = sain.step(data.state, data.action)
+    with torch.inference_mode():
+        learned = roll(sain.network, windows, sain.prior)[:, 0].numpy()
+    learned[..., 2] = wrap_angle(learned[..., 2])
+    # one is PyTorch's forward pass, the other the kernels', both in single precision
+    np.testing.assert_allclose(learned, stepped[..., POSE], atol=1e-6)
+    rolled = as_rollout(sain).rollout(data.state[0], data.action[:1, None])
+    np.testing.assert_allclose(rolled[0, 0], stepped[0], atol=1e-6)
 
 
-@pytest.mark.parametrize("chain", CHAINS)
-def test_training_rolls_out_what_is_deployed(data: Dataset, chain: str) -> None:
+def test_training_rolls_out_what_is_deployed(data: Dataset) -> None:
     windows = make_windows(data, 4, whole=True)
-    kind = PhysicsChain if chain == PHYSICS else SainDynamics
-    sain = kind(some_network(), PlanarPrior(), "planar", recurrent=True)
+    sain = SainDynamics(some_network(), PlanarPrior(), "planar", recurrent=True)
     friction = np.full(len(windows), 0.15)
     deployed = roll_out(sain, windows.scenes, windows.pushes, friction)
     told = np.full(windows.rows.shape, 0.15)
     with torch.inference_mode():
-        learned = roll(sain.network, windows, sain.prior, RolloutConfig(chain=chain), told).numpy()
+        learned = roll(sain.network, windows, sain.prior, told).numpy()
     off = learned[..., :2] - deployed[..., POSITION]
     # Contacts amplify the rounding of headings that are wrapped in one and not in the other.
     assert np.quantile(np.abs(off), 0.99) < 1e-5
@@ -91,78 +75,25 @@ def test_training_rolls_out_what_is_deployed(data: Dataset, chain: str) -> None:
     assert np.abs(deployed - plain).max() > 1e-3
 
 
-def test_the_chains_part_after_the_first_push(data: Dataset) -> None:
-    """Equation 3: the prior goes on from its own scene, whatever the network corrects."""
-    windows = make_windows(data, 3, whole=True)
-    chained = PhysicsChain(some_network(), PlanarPrior(), "planar", recurrent=True)
-    usual = SainDynamics(chained.network, PlanarPrior(), "planar", recurrent=True)
-    own = roll_out(chained, windows.scenes, windows.pushes)
-    corrected = roll_out(usual, windows.scenes, windows.pushes)
-    np.testing.assert_array_equal(own[:, 0], corrected[:, 0])
-    assert np.abs(own[:, 1] - corrected[:, 1]).max() > 1e-3
-    second = PlanarPrior().step(windows.scenes, windows.pushes[:, 0])
-    second = PlanarPrior().step(second, windows.pushes[:, 1])
-    expected = chained.correct(own[:, 0], windows.pushes[:, 1], second)
-    np.testing.assert_allclose(own[:, 1], expected, atol=1e-12)
-
-
-def test_an_idle_push_keeps_the_corrected_scene(data: Dataset) -> None:
-    pushes = data.action[None, :3].copy()
-    pushes[0, 1, LENGTH] = 0.0
-    chained = PhysicsChain(some_network(), PlanarPrior(), "planar", recurrent=True)
-    assert isinstance(chained, RolloutModel) and chained.kind == "recurrent"
-    predicted = chained.rollout(data.state[0], pushes)[0]
-    np.testing.assert_array_equal(predicted[1], predicted[0])
-    assert (predicted[2] != predicted[1]).any()
-
-
-def gradient_of(
-    network: InteractionNetwork, data: Dataset, gradient: str, chain: str = CORRECTED
-) -> torch.Tensor:
-    """Return how the target's place after two pushes depends on the first layer's bias."""
-    windows = make_windows(data, 2, whole=True).select(np.arange(8))
-    config = RolloutConfig(gradient=gradient, chain=chain)
-    network.zero_grad()
-    roll(network, windows, PlanarPrior(), config)[:, 1, TARGET, :2].sum().backward()
-    found = network.dynamics[-1].bias.grad
-    assert found is not None
-    return found.clone()
-
-
-@pytest.mark.parametrize("chain", CHAINS)
-def test_differences_give_the_gradient_of_the_whole_rollout(data: Dataset, chain: str) -> None:
+def test_differences_give_the_gradient_of_the_whole_rollout(data: Dataset) -> None:
     """Compared with nudging the weights themselves, which knows nothing of how it is done."""
     network = some_network()
-    found = gradient_of(network, data, DIFFERENCES, chain)
     windows = make_windows(data, 2, whole=True).select(np.arange(8))
-    config = RolloutConfig(chain=chain)
     bias = network.dynamics[-1].bias
+    roll(network, windows, PlanarPrior())[:, 1, TARGET, :2].sum().backward()
+    found = bias.grad
+    assert found is not None
     expected = []
     for number in range(3):
         sums = []
         for sign in (1.0, -1.0):
             with torch.no_grad():
                 bias[number] += sign * 0.02
-                poses = roll(network, windows, PlanarPrior(), config)
+                poses = roll(network, windows, PlanarPrior())
                 sums.append(poses[:, 1, TARGET, :2].sum().item())
                 bias[number] -= sign * 0.02
         expected.append((sums[0] - sums[1]) / 0.04)
     np.testing.assert_allclose(found, expected, rtol=0.1, atol=0.1 * np.abs(expected).max())
-    for other in (NO_GRADIENT, SHIFT):
-        off = np.abs(gradient_of(network, data, other, chain).numpy() - expected).max()
-        assert off > 2 * np.abs(found.numpy() - expected).max()
-
-
-def test_without_gradient_the_first_step_does_not_know_of_the_second(data: Dataset) -> None:
-    network = some_network()
-    windows = make_windows(data, 2, whole=True)
-    pose = {}
-    for gradient in GRADIENTS:
-        poses = roll(network, windows, IdentityPrior(), RolloutConfig(gradient=gradient))
-        pose[gradient] = poses.detach()
-        assert poses[:, 1].requires_grad
-    for gradient in GRADIENTS[1:]:  # gradients change nothing of what is predicted
-        assert torch.equal(pose[gradient], pose[GRADIENTS[0]])
 
 
 def test_the_loss_is_over_what_was_pushed(data: Dataset) -> None:
@@ -218,23 +149,16 @@ def test_a_state_of_other_settings_or_damaged_is_refused(split: Split, tmp_path:
         train(split, tmp_path, config)
 
 
-@pytest.mark.parametrize("gradient", GRADIENTS)
-def test_training_on_rollouts_lowers_the_error_of_rollouts(
-    split: Split, tmp_path: Path, gradient: str
-) -> None:
+def test_training_on_rollouts_lowers_the_error_of_rollouts(split: Split, tmp_path: Path) -> None:
     config = RolloutConfig(
-        steps_ahead=3,
-        rollout_epochs=4,
-        rollout_batch=8,
-        rollout_learning_rate=5e-3,
-        gradient=gradient,
+        steps_ahead=3, rollout_epochs=4, rollout_batch=8, rollout_learning_rate=5e-3
     )
     trainer = train(split, tmp_path, config)
     windows = make_windows(split.test, 3, whole=True)
 
     def error() -> float:
         with torch.inference_mode():
-            poses = roll(trainer.network, windows, PlanarPrior(), config).numpy()
+            poses = roll(trainer.network, windows, PlanarPrior()).numpy()
         off = (poses - windows.next_scenes[..., POSE])[:, -1, TARGET, :2]
         return float(np.linalg.norm(off, axis=-1).mean())
 
@@ -248,8 +172,3 @@ def test_mirrored_windows_are_of_the_same_pushes_and_so_of_the_same_friction(spl
     windows, mirrored = (make_windows(data, 3) for data in (split.train, split.train.mirrored()))
     np.testing.assert_array_equal(windows.rows, mirrored.rows)
     np.testing.assert_allclose(windows.scenes[:, :, 1], -mirrored.scenes[:, :, 1])
-
-
-def test_a_setting_that_is_not_allowed_is_named() -> None:
-    with pytest.raises(ConfigError, match=r"RolloutConfig\.chain is 'both'"):
-        RolloutConfig(chain="both")

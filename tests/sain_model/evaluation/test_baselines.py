@@ -13,10 +13,7 @@ from rich.console import Console
 from sain_core import plugins
 from sain_core.extensions import offers
 from sain_model import commands
-from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.evaluation.baselines import AT_ONCE, Followed, followed, open_models, refusals
-from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.physics.planar import PlanarPrior
 from tests.sain_model.rolling import PUSHES, make_episodes, truth
 from tests.workspace.source_tree import setup_arguments
 
@@ -124,13 +121,6 @@ def test_following_changes_no_prediction_and_counts_every_push() -> None:
     np.testing.assert_array_equal(follower.step(scenes, pushes), shifted(scenes))
     assert counted == [AT_ONCE, AT_ONCE, 3]
     assert refusals({"shift": follower, "raw": Shift()}) == {}
-
-
-def test_what_carries_a_state_through_rollouts_is_asked_for_whole_ones() -> None:
-    chain = PhysicsChain(InteractionNetwork(), PlanarPrior(), "planar")
-    quiet = Console(quiet=True)
-    with followed({"chain": chain, "planar": PlanarPrior()}, 1, quiet) as shown:
-        assert shown["chain"] is chain and isinstance(shown["planar"], Followed)
 
 
 def test_everything_is_closed_when_the_work_fails(foreign: list[Foreign]) -> None:

@@ -15,7 +15,6 @@ from sain_model import commands
 from sain_model.cli import evaluate as evaluate_cli
 from sain_model.data.dataset import Dataset, split_by_episode
 from sain_model.dynamics.checkpoint import ModelCard
-from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.open_loop import MEASURED, predict_open_loop, roll_out
 from sain_model.evaluation.open_loop_errors import errors_after, ratios
@@ -148,26 +147,6 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
     table = (tmp_path / "errors_open_loop.md").read_text()
     assert "### After 5 pushes, all" in table and "| recurrent SAIN, history |" in table
     assert (tmp_path / "errors_open_loop.png").stat().st_size > 10_000
-
-
-def test_a_model_on_the_priors_own_chain_is_loaded_as_such(tmp_path: Path) -> None:
-    folder = make_episodes(tmp_path / "data")
-    more = ["--steps-ahead", "2", "--rollout-epochs", "1", "--chain", "physics"]
-    assert commands.train([str(folder), "--out", str(tmp_path), *OPTIONS, *more]) == 0
-    path = tmp_path / "sain.safetensors"
-    assert type(load_dynamics(str(path))) is PhysicsChain
-    card = json.loads(path.with_suffix(".json").read_text())
-    for new, old in (
-        ("rollout_learning_rate", "rollout_rate"),
-        ("max_grad_norm", "largest_gradient"),
-    ):
-        card["rollouts"][old] = card["rollouts"].pop(new)  # as earlier versions wrote it
-    path.with_suffix(".json").write_text(json.dumps(card))
-    assert type(load_dynamics(str(path))) is PhysicsChain
-    card["rollouts"]["chain"] = "both"
-    path.with_suffix(".json").write_text(json.dumps(card))
-    with pytest.raises(CheckpointError, match=r"rollouts: RolloutConfig\.chain is 'both'"):
-        load_dynamics(str(path))
 
 
 def test_what_any_model_has_seen_is_not_evaluated_on(data: Dataset) -> None:

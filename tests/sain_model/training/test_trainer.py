@@ -1,5 +1,5 @@
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -172,27 +172,3 @@ def test_the_interval_is_over_episodes() -> None:
     low, high = bootstrap_over_episodes(values, episodes, seed=0)
     assert low < values.mean() < high
     assert high - low == pytest.approx(2 * 1.96 * values.std() / 50**0.5, rel=0.15)
-
-
-def test_a_residual_can_be_on_the_state_too(split: Split, tmp_path: Path) -> None:
-    """The paper's other reading: what physics predicts is an input alone."""
-    network = replace(SMALL, residual="state")
-    config = TrainingConfig(epochs=60, batch=16, network=network)
-    trainer = Trainer(split, PlanarPrior(), config, tmp_path)
-    start = SainDynamics(trainer.network, PlanarPrior(), "planar")
-    test = split.test
-    np.testing.assert_allclose(start.step(test.state, test.action), test.state, atol=1e-12)
-    still = measure(test.state, test, 0)["target_mean"]
-    trainer.run()
-    sain = SainDynamics(trainer.network, PlanarPrior(), "planar")
-    learned = sain.step(test.state, test.action)
-    assert measure(learned, test, 0)["target_mean"] < 0.5 * still
-    # a rollout of one push is a step here as well
-    rolled = sain.rollout(test.state[0], test.action[:1, None])
-    np.testing.assert_allclose(rolled[0, 0], learned[0], atol=1e-9)
-
-
-def test_rollouts_are_learned_on_physics_alone(dataset: Path, tmp_path: Path, capsys) -> None:
-    words = f"{dataset} --out {tmp_path} --epochs 1 --residual state --steps-ahead 2"
-    assert commands.train(words.split()) == 1
-    assert "leave --residual state out" in " ".join(capsys.readouterr().err.split())

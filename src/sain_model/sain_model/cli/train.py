@@ -13,11 +13,10 @@ from sain_core.errors import ConfigError, DatasetError
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
 from sain_model.dynamics.checkpoint import save_checkpoint
-from sain_model.dynamics.load import sain_class
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.error_table import error_tables, gain_line
 from sain_model.evaluation.prediction_errors import held_out_errors
-from sain_model.network.settings import ANY_SHAPE, ON_STATE
+from sain_model.network.settings import ANY_SHAPE
 from sain_model.physics.friction import FrictionFilter
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.identified import identified_physics
@@ -106,7 +105,7 @@ def learn(
         write_png(draw_losses(learner.history), command.out / "rollout_loss.png")
         histories.append(learner.history)
     infers = friction.config if friction else None
-    sain = sain_class(rollouts)(
+    sain = SainDynamics(
         trainer.network, prior, config.prior, friction=infers, recurrent=rollouts is not None
     )
     parts = split.validation.parts
@@ -118,8 +117,6 @@ def _check_rollouts(config: TrainingConfig, split: Split | MixedSplit) -> None:
     """Raise `ConfigError` or `DatasetError` where rollouts cannot be learned from."""
     if config.network.bodies == ANY_SHAPE:
         raise ConfigError("--steps-ahead is for networks for disks; leave --bodies any out")
-    if config.network.residual == ON_STATE:
-        raise ConfigError("--steps-ahead learns residuals on physics; leave --residual state out")
     if not isinstance(split, Split):
         raise DatasetError("--steps-ahead needs data with one number of disks")
 

@@ -18,7 +18,7 @@ from sain_model.data.mixed import MixedDataset
 from sain_model.data.shaped_physics import filter_for, prior_for
 from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE
 from sain_model.network.features import relation_ends, true_residual
-from sain_model.network.settings import ANY_SHAPE, DISKS, ON_PHYSICS, NetworkConfig
+from sain_model.network.settings import ANY_SHAPE, DISKS, NetworkConfig
 from sain_model.network.shape_feature_kernels import MIRRORED_BODY
 from sain_model.network.shape_features import network_inputs, push_frames
 from sain_model.network.shape_relation_kernels import MIRRORED_RELATION
@@ -95,15 +95,14 @@ def make_examples(
     """Return inputs and outputs for these transitions on a prior.
 
     `friction` (M,) is what the planar prior uses; None: the nominal one. `network` says which
-    features there are, and what its residual is added to.
+    features there are.
     """
     prior_here = prior_for(prior, data.bodies)
     physics_next = step_knowing(prior_here, data.state, data.action, friction)
     frames = push_frames(network, data.state, data.action, data.bodies)
     features = network_inputs(network, data.state, frames, physics_next, data.bodies)
-    base = physics_next if network.residual == ON_PHYSICS else data.state
     velocity = data.next_state[..., VELOCITY] - physics_next[..., VELOCITY]
-    targets = (true_residual(data.next_state, frames, base), velocity)
+    targets = (true_residual(data.next_state, frames, physics_next), velocity)
     told = (torch.from_numpy(array.astype(np.float32)) for array in targets)
     return Examples(*features.tensors(), *told)
 

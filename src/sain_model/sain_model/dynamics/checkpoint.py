@@ -26,12 +26,7 @@ from sain_model.network.settings import ANY_SHAPE, DISKS
 from sain_model.network.shape_feature_kernels import SHAPE_BODY_FEATURES, SHAPE_FEATURE_VERSION
 from sain_model.network.shape_relation_kernels import SHAPE_RELATION_FEATURES
 
-OLD_ARCHITECTURES: Final = {"network-inside-physics": "parameter-correction"}
-OLD_ROLLOUT_SETTINGS: Final = {
-    "rollout_rate": "rollout_learning_rate",
-    "largest_gradient": "max_grad_norm",
-}
-FORMAT_VERSION: Final = 1
+FORMAT_VERSION: Final = 2  # 1: with options that are gone
 ARCHITECTURE: Final = "interaction-network"
 CORRECTION_ARCHITECTURE: Final = "parameter-correction"
 SUFFIX: Final = ".safetensors"
@@ -170,20 +165,9 @@ def _read(path: Path) -> bytes:
 def parse_card(path: Path, text: str) -> ModelCard:
     """Return the card with this JSON text."""
     try:
-        return ModelCard(**_with_new_names(parse_json(text)))
+        return ModelCard(**parse_json(text))
     except (ValueError, TypeError, AttributeError) as error:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
-
-
-def _with_new_names(fields: dict[str, Any]) -> dict[str, Any]:
-    """Return a card's fields with today's names in place of those of earlier versions."""
-    named = dict(fields)
-    architecture = named.get("architecture", ARCHITECTURE)
-    named["architecture"] = OLD_ARCHITECTURES.get(architecture, architecture)
-    if named.get("rollouts"):
-        rollouts = named["rollouts"].items()
-        named["rollouts"] = {OLD_ROLLOUT_SETTINGS.get(name, name): v for name, v in rollouts}
-    return named
 
 
 def feature_facts(bodies: str = DISKS) -> dict[str, Any]:
@@ -196,8 +180,12 @@ def feature_facts(bodies: str = DISKS) -> dict[str, Any]:
 
 
 def _check_card(path: Path, card: ModelCard, architecture: str) -> None:
+    if card.format_version != FORMAT_VERSION:
+        raise CheckpointError(
+            f"{path} has format {card.format_version!r}; this version reads {FORMAT_VERSION}: train"
+            f" it again with: {card.command or 'ros2 run sain_model train DATASET --out DIR'}"
+        )
     expected = {
-        "format_version": FORMAT_VERSION,
         "architecture": architecture,
         **feature_facts(card.network.get("bodies", DISKS)),
     }

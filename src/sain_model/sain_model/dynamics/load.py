@@ -20,10 +20,8 @@ from sain_model.dynamics.identify import believing_model
 from sain_model.dynamics.intervals import Intervals
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.priors import C, Settings, load_planar, load_prior, naming
-from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import (
-    PHYSICS,
     SHIPPED,
     SHIPPED_ANY_SHAPE,
     CorrectionNetworkConfig,
@@ -75,7 +73,7 @@ def load_sain(path: Path) -> SainDynamics:
         if card.intervals is not None:
             intervals = card_part("intervals", Intervals, card.intervals)
     fill(path, content, network)
-    return sain_class(rollouts)(
+    return SainDynamics(
         network,
         prior,
         card.prior,
@@ -102,11 +100,6 @@ def load_parameter_correction(path: Path) -> ParameterCorrection:
             friction = card_part("friction", FrictionConfig, card.friction)
     fill(path, content, networks)
     return ParameterCorrection(networks, prior, card.prior, card.weights_sha256, text, friction)
-
-
-def sain_class(rollouts: RolloutConfig | None) -> type[SainDynamics]:
-    """Return the class that is rolled out as a network was trained; None: on single pushes."""
-    return PhysicsChain if rollouts and rollouts.chain == PHYSICS else SainDynamics
 
 
 def card_part(name: str, kind: type[C], settings: Settings) -> C:

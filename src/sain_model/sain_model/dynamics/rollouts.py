@@ -1,12 +1,8 @@
 """Rollouts of a network on a prior that it can learn from: the paper's equations 3 and 4.
 
 The prior is compiled and its contacts are not smooth: no automatic differentiation passes through
-it. A loss on a later step reaches an earlier one in one of three ways
-(docs/explanation/rollouts.md):
-
-* ``none``: not at all; each step learns from the scenes that the network itself led to.
-* ``shift``: a scene that is moved or turned a little leads to one that is moved or turned as much.
-* ``differences``: prior and features together are differentiated by finite differences.
+it. A loss on a later step reaches an earlier one by finite differences of prior and features
+together (docs/explanation/rollouts.md). The prior goes on from the corrected scene.
 """
 
 from collections.abc import Callable
@@ -24,7 +20,6 @@ from sain_core.scene import POSE, THETA, wrap_angle
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.compute.threads import settle_threads
 from sain_model.data.windows import Windows
-from sain_model.dynamics.settings import DIFFERENCES, NO_GRADIENT, PHYSICS, RolloutConfig
 from sain_model.network.features import make_features
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.planar import step_knowing
@@ -38,27 +33,18 @@ def roll(
     network: InteractionNetwork,
     windows: Windows,
     prior: Dynamics,
-    config: RolloutConfig,
     friction: Float[ndarray, "W T"] | None = None,
 ) -> Float[Tensor, "W T N 3"]:
     """Return the poses that a network predicts over windows, fed with its own predictions.
 
-    `config` says how steps hang together. `friction` is that of each push, for the planar prior;
-    None: the nominal one.
+    `friction` is that of each push, for the planar prior; None: the nominal one.
     """
     pose = torch.from_numpy(windows.scenes[..., POSE])
-    own = windows.scenes
     poses = []
     for step in range(windows.steps):
         pushes = windows.pushes[:, step]
         physics = _physics(prior, None if friction is None else friction[:, step])
-        if config.chain == PHYSICS:
-            own = physics(own, pushes, np.arange(len(own)))
-            physics = _given(own)
-        if config.gradient == NO_GRADIENT:
-            pose = pose.detach()
-        frame = network.config.features
-        seen = see(pose, windows.scenes, pushes, physics, frame, config.gradient)
+        seen = see(pose, windows.scenes, pushes, physics, network.config.features)
         settle_threads()
         moved = seen.moved + _into_world(network(seen.disks, seen.relations).double(), pushes)
         idle = torch.from_numpy(pushes[:, LENGTH] == 0.0)[:, None, None]
@@ -72,10 +58,6 @@ def _physics(prior: Dynamics, friction: Scalars | None) -> Physics:
         return step_knowing(prior, scenes, pushes, None if friction is None else friction[rows])
 
     return predict
-
-
-def _given(physics_next: Scenes) -> Physics:
-    return lambda scenes, pushes, rows: physics_next[rows]
 
 
 def _into_world(residual: Float[Tensor, "B N 3"], pushes: Pushes) -> Float[Tensor, "B N 3"]:
@@ -100,7 +82,6 @@ def see(
     pushes: Pushes,
     physics: Physics,
     frame: str,
-    gradient: str,
 ) -> Seen:
     """Return what the network sees in scenes with these poses.
 
@@ -110,7 +91,6 @@ def see(
         pushes: one a scene.
         physics: predicts, for rows of this batch.
         frame: of the features.
-        gradient: one of `GRADIENTS`.
     """
     scenes = scenes.copy()
     scenes[..., POSE] = pose.detach().numpy()
@@ -118,7 +98,7 @@ def see(
     rows = np.arange(len(scenes))
     parts = _look(scenes, pushes, physics, rows, frame)
     values = torch.from_numpy(_flat(parts))
-    if gradient == DIFFERENCES and pose.requires_grad:
+    if pose.requires_grad:
         slopes = torch.from_numpy(_slopes(scenes, pushes, physics, frame, _flat(parts)))
         values = _Linearised.apply(pose, values, slopes)
     split = values.split([part[0].size for part in parts], dim=1)

@@ -14,7 +14,7 @@ from sain_core.dynamics import Dynamics, Radii, StepwiseRollout, scenes_before
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH, pushed_bodies
-from sain_core.scene import MASS, POSITION, THETA, wrap_angle
+from sain_core.scene import MASS
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
 from sain_model.compute.batch_checks import check_batch, check_physics_next
@@ -36,7 +36,7 @@ from sain_model.identification.beliefs import Belief
 from sain_model.identification.masses import MassFilter
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import ANY_SHAPE, ON_STATE
+from sain_model.network.settings import ANY_SHAPE
 from sain_model.network.shape_features import elongations, network_inputs, push_frames
 from sain_model.network.torch_network import TorchNetwork
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
@@ -328,8 +328,6 @@ class SainDynamics:
         if self.bodies.fixed:
             fixed = list(self.bodies.fixed)
             corrected[:, fixed] = physics_next[:, fixed]
-        if self.network.config.residual == ON_STATE:
-            return _carried_over(corrected, physics_next, scenes)
         return corrected
 
     def _weighed(self, scenes: Scenes) -> Scenes:
@@ -350,7 +348,6 @@ class SainDynamics:
             not self.corrects
             or not isinstance(self.prior, PlanarPrior)
             or not isinstance(forward, CompiledNetwork)
-            or self.network.config.residual == ON_STATE
             or self.network.config.bodies == ANY_SHAPE
         ):
             return StepwiseRollout(self).rollout(scene, pushes)
@@ -389,12 +386,3 @@ class SainDynamics:
             each = self.network.to(self.device).each(*features.tensors(self.device))[..., :2]
         variance = each.double().var(dim=0).sum(dim=-1)  # (B, N), in any frame
         return np.where(pushes[:, LENGTH, None] == 0.0, 0.0, variance.sqrt().cpu().numpy())
-
-
-def _carried_over(corrected: Scenes, physics_next: Scenes, scenes: Scenes) -> Scenes:
-    """Return scenes (B, N, 8) moved by what a prediction was corrected by."""
-    moved = physics_next.copy()
-    moved[..., POSITION] = scenes[..., POSITION] + (corrected - physics_next)[..., POSITION]
-    turned = scenes[..., THETA] + (corrected - physics_next)[..., THETA]
-    moved[..., THETA] = wrap_angle(turned)
-    return moved

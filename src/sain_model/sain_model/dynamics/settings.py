@@ -19,13 +19,6 @@ PLANAR_LAB: Final = "planar_lab"  # only on cards: what it is was fitted
 SHIPPED: Final = "sain"
 SHIPPED_ANY_SHAPE: Final = "sain_any_shape"
 IDENTITY: Final = "identity"
-CORRECTED: Final = "corrected"  # s-bar_{t+1} = f_p(s-hat_t, a_t)
-PHYSICS: Final = "physics"  # s-bar_{t+1} = f_p(s-bar_t, a_t): equation 3 to the letter
-CHAINS: Final = (CORRECTED, PHYSICS)
-NO_GRADIENT: Final = "none"
-SHIFT: Final = "shift"
-DIFFERENCES: Final = "differences"
-GRADIENTS: Final = (NO_GRADIENT, SHIFT, DIFFERENCES)
 STEPS: Final = (1, 5, 15)
 
 
@@ -45,17 +38,6 @@ class RolloutConfig(Config):
 
     steps_ahead: int = option(
         1, "pushes of a training rollout; 1: single pushes only", minimum=1, maximum=100
-    )
-    chain: str = option(
-        CORRECTED,
-        "scene from which the prior continues: the corrected one, or its own (equation 3)",
-        choices=CHAINS,
-    )
-    gradient: str = option(
-        DIFFERENCES,
-        "how a loss reaches earlier steps: not at all, by shifting later scenes, or by finite"
-        " differences of the prior",
-        choices=GRADIENTS,
     )
     rollout_epochs: int = option(12, "passes over the windows", minimum=1)
     rollout_batch: int = option(64, "windows in an optimizer step", minimum=1)

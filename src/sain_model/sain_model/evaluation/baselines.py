@@ -17,7 +17,6 @@ from sain_core.dynamics import Dynamics
 from sain_core.model_checks.response_check import answering, check_step
 from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.recurrent import PhysicsChain
 
 AT_ONCE: Final = 32  # pushes between two looks at the clock
 
@@ -74,20 +73,17 @@ def followed(
 ) -> Iterator[dict[str, Dynamics]]:
     """Give the same dynamics, each with a bar that shows how far it has come.
 
-    Each is going to predict so many pushes. One that carries a state through its rollouts is asked
-    for whole ones, and has no bar.
+    Each is going to predict so many pushes.
     """
     if not dynamics:
         yield {}
         return
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeRemainingColumn(), console=console) as bars:
-        shown = dict(dynamics)
-        for name, one in dynamics.items():
-            if not isinstance(one, PhysicsChain):
-                task = bars.add_task(name, total=pushes)
-                shown[name] = Followed(name, one, partial(bars.advance, task))
-        yield shown
+        yield {
+            name: Followed(name, one, partial(bars.advance, bars.add_task(name, total=pushes)))
+            for name, one in dynamics.items()
+        }
 
 
 def refusals(dynamics: Mapping[str, Dynamics]) -> dict[str, int]:

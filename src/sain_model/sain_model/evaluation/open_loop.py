@@ -18,7 +18,6 @@ from sain_core.push import LENGTH
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.data.windows import Windows, make_windows
-from sain_model.dynamics.recurrent import PhysicsChain
 from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
 from sain_model.dynamics.settings import STEPS
 from sain_model.evaluation.history_errors import earlier_friction, earlier_pushes
@@ -66,8 +65,6 @@ def roll_out(
         pushes: (W, T, 3); those of zero length move nothing.
         friction: what a dynamics that can be told is told (W,); None: nothing.
     """
-    if isinstance(dynamics, PhysicsChain):
-        return dynamics.roll_out(scenes, pushes, friction)
     predicted = np.empty((*pushes.shape[:2], *scenes.shape[1:]))
     current = scenes.copy()
     for step in range(pushes.shape[1]):

@@ -8,9 +8,6 @@ from sain_core.config import Config, option
 PUSH_FRAME: Final = "push"
 WORLD_FRAME: Final = "world"  # the same, and where on the table and how turned things are
 FRAMES: Final = (PUSH_FRAME, WORLD_FRAME)
-ON_PHYSICS: Final = "physics"
-ON_STATE: Final = "state"
-RESIDUALS: Final = (ON_PHYSICS, ON_STATE)  # the two readings of the paper's "residual"
 DISKS: Final = "disks"
 ANY_SHAPE: Final = "any"
 ORDER: Final = "order"  # every member sees all of the data, in an order of its own
@@ -36,11 +33,6 @@ class NetworkConfig(PerceptronConfig):
         PUSH_FRAME,
         "frame of the features: that of the push, or that of the world too",
         choices=FRAMES,
-    )
-    residual: str = option(
-        ON_PHYSICS,
-        "what the residual is added to: the prior's prediction, or the scene before the push",
-        choices=RESIDUALS,
     )
     members: int = option(1, "number of networks in the ensemble", minimum=1, maximum=64)
     bodies: str = option(

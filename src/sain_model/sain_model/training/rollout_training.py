@@ -89,5 +89,5 @@ class RolloutTrainer(TrainingLoop):
     def _loss(self, windows: Windows, friction: Scalars | None) -> Tensor:
         # Behind a window's end nothing is pushed: any friction will do.
         told = None if friction is None else friction[windows.rows]
-        poses = roll(self.network, windows, self._prior, self.config, told)
+        poses = roll(self.network, windows, self._prior, told)
         return rollout_loss(poses, windows, self._training.loss)

@@ -1,4 +1,4 @@
-"""The prior of a laboratory: what is off there is found from pushes, and kept on a card."""
+"""The prior of a laboratory: what is off there is kept on a card."""
 
 from dataclasses import replace
 
@@ -10,12 +10,10 @@ from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import THETA, make_scene, rotate_scenes
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Dataset
 from sain_model.dynamics.lab_prior import LabPrior
 from sain_model.dynamics.priors import load_prior, prior_settings
 from sain_model.dynamics.settings import PLANAR_LAB
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
-from sain_model.training.lab_fit import fit_lab
 
 T = Bodies.named(["t"])
 CENTRE = (0.08, -0.05)
@@ -65,27 +63,6 @@ def test_a_disk_pushed_through_its_centre_of_mass_goes_straight() -> None:
     along = prior.step(scene, np.array([[0.0, 0.0, 0.1]]))  # on the line through both centres
     assert abs(across[0, 0, THETA]) > 0.1
     assert along[0, 0, THETA] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_centre_and_friction_are_found() -> None:
-    scenes, pushes = pushes_of(150)
-    truth = LabPrior(replace(PlanarConfig(), friction=0.16), bodies=T, centre=CENTRE)
-    unknown = np.full(len(scenes), np.nan)
-    data = Dataset(
-        state=scenes,
-        action=pushes,
-        next_state=truth.step(scenes, pushes),
-        physics_next=scenes,
-        episode=np.arange(len(scenes)),
-        step=np.zeros(len(scenes), dtype=np.int64),
-        friction=unknown,
-        floor_next=scenes,
-        sha256="",
-        bodies=T,
-    )
-    found = fit_lab([data])
-    assert found.centre == pytest.approx(CENTRE, abs=0.005)
-    assert found.config.friction == pytest.approx(0.16, rel=0.1)
 
 
 def test_a_card_keeps_what_was_found() -> None:
