@@ -33,12 +33,13 @@ from benchmarks.cylinder_planning import (
 from benchmarks.cylinder_world import EVERY, SCALE, STEPS, CylinderWorld
 from benchmarks.peer_optimizers import INSTALL
 from sain_core.dynamics import RolloutModel, as_rollout
-from sain_core.errors import ErrorCode, SainError
+from sain_core.errors import SainError
 from sain_core.seeding import generator
 from sain_eval.loop.statistics import bootstrap_mean, wilson_interval
 from sain_model.evaluation.markdown import markdown_table
-from sain_mppi.loop.agent import Agent
+from sain_mppi.loop.agent import Agent, act
 from sain_mppi.loop.decision import PushDecision, Task
+from sain_mppi.loop.events import Event, GoalGiven, PushEnded, PushExecuted, SceneSeen
 from sain_mppi.search.poses import BodyPose, PoseGoal
 
 OWN: Final = 0.3  # [m], judo's GOAL_DISTANCE_THRESHOLD
@@ -115,23 +116,23 @@ def play_ours(seed: int, world: CylinderWorld, agent: Agent) -> CylinderRecord:
     """Play an episode with our agent; once it is content, the pusher stays where it is."""
     scene, seconds, pauses = world.reset(seed), [], np.zeros(STEPS + 1)
     x, y = (SCALE * world.task.config.goal_pos).tolist()
-    agent.aim(Task(1, EPISODE, PoseGoal((BodyPose(0, x, y, None, STOP),)), STOP, 0))
+    goal = PoseGoal((BodyPose(0, x, y, None, STOP),))
+    event: Event = GoalGiven(Task(1, EPISODE, goal, STOP, 0))
     made = 0
     while not world.over:
-        agent.see(scene, EPISODE, made + 1, True)
         begun = time.process_time()
-        decision = agent.act()
+        decision = act(agent, event) or act(agent, SceneSeen(scene, EPISODE, made + 1))
         seconds.append(time.process_time() - begun)
         pauses[len(world.trace)] += seconds[-1]
         if not isinstance(decision, PushDecision):
             break
+        push, push_id = decision.push, decision.push_id
         try:
-            after = world.push(decision.push)
+            after = world.push(push)
         except SainError as error:
-            agent.answered(decision.push_id, error.code)
+            event = PushEnded(push_id, error.code)
             continue
-        agent.learn(EPISODE, scene, decision.push, after)
-        agent.answered(decision.push_id, ErrorCode.OK)
+        event = PushExecuted(push_id, EPISODE, scene, push, after)
         scene, made = after, made + 1
     place = world.task.data.qpos[:2].copy()
     while not world.over:

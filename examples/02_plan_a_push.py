@@ -6,11 +6,11 @@
 import numpy as np
 
 from sain_core.dynamics import StepwiseRollout
-from sain_core.errors import ErrorCode
 from sain_core.scene import make_scene
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.loop.agent import AgentConfig, planning_agent
+from sain_mppi.loop.agent import AgentConfig, act, planning_agent
 from sain_mppi.loop.decision import PushDecision, Task
+from sain_mppi.loop.events import GoalGiven, PushExecuted, SceneSeen
 
 scene = make_scene(
     positions=np.array([[0.45, 0.0], [0.591, 0.0]]),
@@ -22,20 +22,19 @@ goal = np.array([0.50, 0.25])  # to the left: the mid disk must first go round t
 prior = PlanarPrior()
 model = StepwiseRollout(prior)
 agent = planning_agent(model, model, AgentConfig(seed=7))
-agent.aim(Task(goal_id=1, episode_id=0, goal=goal, tolerance=0.005, max_pushes=15))
+task = Task(goal_id=1, episode_id=0, goal=goal, tolerance=0.005, max_pushes=15)
 
-agent.see(scene, episode_id=1, scene_id=1, settled=True)
-while isinstance(decision := agent.act(), PushDecision):
-    location, angle, length = decision.push
+decision = act(agent, GoalGiven(task), SceneSeen(scene, episode_id=1, scene_id=1))
+while isinstance(decision, PushDecision):
+    push = decision.push
     print(
-        f"push {agent.pushes}: location {location:+.2f} rad, angle {angle:+.2f} rad,"
-        f" {100 * length:4.1f} cm; target {1e3 * decision.job.distance:5.1f} mm from the goal"
+        f"push {agent.pushes}: location {push[0]:+.2f} rad, angle {push[1]:+.2f} rad,"
+        f" {100 * push[2]:4.1f} cm; target {1e3 * decision.job.distance:5.1f} mm from the goal"
     )
-    after = prior.step(scene[None], decision.push[None])[0]  # in place of a real push
-    agent.learn(1, scene, decision.push, after)
-    agent.answered(decision.push_id, ErrorCode.OK)
+    after = prior.step(scene[None], push[None])[0]  # in place of a real push
+    executed = PushExecuted(decision.push_id, 1, scene, push, after)
+    decision = act(agent, executed, SceneSeen(after, 1, scene_id=agent.pushes + 1))
     scene = after
-    agent.see(scene, episode_id=1, scene_id=agent.pushes + 1, settled=True)
 
 if decision is None or decision.failure:
     raise SystemExit(decision.failure if decision else "the agent waits")

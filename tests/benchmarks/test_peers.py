@@ -14,8 +14,9 @@ from sain_core.errors import ConfigError
 from sain_core.push import LENGTH, PushLimits
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.loop.agent import Agent, AgentConfig
+from sain_mppi.loop.agent import Agent, AgentConfig, act
 from sain_mppi.loop.decision import PushDecision, Task
+from sain_mppi.loop.events import GoalGiven, SceneSeen
 from sain_mppi.search.config import MPPI, MPPI_ROUNDS, PlannerConfig
 
 CASE = SCENARIOS["anywhere"].scene(3)
@@ -33,9 +34,7 @@ def first_plan(peer: PeerSettings) -> PushDecision:
     config = AgentConfig(planner=PlannerConfig(ahead=False))
     decider = TimedDecider(PeerDecider(model, model, config, peer))
     agent = Agent(decider, config)
-    agent.aim(Task(1, 1, CASE.goal, 0.005, 15))
-    agent.see(CASE.disks, 1, 1, True)
-    decision = agent.act()
+    decision = act(agent, GoalGiven(Task(1, 1, CASE.goal, 0.005, 15)), SceneSeen(CASE.disks, 1, 1))
     assert isinstance(decision, PushDecision)
     assert len(decider.seconds) == 1
     return decision
@@ -58,10 +57,9 @@ def test_a_missing_judo_is_named_with_its_installation(monkeypatch):
     monkeypatch.setitem(sys.modules, "judo", None)
     model, config = as_rollout(PlanarPrior()), AgentConfig()
     agent = Agent(PeerDecider(model, model, config, PeerSettings("judo cem")), config)
-    agent.aim(Task(1, 1, CASE.goal, 0.005, 15))
-    agent.see(CASE.disks, 1, 1, True)
-    with pytest.raises(ConfigError, match="pip install --no-deps judo-rai"):
-        agent.decider.decide(agent.next(), np.random.default_rng(0))
+    stop = act(agent, GoalGiven(Task(1, 1, CASE.goal, 0.005, 15)), SceneSeen(CASE.disks, 1, 1))
+    assert isinstance(stop.error, ConfigError)
+    assert "pip install --no-deps judo-rai" in stop.failure
 
 
 def test_numbers_name_all_pushes_and_no_others():

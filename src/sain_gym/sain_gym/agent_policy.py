@@ -10,9 +10,11 @@ from sain_core.types import PushArray
 from sain_eval.loop.controllers import agent_maker
 from sain_gym.episode import PushEpisode
 from sain_gym.push_env import PushEnv
-from sain_mppi.loop.agent import AgentConfig
+from sain_mppi.loop.agent import AgentConfig, act
 from sain_mppi.loop.decision import PushDecision, Stop, Task
+from sain_mppi.loop.events import EpisodeBegun, GoalGiven, PushEnded, PushExecuted, SceneSeen
 
+Decision = PushDecision | Stop | None
 EPISODE: Final = 1  # its id; the agent is new in each
 
 
@@ -55,12 +57,16 @@ class AgentPolicy:
         """
         episode = self._env.episode
         if episode is not self._episode:
-            self._begin(episode)
+            decision = self._begin(episode)
         elif episode.steps == self._decided:
             return self._action.copy()
         else:
-            self._learn(episode)
-        decision = self._decide(episode)
+            decision = act(self._agent, self._ended(episode))
+        decision = decision or self._look(episode)
+        if isinstance(decision, Stop) and self._goals < episode.goals_reached < len(
+            episode.case.goals
+        ):
+            decision = self._pursue(episode) or self._look(episode)
         if not isinstance(decision, PushDecision):
             reason = decision.failure or "the goal is reached" if decision else "the scene moves"
             raise NoPushError(f"the agent has no push for this scene: {reason}")
@@ -68,32 +74,26 @@ class AgentPolicy:
         self._action = self._env.spaces.action_of(decision.push)
         return self._action.copy()
 
-    def _begin(self, episode: PushEpisode) -> None:
-        """Let a new agent meet the bodies of an episode and follow its first goal."""
+    def _begin(self, episode: PushEpisode) -> Decision:
+        """Let a new agent follow the first goal of an episode."""
         self._episode, self._agent = episode, self._make(episode.case)
-        bodies = episode.case.parameters().bodies
-        if not bodies.are_paper_disks:  # an agent takes bodies to be these
-            self._agent.meet(EPISODE, bodies)
-        self._aim(episode)
+        begun = EpisodeBegun(EPISODE, episode.case.parameters().bodies)
+        return act(self._agent, begun) or self._pursue(episode)
 
-    def _aim(self, episode: PushEpisode) -> Stop | None:
-        record, case = episode.record, episode.case
+    def _pursue(self, episode: PushEpisode) -> Decision:
+        """Let the agent follow the present goal."""
+        record, pushes = episode.record, episode.case.max_pushes
         self._goals = episode.goals_reached
-        return self._agent.aim(
-            Task(self._goals + 1, EPISODE, record.goal, record.tolerance, case.max_pushes)
-        )
+        task = Task(self._goals + 1, EPISODE, record.goal, record.tolerance, pushes)
+        return act(self._agent, GoalGiven(task))
 
-    def _learn(self, episode: PushEpisode) -> None:
-        """Tell the agent what came of the last push, and which goal comes next."""
-        answer, agent = episode.answer, self._agent
+    def _ended(self, episode: PushEpisode) -> PushExecuted | PushEnded:
+        """Return what came of the last push."""
+        answer = episode.answer
         assert answer is not None, "a step has an answer"
-        if answer.code == ErrorCode.OK:
-            agent.learn(EPISODE, answer.before, answer.push, answer.after)
-        agent.answered(self._push_id, answer.code)
-        if episode.goals_reached > self._goals and not episode.is_success:
-            self._decide(episode)  # it finds the goal reached
-            self._aim(episode)
+        if answer.code != ErrorCode.OK:
+            return PushEnded(self._push_id, answer.code)
+        return PushExecuted(self._push_id, EPISODE, answer.before, answer.push, answer.after)
 
-    def _decide(self, episode: PushEpisode) -> PushDecision | Stop | None:
-        self._agent.see(episode.scene, EPISODE, episode.pushes + 1, settled=True)
-        return self._agent.act()
+    def _look(self, episode: PushEpisode) -> Decision:
+        return act(self._agent, SceneSeen(episode.scene, EPISODE, episode.pushes + 1))

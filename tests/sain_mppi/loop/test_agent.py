@@ -7,16 +7,28 @@ import numpy as np
 import pytest
 
 from sain_core.dynamics import StepwiseRollout
-from sain_core.errors import ErrorCode, InvalidInputError, ModelUnavailableError
+from sain_core.errors import ErrorCode, ModelUnavailableError
 from sain_core.history import PushHistory
 from sain_core.scene import POSITION, TARGET
-from sain_mppi.loop.agent import Agent, AgentConfig, planning_agent
-from sain_mppi.loop.decision import Decider, PlanJob, PushDecision, Stop, StopReason, Task
+from sain_core.shapes.bodies import PAPER_DISKS
+from sain_mppi.loop.agent import Agent, AgentConfig, act, planning_agent
+from sain_mppi.loop.decision import Decider, PushDecision, Stop, StopReason, Task
+from sain_mppi.loop.events import (
+    EpisodeBegun,
+    GoalCancelled,
+    GoalGiven,
+    PushEnded,
+    PushExecuted,
+    SceneSeen,
+    TimePassed,
+    Work,
+)
 from sain_mppi.search.config import PlannerConfig
 
 CONFIG = AgentConfig(planner=PlannerConfig(samples=32, rounds=2, horizon=2))
 TASK = Task(1, 0, np.array([0.70, 0.05]), 0.01, 0)
 PUSH = np.array([0.0, 0.1, 0.05])
+SOMEBODY = 9  # else's push
 
 
 class Still:
@@ -56,6 +68,11 @@ def agent(dynamics):
     return planning_agent(model, model, CONFIG)
 
 
+def begun(agent, scene, task=TASK):
+    """Return what an agent decides on a goal and a first scene."""
+    return act(agent, GoalGiven(task), SceneSeen(scene, 1, 1))
+
+
 def pushed(decision) -> PushDecision:
     assert isinstance(decision, PushDecision), decision
     return decision
@@ -67,16 +84,14 @@ def stopped(decision) -> Stop:
 
 
 def test_it_brings_the_target_to_the_goal_and_stops(agent, scene, dynamics):
-    agent.aim(TASK)
+    act(agent, GoalGiven(TASK))
     for number in range(1, 10):
-        agent.see(scene, 1, number, True)
-        decision = agent.act()
+        decision = act(agent, SceneSeen(scene, 1, number))
         if isinstance(decision, Stop):
             break
         after = dynamics.step(scene[None], decision.push[None])[0]
         np.testing.assert_allclose(decision.predicted, after)
-        agent.learn(1, scene, decision.push, after)
-        assert not agent.answered(decision.push_id, ErrorCode.OK)
+        act(agent, PushExecuted(decision.push_id, 1, scene, decision.push, after))
         scene = after
     assert (decision.reason, decision.failure) == (StopReason.REACHED, "")
     assert np.linalg.norm(scene[TARGET, POSITION] - TASK.goal) <= 0.01
@@ -84,70 +99,54 @@ def test_it_brings_the_target_to_the_goal_and_stops(agent, scene, dynamics):
 
 
 def test_goal_and_scene_come_in_any_order_and_an_unsettled_scene_is_not_decided_on(agent, scene):
-    assert agent.act() is None
-    agent.aim(TASK)
-    assert agent.act() is None
-    agent.see(scene, 1, 1, False)
-    assert agent.act() is None
-    agent.see(scene, 1, 2, True)
-    assert pushed(agent.act()).job.view.key == (1, 2)
-    assert agent.act() is None  # each scene once
-    agent.aim(replace(TASK, goal_id=2))
-    assert pushed(agent.act()).job.task.goal_id == 2
+    assert act(agent, TimePassed(), GoalGiven(TASK), SceneSeen(scene, 1, 1, False)) is None
+    assert pushed(act(agent, SceneSeen(scene, 1, 2))).job.view.key == (1, 2)
+    assert act(agent, TimePassed(), SceneSeen(scene, 1, 2)) is None  # each scene once
+    assert pushed(act(agent, GoalGiven(replace(TASK, goal_id=2)))).job.task.goal_id == 2
 
 
 def test_a_goal_that_cannot_be_served_is_a_stop(agent, scene):
-    agent.see(scene, 1, 1, True)
-    stop = stopped(agent.aim(replace(TASK, goal=np.array([3.0, 0.0]))))
+    goal = GoalGiven(replace(TASK, goal=np.array([3.0, 0.0])))
+    stop = stopped(act(agent, SceneSeen(scene, 1, 1), goal))
     assert (stop.reason, stop.error.code) == (StopReason.FAILED, ErrorCode.OFF_TABLE)
     assert stop.failure.startswith("OffTableError: the goal (3.000, 0.000) m is off the table")
-    assert agent.act() is None
+    assert act(agent, TimePassed()) is None
 
 
 def test_a_disk_off_the_table_is_a_stop(scene):
     agent = Agent(Fixed(PUSH), CONFIG)
-    agent.aim(TASK)
     scene[TARGET, 0] = 1.5
-    agent.see(scene, 1, 1, True)
-    assert stopped(agent.act()).error.code is ErrorCode.OFF_TABLE
+    assert stopped(begun(agent, scene)).error.code is ErrorCode.OFF_TABLE
 
 
 def test_a_push_outside_the_limits_is_never_sent(scene):
     agent = Agent(Fixed([0.0, 0.0, 0.5]), CONFIG)
-    agent.aim(TASK)
-    agent.see(scene, 1, 1, True)
-    stop = stopped(agent.act())
+    stop = stopped(begun(agent, scene))
     assert stop.failure == "OutOfRangeError: push length is 0.5000 m; allowed: [0, 0.15] m"
     assert agent.pushes == 0
 
 
 def test_refused_pushes_are_replaced_until_the_limit(agent, scene):
-    agent.aim(TASK)
-    agent.see(scene, 1, 1, True)
-    pushes = []
+    decision, pushes = begun(agent, scene), []
     for _ in range(CONFIG.goal_tracker.max_refusals):
-        decision = pushed(agent.act())
-        pushes.append(decision.push)
-        assert agent.answered(decision.push_id, ErrorCode.BLOCKED)
-    stop = stopped(agent.act())
+        pushes.append(pushed(decision).push)
+        decision = act(agent, PushEnded(decision.push_id, ErrorCode.BLOCKED))
+    stop, sent = stopped(decision), agent.pushes
+    assert sent == 0
     assert stop.failure == "NoPushError: 10 pushes in a row were refused from this scene"
     apart = [np.abs(a - b).max() for i, a in enumerate(pushes) for b in pushes[:i]]
     assert min(apart) > 0.02
 
 
 def test_what_happens_to_the_pushes_of_others_does_not_matter(agent, scene):
-    agent.aim(TASK)
-    agent.see(scene, 1, 1, True)
-    own = pushed(agent.act()).push_id
-    assert not agent.answered(own + 1, ErrorCode.BLOCKED)
-    assert (agent.act(), agent.pushes) == (None, 1)
+    own = pushed(begun(agent, scene)).push_id
+    assert act(agent, PushEnded(own + 1, ErrorCode.BLOCKED)) is None
+    assert agent.pushes == 1
 
 
 def first_push(scene, config=CONFIG, task=TASK, ids=(1, 1)):
     agent = planning_agent(Still(), Still(), config)
-    agent.aim(task)
-    agent.see(scene, *ids, True)
-    return pushed(agent.act()).push
+    return pushed(act(agent, GoalGiven(task), SceneSeen(scene, *ids))).push
 
 
 def test_random_streams_depend_on_seed_goal_and_scene_and_on_no_id_from_the_wire(scene):
@@ -168,68 +167,96 @@ def test_random_streams_depend_on_seed_goal_and_scene_and_on_no_id_from_the_wire
 
 def test_each_push_and_each_refusal_has_a_stream_of_its_own(scene):
     agent = planning_agent(Still(), Still(), CONFIG)
-    agent.aim(TASK)
-    streams = []
-    scene_id = 1
-    for code in (ErrorCode.OK, ErrorCode.BLOCKED, ErrorCode.OK):
-        agent.see(scene, 1, scene_id, True)
-        decision = pushed(agent.act())
-        streams.append(decision.job.stream)
-        agent.answered(decision.push_id, code)
-        scene_id += code is ErrorCode.OK
+    first = pushed(begun(agent, scene))
+    executed = PushExecuted(first.push_id, 1, scene, first.push, scene)
+    second = pushed(act(agent, executed, SceneSeen(scene, 1, 2)))
+    third = pushed(act(agent, PushEnded(second.push_id, ErrorCode.BLOCKED)))
+    streams = [decision.job.stream for decision in (first, second, third)]
     assert [stream[1:] for stream in streams] == [(0, 0), (1, 0), (1, 1)]
     assert len({stream[0] for stream in streams}) == 1
 
 
 def test_the_same_goal_sent_again_begins_anew(agent, scene):
     for _ in range(2):  # same numbers, but another task
-        agent.aim(replace(TASK, goal=TASK.goal.copy()))
-        agent.see(scene, 1, 1, True)
-        assert pushed(agent.act()).last is None
+        assert pushed(begun(agent, scene, replace(TASK, goal=TASK.goal.copy()))).last is None
 
 
 @pytest.mark.parametrize("history", [True, False])
 def test_a_plan_rests_on_its_own_episode_s_pushes_and_on_none_if_so_configured(scene, history):
     model, physics = Still(), Still()
     agent = planning_agent(model, physics, replace(CONFIG, history=history))
-    agent.aim(TASK)
-    agent.learn(1, scene, PUSH, scene)
+    act(agent, GoalGiven(TASK), PushExecuted(SOMEBODY, 1, scene, PUSH, scene))
     for episode in (1, 2):
-        agent.see(scene, episode, 1, True)
-        agent.answered(pushed(agent.act()).push_id, ErrorCode.OK)
+        pushed(act(agent, SceneSeen(scene, episode, 1)))
     assert (model.conditioned, physics.conditioned) == ([int(history), 0], [])
 
 
-def test_what_cannot_have_happened_is_not_learned(agent, scene):
-    with pytest.raises(InvalidInputError, match="changed a mass or radius"):
-        agent.learn(1, scene, PUSH, scene + 0.1)
+def test_what_cannot_have_happened_is_not_learned(scene, caplog):
+    model = Still()
+    agent = planning_agent(model, model, CONFIG)
+    act(agent, PushExecuted(SOMEBODY, 1, scene, PUSH, scene + 0.1))
+    assert "nothing is learned of a push: " in caplog.text
+    assert "changed a mass or radius" in caplog.text
+    begun(agent, scene)
+    assert model.conditioned == [0]
 
 
 def test_physics_takes_over_with_the_same_history_and_the_decision_says_so(scene):
     physics = Still()
     agent = planning_agent(Silent(), physics, CONFIG)
-    agent.aim(TASK)
-    agent.learn(1, scene, PUSH, scene)
-    agent.see(scene, 1, 1, True)
-    decision = pushed(agent.act())
+    act(agent, PushExecuted(SOMEBODY, 1, scene, PUSH, scene))
+    decision = pushed(begun(agent, scene))
     assert (physics.conditioned, str(decision.failure)) == ([1], "silent")
     assert decision.plan.regions is None  # a model that failed is not asked for them
 
 
+def work(agent, *events) -> Work:
+    """Return the only work that events ask for."""
+    [found] = [action for event in events for action in agent.update(event)]
+    assert isinstance(found, Work), found
+    return found
+
+
 def test_a_decision_that_is_no_longer_wanted_is_not_sent(agent, scene):
-    agent.aim(TASK)
-    agent.see(scene, 1, 1, True)
-    job = agent.next()
-    assert isinstance(job, PlanJob) and agent.next() is None
-    decision = agent.decide(job)
-    agent.aim(replace(TASK, goal_id=2))
-    assert agent.next() is None and job.cancelled.is_set()  # one job at a time
-    assert agent.conclude(decision) is None
+    first = work(agent, GoalGiven(TASK), SceneSeen(scene, 1, 1))
+    decided = first.run()
+    assert isinstance(decided.outcome, PushDecision)
+    other = GoalGiven(replace(TASK, goal_id=2))
+    assert agent.update(other) == ()  # one job at a time
+    assert decided.outcome.job.cancelled.is_set()
+    second = work(agent, decided)
     assert agent.pushes == 0
-    assert agent.next().task.goal_id == 2
+    assert second.run().outcome.job.task.goal_id == 2
 
 
-def test_any_thread_may_cancel_a_decision(scene):
+def test_work_that_raised_is_a_stop_and_what_the_push_need_not_wait_for_is_not(agent, scene):
+    bug = ZeroDivisionError("a bug")
+    first = work(agent, GoalGiven(TASK), SceneSeen(scene, 1, 1))
+    [stop] = agent.update(first.failed(bug))
+    assert (stop.reason, stop.error, stop.job.task) == (StopReason.FAILED, bug, TASK)
+    decision, complete, prepare = agent.update(
+        work(agent, GoalGiven(replace(TASK, goal_id=2))).run()
+    )
+    assert complete.failed(bug).decision is decision
+    assert agent.update(complete.failed(bug)) == agent.update(prepare.failed(bug)) == ()
+
+
+def test_a_cancelled_goal_is_a_stop_once_and_nothing_follows(agent, scene):
+    begun(agent, scene)
+    stop = stopped(act(agent, GoalCancelled()))
+    assert stop.failure == "CancelledError: the goal was cancelled"
+    assert act(agent, GoalCancelled(), SceneSeen(scene, 1, 2)) is None
+
+
+def test_an_episode_that_begins_again_has_no_result_of_the_push_under_way(agent, scene):
+    episode = EpisodeBegun(1, PAPER_DISKS)
+    act(agent, episode)
+    pushed(begun(agent, scene))
+    assert (act(agent, episode), agent.pushes) == (None, 0)
+    pushed(act(agent, SceneSeen(scene, 1, 1)))  # the next scene to arrive is decided on
+
+
+def test_a_decision_is_cancelled_while_it_is_made(scene):
     class Slow(Still):
         """Answers each question when the test allows it."""
 
@@ -240,13 +267,11 @@ def test_any_thread_may_cancel_a_decision(scene):
 
     asked, answer, decided = Event(), Event(), []
     agent = planning_agent(Slow(), Slow(), CONFIG)
-    agent.aim(TASK)
-    agent.see(scene, 1, 1, True)
-    job = agent.next()
-    worker = Thread(target=lambda: decided.append(agent.decide(job)))
+    job = work(agent, GoalGiven(TASK), SceneSeen(scene, 1, 1))
+    worker = Thread(target=lambda: decided.append(job.run()))
     worker.start()
     assert asked.wait(10.0)
-    agent.cancel()
+    stopped(*agent.update(GoalCancelled()))
     answer.set()
     worker.join(10.0)
-    assert decided == [None] and agent.conclude(None) is None
+    assert decided[0].outcome is None and agent.update(decided[0]) == ()

@@ -176,11 +176,11 @@ def test_a_goal_of_more_poses_than_bodies_can_be_is_not_read(graph, straw, shape
 
 
 def test_shapes_that_are_told_again_for_a_late_listener_are_no_restart(graph, monkeypatch):
-    node, restarts = graph.start(MppiNode, **SMALL), []
-    monkeypatch.setattr(node.agent, "world_restarted", restarts.append)
+    node, begun = graph.start(MppiNode, **SMALL), []
+    monkeypatch.setattr(node, "_update", begun.append)
     node.episode = 3
     bodies = Bodies.named(["t", "disk"])
     for seconds in (1.0, 1.0, 2.0, 2.0):
         stamp = codec.encode_time(round(1e9 * seconds))
         node._on_bodies(codec.encode_bodies(bodies, [0.06, 0.06], stamp=stamp, episode_id=3))
-    assert restarts == [2.0]
+    assert [event.time for event in begun] == [0.0, 2.0]

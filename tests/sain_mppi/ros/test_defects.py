@@ -19,7 +19,7 @@ def test_planning_that_fails_unexpectedly_is_a_plan_without_a_push(
     node = graph.start(MppiNode, **SMALL)
     with monkeypatch.context() as patched:
         if method == "decide":
-            patched.setattr(node.agent, "decide", fail)
+            patched.setattr(node.agent.decider, "decide", fail)
         straw.show()
         graph.wait(lambda: node.reception.figures["received_scene"], "the scene")
         if method == "next":
@@ -37,8 +37,8 @@ def test_planning_that_fails_unexpectedly_is_a_plan_without_a_push(
 
 def test_a_push_is_sent_also_where_the_rest_of_its_plan_fails(graph, straw, monkeypatch):
     node = graph.start(MppiNode, **SMALL)
-    monkeypatch.setattr(node.agent, "complete", fail)
-    monkeypatch.setattr(node.agent, "prepare", fail)
+    monkeypatch.setattr(node.agent.decider, "complete", fail)
+    monkeypatch.setattr(node.agent.decider, "prepare", fail)
     straw.show()
     graph.aim(GOAL, 1)
     assert plan(graph, goal_id=1).push_id == nth_push(graph, 1).push_id

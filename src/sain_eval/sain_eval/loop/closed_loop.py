@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sain_core.errors import ErrorCode, SainError
+from sain_core.errors import SainError
 from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, is_settled
 from sain_core.types import Scene
@@ -12,8 +12,9 @@ from sain_eval.loop.eyes import Eyes
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.tolerance import Tolerance
-from sain_mppi.loop.agent import Agent
+from sain_mppi.loop.agent import Agent, act
 from sain_mppi.loop.decision import PushDecision, Stop, StopReason, Task
+from sain_mppi.loop.events import EpisodeBegun, GoalGiven, PushEnded, PushExecuted, SceneSeen
 from sain_mppi.loop.goal_tracker import LOOK_AGAIN
 from sain_mppi.search.poses import PoseGoal
 from sain_sim.world.camera import WorldCameraConfig
@@ -58,8 +59,7 @@ def run_episode(
     with World(parameters, config, engine=case.truth.engine) as world:
         eyes = Eyes(world, camera, case.seed)
         play = _Play(agent, world, eyes, world.reset(case.disks))
-        if not parameters.bodies.are_paper_disks:  # an agent takes bodies to be these
-            agent.meet(EPISODE, parameters.bodies)
+        act(agent, EpisodeBegun(EPISODE, parameters.bodies))
         records: list[EpisodeRecord] = []
         for number, given in enumerate(case.goals, start=1):
             within = Tolerance.of(tolerance)
@@ -100,21 +100,20 @@ class _Play:
 
     def pursue(self, task: Task) -> None:
         """Push until the agent stops; `failure` is why it stopped short of the goal."""
-        stop = self._agent.aim(task)
-        self.failure = "" if stop is None else stop.failure
+        decision = act(self._agent, GoalGiven(task))
         while not self.failure:
-            decision = self._decide()
+            decision = decision or self._look()
             if not isinstance(decision, PushDecision):
                 self.failure = _failure(decision) if decision else self._unsettled()
                 return
-            self._carry_out(decision)
+            decision = self._carry_out(decision)
 
-    def _decide(self) -> PushDecision | Stop | None:
+    def _look(self) -> PushDecision | Stop | None:
         """Let the agent look until it decides; None: there is nothing that it can decide on."""
         settled = bool(is_settled(self.scene))
         for frame in self._eyes.look(self.scene):
-            self._agent.see(frame.scene, EPISODE, len(self.pushes) + 1, settled, frame.time)
-            if (decision := self._agent.act()) is not None:
+            seen = SceneSeen(frame.scene, EPISODE, len(self.pushes) + 1, settled, frame.time)
+            if (decision := act(self._agent, seen)) is not None:
                 return decision
         return None
 
@@ -129,22 +128,23 @@ class _Play:
             )
         return f"the scene did not settle after push {len(self.pushes)}"
 
-    def _carry_out(self, decision: PushDecision) -> None:
-        agent, before = self._agent, self.scene
+    def _carry_out(self, decision: PushDecision) -> PushDecision | Stop | None:
+        """Execute a push; return what the agent decides once it has the result."""
+        before, push, push_id = self.scene, decision.push, decision.push_id
         try:
-            after = self._eyes.push(decision.push, decision.job.view.scene).after
+            after = self._eyes.push(push, decision.job.view.scene).after
         except SainError as error:
             self.refusals += 1
-            agent.answered(decision.push_id, error.code)
             diverged = isinstance(error, DivergedError)
             if diverged or error.code in LOOK_AGAIN:  # there is no other scene to come
                 self.failure = f"{type(error).__name__}: {error}"
-            return
-        agent.learn(EPISODE, before, decision.push, after)
-        agent.answered(decision.push_id, ErrorCode.OK, self._eyes.time)
+                return None
+            return act(self._agent, PushEnded(push_id, error.code))
         self.pushes.append(_record(decision, before, after))
         self.fallbacks += decision.failure is not None
         self.scene = after
+        executed = PushExecuted(push_id, EPISODE, before, push, after, self._eyes.time)
+        return act(self._agent, executed)
 
 
 def _failure(stop: Stop) -> str:

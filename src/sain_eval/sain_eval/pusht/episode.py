@@ -6,12 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.errors import ErrorCode, SainError
+from sain_core.errors import SainError
 from sain_core.types import PushArray, Scene
 from sain_eval.pusht.block import goal_of
 from sain_eval.pusht.world import PushtWorld
-from sain_mppi.loop.agent import Agent
+from sain_mppi.loop.agent import Agent, act
 from sain_mppi.loop.decision import PushDecision, Task
+from sain_mppi.loop.events import EpisodeBegun, GoalGiven, PushEnded, PushExecuted, SceneSeen
 
 EPISODE: Final = 1
 NEAR: Final = 0.0008  # [m]: the agent goes on until gym-pusht itself counts a success
@@ -56,29 +57,27 @@ def play(
 ) -> PushtRecord:
     """Play the episode of a seed until gym-pusht ends it, or the agent stops."""
     scene = world.reset(seed)
-    agent.meet(EPISODE, world.bodies)
-    agent.aim(Task(1, EPISODE, goal_of(world.goal, NEAR, TURNED), NEAR, 0))
+    task = Task(1, EPISODE, goal_of(world.goal, NEAR, TURNED), NEAR, 0)
+    decision = act(agent, EpisodeBegun(EPISODE, world.bodies), GoalGiven(task))
     times: list[float] = []
     errors: list[tuple[float, float]] = []
     refusals, failure = 0, ""
     while not world.over:
-        agent.see(scene, EPISODE, len(errors) + 1, True)
-        decision = agent.act()
+        decision = decision or act(agent, SceneSeen(scene, EPISODE, len(errors) + 1))
         if not isinstance(decision, PushDecision):
             failure = (decision.failure if decision else "") or "the agent stopped"
             break
-        plan = decision.plan
-        times.append(plan.times.total if plan else 0.0)
+        push, push_id = decision.push, decision.push_id
+        times.append(decision.plan.times.total if decision.plan else 0.0)
         try:
-            after = world.push(decision.push)
+            after = world.push(push)
         except SainError as error:
             refusals += 1
-            agent.answered(decision.push_id, error.code)
+            decision = act(agent, PushEnded(push_id, error.code))
             continue
-        agent.learn(EPISODE, scene, decision.push, after)
-        agent.answered(decision.push_id, ErrorCode.OK)
-        watch(scene, decision.push, after)
         errors.append(_errors(decision, after))
+        watch(scene, push, after)
+        decision = act(agent, PushExecuted(push_id, EPISODE, scene, push, after))
         scene = after
     return _record(seed, world, times, errors, refusals, failure)
 

@@ -2,9 +2,10 @@
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 from sain_core.config import Config, live_group, option
 from sain_core.dynamics import RolloutModel
@@ -14,10 +15,25 @@ from sain_core.push import push_ids
 from sain_core.scene import check_on_table
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import PushArray, Scene
-from sain_mppi.loop.decision import Decider, PlanJob, PushDecision, Stop, StopReason, Task, View
+from sain_core.types import PushArray, Scalars, Scene
+from sain_mppi.loop.decision import Decider, PlanJob, PushDecision, Stop, StopReason, View
 from sain_mppi.loop.estimate import EstimatorConfig
 from sain_mppi.loop.estimator import Estimator
+from sain_mppi.loop.events import (
+    Action,
+    Completed,
+    Decided,
+    EpisodeBegun,
+    Event,
+    GoalCancelled,
+    GoalGiven,
+    Prepared,
+    PushEnded,
+    PushExecuted,
+    SceneSeen,
+    TimePassed,
+    Work,
+)
 from sain_mppi.loop.goal_tracker import GoalTracker, GoalTrackerConfig
 from sain_mppi.loop.memory import EpisodeMemory
 from sain_mppi.loop.planning import PlanningDecider
@@ -59,9 +75,8 @@ class MppiConfig(AgentConfig):
 class Agent:
     """Brings the target to one goal after another.
 
-    Goals, scenes and results go in; pushes and stops come out. `act` does a whole decision. A
-    caller that must not wait calls `next`, has `decide` and `complete` run on a worker thread, and
-    hands the decision to `conclude`. All other methods belong to the caller's own thread.
+    Events go in, in any order; pushes, stops and work come out. `update` is quick and belongs to one
+    thread. Work may take long; `act` does it at once, others do it on a thread of their own.
     """
 
     def __init__(
@@ -82,7 +97,7 @@ class Agent:
             limits = config.feasibility.limits
             self._estimator = Estimator(config.estimator, patience, clock, limits)
         self._push_ids = push_ids()
-        self._bodies: tuple[int, Bodies] = (0, PAPER_DISKS)  # of which episode
+        self._episode: EpisodeBegun | None = None
         self._running: PlanJob | None = None
         self._ahead: PlanJob | None = None  # whose push was prepared for last
 
@@ -91,27 +106,40 @@ class Agent:
         """Pushes sent for the goal, without refused ones."""
         return self._tracker.pushes
 
-    def aim(self, task: Task, pushes: int = 0) -> Stop | None:
-        """Follow a new goal, for which so many pushes were sent; return why not, if it fails."""
-        try:
-            self._tracker.aim(task, pushes)
-        except SainError as error:
-            return Stop(task, StopReason.FAILED, error=error)
-        return None
+    def update(self, event: Event) -> tuple[Action, ...]:
+        """Take note of an event; return what is to be done, in this order."""
+        match event:
+            case EpisodeBegun():
+                self._begin(event)
+            case SceneSeen():
+                self._see(event)
+            case PushExecuted():
+                self._learn(event)
+                self._end_push(event.push_id, ErrorCode.OK, event.time)
+            case PushEnded():
+                self._end_push(event.push_id, event.code, event.time)
+            case GoalGiven():
+                try:
+                    self._tracker.aim(event.task, event.pushes)
+                except SainError as error:
+                    return (Stop(event.task, StopReason.FAILED, error=error), *self._next())
+            case GoalCancelled():
+                return self._cancel(event)
+            case Decided():
+                return (*self._conclude(event.outcome), *self._next())
+            case Completed() | Prepared() | TimePassed():
+                pass
+        return self._next()
 
-    def drop(self) -> Task | None:
-        """Follow no goal any more; return the one that was followed."""
-        task, self._tracker.task = self._tracker.task, None
-        return task
+    def _begin(self, event: EpisodeBegun) -> None:
+        before, self._episode = self._episode, event
+        again = before is not None and before.episode_id == event.episode_id
+        if again and (push_id := self._tracker.awaited_push) is not None:
+            self._end_push(push_id, ErrorCode.STALE_SCENE, event.time)
 
-    def see(
-        self, scene: Scene, episode_id: int, scene_id: int, settled: bool, observed: float = 0.0
-    ) -> None:
-        """Take note of a scene (N, 8), with the ids by which a push names it.
-
-        `observed` is the time [s] of the observation, by the clock of the results.
-        """
-        view = View(scene, episode_id, scene_id, settled, self._clock(), observed)
+    def _see(self, event: SceneSeen) -> None:
+        settled, now = event.settled, self._clock()
+        view = View(event.scene, event.episode_id, event.scene_id, settled, now, event.time)
         if self._estimator is None:
             self._tracker.see(view)
             return
@@ -120,140 +148,134 @@ class Agent:
         settled = known is not None and settled  # no push follows while one is under way
         self._tracker.see(replace(known or view, settled=settled))
 
-    def meet(self, episode_id: int, bodies: Bodies) -> None:
-        """Take note of the shapes and roles of an episode's bodies; without them, all are disks."""
-        self._bodies = (episode_id, bodies)
+    def _learn(self, event: PushExecuted) -> None:
+        """Remember a push; where observations are not exact, only own ones, as estimated."""
+        if self._estimator is None:
+            self._remember(event.episode_id, event.before, event.push, event.after)
 
-    def learn(self, episode_id: int, scene: Scene, push: PushArray, next_scene: Scene) -> None:
-        """Take note that a push (3,), whoever sent it, led from one scene (N, 8) to another.
+    def _remember(
+        self,
+        episode_id: int,
+        before: Scene,
+        push: PushArray,
+        after: Scene,
+        noise: Scalars | None = None,
+    ) -> None:
+        if not self._config.history:
+            return
+        try:
+            self._memory.add(episode_id, before, push, after, noise)
+        except InvalidInputError as error:
+            logger.warning("nothing is learned of a push: %s", error)
 
-        Raises:
-            InvalidInputError: it cannot be; nothing is learned from it.
-
-        Where observations are not exact, only own pushes count, with the estimated scenes.
-        """
-        if self._config.history and self._estimator is None:
-            self._memory.add(episode_id, scene, push, next_scene)
-
-    def answered(self, push_id: int, code: int, time: float = 0.0) -> bool:
-        """Take note that a push was executed (OK) or refused; tell if an own one was refused.
-
-        `time` is when it ended [s], by the clock of the observations. Call `learn` first, so that
-        the next plan includes the push.
-        """
+    def _end_push(self, push_id: int, code: int, time: float) -> None:
         if self._estimator is not None:
             self._estimator.answered(push_id, code, time)
-        return self._tracker.answered(push_id, code)
+        self._tracker.answered(push_id, code)
 
-    def world_restarted(self, time: float) -> None:
-        """Take note [s] that who executes pushes began anew: the push under way has no result."""
-        if (push_id := self._tracker.awaited_push) is not None:
-            self.answered(push_id, ErrorCode.STALE_SCENE, time)
+    def _cancel(self, event: GoalCancelled) -> tuple[Action, ...]:
+        task, self._tracker.task = self._tracker.task, None
+        for job in (self._running, self._ahead):
+            if job is not None:
+                job.cancelled.set()
+        return () if task is None else (Stop(task, StopReason.FAILED, error=event.error),)
 
-    def next(self) -> PlanJob | Stop | None:
-        """Return what is to be decided now, or why no push follows; None: there is nothing to do.
+    def _next(self) -> tuple[Action, ...]:
+        """Return what follows from all events so far.
 
-        While a job is being decided, there is nothing else to do. It is cancelled here once its
-        goal or scene is past.
+        While a job is being decided, nothing does. It is cancelled once its goal or scene is past.
         """
         if self._running is not None:
             if not self._tracker.is_current(self._running):
                 self._running.cancelled.set()
-            return None
+            return ()
         self._take_estimate()
         job = self._tracker.next_job()
         if job is None:
-            return None
-        episode, bodies = self._bodies
-        if episode == job.view.episode_id:
-            job = replace(job, bodies=bodies)
+            return ()
+        job = replace(job, bodies=self._bodies_of(job.view.episode_id))
         try:
             job.check(self._config.feasibility.table)
         except SainError as error:
-            return Stop(job.task, StopReason.FAILED, error=error)
+            return (Stop(job.task, StopReason.FAILED, error=error),)
         if stop := self._tracker.stop(job):
-            return stop
+            return (stop,)
         past = self._memory.of(job.view.episode_id, len(job.view.scene))
         if self._estimator is not None:
             past = self._estimator.retold(past)
-        self._running = replace(job, history=past)
-        return self._running
+        self._running = job = replace(job, history=past)
+        failed = partial(Stop, job.task, StopReason.FAILED, job)
+        return (Work(partial(self._decide, job), lambda error: Decided(failed(error))),)
+
+    def _bodies_of(self, episode_id: int) -> Bodies:
+        begun = self._episode
+        return begun.bodies if begun and begun.episode_id == episode_id else PAPER_DISKS
 
     def _take_estimate(self) -> None:
         """Take the scene that frames at rest show, once there are enough of them."""
         estimator = self._estimator
-        episode, bodies = self._bodies
-        view = None if estimator is None else estimator.estimate(episode, bodies)
+        view = None if estimator is None else estimator.estimate(self._bodies_of)
         if estimator is None or view is None:
             return
-        if (made := estimator.pushed) is not None and self._config.history:
-            try:
-                self._memory.add(view.episode_id, made.before, made.push, made.after, made.noise)
-            except InvalidInputError as error:
-                logger.warning("nothing is learned of a push: %s", error)
+        if (made := estimator.pushed) is not None:
+            self._remember(view.episode_id, made.before, made.push, made.after, made.noise)
         self._tracker.see(view)
 
-    def decide(self, job: PlanJob) -> PushDecision | Stop | None:
-        """Decide on a job; None: it was cancelled. May take long."""
+    def _decide(self, job: PlanJob) -> Decided:
         try:
             check_on_table(job.view.scene, self._config.feasibility.table)
             random = generator(self._config.seed, "plan", *job.stream)
             decision = self.decider.decide(job, random)
             self._config.feasibility.limits.check(decision.push)  # nothing else is ever sent
         except CancelledError:
-            return None
+            return Decided(None)
         except SainError as error:
-            return Stop(job.task, StopReason.FAILED, job, error)
-        return decision
+            return Decided(Stop(job.task, StopReason.FAILED, job, error))
+        return Decided(decision)
 
-    def conclude(self, decision: PushDecision | Stop | None) -> PushDecision | Stop | None:
-        """End the running job; return its decision, with the push counted as sent.
-
-        None: it is no longer wanted, and there is nothing to send.
-        """
+    def _conclude(self, outcome: PushDecision | Stop | None) -> tuple[Action, ...]:
+        """End the running job; return its outcome if it is still wanted, with the push counted."""
         job, self._running = self._running, None
-        if decision is None or job is None or not self._tracker.is_current(job):
-            return None
-        if isinstance(decision, PushDecision):
-            decision = replace(decision, push_id=next(self._push_ids))
-            self._tracker.sent(decision.push_id, decision.push)
-            if self._estimator is not None:
-                self._estimator.sent(decision)
-        return decision
+        if outcome is None or job is None or not self._tracker.is_current(job):
+            return ()
+        if isinstance(outcome, Stop):
+            return (outcome,)
+        sent = replace(outcome, push_id=next(self._push_ids))
+        self._tracker.sent(sent.push_id, sent.push)
+        if self._estimator is not None:
+            self._estimator.sent(sent)
+        self._ahead = job
+        return (
+            sent,
+            Work(partial(self._complete, sent), lambda error: Completed(sent)),
+            Work(partial(self._prepare, sent), lambda error: Prepared()),
+        )
 
-    def complete(self, decision: PushDecision) -> PushDecision:
-        """Return the latest decision with what its push need not wait for. May take long."""
+    def _complete(self, decision: PushDecision) -> Completed:
         completed = self.decider.complete(decision)
-        return completed if self._estimator is None else self._estimator.completed(completed)
+        estimator = self._estimator
+        return Completed(completed if estimator is None else estimator.completed(completed))
 
-    def prepare(self, decision: PushDecision) -> None:
-        """Work ahead while the push of the latest decision is executed. May take long.
-
-        Call it after `complete`, before the next scene is decided on. The same calls in the same
-        order give the same pushes.
-        """
-        self._ahead = decision.job
+    def _prepare(self, decision: PushDecision) -> Prepared:
+        """Work ahead. The same work in the same order gives the same pushes."""
         random = generator(self._config.seed, "ahead", *decision.job.stream)
         with suppress(CancelledError):
             self.decider.prepare(decision, random)
+        return Prepared()
 
-    def act(self) -> PushDecision | Stop | None:
-        """Decide what is to be decided now, all at once; None: there is nothing to do."""
-        job = self.next()
-        if not isinstance(job, PlanJob):
-            return job
-        decision = self.conclude(self.decide(job))
-        if not isinstance(decision, PushDecision):
-            return decision
-        decision = self.complete(decision)
-        self.prepare(decision)
-        return decision
 
-    def cancel(self) -> None:
-        """Let the running job end soon. For any thread."""
-        for job in (self._running, self._ahead):
-            if job is not None:
-                job.cancelled.set()
+def act(agent: Agent, *events: Event) -> PushDecision | Stop | None:
+    """Hand events to an agent and do its work at once; return what it decides. None: it waits."""
+    decided = [action for event in events for action in _done(agent, event)]
+    return decided[-1] if decided else None
+
+
+def _done(agent: Agent, event: Event) -> Iterator[PushDecision | Stop]:
+    for action in agent.update(event):
+        if isinstance(action, Work):
+            yield from _done(agent, action.run())
+        else:
+            yield action
 
 
 def planning_agent(model: RolloutModel, physics: RolloutModel, config: AgentConfig) -> Agent:

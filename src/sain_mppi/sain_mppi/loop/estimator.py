@@ -129,10 +129,12 @@ class Estimator:
     def _take_end(self, time: float, made: PushDecision | None) -> None:
         self._end, self._made, self._waiting = time, made, False
 
-    def estimate(self, episode_id: int = 0, bodies: Bodies = PAPER_DISKS) -> View | None:
+    def estimate(
+        self, bodies_of: Callable[[int], Bodies] = lambda episode_id: PAPER_DISKS
+    ) -> View | None:
         """Return the view of a scene, once, as soon as there are enough frames of it.
 
-        `bodies` are those of this episode; without them, all are disks.
+        `bodies_of` returns the bodies of an episode.
         """
         if self.view is not None or self._key is None or self._is_early():
             return None
@@ -140,7 +142,7 @@ class Estimator:
         if frames is None:
             return None
         scenes, noise = [frame.scene for frame in frames], self.config.noise_std
-        known = bodies if episode_id == frames[0].episode_id else PAPER_DISKS
+        known = bodies_of(frames[0].episode_id)
         expected = self._expected()
         found = fuse(scenes, noise, expected)
         if RADII in self.config.unknown_names:

@@ -32,7 +32,20 @@ from sain_core.shapes.received import check_unchanged, decode_bodies
 from sain_interfaces.msg import Bodies, Goal, Plan, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_mppi.loop.agent import SERVICE, MppiConfig, planning_agent
-from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, StopReason
+from sain_mppi.loop.decision import PushDecision, Stop
+from sain_mppi.loop.events import (
+    Action,
+    Completed,
+    EpisodeBegun,
+    Event,
+    GoalCancelled,
+    GoalGiven,
+    PushEnded,
+    PushExecuted,
+    SceneSeen,
+    TimePassed,
+    Work,
+)
 from sain_mppi.ros.goal_message import decode_task
 from sain_mppi.ros.goals import Aims, Goals
 from sain_mppi.ros.markers import PlanMarkers
@@ -56,7 +69,10 @@ NO_MODEL = "no model is ready yet: plans use physics without learning"
 
 
 class MppiNode(Node):
-    """Feeds the agent messages and publishes its decisions. Planning runs on a worker thread."""
+    """Turns messages into the agent's events and publishes its actions.
+
+    The agent's work runs on a worker thread.
+    """
 
     def __init__(self, **options: Any) -> None:
         """Get the agent ready, and wait for a scene and a goal."""
@@ -71,6 +87,8 @@ class MppiNode(Node):
         self.agent = planning_agent(model, as_rollout(load_dynamics(config.prior)), config)
         LiveParameters(self, config, self._on_settings)
         self.worker = Worker(self, "planning")
+        self.actions: list[Action] = []  # of the agent, that wait for listeners or for the model
+        self.plan = Plan()  # of the push that was sent last
         self.notes = Notes(self, config.state_file)
         self.plan_ids = count(self.notes.plans + 1)
         self.episode = 0  # of the latest scene
@@ -103,7 +121,7 @@ class MppiNode(Node):
         self.goals = Goals(
             self,
             reception,
-            Aims(self._on_goal, self._refuse_goal, self._drop),
+            Aims(self._on_goal, self._refuse_goal, self._cancel),
             lambda: self.shapes.get(self.episode, PAPER_DISKS),
         )
 
@@ -115,7 +133,7 @@ class MppiNode(Node):
         for result in notes.results:
             self._learn(result)
         if notes.goal is not None:
-            self.agent.aim(decode_task(notes.goal), notes.pushes)
+            self._update(GoalGiven(decode_task(notes.goal), notes.pushes))
             self.get_logger().warning(
                 f"goes on with goal {notes.goal.goal_id}, after {notes.pushes} pushes"
             )
@@ -128,7 +146,7 @@ class MppiNode(Node):
         elif self.starting and self.remote is not None:
             doing = self.remote.starting
             self.diagnostics.set(WARN, f"waits for the model: {doing}" if doing else NO_MODEL)
-        self._go_on()
+        self._update(TimePassed())
 
     def _look_around(self) -> None:
         if self.back.complete():
@@ -149,17 +167,13 @@ class MppiNode(Node):
     def _on_goal(self, message: Goal) -> None:
         task = decode_task(message)
         self.notes.aimed(message, self.goals.seen)
-        self._tell(self.agent.aim(task))
-        self._go_on()
+        self._update(GoalGiven(task))
 
     def _refuse_goal(self, message: Goal, error: BaseException) -> None:
         self._publish(plan_of_bad_goal(message, error))
 
-    def _drop(self, error: SainError) -> None:
-        """Follow no goal any more; a push that is under way is executed to its end."""
-        if (task := self.agent.drop()) is not None:
-            self._tell(Stop(task, StopReason.FAILED, error=error))
-        self._go_on()
+    def _cancel(self, error: SainError) -> None:
+        self._update(GoalCancelled(error))
 
     def _on_bodies(self, message: Bodies) -> None:
         bodies, episode = decode_bodies(message), message.episode_id
@@ -169,19 +183,22 @@ class MppiNode(Node):
             check_unchanged(self.shapes[episode], bodies)
             # They are told at the start of an episode, and of a process that goes on with it.
             if not again:
-                self.agent.world_restarted(codec.decode_time(message.header.stamp))
+                self._begin_episode(codec.decode_time(message.header.stamp))
         else:  # whose scenes come, if any: not every publisher is the simulator
             self.shapes.pop(episode, None)
             for other in [one for one in self.shapes if one != self.episode][: 1 - MOST_SHAPES]:
                 del self.shapes[other]
             self.shapes[episode] = bodies
             if episode == self.episode:
-                self.agent.meet(episode, bodies)
+                self._begin_episode()
         early, self.early = self.early, []
         if len(early) > FEW:
             self.diagnostics.set(OK, "ready")
         for scene in early:
             self._on_scene(scene)
+
+    def _begin_episode(self, time: float = 0.0) -> None:
+        self._update(EpisodeBegun(self.episode, self.shapes[self.episode], time))
 
     def _ignore_bodies(self, message: Bodies, error: BaseException) -> None:
         text = f"the shapes of episode {message.episode_id} are ignored: {shortened(str(error))}"
@@ -207,66 +224,74 @@ class MppiNode(Node):
         if self.episode != message.episode_id:
             self.episode = message.episode_id
             if self.episode in self.shapes:
-                self.agent.meet(self.episode, self.shapes[self.episode])
+                self._begin_episode()
         if message.settled and self.config.estimator.is_exact and not is_settled(scene):
             self.get_logger().warning(
                 "scenes are called settled while their bodies move: noisy observations need"
                 " estimator.noise; no goal counts as reached",
                 once=True,
             )
-        observed = codec.decode_time(message.header.stamp)
-        self.agent.see(scene, message.episode_id, message.scene_id, message.settled, observed)
-        self._go_on()
+        ids, observed = (message.episode_id, message.scene_id), message.header.stamp
+        self._update(SceneSeen(scene, *ids, message.settled, codec.decode_time(observed)))
 
     def _ignore_scene(self, message: SceneMessage, error: BaseException) -> None:
         text = f"scene {message.scene_id} is ignored: {shortened(str(error))}"
         self.diagnostics.set(WARN, text)
 
     def _on_result(self, message: PushResult) -> None:
-        push_id, code = message.push_id, message.error_code
-        if code == ErrorCode.OK:
+        if message.error_code == ErrorCode.OK:
             self._learn(message)
-        if self.agent.answered(push_id, code, codec.decode_time(message.header.stamp)):
-            self.get_logger().warning(f"push {push_id} refused: {message.error_message}")
-            self.notes.counted(self.agent.pushes)
-        elif code == ErrorCode.OK:
             self.notes.learned(message, self.agent.pushes)
-        self._go_on()
+            return
+        sent = self.agent.pushes
+        self._end_push(message)
+        if self.agent.pushes < sent:  # an own one
+            self.get_logger().warning(f"push {message.push_id} refused: {message.error_message}")
+            self.notes.counted(self.agent.pushes)
 
     def _learn(self, message: PushResult) -> None:
         try:
-            self.agent.learn(message.episode_id, *wire.decode_result(message))
+            before, push, after = wire.decode_result(message)
         except SainError as error:
             self.get_logger().warning(f"nothing is learned of push {message.push_id}: {error}")
+            self._end_push(message)
+            return
+        ids, ended = (message.push_id, message.episode_id), message.header.stamp
+        self._update(PushExecuted(*ids, before, push, after, codec.decode_time(ended)))
 
-    def _go_on(self) -> None:
-        """Start on what is to be decided next, if anything; the first plan waits for a model that
-        is about to serve.
-        """
+    def _end_push(self, message: PushResult) -> None:
+        ended = codec.decode_time(message.header.stamp)
+        self._update(PushEnded(message.push_id, message.error_code, ended))
+
+    def _update(self, event: Event) -> None:
+        if self._failed(done := outcome(partial(self.agent.update, event))):
+            error = done.exception()
+            assert error is not None
+            self.actions += self.agent.update(GoalCancelled(error))
+        else:
+            self.actions += done.result()
+        self._act()
+
+    def _act(self) -> None:
+        """Do what the agent wants; the first plan waits for a model that is about to serve."""
         if not self.back.complete() or (self.remote is not None and self.remote.starting):
             return
-        step: PlanJob | Stop | None
-        if self._failed(done := outcome(self.agent.next)):
-            task = self.agent.drop()
-            error = done.exception()
-            step = None if task is None else Stop(task, StopReason.FAILED, error=error)
-        else:
-            step = done.result()
-        if isinstance(step, PlanJob):
-            decided = partial(self._on_decided, step)
-            self.worker.submit(partial(self.agent.decide, step), decided)
-        else:
-            self._tell(step)
+        actions, self.actions = self.actions, []
+        for action in actions:
+            match action:
+                case PushDecision():
+                    self._send(action)
+                case Stop():
+                    self._publish(plan_of_stop(action))
+                case Work():
+                    self.worker.submit(action.run, partial(self._on_done, action))
 
-    def _on_decided(self, job: PlanJob, done: "Future[PushDecision | Stop | None]") -> None:
+    def _on_done(self, work: Work, done: "Future[Event]") -> None:
         error = done.exception() if self._failed(done) else None
-        stop = None if error is None else Stop(job.task, StopReason.FAILED, job, error)
-        decision = self.agent.conclude(stop or done.result())
-        if isinstance(decision, PushDecision):
-            self._send(decision)
-        else:
-            self._tell(decision)
-        self._go_on()
+        event = done.result() if error is None else work.failed(error)
+        if isinstance(event, Completed):
+            self._show(event.decision)
+        self._update(event)
 
     def _send(self, decision: PushDecision) -> None:
         stamp, source = self.get_clock().now().to_msg(), self.get_fully_qualified_name()
@@ -274,21 +299,14 @@ class MppiNode(Node):
         self.notes.counted(self.agent.pushes)
         model = self.config.model if self.remote is None else self.remote.model
         model = model if decision.failure is None else self.config.prior
-        plan = plan_of_decision(decision, model)
-        complete = partial(self.agent.complete, decision)
-        self.worker.submit(complete, partial(self._on_complete, plan))
-        self.worker.submit(partial(self.agent.prepare, decision), self._failed)
+        self.plan = plan_of_decision(decision, model)
 
-    def _on_complete(self, plan: Plan, done: "Future[PushDecision]") -> None:
-        """Publish a plan whose push is on its way, with all that is now known of it."""
-        decision = None if self._failed(done) else done.result()
-        if decision is not None and decision.plan is not None:
-            regions = decision.plan.regions
-            plan.regions = codec.encode_floats(np.empty(0) if regions is None else regions)
-        self._publish(plan)
-        if decision is not None:
-            self.plan_markers.show(decision, self.get_clock().now().to_msg())
-        self._go_on()  # noisy scenes after the push may have waited for what is known now
+    def _show(self, decision: PushDecision) -> None:
+        """Publish a plan whose push is on its way, with all that is known of it."""
+        regions = None if decision.plan is None else decision.plan.regions
+        self.plan.regions = codec.encode_floats(np.empty(0) if regions is None else regions)
+        self._publish(self.plan)
+        self.plan_markers.show(decision, self.get_clock().now().to_msg())
 
     def _failed(self, done: "Future[Any]") -> bool:
         """Tell whether work failed that never should, and leave a trace of it."""
@@ -296,10 +314,6 @@ class MppiNode(Node):
         if error is not None:
             self.reception.log_defect(error)
         return error is not None
-
-    def _tell(self, stop: Stop | None) -> None:
-        if stop is not None:
-            self._publish(plan_of_stop(stop))
 
     def _publish(self, plan: Plan) -> None:
         plan.plan_id = next(self.plan_ids)
@@ -313,7 +327,7 @@ class MppiNode(Node):
 
     def destroy_node(self) -> None:
         """Stop planning."""
-        self.agent.cancel()
+        self.agent.update(GoalCancelled())
         if self.remote is not None:
             self.remote.close()
         self.goals.close()
