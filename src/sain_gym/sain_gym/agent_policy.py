@@ -63,9 +63,7 @@ class AgentPolicy:
         else:
             decision = act(self._agent, self._ended(episode))
         decision = decision or self._look(episode)
-        if isinstance(decision, Stop) and self._goals < episode.goals_reached < len(
-            episode.case.goals
-        ):
+        if episode.goals_reached > self._goals and not episode.is_success:  # it found this, too
             decision = self._pursue(episode) or self._look(episode)
         if not isinstance(decision, PushDecision):
             reason = decision.failure or "the goal is reached" if decision else "the scene moves"

@@ -75,8 +75,8 @@ class MppiConfig(AgentConfig):
 class Agent:
     """Brings the target to one goal after another.
 
-    Events go in, in any order; pushes, stops and work come out. `update` is quick and belongs to one
-    thread. Work may take long; `act` does it at once, others do it on a thread of their own.
+    Events go in, in any order; pushes, stops and work come out. `update` is quick and belongs to
+    one thread. Work may take long; `act` does it at once, others do it on a thread of their own.
     """
 
     def __init__(
