@@ -187,7 +187,8 @@ def test_a_plan_rests_on_its_own_episode_s_pushes_and_on_none_if_so_configured(s
     agent = planning_agent(model, physics, replace(CONFIG, history=history))
     act(agent, GoalGiven(TASK), PushExecuted(SOMEBODY, 1, scene, PUSH, scene))
     for episode in (1, 2):
-        pushed(act(agent, SceneSeen(scene, episode, 1)))
+        sent = pushed(act(agent, SceneSeen(scene, episode, 1)))
+        act(agent, PushEnded(sent.push_id, ErrorCode.OK))
     assert (model.conditioned, physics.conditioned) == ([int(history), 0], [])
 
 
