@@ -5,11 +5,11 @@ import pytest
 
 from sain_core.errors import BlockedError, ErrorCode
 from sain_core.scene import POSITION, TARGET, THETA, VX
+from sain_core.world import DivergedError
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.tolerance import Tolerance
 from sain_gym.episode import PushEpisode
-from sain_sim.world.outcome import DivergedError
 
 PUSH = np.array([0.0, 0.0, 0.1])
 COST = 0.05

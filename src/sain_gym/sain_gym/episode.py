@@ -9,12 +9,12 @@ from sain_core.errors import ErrorCode, SainError
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION, is_settled
 from sain_core.types import PushArray, Scene
+from sain_core.world import DivergedError
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.tolerance import Tolerance
 from sain_mppi.loop.goal_tracker import LOOK_AGAIN, GoalTrackerConfig
 from sain_mppi.search.poses import TURN_PER_METRE
-from sain_sim.world.outcome import DivergedError
 
 TABLE: Final = Feasibility().table
 MOST_REFUSALS: Final = GoalTrackerConfig().max_refusals  # from one scene, as in an evaluation

@@ -10,9 +10,10 @@ from shapely import Point, Polygon
 from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT, MID, TARGET, X
 from sain_core.shapes.bodies import Role
+from sain_core.world import DivergedError
 from sain_sim.episodes.truth import TruthConfig
 from sain_sim.world.engines import MUJOCO
-from sain_sim.world.outcome import DivergedError, Stroke
+from sain_sim.world.outcome import Stroke
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.workcell import GRAVITY
 from sain_sim.world.world import World

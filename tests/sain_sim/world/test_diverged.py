@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.scene import TARGET
-from sain_sim.world.outcome import DivergedError, check_possible
+from sain_core.world import DivergedError, check_possible
 
 
 @pytest.mark.parametrize("speed", [60.0, float("nan")])

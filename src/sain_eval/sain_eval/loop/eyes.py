@@ -4,19 +4,22 @@ from collections.abc import Iterator
 from typing import Final
 
 from sain_core.types import PushArray, Scene
-from sain_sim.world.camera import Camera, SeenScene, WorldCameraConfig
-from sain_sim.world.outcome import Sample, StrokeOutcome
+from sain_mppi.loop.play import Sight
+from sain_sim.world.camera import Camera, WorldCameraConfig
+from sain_sim.world.outcome import Sample
 from sain_sim.world.world import World
 
 MOST_FRAMES: Final = 2000  # of one scene; an agent that needs more never decides
 
 
-class Eyes:
+class Eyes(Sight):
     """A camera above a world. Time goes on while it looks at bodies at rest."""
+
+    world: World
 
     def __init__(self, world: World, config: WorldCameraConfig, seed: int) -> None:
         """Begin an episode with this seed."""
-        self._world = world
+        super().__init__(world)
         self._camera = None if config.is_exact else Camera(config)
         self._looked = 0.0  # [s], while the world stood still
         if self._camera is not None:
@@ -25,29 +28,30 @@ class Eyes:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return self._world.time + self._looked
+        return self.world.time + self._looked
 
-    def look(self, scene: Scene) -> Iterator[SeenScene]:
+    def look(self) -> Iterator[tuple[Scene, float]]:
         """Yield frames of a scene (N, 8) at rest as they arrive; exact observations are one."""
-        camera = self._camera
+        camera, scene = self._camera, self.world.observe()
         if camera is None:
-            yield SeenScene(scene, self.time)
+            yield scene, self.time
             return
         for _ in range(MOST_FRAMES):
             self._looked += camera.period
             camera.take(scene, self.time)
-            yield from camera.arrived(self.time)
+            for frame in camera.arrived(self.time):
+                yield frame.scene, frame.time
 
-    def push(self, push: PushArray, seen: Scene) -> StrokeOutcome:
+    def push(self, push: PushArray, seen: Scene) -> Scene:
         """Execute a push (3,) that was planned from a scene (N, 8), as seen; see `World.push`."""
         camera = self._camera
         if camera is None:
-            return self._world.push(push)
+            return self.world.push(push).after
         watched = camera.config.delay > 0.0  # else frames of moving bodies are never of use
-        every = self._world.config.steps_of(camera.period)
-        outcome = self._world.push(push, self._watch if watched else None, every, seen)
+        every = self.world.config.steps_of(camera.period)
+        outcome = self.world.push(push, self._watch if watched else None, every, seen)
         camera.count_push()
-        return outcome
+        return outcome.after
 
     def _watch(self, sample: Sample) -> None:
         if self._camera is not None:

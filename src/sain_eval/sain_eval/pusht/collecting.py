@@ -12,7 +12,7 @@ from sain_core.seeding import generator
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_eval.pusht.agent import FEASIBILITY, LIMITS
-from sain_eval.pusht.episode import play
+from sain_eval.pusht.episode import play_pusht
 from sain_eval.pusht.world import PushtWorld
 from sain_model.data.dataset import Dataset
 from sain_mppi.loop.agent import Agent
@@ -34,7 +34,7 @@ def random_pushes(episodes: int, world: PushtWorld, first: int = FIRST_SEED) -> 
             if push is None or world.over:
                 break
             try:
-                after = world.push(push)
+                after = world.push(push).after
             except SainError:
                 continue  # the tool does not get there; nothing has moved
             if not world.over:  # an episode may end in the middle of a push
@@ -55,16 +55,10 @@ def played_pushes(
 ) -> Iterator[Row]:
     """Yield the pushes of an agent that plays so many episodes from a seed on."""
     for seed in range(first, first + episodes):
-        rows: list[Row] = []
-
-        def watch(
-            scene: Scene, push: PushArray, after: Scene, seed: int = seed, rows: list[Row] = rows
-        ) -> None:
-            if not world.over:
-                rows.append((scene, push, after, seed))
-
-        play(seed, agent(), world, watch)
-        yield from rows
+        _, episode = play_pusht(seed, agent(), world)
+        (pursuit,) = episode.pursuits
+        whole = pursuit.pushes[: len(pursuit.pushes) - world.over]  # the last one was cut off
+        yield from ((push.before, push.push, push.after, seed) for push in whole)
 
 
 def data_set(rows: list[Row], bodies: Bodies) -> Dataset:

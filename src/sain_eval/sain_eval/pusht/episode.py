@@ -1,24 +1,19 @@
 """An episode of gym-pusht: the agent decides, strokes become targets of the disk."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from sain_core.errors import SainError
-from sain_core.types import PushArray, Scene
+from sain_core.push_record import PushRecord
 from sain_eval.pusht.block import goal_of
 from sain_eval.pusht.world import PushtWorld
-from sain_mppi.loop.agent import Agent, act
-from sain_mppi.loop.decision import PushDecision, Task
-from sain_mppi.loop.events import EpisodeBegun, GoalGiven, PushEnded, PushExecuted, SceneSeen
+from sain_mppi.loop.agent import Agent
+from sain_mppi.loop.decision import Task
+from sain_mppi.loop.play import Episode, play
 
-EPISODE: Final = 1
 NEAR: Final = 0.0008  # [m]: the agent goes on until gym-pusht itself counts a success
 TURNED: Final = 0.008  # [rad]
-
-Watch = Callable[[Scene, PushArray, Scene], None]  # scene, push, next scene
 
 
 @dataclass(frozen=True)
@@ -33,7 +28,7 @@ class PushtRecord:
         pushes: strokes.
         refusals: strokes that could not begin.
         best_coverage: largest coverage of the goal.
-        planning_s: time [s] of each plan.
+        planning_s: time [s] of the plan of each stroke.
         error_mm: distance [mm] from predicted to observed place, of each stroke.
         error_deg: turn between predicted and observed heading [deg], of each stroke.
         failure: why the agent stopped before the end; empty: it did not.
@@ -52,64 +47,33 @@ class PushtRecord:
     failure: str = ""
 
 
-def play(
-    seed: int, agent: Agent, world: PushtWorld, watch: Watch = lambda scene, push, after: None
-) -> PushtRecord:
+def play_pusht(seed: int, agent: Agent, world: PushtWorld) -> tuple[PushtRecord, Episode]:
     """Play the episode of a seed until gym-pusht ends it, or the agent stops."""
-    scene = world.reset(seed)
-    task = Task(1, EPISODE, goal_of(world.goal, NEAR, TURNED), NEAR, 0)
-    decision = act(agent, EpisodeBegun(EPISODE, world.bodies), GoalGiven(task))
-    times: list[float] = []
-    errors: list[tuple[float, float]] = []
-    refusals, failure = 0, ""
-    while not world.over:
-        decision = decision or act(agent, SceneSeen(scene, EPISODE, len(errors) + 1))
-        if not isinstance(decision, PushDecision):
-            failure = (decision.failure if decision else "") or "the agent stopped"
-            break
-        push, push_id = decision.push, decision.push_id
-        times.append(decision.plan.times.total if decision.plan else 0.0)
-        try:
-            after = world.push(push)
-        except SainError as error:
-            refusals += 1
-            decision = act(agent, PushEnded(push_id, error.code))
-            continue
-        errors.append(_errors(decision, after))
-        watch(scene, push, after)
-        decision = act(agent, PushExecuted(push_id, EPISODE, scene, push, after))
-        scene = after
-    return _record(seed, world, times, errors, refusals, failure)
-
-
-def _record(
-    seed: int,
-    world: PushtWorld,
-    times: list[float],
-    errors: list[tuple[float, float]],
-    refusals: int,
-    failure: str,
-) -> PushtRecord:
-    mm, deg = np.array(errors).reshape(-1, 2).T.tolist()
-    return PushtRecord(
+    world.reset(seed)
+    task = Task(1, 0, goal_of(world.goal, NEAR, TURNED), NEAR, 0)
+    episode = play(agent, world, [task], world.bodies, lambda: world.over)
+    pushes = episode.pursuits[0].pushes
+    mm, deg = np.array([_errors(push) for push in pushes]).reshape(-1, 2).T.tolist()
+    record = PushtRecord(
         seed,
         world.success,
         world.steps,
         world.free_steps,
-        len(errors),
-        refusals,
+        len(pushes),
+        episode.refusals,
         world.best,
-        tuple(times),
+        tuple(push.planning_time for push in pushes),
         tuple(mm),
         tuple(deg),
-        failure,
+        "" if world.over else episode.failure or "the agent stopped",
     )
+    return record, episode
 
 
-def _errors(decision: PushDecision, after: Scene) -> tuple[float, float]:
-    expected = decision.predicted
-    if expected is None:
+def _errors(push: PushRecord) -> tuple[float, float]:
+    """Return how far a push led from where it was predicted to lead [mm, degrees]."""
+    if push.predicted is None:
         return float("nan"), float("nan")
-    off = (after - expected)[0]
+    off = (push.after - push.predicted)[0]
     turn = np.abs(np.angle(np.exp(1j * off[2])))
     return 1e3 * float(np.hypot(off[0], off[1])), float(np.degrees(turn))

@@ -20,7 +20,7 @@ from sain_eval.loop.evaluation import SOURCES, EpisodeDone, play_on_workers
 from sain_eval.loop.results import RESULTS_FILE, how_it_was_made, interval_row
 from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
 from sain_eval.pusht.agent import PLANNER, pusht_agent
-from sain_eval.pusht.episode import PushtRecord, play
+from sain_eval.pusht.episode import PushtRecord, play_pusht
 from sain_eval.pusht.film import gif_of
 from sain_eval.pusht.model import PushtModel, load_model
 from sain_eval.pusht.motion import Pace
@@ -50,7 +50,7 @@ def run_pusht_job(job: PushtJob) -> EpisodeDone[PushtRecord]:
     world = _world(job.model, job.pace)
     world.frames = [] if job.picture else None
     agent = pusht_agent(known.model, known.physics, job.planner, world.tool)
-    record = play(job.seed, agent, world)
+    record, _ = play_pusht(job.seed, agent, world)
     if not job.picture:
         return EpisodeDone(record)
     return EpisodeDone(record, job.picture, gif_of(world.frames or []))

@@ -8,6 +8,7 @@ from sain_core.push import LENGTH, PushLimits, strokes
 from sain_core.scene import unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
+from sain_core.world import Outcome
 from sain_eval.pusht.agent import AGENT_RADIUS, FEASIBILITY, LIMITS, WALLS, ToolPlace
 from sain_eval.pusht.block import PIXEL, SIZE, Pose, metres, pixels, pusht_bodies, scene_of
 from sain_eval.pusht.extra import make_env
@@ -81,13 +82,18 @@ class PushtWorld:
         """Where the disk is [m] and how fast it moves [m/s], (2, 2)."""
         return self._motion
 
-    def push(self, push: PushArray) -> Scene:
-        """Carry out a push (3,); return the scene (1, 8) after it, or when the episode ended.
+    def observe(self) -> Scene:
+        """Return the scene (1, 8) as it is."""
+        return self.scene
+
+    def push(self, push: PushArray, *, seen: Scene | None = None) -> Outcome:
+        """Carry out a push (3,); it leads to the scene (1, 8) after it, or when the episode ended.
 
         Raises:
             UnreachableError: the disk cannot get to where the push starts; nothing has moved.
         """
-        start, heading = strokes(self.scene, push, self.limits, self.bodies)
+        first = self.scene
+        start, heading = strokes(first if seen is None else seen, push, self.limits, self.bodies)
         stroke = DiskStroke(start, unit(heading), float(push[LENGTH]))
         targets, free = plan_motion(self._motion, stroke, self.outline, self.arena, self._pace)
         before = self.outline
@@ -97,9 +103,9 @@ class PushtWorld:
                 self.free_steps += 1
                 self.moved_before = float(np.hypot(*(self.outline - before).T).max())
             if self.over:
-                return self.scene
+                return Outcome(first, self.scene)
         self._part()
-        return self.scene
+        return Outcome(first, self.scene)
 
     @property
     def outline(self) -> Corners:

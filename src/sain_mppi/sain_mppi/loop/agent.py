@@ -87,7 +87,7 @@ class Agent:
     ) -> None:
         """Let this decider choose the pushes. Begin without a goal and without a scene."""
         self.decider = decider
-        self._config = config
+        self.config = config
         self._clock = clock
         self._tracker = GoalTracker(config.goal_tracker, config.feasibility.table, clock)
         self._memory = EpisodeMemory()
@@ -161,7 +161,7 @@ class Agent:
         after: Scene,
         noise: Scalars | None = None,
     ) -> None:
-        if not self._config.history:
+        if not self.config.history:
             return
         try:
             self._memory.add(episode_id, before, push, after, noise)
@@ -195,7 +195,7 @@ class Agent:
             return ()
         job = replace(job, bodies=self._bodies_of(job.view.episode_id))
         try:
-            job.check(self._config.feasibility.table)
+            job.check(self.config.feasibility.table)
         except SainError as error:
             return (Stop(job.task, StopReason.FAILED, error=error),)
         if stop := self._tracker.stop(job):
@@ -223,10 +223,10 @@ class Agent:
 
     def _decide(self, job: PlanJob) -> Decided:
         try:
-            check_on_table(job.view.scene, self._config.feasibility.table)
-            random = generator(self._config.seed, "plan", *job.stream)
+            check_on_table(job.view.scene, self.config.feasibility.table)
+            random = generator(self.config.seed, "plan", *job.stream)
             decision = self.decider.decide(job, random)
-            self._config.feasibility.limits.check(decision.push)  # nothing else is ever sent
+            self.config.feasibility.limits.check(decision.push)  # nothing else is ever sent
         except CancelledError:
             return Decided(None)
         except SainError as error:
@@ -258,7 +258,7 @@ class Agent:
 
     def _prepare(self, decision: PushDecision) -> Prepared:
         """Work ahead. The same work in the same order gives the same pushes."""
-        random = generator(self._config.seed, "ahead", *decision.job.stream)
+        random = generator(self.config.seed, "ahead", *decision.job.stream)
         with suppress(CancelledError):
             self.decider.prepare(decision, random)
         return Prepared()

@@ -21,12 +21,13 @@ from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
 from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
 from sain_core.shapes.registry import built_shapes, check_footprint, footprint_names
 from sain_core.types import PushArray
+from sain_core.world import DivergedError
 from sain_sim.collecting.push_counts import PushCounts
 from sain_sim.episodes.nominal_shadow import NominalShadow
 from sain_sim.episodes.samplers import CircleSampler, GridSampler, OutlineSampler
 from sain_sim.episodes.start import draw_bodies_start, draw_start, wholly_on
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
-from sain_sim.world.outcome import DivergedError, StrokeOutcome
+from sain_sim.world.outcome import StrokeOutcome
 from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
 from sain_sim.world.world import World, WorldConfig

@@ -10,10 +10,10 @@ from numpy import ndarray
 
 from sain_core.scene import DISK_HEIGHT, SETTLED_SPEED, SETTLED_SPIN, THETA, X, Y
 from sain_core.types import Mask, Scene
+from sain_core.world import DivergedError
 from sain_sim.arm.controlled import JOINT_COUNT
 from sain_sim.mujoco.arm import MujocoArm
 from sain_sim.mujoco.description import FEET_FIRST, TOOL, describe_world, physics_steps
-from sain_sim.world.outcome import DivergedError
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.workcell import FALLEN_HEIGHT, Origin, Simulation, Workcell, WorldConfig
 

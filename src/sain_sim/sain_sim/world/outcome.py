@@ -2,35 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.errors import SainError
 from sain_core.push import LENGTH, PushLimits, strokes
-from sain_core.scene import POSITION, unit
+from sain_core.scene import unit
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Mask, PushArray, Scene
-
-MOST_WAY: Final = 2.0  # [m], of a body in a push: several times as far as the arm reaches
-
-
-class DivergedError(SainError):
-    """A push in which the engine found no possible solution: there is no outcome."""
-
-
-def check_possible(before: Scene, after: Scene) -> None:
-    """Raise `DivergedError` for a scene (N, 8) that no push can lead to from another one."""
-    ways = np.hypot(*(after - before)[:, POSITION].T)
-    impossible = ~(np.isfinite(after).all(axis=1) & (ways <= MOST_WAY))
-    if impossible.any():
-        body = int(np.argmax(impossible))
-        raise DivergedError(
-            f"the engine found no solution of the push: body {body} would end {ways[body]:.3g} m"
-            f" from where it was; possible are {MOST_WAY:g} m"
-        )
+from sain_core.world import Outcome
 
 
 @dataclass(frozen=True)
@@ -86,19 +67,15 @@ Observer = Callable[[Sample], None]
 
 
 @dataclass(frozen=True)
-class StrokeOutcome:
-    """An executed push.
+class StrokeOutcome(Outcome):
+    """An executed push, with what only simulated worlds know of it.
 
     Attributes:
-        before: the scene (N, 8) at its start.
-        after: the scene (N, 8) at its end, with the velocities as observed.
         duration: simulated time [s].
         settled: False when the disks still moved after the longest wait.
         fallen: (N,) which disks are no longer on the table.
     """
 
-    before: Scene
-    after: Scene
     duration: float
     settled: bool
     fallen: Mask

@@ -14,12 +14,13 @@ from sain_core.config import Config, option
 from sain_core.errors import BlockedError
 from sain_core.feasibility import Feasibility
 from sain_core.types import Mask, Scene
+from sain_core.world import check_possible
 from sain_sim.arm.client import Closeable
 from sain_sim.arm.controlled import ControlledArm
 from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.motion import MotionConfig
 from sain_sim.arm.panda import ArmConfig
-from sain_sim.world.outcome import Observer, Sample, check_possible
+from sain_sim.world.outcome import Observer, Sample
 from sain_sim.world.parameters import WorldParameters
 
 GRAVITY: Final = 9.81  # [m/s^2]

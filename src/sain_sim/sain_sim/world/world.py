@@ -10,11 +10,12 @@ from sain_core.push import check_pushed, pushed_bodies
 from sain_core.scene import MID, check_on_table, check_scene
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
+from sain_core.world import DivergedError
 from sain_sim.arm.client import Closeable
 from sain_sim.arm.kinematics import Joints
 from sain_sim.world.belief import believed_scene, withdrawn
 from sain_sim.world.engines import DEFAULT_ENGINE, check_engine, simulation_class
-from sain_sim.world.outcome import DivergedError, Observer, Sample, Stroke, StrokeOutcome, is_idle
+from sain_sim.world.outcome import Observer, Sample, Stroke, StrokeOutcome, is_idle
 from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, in_a_row
 from sain_sim.world.refusals import check_gap, check_reach, check_same_bodies
 from sain_sim.world.workcell import Origin, Route, Simulation, Watch, Watches, WorldConfig
