@@ -48,7 +48,7 @@ def test_seeds_count_up() -> None:
         ({"tolerance": 0.0}, "tolerance is 0.0 m; it must be at least 0.0001 m"),
         ({"tolerance": float("nan")}, "tolerance is nan; it must be finite"),
         ({"model": "plannar"}, r"model 'plannar' is unknown \(did you mean 'planar'\?\)"),
-        ({"engine": "ode"}, "engine is 'ode'; allowed: 'bullet', 'mujoco'"),
+        ({"engine": "ode"}, "engine 'ode' is unknown; known: bullet, mujoco"),
         ({"seed": -1}, "seed is -1; it must be at least 0"),
         ({"timeout": 0.0}, "timeout is 0.0 s; it must be at least 0.1 s"),
         ({"params_file": Path("missing.yaml")}, r"--params-file missing.yaml: No such file"),

@@ -125,7 +125,7 @@ def test_closing_twice_is_allowed_and_use_after_it_is_not(make: MakeEnv) -> None
     [
         ({"scenario": "nowhere"}, "scenario 'nowhere' is unknown .*; known: .*paper, "),
         ({"scenario": 3}, "scenario is 3"),
-        ({"engine": "havok"}, "engine is 'havok'; allowed: 'bullet', 'mujoco'"),
+        ({"engine": "havok"}, "engine 'havok' is unknown; known: bullet, mujoco"),
         ({"observation": "pixels"}, "observation is 'pixels'; allowed: 'state', 'image'"),
         ({"tolerance": NAN}, "tolerance is nan; it must be finite"),
         ({"tolerance": 0.2}, "tolerance is 0.2 m; it must be at most 0.075 m"),

@@ -27,7 +27,7 @@ CONFIG = Path(get_package_share_directory("sain_bringup"), "config")
 DEFAULT_PARAMETERS = CONFIG / "launch.yaml"
 
 ARGUMENTS = {
-    "engine": (DEFAULT_ENGINE, "physics engine: bullet or mujoco"),
+    "engine": (DEFAULT_ENGINE, "physics engine: bullet, mujoco, or a package's world"),
     "namespace": ("/sain", "namespace of all nodes"),
     "model": ("sain", "what predicts: sain, planar, identity, or a checkpoint's path"),
     "belief": ("", "file of sain_model identify, with which each episode begins"),

@@ -17,7 +17,7 @@ from sain_eval.scenes.scenarios import SCENARIOS
 from sain_live.settings import PageConfig
 from sain_sim.episodes.start import WORLDS
 from sain_sim.perception.body_file import read_bodies
-from sain_sim.world.engines import DEFAULT_ENGINE, ENGINES, check_engine
+from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
 
 ELSEWHERE: Final = "elsewhere"  # the robot that is started by somebody else
 
@@ -31,7 +31,7 @@ class GraphOptions(Config):
     that did not crash. Ctrl-C ends all of them.
     """
 
-    engine: str = option(DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES))
+    engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
     model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
     belief: str = option(
         "", "file of `sain_model identify`, with which each episode begins; empty: none"

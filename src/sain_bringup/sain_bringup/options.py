@@ -15,7 +15,7 @@ from sain_core.errors import OutputError
 from sain_core.observation import ObservationConfig, told_settings
 from sain_core.storage import make_folder
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
-from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINES
+from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINE_HELP
 
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
 RECORDINGS: Final = Path("bags")
@@ -48,7 +48,7 @@ class ClosedLoopOptions(Config):
         minimum=1e-4,
         maximum=0.2,
     )
-    engine: str = option(DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES))
+    engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
     model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
     belief: str = option(
         "", "file of `sain_model identify`, with which each episode begins; empty: none"

@@ -9,7 +9,7 @@ from sain_core.errors import ConfigError
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_eval.tolerance import Tolerance
 from sain_sim.episodes.truth import RANDOMISED, TRUTHS, TruthConfig
-from sain_sim.world.engines import DEFAULT_ENGINE, ENGINES
+from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP
 
 STATE: Final = "state"
 IMAGE: Final = "image"
@@ -24,7 +24,7 @@ class PushEnvConfig(Config):
         "anywhere",
         f"what is to be solved: {', '.join(SCENARIOS)}, or one of an installed package",
     )
-    engine: str = option(DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES))
+    engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
     world: str = option(RANDOMISED, "the paper's world, or a rough one", choices=TRUTHS)
     lab: int = option(0, "number of the rough world", minimum=0)
     observation: str = option(STATE, "what is observed", choices=(STATE, IMAGE))

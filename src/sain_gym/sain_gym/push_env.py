@@ -15,7 +15,8 @@ from sain_gym.episode import PushEpisode
 from sain_gym.errors import EnvironmentClosedError, EpisodeEndedError
 from sain_gym.picture import TopImage, TopPicture
 from sain_gym.spaces import PushSpaces
-from sain_sim.world.world import World
+from sain_sim.world.checked import CheckedWorld
+from sain_sim.world.own import open_world
 
 FIRST_DRAWN: Final = 1_000_000  # scenes that are drawn have numbers from here on
 AFTER_DRAWN: Final = 2**31
@@ -49,7 +50,7 @@ class PushEnv(gymnasium.Env[Any, Any]):
         self.action_space = self.spaces.action
         self.observation_space = self._observed()
         self._pictures: dict[int, TopPicture] = {}
-        self._world: World | None = None
+        self._world: CheckedWorld | None = None
         self._episode: PushEpisode | None = None
         self._closed = False
 
@@ -110,7 +111,7 @@ class PushEnv(gymnasium.Env[Any, Any]):
             )
         parameters = case.parameters()
         if self._world is None:
-            self._world = World(parameters, engine=config.engine)
+            self._world = open_world(parameters, engine=config.engine)
         scene = self._world.reset(case.disks, parameters)
         self._episode = PushEpisode(case, scene, config.within, config.refusal_cost)
         return self._observe(), self._episode.info()

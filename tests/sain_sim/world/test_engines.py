@@ -49,9 +49,9 @@ def test_a_command_says_so_before_anything_is_made(without_mujoco, tmp_path, cap
 
 
 def test_an_engine_that_does_not_exist_is_refused():
-    with pytest.raises(ConfigError, match="engine is 'ode'; allowed: bullet, mujoco"):
+    with pytest.raises(ConfigError, match="engine 'ode' is unknown; known: bullet, mujoco"):
         check_engine("ode")
-    with pytest.raises(ConfigError, match="engine is 'ode'; allowed: 'bullet', 'mujoco'"):
+    with pytest.raises(ConfigError, match="engine 'ode' is unknown; known: bullet, mujoco"):
         TruthConfig(engine="ode")
 
 

@@ -12,8 +12,8 @@ from sain_mppi.loop.agent import Agent
 from sain_mppi.loop.decision import Task
 from sain_mppi.loop.play import play
 from sain_sim.world.camera import WorldCameraConfig
+from sain_sim.world.own import open_world
 from sain_sim.world.workcell import WorldConfig
-from sain_sim.world.world import World
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def run_episode(
         Task(number, 0, within.apply(goal), within.distance, case.max_pushes)
         for number, goal in enumerate(case.goals, start=1)
     ]
-    with World(parameters, config, engine=case.truth.engine) as world:
+    with open_world(parameters, config, engine=case.truth.engine) as world:
         world.reset(case.disks)
         played = play(agent, Eyes(world, camera, case.seed), tasks, parameters.bodies)
     *earlier, last = (

@@ -22,7 +22,7 @@ from sain_eval.tolerance import Tolerance, tightest
 from sain_mppi.loop.agent import AgentConfig
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.camera import WorldCameraConfig
-from sain_sim.world.engines import ENGINES
+from sain_sim.world.engines import modules_of
 
 Kept = TypeVar("Kept")
 
@@ -79,10 +79,10 @@ def run_jobs(
     jobs: Sequence[EpisodeJob], options: WorkerOptions
 ) -> Generator[list[SceneRecord], None, None]:
     """Run all jobs on workers, write their pictures, and yield their records as they come."""
-    engines = {ENGINES[job.truth.engine].module for job in jobs} - {""}
+    engines = modules_of(job.truth.engine for job in jobs)
     work = Work(
         partial(FunctionRunner, run_job),
-        Software(SOURCES, (*PACKAGES, *sorted(engines))),
+        Software(SOURCES, (*PACKAGES, *engines)),
         lambda job: f"scene {job.seed} of {job.scenario} with {job.controller}",
     )
     return play_on_workers(work, jobs, options, ordered=False)

@@ -6,8 +6,8 @@ from typing import Final
 from sain_core.types import PushArray, Scene
 from sain_mppi.loop.play import Sight
 from sain_sim.world.camera import Camera, WorldCameraConfig
+from sain_sim.world.checked import CheckedWorld
 from sain_sim.world.outcome import Sample
-from sain_sim.world.world import World
 
 MOST_FRAMES: Final = 2000  # of one scene; an agent that needs more never decides
 
@@ -15,9 +15,9 @@ MOST_FRAMES: Final = 2000  # of one scene; an agent that needs more never decide
 class Eyes(Sight):
     """A camera above a world. Time goes on while it looks at bodies at rest."""
 
-    world: World
+    world: CheckedWorld
 
-    def __init__(self, world: World, config: WorldCameraConfig, seed: int) -> None:
+    def __init__(self, world: CheckedWorld, config: WorldCameraConfig, seed: int) -> None:
         """Begin an episode with this seed."""
         super().__init__(world)
         self._camera = None if config.is_exact else Camera(config)

@@ -22,7 +22,7 @@ from sain_core.workers.work import Software, Work
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.push_counts import JOURNAL_FILE, CollectionJournal, PushCounts
 from sain_sim.collecting.shards import ShardWriter, load_by_count
-from sain_sim.world.engines import DEFAULT_ENGINE, ENGINES
+from sain_sim.world.engines import DEFAULT_ENGINE, modules_of
 
 IDENTITY_FILE: Final = "collection.json"
 CARD_FILE: Final = "card.json"
@@ -96,10 +96,10 @@ def collect(
 
 def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, None]:
     """Run episodes from the first on and yield what they gave in order."""
-    engines = {ENGINES[name].module for name in (DEFAULT_ENGINE, config.episode.truth.engine)}
+    engines = modules_of((DEFAULT_ENGINE, config.episode.truth.engine))
     work = Work(
         partial(EpisodeRunner, config.seed, config.episode),
-        Software(("sain_core", "sain_sim"), ("numpy", *sorted(engines))),
+        Software(("sain_core", "sain_sim"), ("numpy", *engines)),
         lambda episode: f"episode {episode}",
     )
     return run_on_workers(work, range(first, config.episodes), config)

@@ -28,9 +28,10 @@ from sain_sim.episodes.samplers import CircleSampler, GridSampler, OutlineSample
 from sain_sim.episodes.start import draw_bodies_start, draw_start, wholly_on
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.outcome import StrokeOutcome
+from sain_sim.world.own import open_world
 from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
-from sain_sim.world.world import World, WorldConfig
+from sain_sim.world.workcell import WorldConfig
 
 MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
 log = logging.getLogger(__name__)
@@ -125,7 +126,7 @@ class EpisodeRunner:
         circle = OutlineSampler() if config.shapes else CircleSampler()
         self._sampler = GridSampler(PaperGrid()) if config.sampler == GRID else circle
         built = draw_parameters(generator(seed, "build"), config)
-        self._world = World(built, self._world_config, engine=config.truth.engine)
+        self._world = open_world(built, self._world_config, engine=config.truth.engine)
         self._shadow = NominalShadow(NOMINAL, self._world_config, self._world.parameters)
 
     def run(self, episode: int) -> EpisodeResult:

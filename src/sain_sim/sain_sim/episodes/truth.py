@@ -9,7 +9,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
 from sain_core.shapes.disk import THREE_FEET
-from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINES, check_engine
+from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINE_HELP, check_engine
 from sain_sim.world.parameters import (
     FRICTION_RANGE,
     PAPER,
@@ -43,7 +43,7 @@ class TruthConfig(Config):
         ALL, f"effects of a rough world: all, none, or a list of {', '.join(KNOWN_EFFECTS)}"
     )
     lab: int = option(0, "number of the rough world", minimum=0)
-    engine: str = option(DEFAULT_ENGINE, "physics engine", choices=tuple(ENGINES))
+    engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
 
     def __post_init__(self) -> None:
         """Check the fields, that every effect is one, and that the engine has them."""

@@ -20,9 +20,9 @@ from sain_sim.rendering.window import Window
 from sain_sim.world.camera import Camera, WorldCameraConfig
 from sain_sim.world.engines import BULLET
 from sain_sim.world.outcome import Sample, StrokeOutcome
+from sain_sim.world.own import open_world
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.workcell import WorldConfig
-from sain_sim.world.world import World
 
 SHADOW_MODEL = "bullet_nominal"
 
@@ -94,7 +94,7 @@ class Simulator:
         self.config = config
         self.pacer = pacer
         viewer = Window() if config.gui else None
-        self.world = World(nominal_parameters(), config.bullet, viewer, config.engine)
+        self.world = open_world(nominal_parameters(), config.bullet, viewer, config.engine)
         self.shadow = NominalShadow("nominal", config.bullet) if config.shadow else None
         self.camera = None if config.camera.is_exact else Camera(config.camera)
         rate = config.state_rate if self.camera is None else config.camera.frame_rate

@@ -1,4 +1,7 @@
-"""The physics engines of a world, by name. The module of one is loaded when a world is made."""
+"""The physics engines of a world, by name: ours, and the worlds that installed packages offer.
+
+The module of an engine is loaded when a world is made.
+"""
 
 from collections.abc import Iterable
 from importlib import import_module
@@ -6,6 +9,8 @@ from importlib.util import find_spec
 from typing import Any, Final, NamedTuple
 
 from sain_core.errors import ConfigError
+from sain_core.extensions.offers import Offers
+from sain_core.world import Setting, World
 
 
 class EngineEntry(NamedTuple):
@@ -43,13 +48,17 @@ ENGINES: Final = {
 DEFAULT_ENGINE: Final = BULLET if find_spec(ENGINES[BULLET].module) else MUJOCO
 
 
+ENGINE_HELP: Final = f"physics engine: {', '.join(ENGINES)}, or a world of an installed package"
+OFFERED: Final = Offers("sain.worlds", "engine", ENGINES)
+
+
 def is_installed(engine: str) -> bool:
-    """Return whether the package of an engine is installed; the engine is not loaded."""
+    """Return whether the package of a built-in engine is installed; the engine is not loaded."""
     return find_spec(ENGINES[engine].module) is not None
 
 
 def needs(engine: str) -> str:
-    """Return what an engine that is not installed needs, and how to get it."""
+    """Return what a built-in engine that is not installed needs, and how to get it."""
     entry = ENGINES[engine]
     return f"needs the package {entry.module}, which is not installed: {entry.install}"
 
@@ -57,22 +66,50 @@ def needs(engine: str) -> str:
 def check_engine(engine: str, effects: Iterable[str] = ()) -> None:
     """Raise `ConfigError` when an engine is unknown or not installed, or lacks one of the effects.
 
-    The engine itself is not loaded.
+    The engine itself is not loaded. A world that a package offers has no effects.
     """
-    if engine not in ENGINES:
-        raise ConfigError(f"engine is {engine!r}; allowed: {', '.join(ENGINES)}")
-    entry = ENGINES[engine]
-    if not is_installed(engine):
+    OFFERED.check(engine)
+    entry = ENGINES.get(engine)
+    if entry is not None and not is_installed(engine):
         raise ConfigError(f"engine {engine} {needs(engine)}")
-    if lacking := [effect for effect in effects if effect in entry.lacks]:
+    lacks = None if entry is None else entry.lacks
+    if lacking := [effect for effect in effects if lacks is None or effect in lacks]:
+        without = "none" if lacks is None else f"effects without {', '.join(lacks)}"
         raise ConfigError(
-            f"engine {engine} cannot simulate {', '.join(lacking)}; use engine {BULLET}, or effects"
-            f" without {', '.join(entry.lacks)}"
+            f"engine {engine} cannot simulate {', '.join(lacking)}; use engine {BULLET}, or"
+            f" {without}"
         )
 
 
+def modules_of(engines: Iterable[str]) -> list[str]:
+    """Return the distributions whose versions decide about what engines simulate."""
+    names = set()
+    for engine in engines:
+        if engine in ENGINES:
+            names.add(ENGINES[engine].module)
+        elif (dist := OFFERED.find(engine).dist) is not None:
+            names.add(dist.name)
+    return sorted(names)
+
+
 def simulation_class(engine: str) -> Any:
-    """Load and return an engine's `Simulation`; see `check_engine` for errors."""
+    """Load and return a built-in engine's `Simulation`; see `check_engine` for errors."""
     check_engine(engine)
     module, _, name = ENGINES[engine].simulation.partition(":")
     return getattr(import_module(module), name)
+
+
+def load_world(engine: str) -> World[Setting]:
+    """Return the world that an installed package offers by this name.
+
+    Raises:
+        ConfigError: nobody offers it, two packages do, its package fails, or it is no world.
+    """
+    entry = OFFERED.find(engine)
+    loaded = OFFERED.load(entry, lambda load: load(engine))
+    if not isinstance(loaded, World):
+        problem = f"{entry.value} returned a {type(loaded).__name__}"
+        raise OFFERED.wrong(
+            entry, f"{problem}; it must return a World, with the methods reset, observe and push"
+        )
+    return loaded

@@ -5,19 +5,17 @@ from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from sain_core.errors import BlockedError, StaleSceneError
-from sain_core.push import check_pushed, pushed_bodies
-from sain_core.scene import MID, check_on_table, check_scene
+from sain_core.errors import BlockedError
+from sain_core.push import pushed_bodies
+from sain_core.scene import MID, check_scene
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError
-from sain_sim.arm.client import Closeable
 from sain_sim.arm.kinematics import Joints
-from sain_sim.world.belief import believed_scene, withdrawn
+from sain_sim.world.checked import CheckedWorld
 from sain_sim.world.engines import DEFAULT_ENGINE, check_engine, simulation_class
 from sain_sim.world.outcome import Observer, Sample, Stroke, StrokeOutcome, is_idle
 from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, in_a_row
-from sain_sim.world.refusals import check_gap, check_reach, check_same_bodies
 from sain_sim.world.workcell import Origin, Route, Simulation, Watch, Watches, WorldConfig
 
 __all__ = ["Viewer", "World", "WorldConfig"]
@@ -40,7 +38,7 @@ class Viewer(Protocol):
         """Close the display; a second call does nothing."""
 
 
-class World(Closeable):
+class World(CheckedWorld):
     """One world in one engine, independent of all others.
 
     Its state is the poses and velocities of its bodies and nothing else. The same state and push
@@ -78,26 +76,6 @@ class World(Closeable):
         world.reset(scene)
         return world
 
-    def reset(self, scene: Scene, parameters: WorldParameters | None = None) -> Scene:
-        """Put the disks where a scene (N, 8) has them, at rest, and the arm at home.
-
-        Args:
-            scene: the poses; its masses and radii must be those of the parameters.
-            parameters: of new disks; None keeps the present ones.
-
-        Returns:
-            The scene as observed: the given one with zero velocities.
-
-        Raises:
-            InvalidInputError: not a scene, or one of other disks than these.
-            OffTableError: a disk off the table.
-        """
-        wanted = parameters or self.parameters
-        check_same_bodies(scene, wanted)
-        check_bodies(scene, wanted.bodies, self.config.feasibility.table)
-        self.load(scene, parameters)
-        return self.observe()
-
     def load(self, scene: Scene, parameters: WorldParameters | None = None) -> None:
         """Put the disks in a scene (N, 8) without checks; engines push overlapping disks apart."""
         wanted = parameters or self.parameters
@@ -124,38 +102,9 @@ class World(Closeable):
         """Return the arm and the disks as they are."""
         return self._cell.sample("rest")
 
-    def check(self, push: PushArray) -> Stroke:
-        """Return the tool's way for a push (3,) that can be carried out from here.
-
-        Only `push` finds a body that is moved into the tool's way.
-
-        Raises:
-            InvalidInputError: wrong shape, NaN or Inf.
-            OutOfRangeError: a value outside its range.
-            OffTableError: a disk has left the table.
-            StaleSceneError: the disks still move; `settle` waits for them.
-            UnreachableError: a pose on the way, with the reason.
-            BlockedError: another disk is in the tool's way.
-        """
-        return self._plan(push)[0]
-
-    def _plan(self, push: PushArray, seen: Scene | None = None) -> tuple[Stroke, Route | None]:
-        """Return the tool's way for a push (3,) and the joints along it; see `check`."""
-        feasibility, bodies = self.config.feasibility, self.parameters.bodies
-        check_pushed(feasibility.limits.check(push), bodies)
-        scene = self.observe()
-        check_on_table(scene, feasibility.table)
-        if not self._cell.still():
-            raise StaleSceneError("the disks still move; a push needs a settled scene")
-        believed = believed_scene(scene, seen)
-        stroke = Stroke.of_push(believed, push, feasibility.limits, bodies)
-        if is_idle(push):
-            return stroke, None
-        check_reach(believed, push, feasibility, bodies)
-        check_gap(believed, push, feasibility, bodies)
-        if seen is not None:
-            stroke = withdrawn(stroke, scene, feasibility, bodies)
-        return stroke, self._route(stroke)
+    def still(self) -> bool:
+        """Tell whether every body on the table is settled; fallen bodies do not count."""
+        return self._cell.still()
 
     def push(
         self,
@@ -164,26 +113,19 @@ class World(Closeable):
         every: int = 1,
         seen: Scene | None = None,
     ) -> StrokeOutcome:
-        """Execute one push (3,) and wait until the scene is settled.
+        """Execute one push (3,); see `CheckedWorld.push`.
 
-        Args:
-            push: location, angle and length.
-            on_step: called with a `Sample` after each control step. The push is then executed
-                once before, without calls, so that no refused push is shown.
-            every: steps between two calls.
-            seen: (N, 8), where the bodies are taken to be: the tool's way follows from this. It
-                starts a little further back. None: where they are.
+        With `on_step`, the push is executed once before, without calls: no refused push is shown.
 
         Raises:
-            SainError: as `check`; and BlockedError when the tool would touch another disk during
-                the push. No bit of the state changes then.
+            SainError: as `check`; UnreachableError: a pose on the way; BlockedError: the tool would
+                touch another disk during the push. No bit of the state changes then.
         """
-        _, route = self._plan(push, seen)
-        if route is None:
+        stroke = self.check(push, seen)
+        if is_idle(push):
             scene = self.observe()
             return StrokeOutcome(scene, scene.copy(), 0.0, True, self._cell.fallen())
-        pushed = int(pushed_bodies(push))
-        return self._perform(route, self._watches(on_step, every), pushed)
+        return self.carry_out(stroke, on_step, every, int(pushed_bodies(push)))
 
     def carry_out(
         self,

@@ -1,0 +1,142 @@
+"""Worlds that installed packages offer, behind the checks of our own."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final, TypeVar
+
+import numpy as np
+
+from sain_core.errors import SainError
+from sain_core.extensions.offers import package_of
+from sain_core.shapes.bodies import check_bodies
+from sain_core.types import PushArray, Scene
+from sain_core.world import Setting, WorldFailedError, check_outcome
+from sain_sim.world.checked import CheckedWorld
+from sain_sim.world.engines import DEFAULT_ENGINE, ENGINES, OFFERED, check_engine, load_world
+from sain_sim.world.outcome import Observer, Sample, StrokeOutcome, is_idle
+from sain_sim.world.parameters import WorldParameters, in_a_row
+from sain_sim.world.workcell import HOME, WorldConfig
+from sain_sim.world.world import Viewer, World
+
+T = TypeVar("T")
+
+REPAIR: Final = "repair or uninstall that package"
+
+
+class OwnWorld(CheckedWorld):
+    """A stranger's world. Our arm shows the tool's way; the bodies move when the push has ended."""
+
+    def __init__(
+        self, parameters: WorldParameters, config: WorldConfig = WorldConfig(), engine: str = ""
+    ) -> None:
+        """Load the world of this name, with the bodies in a row; `reset` places them.
+
+        Raises:
+            ConfigError: see `load_world`.
+            WorldFailedError: it fails.
+        """
+        self.config, self.engine, self.parameters = config, engine, parameters
+        self._package = package_of(OFFERED.find(engine))
+        self._world = load_world(engine)
+        self._joints = config.kinematics.joints(np.array([*HOME, config.motion.raised]))
+        self._time = 0.0
+        table = config.feasibility.table
+        self.load(check_bodies(in_a_row(parameters, table), parameters.bodies, table))
+
+    def load(self, scene: Scene, parameters: WorldParameters | None = None) -> None:
+        """Put the bodies in a scene (N, 8), without checks of the scene."""
+        wanted = parameters or self.parameters
+        check_engine(self.engine, wanted.roughness.effects)
+        setting = Setting(scene.copy(), wanted.bodies, wanted.friction)
+        self._scene = self._checked("reset", scene, lambda: self._world.reset(setting))
+        self.parameters = wanted
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s] since the world was made: that of the tool."""
+        return self._time
+
+    def observe(self) -> Scene:
+        """Return the disks' states (N, 8) as they are."""
+        return self._scene.copy()
+
+    def sample(self, phase: str = "rest") -> Sample:
+        """Return the arm and the disks as they are."""
+        tip = self.config.kinematics.tips(self._joints)
+        rest = np.zeros_like(self._joints)
+        return Sample(self._time, self._joints, rest, tip, tip, self.observe(), phase)
+
+    def still(self) -> bool:
+        """Tell whether every body is settled: it always is."""
+        return True
+
+    def push(
+        self,
+        push: PushArray,
+        on_step: Observer | None = None,
+        every: int = 1,
+        seen: Scene | None = None,
+    ) -> StrokeOutcome:
+        """Execute one push; see `CheckedWorld.push`.
+
+        Raises:
+            SainError: as `check`, or the world refuses.
+            WorldFailedError: the world raised anything else, or what it returned breaks the
+                contract. The bodies are put back.
+        """
+        stroke, before = self.check(push, seen), self.observe()
+        on_table = np.zeros(len(before), dtype=bool)
+        if is_idle(push):
+            return StrokeOutcome(before, before.copy(), 0.0, True, on_table)
+        motion = self.config.motion
+        joints = self.config.kinematics.joints(motion.stroke(stroke.start, stroke.end))
+
+        def perform() -> object:
+            return self._world.push(push.copy(), seen=seen).after
+
+        try:
+            after = self._checked("push", before, perform)
+        except WorldFailedError:
+            self.load(before)
+            raise
+        begun = self._time
+        for step, place in enumerate(joints, start=1):
+            self._joints, self._time = place, begun + step * motion.time_step
+            if on_step is not None and step % every == 0:
+                on_step(replace(self.sample("push")))
+        self._scene = after
+        fallen = ~self.config.feasibility.table.contains(after[:, :2])
+        return StrokeOutcome(before, self.observe(), self._time - begun, True, fallen)
+
+    def _checked(self, method: str, before: Scene, call: Callable[[], object]) -> Scene:
+        """Return a copy of the scene that a method of the world leads to."""
+        where = f"engine {self.engine!r} of {self._package}: {method}"
+        try:
+            return check_outcome(before, call()).copy()
+        except WorldFailedError as error:
+            raise WorldFailedError(f"{where}: {error}; {REPAIR}") from error
+        except SainError:
+            raise
+        except Exception as error:
+            name = type(error).__name__
+            raise WorldFailedError(f"{where} raised {name}: {error}; {REPAIR}") from error
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+def open_world(
+    parameters: WorldParameters,
+    config: WorldConfig = WorldConfig(),
+    viewer: Viewer | None = None,
+    engine: str = DEFAULT_ENGINE,
+) -> CheckedWorld:
+    """Return a world in an engine of this name: a built-in one, or one that a package offers.
+
+    Raises:
+        ConfigError: see `sain_sim.world.engines.check_engine`.
+        WorldFailedError: a package's world fails.
+    """
+    if engine in ENGINES:
+        return World(parameters, config, viewer, engine)
+    return OwnWorld(parameters, config, engine)

@@ -1,0 +1,95 @@
+"""The package of `examples/my_world`: its physics, installed and played in; and broken worlds."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from sain_bringup.graph import executable
+from tests.examples.installing import fails, install, run
+
+BROKEN = {
+    "raising": "def push(self, push, *, seen=None): raise ZeroDivisionError('a bug')",
+    "not_a_number": "def push(self, push, *, seen=None): return Outcome(self.at, self.at * np.nan)",
+    "restless": "def push(self, push, *, seen=None): return Outcome(self.at, self.at + MOVING)",
+    "shapeless": "def push(self, push, *, seen=None): return Outcome(self.at, self.at[:1])",
+    "pushless": "",
+}
+CODE = """
+import numpy as np
+from sain_core.world import Outcome
+
+MOVING = np.array([0, 0, 0, 0.3, 0, 0, 0, 0])
+
+
+class World:
+    def reset(self, start):
+        self.at = start.scene
+        return self.at
+
+    def observe(self):
+        return self.at
+
+"""
+PACKAGE = "of package broken-worlds 0.3"
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The variables of processes for which the packages are installed, and for no others."""
+    folder = tmp_path_factory.mktemp("worlds")
+    variables = install("my_world", folder)
+    package = folder / "site" / "broken_worlds-0.3.dist-info"
+    package.mkdir()
+    (package / "METADATA").write_text("Metadata-Version: 2.1\nName: broken-worlds\nVersion: 0.3\n")
+    points = "".join(f"{name} = {name}:load\n" for name in BROKEN)
+    (package / "entry_points.txt").write_text(f"[sain.worlds]\n{points}")
+    for name, method in BROKEN.items():
+        code = f"{CODE}    {method}\n\n\ndef load(name):\n    return World()\n"
+        (folder / "site" / f"{name}.py").write_text(code)
+    return variables
+
+
+def evaluate(*arguments: object) -> list[str]:
+    small = ["--scenes", "2", "--controllers", "planar", "--workers", "1"]
+    return [str(executable("sain_eval", "evaluate")), *small, *map(str, arguments)]
+
+
+def test_an_agent_reaches_its_goals_in_it(environment: dict[str, str], tmp_path: Path) -> None:
+    out = tmp_path / "results"
+    run(environment, evaluate("--engine", "my_world", "--scenario", "anywhere", "--out", out))
+    results = json.loads((out / "results.json").read_text())
+    assert [row["successes"] for row in results["summary"]] == [2] * len(results["summary"])
+    assert results["config"]["truth"]["engine"] == "my_world"
+    assert results["versions"]["my-world"] == "0.1.0"
+
+
+def test_the_graph_plays_in_it(environment: dict[str, str], tmp_path: Path) -> None:
+    command = [str(executable("sain_bringup", "closed_loop")), "--engine", "my_world"]
+    options = ["--scenario", "anywhere", "--model", "planar", "--no-video"]
+    said = run(environment, command, *options, "--out", tmp_path / "results")
+    assert "reached" in said
+
+
+def test_what_it_refuses_is_said(environment: dict[str, str], tmp_path: Path) -> None:
+    command = evaluate("--engine", "my_world", "--scenario", "push_t", "--out", tmp_path / "out")
+    assert "my_world has disks that move, and nothing else" in fails(environment, command)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("raising", f"{PACKAGE}: push raised ZeroDivisionError: a bug; repair or uninstall"),
+        ("not_a_number", f"{PACKAGE}: push: the scene is not possible: the engine found no"),
+        ("restless", f"{PACKAGE}: push: the scene did not settle; allowed: every body slower"),
+        ("shapeless", f"{PACKAGE}: push: the scene is (1, 8); allowed: an array (2, 8)"),
+        ("pushless", "it must return a World, with the methods reset, observe and push"),
+        ("my_wolrd", "engine 'my_wolrd' is unknown (did you mean 'my_world'?); known: bullet,"),
+    ],
+)
+def test_a_broken_world_is_one_line(
+    environment: dict[str, str], tmp_path: Path, name: str, text: str
+) -> None:
+    said = fails(environment, evaluate("--engine", name, "--out", tmp_path / "out"))
+    assert text in said
+    assert name in said
