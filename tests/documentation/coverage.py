@@ -42,6 +42,8 @@ PAGES_BY_TEST = {  # pages whose commands are those of one test
     "docs/tutorials/walk.md": "tests/system/test_walk.py",
     "examples/my_model/README.md": "tests/examples/test_my_model.py",
     "docs/guides/your_model.md": "tests/examples/test_my_model.py",
+    "examples/my_world/README.md": "tests/examples/test_my_world.py",
+    "docs/guides/your_world.md": "tests/examples/test_my_world.py",
     "docs/guides/your_robot.md": "tests/examples/test_my_robot.py",
     **{f"docs/guides/your_{part}.md": PARTS for part in ("shape", "cost", "planner", "scenario")},
 }

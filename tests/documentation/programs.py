@@ -25,7 +25,7 @@ REQUIRED = {  # what an ellipsis stands for
 }
 INSTALLED = {  # what the packages of the examples offer -> what is there without them
     "my_model": "planar", "my_arrow": "cube", "my_centre:0.5": "", "my_planner": "mppi",
-    "my_scenario": "anywhere", "robot_node": "elsewhere",
+    "my_scenario": "anywhere", "robot_node": "elsewhere", "my_world": "bullet",
 }  # fmt: skip
 STOCK = {"topic": ("echo", "pub", "list"), "action": ("send_goal",), "bag": ("info",),
          "param": ("set", "get"), "service": ("call",), "interface": ("show",),

@@ -82,7 +82,7 @@ def test_what_it_refuses_is_said(environment: dict[str, str], tmp_path: Path) ->
         ("not_a_number", f"{PACKAGE}: push: the scene is not possible: the engine found no"),
         ("restless", f"{PACKAGE}: push: the scene did not settle; allowed: every body slower"),
         ("shapeless", f"{PACKAGE}: push: the scene is (1, 8); allowed: an array (2, 8)"),
-        ("pushless", "it must return a World, with the methods reset, observe and push"),
+        ("pushless", "it must return a world, with the methods reset, observe and push"),
         ("my_wolrd", "engine 'my_wolrd' is unknown (did you mean 'my_world'?); known: bullet,"),
     ],
 )

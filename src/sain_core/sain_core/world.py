@@ -47,7 +47,7 @@ class Outcome:
 
 
 @runtime_checkable
-class World(Protocol[Start]):
+class AnyWorld(Protocol[Start]):
     """Executes pushes, one after another.
 
     `Start` is what an episode begins with: a `Setting` for worlds that are found by name.

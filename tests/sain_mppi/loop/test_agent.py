@@ -14,6 +14,7 @@ from sain_core.shapes.bodies import PAPER_DISKS
 from sain_mppi.loop.agent import Agent, AgentConfig, act, planning_agent
 from sain_mppi.loop.decision import Decider, PushDecision, Stop, StopReason, Task
 from sain_mppi.loop.events import (
+    Computation,
     EpisodeBegun,
     GoalCancelled,
     GoalGiven,
@@ -21,7 +22,6 @@ from sain_mppi.loop.events import (
     PushExecuted,
     SceneSeen,
     TimePassed,
-    Work,
 )
 from sain_mppi.search.config import PlannerConfig
 
@@ -211,10 +211,10 @@ def test_physics_takes_over_with_the_same_history_and_the_decision_says_so(scene
     assert decision.plan.regions is None  # a model that failed is not asked for them
 
 
-def work(agent, *events) -> Work:
+def work(agent, *events) -> Computation:
     """Return the only work that events ask for."""
     [found] = [action for event in events for action in agent.update(event)]
-    assert isinstance(found, Work), found
+    assert isinstance(found, Computation), found
     return found
 
 

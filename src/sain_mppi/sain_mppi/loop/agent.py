@@ -22,6 +22,7 @@ from sain_mppi.loop.estimator import Estimator
 from sain_mppi.loop.events import (
     Action,
     Completed,
+    Computation,
     Decided,
     EpisodeBegun,
     Event,
@@ -32,7 +33,6 @@ from sain_mppi.loop.events import (
     PushExecuted,
     SceneSeen,
     TimePassed,
-    Work,
 )
 from sain_mppi.loop.goal_tracker import GoalTracker, GoalTrackerConfig
 from sain_mppi.loop.memory import EpisodeMemory
@@ -75,8 +75,8 @@ class MppiConfig(AgentConfig):
 class Agent:
     """Brings the target to one goal after another.
 
-    Events go in, in any order; pushes, stops and work come out. `update` is quick and belongs to
-    one thread. Work may take long; `act` does it at once, others do it on a thread of their own.
+    Events go in, in any order; pushes, stops and computations come out. `update` is quick and
+    belongs to one thread. `act` computes at once, others compute on a thread of their own.
     """
 
     def __init__(
@@ -205,7 +205,7 @@ class Agent:
             past = self._estimator.retold(past)
         self._running = job = replace(job, history=past)
         failed = partial(Stop, job.task, StopReason.FAILED, job)
-        return (Work(partial(self._decide, job), lambda error: Decided(failed(error))),)
+        return (Computation(partial(self._decide, job), lambda error: Decided(failed(error))),)
 
     def _bodies_of(self, episode_id: int) -> Bodies:
         begun = self._episode
@@ -247,8 +247,8 @@ class Agent:
         self._ahead = job
         return (
             sent,
-            Work(partial(self._complete, sent), lambda error: Completed(sent)),
-            Work(partial(self._prepare, sent), lambda error: Prepared()),
+            Computation(partial(self._complete, sent), lambda error: Completed(sent)),
+            Computation(partial(self._prepare, sent), lambda error: Prepared()),
         )
 
     def _complete(self, decision: PushDecision) -> Completed:
@@ -272,7 +272,7 @@ def act(agent: Agent, *events: Event) -> PushDecision | Stop | None:
 
 def _done(agent: Agent, event: Event) -> Iterator[PushDecision | Stop]:
     for action in agent.update(event):
-        if isinstance(action, Work):
+        if isinstance(action, Computation):
             yield from _done(agent, action.run())
         else:
             yield action

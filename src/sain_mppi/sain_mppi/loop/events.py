@@ -114,13 +114,13 @@ Event = (
 
 
 @dataclass(frozen=True, eq=False)
-class Work:
+class Computation:
     """What takes long. Its event goes back to `Agent.update`.
 
-    All work of an agent is done in the order in which it is asked for, on any one thread.
+    An agent's computations run in the order in which it asks for them, on any one thread.
 
     Attributes:
-        run: do it, and return the event.
+        run: compute, and return the event.
         failed: return the event that replaces it, if `run` raised what it never should.
     """
 
@@ -128,5 +128,5 @@ class Work:
     failed: Callable[[BaseException], Event]
 
 
-Action = PushDecision | Stop | Work
-"""Send a push; tell that no push follows, and why; do some work. No action: wait for an event."""
+Action = PushDecision | Stop | Computation
+"""Send a push; tell that no push follows, and why; compute. No action: wait for an event."""

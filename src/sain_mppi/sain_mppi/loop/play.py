@@ -11,7 +11,7 @@ from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, is_settled
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
-from sain_core.world import DivergedError, World, WorldFailedError
+from sain_core.world import AnyWorld, DivergedError, WorldFailedError
 from sain_mppi.loop.agent import Agent, act
 from sain_mppi.loop.decision import PushDecision, Stop, StopReason, Task
 from sain_mppi.loop.events import EpisodeBegun, GoalGiven, PushEnded, PushExecuted, SceneSeen
@@ -26,7 +26,7 @@ Decision = PushDecision | Stop | None
 class Sight:
     """How an agent sees a world, and pushes in it: exactly, and at once."""
 
-    def __init__(self, world: World[Any]) -> None:
+    def __init__(self, world: AnyWorld[Any]) -> None:
         """See this world."""
         self.world = world
 
@@ -54,7 +54,7 @@ class Pursuit:
 
 
 @dataclass(frozen=True, eq=False)
-class Episode:
+class Played:
     """What became of an agent in a world.
 
     Attributes:
@@ -74,11 +74,11 @@ class Episode:
 
 def play(
     agent: Agent,
-    world: World[Any] | Sight,
+    world: AnyWorld[Any] | Sight,
     tasks: Sequence[Task],
     bodies: Bodies,
     over: Callable[[], bool] = lambda: False,
-) -> Episode:
+) -> Played:
     """Let an agent reach goals in a world that was reset, one after another, or stop.
 
     Args:
@@ -101,7 +101,7 @@ def play(
         if playing.failure or over():
             break
     counts = playing.refusals, playing.fallbacks
-    return Episode(tuple(pursuits), playing.scene, *counts, playing.failure)
+    return Played(tuple(pursuits), playing.scene, *counts, playing.failure)
 
 
 class _Play:

@@ -36,6 +36,7 @@ from sain_mppi.loop.decision import PushDecision, Stop
 from sain_mppi.loop.events import (
     Action,
     Completed,
+    Computation,
     EpisodeBegun,
     Event,
     GoalCancelled,
@@ -44,7 +45,6 @@ from sain_mppi.loop.events import (
     PushExecuted,
     SceneSeen,
     TimePassed,
-    Work,
 )
 from sain_mppi.ros.goal_message import decode_task
 from sain_mppi.ros.goals import Aims, Goals
@@ -283,10 +283,10 @@ class MppiNode(Node):
                     self._send(action)
                 case Stop():
                     self._publish(plan_of_stop(action))
-                case Work():
+                case Computation():
                     self.worker.submit(action.run, partial(self._on_done, action))
 
-    def _on_done(self, work: Work, done: "Future[Event]") -> None:
+    def _on_done(self, work: Computation, done: "Future[Event]") -> None:
         error = done.exception() if self._failed(done) else None
         event = done.result() if error is None else work.failed(error)
         if isinstance(event, Completed):

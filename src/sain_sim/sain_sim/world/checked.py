@@ -16,7 +16,7 @@ from sain_sim.world.workcell import WorldConfig
 
 
 class CheckedWorld(Closeable):
-    """A `sain_core.world.World` of bodies with parameters, in an engine.
+    """A `sain_core.world.AnyWorld` of bodies with parameters, in an engine.
 
     Attributes:
         config: how it is simulated.

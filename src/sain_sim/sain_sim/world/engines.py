@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from sain_core.errors import ConfigError
 from sain_core.extensions.offers import Offers
-from sain_core.world import Setting, World
+from sain_core.world import AnyWorld, Setting
 
 
 class EngineEntry(NamedTuple):
@@ -99,7 +99,7 @@ def simulation_class(engine: str) -> Any:
     return getattr(import_module(module), name)
 
 
-def load_world(engine: str) -> World[Setting]:
+def load_world(engine: str) -> AnyWorld[Setting]:
     """Return the world that an installed package offers by this name.
 
     Raises:
@@ -107,9 +107,9 @@ def load_world(engine: str) -> World[Setting]:
     """
     entry = OFFERED.find(engine)
     loaded = OFFERED.load(entry, lambda load: load(engine))
-    if not isinstance(loaded, World):
+    if not isinstance(loaded, AnyWorld):
         problem = f"{entry.value} returned a {type(loaded).__name__}"
         raise OFFERED.wrong(
-            entry, f"{problem}; it must return a World, with the methods reset, observe and push"
+            entry, f"{problem}; it must return a world, with the methods reset, observe and push"
         )
     return loaded
