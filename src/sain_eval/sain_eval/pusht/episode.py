@@ -10,7 +10,7 @@ from sain_eval.pusht.block import goal_of
 from sain_eval.pusht.world import PushtWorld
 from sain_mppi.loop.agent import Agent
 from sain_mppi.loop.decision import Task
-from sain_mppi.loop.play import PlayedEpisode, play
+from sain_mppi.loop.play import PlayOutcome, play
 
 NEAR: Final = 0.0008  # [m]: the agent goes on until gym-pusht itself counts a success
 TURNED: Final = 0.008  # [rad]
@@ -47,7 +47,7 @@ class PushtRecord:
     failure: str = ""
 
 
-def play_pusht(seed: int, agent: Agent, world: PushtWorld) -> tuple[PushtRecord, PlayedEpisode]:
+def play_pusht(seed: int, agent: Agent, world: PushtWorld) -> tuple[PushtRecord, PlayOutcome]:
     """Play the episode of a seed until gym-pusht ends it, or the agent stops."""
     world.reset(seed)
     task = Task(1, 0, goal_of(world.goal, NEAR, TURNED), NEAR, 0)

@@ -54,7 +54,7 @@ class Pursuit:
 
 
 @dataclass(frozen=True, eq=False)
-class PlayedEpisode:
+class PlayOutcome:
     """What became of an agent in a world.
 
     Attributes:
@@ -78,7 +78,7 @@ def play(
     tasks: Sequence[Task],
     bodies: Bodies,
     over: Callable[[], bool] = lambda: False,
-) -> PlayedEpisode:
+) -> PlayOutcome:
     """Let an agent reach goals in a world that was reset, one after another, or stop.
 
     Args:
@@ -101,7 +101,7 @@ def play(
         if playing.failure or over():
             break
     counts = playing.refusals, playing.fallbacks
-    return PlayedEpisode(tuple(pursuits), playing.scene, *counts, playing.failure)
+    return PlayOutcome(tuple(pursuits), playing.scene, *counts, playing.failure)
 
 
 class _Play:
