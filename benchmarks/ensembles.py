@@ -28,9 +28,9 @@ from sain_model.data.dataset import (
     Dataset,
     Split,
     limit_training,
-    load_transitions,
     split_by_episode,
 )
+from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.coverage import measure_intervals
 from sain_model.evaluation.history_errors import predict_with_history

@@ -23,8 +23,8 @@ from sain_core.scene import TARGET
 from sain_core.storage import write_json
 from sain_core.types import Scalars
 from sain_model.cli.evaluate import unseen
-from sain_model.data.dataset import Dataset, Split, load_transitions
-from sain_model.data.mixed import load_datasets, split_datasets
+from sain_model.data.dataset import Dataset, Split
+from sain_model.data.mixed import load_datasets, load_transitions, split_datasets
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import SHIPPED
 from sain_model.evaluation.coverage import measure_intervals

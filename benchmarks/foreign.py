@@ -15,7 +15,7 @@ In closed loop, disks learn from bags as docs/explanation/identification.md show
     collect cubes --target cube --episodes 200 --seed 311
     collect ts --shapes t --bodies 1 --episodes 250 --seed 312
     nice ./env ros2 run sain_model identify data/foreign/{cubes,ts} --pushes 300 --out belief.json
-    nice ./env ros2 run sain_model train data/foreign/{cubes,ts} --bodies any --belief belief.json \
+    nice ./env ros2 run sain_model train data/foreign/{cubes,ts} --belief belief.json \
         --position-scale 0.0002 --heading-scale 0.01 --weight-decay 0.01 --batch 128 --epochs 40 \
         --members 2 --validation 0.15 --test 0 --out runs/foreign/shapes
     evaluate() {
@@ -38,7 +38,8 @@ import torch
 from sain_core.dynamics import Dynamics
 from sain_core.scene import TARGET
 from sain_core.types import Scalars, Scenes
-from sain_model.data.dataset import Dataset, Split, load_transitions, split_by_episode
+from sain_model.data.dataset import Dataset, Split, split_by_episode
+from sain_model.data.mixed import load_transitions
 from sain_model.data.recordings import first_pushes, load_recording
 from sain_model.dynamics.identify import identify
 from sain_model.dynamics.load import load_shipped

@@ -21,7 +21,8 @@ from sain_core.plugins import load_dynamics
 from sain_core.scene import MASS, MID, POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars, Scenes
-from sain_model.data.dataset import Dataset, load_transitions
+from sain_model.data.dataset import Dataset
+from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.learning import learn, predict_rows
 from sain_model.dynamics.sain import SainDynamics

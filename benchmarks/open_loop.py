@@ -36,7 +36,8 @@ from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.storage import write_json
 from sain_core.types import PushArray, Scene
-from sain_model.data.dataset import Dataset, load_transitions
+from sain_model.data.dataset import Dataset
+from sain_model.data.mixed import load_transitions
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.load import load_sain
 from sain_model.evaluation.baselines import followed

@@ -28,8 +28,9 @@ from rich.console import Console
 from benchmarks.report import Figure, report
 from sain_core.dynamics import Dynamics
 from sain_core.storage import write_whole
-from sain_model.data.dataset import Split, limit_training, load_transitions, split_by_episode
+from sain_model.data.dataset import Split, limit_training, split_by_episode
 from sain_model.data.examples import Examples, make_examples
+from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.loss import mixed_loss
 from sain_model.dynamics.priors import load_prior
 from sain_model.network.settings import PUSH_FRAME, NetworkConfig
@@ -90,7 +91,7 @@ class Course:
         self.seconds.append(earlier + time.process_time() - self._begun)
         data = self._examples
         with torch.inference_mode():
-            predicted = self._trainer.network(data.disks, data.relations)
+            predicted = self._trainer.network(data.bodies, data.relations)
             loss = mixed_loss(predicted, data, torch.arange(len(data)), PAPER.loss)
         self.losses.append(loss.item())
         course = {"losses": self.losses, "seconds": self.seconds}

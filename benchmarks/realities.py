@@ -133,8 +133,7 @@ def rows_of(folder: Path, model: SainDynamics) -> Rows:
 
 def without_belief(model: SainDynamics) -> SainDynamics:
     """Return a model that infers friction alone, as before decision 35."""
-    assert model.any_shape is not None
-    return replace(model, belief=None, any_shape=replace(model.any_shape, belief=None))
+    return replace(model, belief=None)
 
 
 def body_of(folder: Path, data: Dataset) -> np.ndarray:

@@ -20,7 +20,8 @@ from rich.console import Console
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Dataset, load_transitions, split_by_episode
+from sain_model.data.dataset import Dataset, split_by_episode
+from sain_model.data.mixed import load_transitions
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import load_sain

@@ -29,9 +29,9 @@ from sain_model.data.dataset import (
     Split,
     check_held_out,
     limit_training,
-    load_transitions,
     split_by_episode,
 )
+from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.priors import load_planar, load_prior
 from sain_model.dynamics.sain import SainDynamics

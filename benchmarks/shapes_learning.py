@@ -7,7 +7,7 @@
 
 Friction is inferred from the episode's earlier pushes, for the baseline and, without
 `--no-history`, for SAIN. `--baseline` learns nothing, `--model` measures a model. The folders
-`seen` and `unseen` below `--out` are data sets that `ros2 run sain_model train --bodies any` reads.
+`seen` and `unseen` below `--out` are data sets that `ros2 run sain_model train` reads.
 """
 
 import argparse
@@ -34,7 +34,7 @@ from sain_model.dynamics.priors import load_planar
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import PLANAR, PLANAR_PRIORS, LossConfig
 from sain_model.evaluation.shape_errors import figures, measure_bodies
-from sain_model.network.settings import ANY_SHAPE, PUSH_FRAME, WORLD_FRAME, NetworkConfig
+from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.training.options import TrainOptions
 from sain_model.training.settings import EPISODE, NOTHING, TrainingConfig
 from sain_model.training.training_card import make_card
@@ -47,7 +47,7 @@ def main() -> None:
     """Learn and measure; see the module."""
     arguments = parse()
     settle_threads()
-    seen, unseen = (load_datasets([path], ANY_SHAPE) for path in as_shards(arguments))
+    seen, unseen = (load_datasets([path]) for path in as_shards(arguments))
     split = split_datasets(seen, 0, 0.1, 0.15)
     prior = load_planar(arguments.prior)
     friction = make_filter(prior, split.train)
@@ -140,7 +140,6 @@ def options(arguments: argparse.Namespace, infers: bool) -> TrainOptions:
     network = NetworkConfig(
         features=frame,
         members=arguments.members,
-        bodies=ANY_SHAPE,
         hidden=arguments.hidden,
         message=arguments.hidden // 2,
         layers=arguments.layers,

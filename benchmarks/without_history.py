@@ -19,7 +19,8 @@ from rich.progress import track
 
 from benchmarks.report import Figure, report
 from sain_core.scene import POSITION, TARGET
-from sain_model.data.dataset import Dataset, load_transitions, split_by_episode
+from sain_model.data.dataset import Dataset, split_by_episode
+from sain_model.data.mixed import load_transitions
 from sain_sim.world.parameters import FRICTION_RANGE, WorldParameters
 from sain_sim.world.shadow import TRUE, BulletPrior
 

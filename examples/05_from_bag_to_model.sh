@@ -4,8 +4,7 @@
 #
 #   ./env examples/05_from_bag_to_model.sh [FOLDER] [EPISODES] [EPOCHS]
 #
-# The shipped model is trained on disks. Here the target is a cube. docs/tutorials/walk.md shows the output of
-# each step. FOLDER is created; it must not exist.
+# Here the target is a cube. docs/tutorials/walk.md shows the output of each step. FOLDER is created; it must not exist.
 
 set -euo pipefail
 
@@ -42,7 +41,7 @@ play "$folder/after" --model "$model" --seed 1000 --episodes "$(((episodes + 3) 
 
 step "6. Evaluate both models on the pushes of these episodes: tables in shipped.txt and tuned.txt"
 ros2 run sain_bags to_dataset "$folder/after/bag" --out "$folder/unseen"
-judge() { ros2 run sain_model evaluate "$folder/unseen" --open-loop "$@"; }
+judge() { ros2 run sain_model evaluate "$folder/unseen" "$@"; }
 judge --out "$folder/shipped.json" >"$folder/shipped.txt" & # both at once
 judge --checkpoint "$model" --out "$folder/tuned.json" >"$folder/tuned.txt"
 wait $!
@@ -58,14 +57,15 @@ read = lambda name: json.loads((folder / name).read_text())
 shipped, tuned = read("shipped.json"), read("tuned.json")
 print(f"one push predicted, {shipped['transitions']} pushes of {shipped['episodes']} episodes:")
 for name, errors, row in (
-    ("physics alone", shipped, "its prior, history"),
-    ("SAIN as shipped", shipped, "SAIN, history"),
-    ("fine-tuned", tuned, "SAIN, history"),
+    ("physics alone", shipped, "prior"),
+    ("SAIN as shipped", shipped, "sain"),
+    ("fine-tuned", tuned, "sain"),
 ):
-    print(f"  {name:16s}{errors['all'][row]['target_mean']:6.2f} mm mean error of the target")
+    moved = errors["bodies"]["all that moved"]
+    print(f"  {name:16s}{moved[f'{row}_mm']:6.2f} mm mean error of the bodies that moved")
 for name, errors in (("SAIN as shipped", shipped), ("fine-tuned", tuned)):
-    held = errors["intervals"]["SAIN"]["target"]["parts"]["all"]["coverage"]
-    print(f"  {name:16s}{100 * held:6.0f} % of the targets in its 90 % regions")
+    held = errors["bodies"]["all that moved"]["coverage"]
+    print(f"  {name:16s}{100 * held:6.0f} % of them in its 90 % regions")
 print("in the closed loop, each model in different episodes:")
 for name, run in (("SAIN as shipped", "before"), ("fine-tuned", "after")):
     played = read(f"{run}/summary.json")["episodes"]

@@ -14,8 +14,7 @@ from sain_eval.loop.evaluation import EpisodeJob, run_jobs
 from sain_eval.loop.results import SceneRecord, summarise
 from sain_eval.pusht.evaluation import PushtJob, results_row, run_pusht_jobs
 from sain_eval.tolerance import Tolerance
-from sain_model.data.dataset import load_transitions
-from sain_model.data.mixed import load_datasets
+from sain_model.data.mixed import load_datasets, load_transitions
 from sain_model.dynamics.load import load_shipped
 from sain_model.evaluation.history_errors import (
     PRIOR_HISTORY,
@@ -24,7 +23,6 @@ from sain_model.evaluation.history_errors import (
 )
 from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
 from sain_model.evaluation.shape_errors import PUSHED, shape_errors
-from sain_model.network.settings import ANY_SHAPE
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, ROUGH, TruthConfig
 from sain_sim.world.engines import MUJOCO
 
@@ -110,7 +108,7 @@ def measure_one_push(data: Path) -> list[Gate]:
     ratio = ratio_over_episodes(sain, physics, disks.episode, 0)
     gates += _errors("disks", "mm", float(sain.mean()), ratio, "0.97", 0.03)
     for name, before in (("seen shapes", "0.92"), ("unseen shapes", "0.94")):
-        mixed = load_datasets([data / name.split()[0]], ANY_SHAPE)
+        mixed = load_datasets([data / name.split()[0]])
         pushed = shape_errors(mixed, model)["bodies"][PUSHED]
         for unit, told in (("mm", before), ("deg", "0.82")):
             gates += _errors(name, unit, pushed[f"sain_{unit}"], pushed[f"ratio_{unit}"], told)

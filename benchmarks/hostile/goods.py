@@ -43,7 +43,7 @@ class Goods:
     def _make_checkpoint(self, path: Path) -> None:
         from sain_model.dynamics.load import shipped_checkpoint
 
-        shipped = Path(str(shipped_checkpoint("sain")))
+        shipped = Path(str(shipped_checkpoint()))
         for suffix in (".safetensors", ".json"):
             path.with_suffix(suffix).write_bytes(shipped.with_suffix(suffix).read_bytes())
 

@@ -10,7 +10,7 @@ from sain_core.push import PushLimits
 from sain_core.scene import Table, X, make_scene, unit
 from sain_eval import commands
 from sain_eval.calibrate import FREE, START, calibrate, on_table
-from sain_model.data.dataset import load_transitions
+from sain_model.data.mixed import load_transitions
 from sain_model.physics.planar import PlanarPrior
 
 TRUTH = replace(START, tool_friction=0.25, foot_radius=0.55)

@@ -44,19 +44,23 @@ def random_pushes() -> Callable[[int, int], tuple[Scenes, Pushes]]:
 
 @pytest.fixture(scope="session")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of two shards whose truth is the planar prior plus a residual to be learned.
+    """A folder of two shards, see `write_dataset`."""
+    return write_dataset(tmp_path_factory.mktemp("dataset"), EPISODES)
+
+
+def write_dataset(folder: Path, episodes: int) -> Path:
+    """Write two shards whose truth is the planar prior plus a residual to be learned.
 
     The target goes further by 4 mm for every kilogram that the mid disk is heavier than 8 kg,
     along the push, when it moves at all.
     """
-    folder = tmp_path_factory.mktemp("dataset")
-    scenes, pushes = draw_pushes(EPISODES * PUSHES, seed=3)
+    scenes, pushes = draw_pushes(episodes * PUSHES, seed=3)
     physics = PlanarPrior().step(scenes, pushes)
     truth = physics.copy()
     moved = np.linalg.norm((physics - scenes)[:, 1, POSITION], axis=-1) > 1e-3
     further = 0.004 * (scenes[:, 0, MASS] - 8.0) * moved
     truth[:, 1, POSITION] += further[:, None] * unit(pushes[:, 0])
-    episodes = np.repeat(np.arange(EPISODES), PUSHES)
+    labels = np.repeat(np.arange(episodes), PUSHES)
     for shard, rows in enumerate(np.array_split(np.arange(len(pushes)), 2)):
         np.savez_compressed(
             folder / f"shard-{shard}.npz",
@@ -65,7 +69,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
             physics_next=physics[rows].reshape(len(rows), -1),
             next_state=truth[rows].reshape(len(rows), -1),
             floor_next=truth[rows].reshape(len(rows), -1) + 1e-4,
-            episode=episodes[rows],
+            episode=labels[rows],
             friction=np.full(len(rows), 0.12),
         )
     assert (pushes[:, LENGTH] > 0).all()

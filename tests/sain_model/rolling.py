@@ -7,7 +7,8 @@ import numpy as np
 from sain_core.push import PushLimits
 from sain_core.scene import POSITION, make_scene, unit
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Dataset, load_transitions
+from sain_model.data.dataset import Dataset
+from sain_model.data.mixed import load_transitions
 from sain_model.physics.planar import PlanarPrior
 
 EPISODES, PUSHES = 16, 6

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sain_bags.reading.reader import Bag
-from sain_model.data.dataset import load_transitions
+from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import shipped_checkpoint
 from tests.paths import ROOT
@@ -63,7 +63,7 @@ def test_what_it_says_is_what_was_measured(walked: tuple[Path, str]) -> None:
     folder, told = walked
     for report in ("shipped", "tuned"):
         errors = json.loads((folder / f"{report}.json").read_text())
-        assert f"{errors['all']['SAIN, history']['target_mean']:6.2f} mm mean error" in told
+        assert f"{errors['bodies']['all that moved']['sain_mm']:6.2f} mm mean error" in told
         rows = load_transitions(folder / "unseen")
         assert errors["transitions"] == len(rows)
     lines = [line for line in told.splitlines() if line.startswith("--- ")]

@@ -16,8 +16,7 @@ from sain_core.dataset import RECORDED, Column
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.plugins import load_dynamics
 from sain_core.workers.options import WorkerOptions
-from sain_model.data.dataset import load_transitions
-from sain_model.data.mixed import MixedDataset, load_datasets
+from sain_model.data.mixed import MixedDataset, load_datasets, load_transitions
 from tests.sain_bags.driven import BLOCKED, DUPLICATE, Drive, Parts
 from tests.sain_bags.independent import compare, independent_rows, shards
 
@@ -236,7 +235,7 @@ def test_a_push_that_no_prior_can_predict_is_counted(record: Start) -> None:
 def test_numbers_of_disks_go_to_shards_of_their_own(record: Start, tmp_path: Path) -> None:
     bags = [drive(record), drive(record, "three", Parts(disks=3))]
     convert(bags, tmp_path / "out")
-    with pytest.raises(DatasetError, match="mixes numbers of disks"):
+    with pytest.raises(DatasetError, match="mixes bodies"):
         load_transitions(tmp_path / "out")
     mixed = load_datasets([tmp_path / "out"])
     assert isinstance(mixed, MixedDataset)

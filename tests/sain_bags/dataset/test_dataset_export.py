@@ -17,7 +17,8 @@ from sain_bags.dataset import dataset_folder
 from sain_bags.dataset.formats import MADE, FormatName
 from sain_core.dataset import PARTS
 from sain_core.errors import ConfigError, OutputError
-from sain_model.data.dataset import load_transitions, split_by_episode
+from sain_model.data.dataset import split_by_episode
+from sain_model.data.mixed import load_transitions
 from tests.sain_bags.dataset.formats.exported import Rows, card_of, drive, to
 from tests.sain_bags.driven import Drive, Parts
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sain_bags.dataset.conversion import convert
-from sain_model.data.dataset import load_transitions
+from sain_model.data.mixed import load_transitions
 from tests.sain_bags.driven import Drive, Parts
 
 

@@ -11,7 +11,7 @@ from sain_bags import commands
 from sain_bags.dataset.conversion import ConversionConfig, convert
 from sain_bags.transitions.sources import find_sources
 from sain_core.errors import DatasetError
-from sain_model.data.dataset import load_transitions
+from sain_model.data.mixed import load_transitions
 from tests.sain_bags.driven import Drive, Parts
 
 Start = Callable[..., Any]

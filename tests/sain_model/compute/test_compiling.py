@@ -7,18 +7,17 @@ from sain_core.types import PushSequences
 from sain_model.cli.kernels import RUNS
 from sain_model.compute.kernel_store import CHAINS, compile_kernels, kernels_are_ready
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.network import sain_kernels, shape_feature_kernels
+from sain_model.network import feature_kernels, sain_kernels
+from sain_model.network.features import network_inputs, push_frames
 from sain_model.network.interaction_network import new_network
-from sain_model.network.settings import ANY_SHAPE, NetworkConfig
-from sain_model.network.shape_features import network_inputs, push_frames
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics import planar_kernels
 from sain_model.physics.planar import PlanarPrior
 
 ENTRIES = (
     planar_kernels.push_block,
     sain_kernels.correct_block,
-    sain_kernels.roll_out_block,
-    shape_feature_kernels.write_shape_block,
+    feature_kernels.write_block,
 )
 
 
@@ -38,10 +37,8 @@ def test_predictions_run_what_was_compiled() -> None:
         sain = SainDynamics(network, PlanarPrior(), "planar")
         sain.step(scenes, pushes, np.broadcast_to(0.12, 2))
         sain.rollout(scenes[0], sequences(pushes))
-    shaped = NetworkConfig(bodies=ANY_SHAPE)
-    network_inputs(
-        shaped, scenes, push_frames(shaped, scenes, pushes, PAPER_DISKS), scenes, PAPER_DISKS
-    )
+    frames = push_frames(scenes, pushes, PAPER_DISKS)
+    network_inputs(NetworkConfig(), scenes, frames, scenes, PAPER_DISKS)
     for kernel in ENTRIES:
         assert sum(kernel.stats.cache_hits.values()) >= 1, kernel.__name__
         assert not kernel.stats.cache_misses, f"{kernel.__name__} was compiled again"

@@ -6,8 +6,8 @@ import pytest
 from sain_core.errors import DatasetError
 from sain_core.scene import Y
 from sain_core.shapes.bodies import Bodies
-from sain_model.data.dataset import load_transitions, split_by_episode
-from sain_model.data.mixed import load_datasets
+from sain_model.data.dataset import split_by_episode
+from sain_model.data.mixed import load_transitions
 
 
 def test_all_shards_are_read_in_order(dataset: Path) -> None:
@@ -119,7 +119,7 @@ def test_shards_with_other_numbers_of_disks_do_not_mix(dataset: Path, tmp_path: 
     for key in ("state", "next_state", "physics_next", "floor_next"):
         arrays[key] = np.hstack([arrays[key], arrays[key][:, 8:]])
     np.savez(tmp_path / "b.npz", **arrays)
-    with pytest.raises(DatasetError, match="mixes numbers of disks"):
+    with pytest.raises(DatasetError, match=r"mixes bodies: .*; use one folder for each"):
         load_transitions(tmp_path)
 
 
@@ -136,17 +136,10 @@ def test_the_order_of_an_episode_is_that_of_its_steps(dataset: Path, tmp_path: P
         load_transitions(tmp_path / "c.npz")
 
 
-def test_pushes_against_other_bodies_than_the_first_are_refused(
-    dataset: Path, tmp_path: Path
-) -> None:
+def test_rows_name_their_bodies(dataset: Path, tmp_path: Path) -> None:
     arrays = dict(np.load(dataset / "shard-0.npz"))
     shapes, rows = np.array(["t,disk"] * 60), tmp_path / "shard-0.npz"
-    np.savez(rows, **arrays, shapes=shapes, roles=np.array(["pushable,movable"] * 60))
-    assert len(load_transitions(rows)) == 60
     np.savez(rows, **arrays, shapes=shapes)  # roles are optional
-    assert len(load_transitions(rows)) == 60
-    (part,) = load_datasets([rows], "any").parts
-    assert part.bodies == Bodies.named(["t", "disk"], ["pushable", "movable"])
+    assert load_transitions(rows).bodies == Bodies.named(["t", "disk"], ["pushable", "movable"])
     np.savez(rows, **arrays, shapes=shapes, roles=np.array(["pushable,pushable"] * 60))
-    with pytest.raises(DatasetError, match="only body 0 may be pushable"):
-        load_transitions(rows)
+    assert load_transitions(rows).bodies == Bodies.named(["t", "disk"], ["pushable", "pushable"])

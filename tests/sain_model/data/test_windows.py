@@ -7,7 +7,8 @@ import pytest
 from sain_core.errors import DatasetError
 from sain_core.push import LENGTH
 from sain_core.scene import X
-from sain_model.data.dataset import load_transitions, split_by_episode
+from sain_model.data.dataset import split_by_episode
+from sain_model.data.mixed import load_transitions
 from sain_model.data.windows import make_windows
 from tests.sain_model.rolling import EPISODES, EVERY, PUSHES, load_episodes
 

@@ -66,7 +66,6 @@ def test_what_was_saved_is_loaded_with_the_prior_it_had(
         "layers": 2,
         "features": "push",
         "members": 1,
-        "bodies": "disks",
     }
     assert card["weights_sha256"] == sain.model_hash
     scenes, pushes = random_pushes(10, 0)

@@ -15,11 +15,14 @@ from sain_core.push import LENGTH
 from sain_core.scene import MASS
 from sain_core.types import Pushes, Scenes
 from sain_model.data.batches import Batches
-from sain_model.data.dataset import Split, load_transitions, split_by_episode
+from sain_model.data.dataset import Split, split_by_episode
+from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.network.feature_kernels import BODY_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork, ensemble, new_network
+from sain_model.network.relation_kernels import RELATION_FEATURES
 from sain_model.network.settings import BOOTSTRAP, ORDER, NetworkConfig
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
@@ -45,13 +48,13 @@ def split(dataset: Path) -> Split:
     return split_by_episode(load_transitions(dataset), 0, 0.2, 0.2)
 
 
-@pytest.mark.parametrize("disks", [2, 4])
-def test_an_ensemble_in_one_call_is_its_members_one_by_one(disks: int) -> None:
+@pytest.mark.parametrize("bodies", [2, 4])
+def test_an_ensemble_in_one_call_is_its_members_one_by_one(bodies: int) -> None:
     lone = [wild(seed) for seed in range(3)]
     together = ensemble(lone)
     random = torch.Generator().manual_seed(0)
-    inputs = [torch.randn(3, 5, disks, 15, generator=random)]
-    inputs += [torch.randn(3, 5, disks * (disks - 1), 16, generator=random)]
+    inputs = [torch.randn(3, 5, bodies, BODY_FEATURES, generator=random)]
+    inputs += [torch.randn(3, 5, bodies * bodies, RELATION_FEATURES, generator=random)]
     shared = [part[0] for part in inputs]
     with torch.inference_mode():
         alone = torch.stack([network(*shared) for network in lone])
@@ -66,7 +69,7 @@ def test_an_ensemble_in_one_call_is_its_members_one_by_one(disks: int) -> None:
 
 def test_every_member_starts_with_weights_of_its_own_and_the_first_as_a_lone_one() -> None:
     weights = new_network(THREE, seed=5).state_dict()["relation.0.weight"]
-    assert weights.shape == (3, 16, 16)
+    assert weights.shape == (3, 16, RELATION_FEATURES)
     assert not torch.equal(weights[0], weights[1]) and not torch.equal(weights[1], weights[2])
     assert torch.equal(weights[0], new_network(SMALL, seed=5).state_dict()["relation.0.weight"])
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.identification import identify
-from sain_model.data.dataset import load_transitions
+from sain_model.data.mixed import load_transitions
 from sain_model.physics import corrections as told
 from sain_model.physics.planar import PlanarPrior
 

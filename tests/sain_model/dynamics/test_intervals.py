@@ -10,7 +10,7 @@ import pytest
 from sain_core.errors import CheckpointError, ConfigError
 from sain_core.plugins import load_dynamics
 from sain_model import commands
-from sain_model.data.dataset import load_transitions
+from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.checkpoint import card_path
 from sain_model.dynamics.intervals import IntervalConfig, Intervals
 from sain_model.dynamics.sain import SainDynamics

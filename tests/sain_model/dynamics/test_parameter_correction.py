@@ -13,7 +13,8 @@ from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH
 from sain_core.scene import POSITION, TARGET
 from sain_model import commands
-from sain_model.data.dataset import Split, load_transitions, split_by_episode
+from sain_model.data.dataset import Split, split_by_episode
+from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.checkpoint import (
     CORRECTION_ARCHITECTURE,
     ModelCard,

@@ -23,7 +23,7 @@ from sain_core.scene import (
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.batch_checks import check_physics_next
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.network.features import apply_residual, make_features, true_residual
+from sain_model.network.features import apply_residual, true_residual
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
@@ -119,17 +119,6 @@ def test_the_true_residual_makes_the_prediction_true(random_pushes: Draw) -> Non
     again = apply_residual(physics, pushes, true_residual(truth, pushes, physics))
     np.testing.assert_allclose(again[..., POSITION], truth[..., POSITION], atol=1e-12)
     np.testing.assert_allclose(wrap_angle(again[..., THETA] - truth[..., THETA]), 0, atol=1e-9)
-
-
-def test_features_do_not_depend_on_the_frame(random_pushes: Draw) -> None:
-    scenes, pushes = random_pushes(30, 0)
-    physics = PlanarPrior().step(scenes, pushes)
-    features = make_features(scenes, pushes, physics)
-    turned = make_features(
-        rotate_scenes(scenes, 1.0), rotate_pushes(pushes, 1.0), rotate_scenes(physics, 1.0)
-    )
-    np.testing.assert_allclose(turned.disks, features.disks, atol=1e-9)
-    np.testing.assert_allclose(turned.relations, features.relations, atol=1e-9)
 
 
 def test_kinds_are_told_by_the_prior() -> None:

@@ -1,4 +1,4 @@
-"""The model `sain`: a network for the paper's disks, and one for all other bodies."""
+"""The model `sain`: one network for the paper's disks and for all other bodies."""
 
 import hashlib
 
@@ -13,15 +13,12 @@ from sain_core.scene import make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scene
 from sain_model.dynamics.checkpoint import read_card
-from sain_model.dynamics.load import load_sain, shipped_checkpoint
+from sain_model.dynamics.load import shipped_checkpoint
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import SHIPPED_ANY_SHAPE
-from sain_model.network.settings import ANY_SHAPE
 from sain_model.physics.planar import PlanarPrior
 from sain_model.serving.server import load_server
 from sain_model.serving.settings import ServingConfig
 
-DISKS_SHA256 = "86a2e01a373591401e480c02b3aea84ed522955686b9430cff7452a838ca0ebd"
 PAIR = ("pushable", "pushable")
 OTHERS = {
     "a T alone": Bodies.named(["t"]),
@@ -49,24 +46,19 @@ def pushes(count: int) -> Pushes:
     return PushLimits().sample(np.random.default_rng(3), count)
 
 
-@pytest.mark.parametrize("bodies", [PAPER_DISKS, Bodies.disks(2), Bodies.disks(3)])
-def test_disks_have_the_network_for_disks_to_the_bit(sain: SainDynamics, bodies: Bodies) -> None:
-    alone = load_sain(shipped_checkpoint())
-    assert alone.model_hash == sain.model_hash == DISKS_SHA256
-    scene, pushed = scene_of(3 if bodies and len(bodies) == 3 else 2), pushes(40)
+@pytest.mark.parametrize("bodies", [Bodies.disks(2), Bodies.disks(3)])
+def test_named_disks_are_the_papers_disks(sain: SainDynamics, bodies: Bodies) -> None:
+    scene, pushed = scene_of(len(bodies)), pushes(40)
     scenes = np.repeat(scene[None], len(pushed), axis=0)
-    told, expected = shaped(sain, bodies), alone.step(scenes, pushed)
-    np.testing.assert_array_equal(told.step(scenes, pushed), expected)
-    assert isinstance(told, SainDynamics)
-    rollout = told.rollout(scene, pushed.reshape(10, 4, 3))
-    np.testing.assert_array_equal(rollout, alone.rollout(scene, pushed.reshape(10, 4, 3)))
+    expected = sain.with_bodies(PAPER_DISKS).step(scenes, pushed)
+    np.testing.assert_array_equal(shaped(sain, bodies).step(scenes, pushed), expected)
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_other_bodies_have_the_network_for_any_shape(sain: SainDynamics, name: str) -> None:
+def test_any_bodies_are_corrected_but_little(sain: SainDynamics, name: str) -> None:
     bodies = OTHERS[name]
     told = sain.with_bodies(bodies)
-    assert (told.network.config.bodies, told.bodies) == (ANY_SHAPE, bodies)
+    assert told.bodies == bodies
     scene, pushed = scene_of(len(bodies)), pushes(40)
     scenes = np.repeat(scene[None], len(pushed), axis=0)
     physics = told.prior.step(scenes, pushed)
@@ -101,13 +93,13 @@ def test_friction_is_inferred_for_a_shape(sain: SainDynamics) -> None:
 
 
 def test_the_card_belongs_to_the_weights() -> None:
-    path = shipped_checkpoint(SHIPPED_ANY_SHAPE)
+    path = shipped_checkpoint()
     card = read_card(path)
     assert card.weights_sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     assert card.prior == "planar_axes"
     assert card.data["transitions"]["train"] > 10_000
     assert len(card.data["sha256"]) == 64
-    assert "benchmarks.shapes_learning" in card.command
+    assert card.command.startswith("ros2 run sain_model train ")
 
 
 def test_a_server_answers_for_any_bodies() -> None:

@@ -10,15 +10,20 @@ from sain_core.errors import CheckpointError, DatasetError
 from sain_core.plugins import load_dynamics
 from sain_core.push import rotate_pushes
 from sain_core.scene import POSITION, TARGET, rotate_scenes
+from sain_core.shapes.bodies import PAPER_DISKS
+from sain_core.types import Pushes, Scenes
 from sain_model import commands
-from sain_model.data.dataset import limit_training, load_transitions, split_by_episode
+from sain_model.data.dataset import limit_training, split_by_episode
+from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import load_sain
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import LossConfig
 from sain_model.evaluation.prediction_errors import measure
-from sain_model.network.feature_kernels import DISK_FEATURES, PLACE_FEATURES
-from sain_model.network.features import make_features
+from sain_model.network.feature_kernels import BODY_FEATURES
+from sain_model.network.features import Features, network_inputs, push_frames
+from sain_model.network.inputs import PLACE_FEATURES
+from sain_model.network.relation_kernels import HEADINGS
 from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.push_training import Trainer
@@ -34,19 +39,24 @@ def downhill(dataset: Path):
     return split_by_episode(replace(data, next_state=after), 0, 0.2, 0.2)
 
 
+def features(scenes: Scenes, pushes: Pushes, after: Scenes, frame: str) -> Features:
+    frames = push_frames(scenes, pushes, PAPER_DISKS)
+    return network_inputs(NetworkConfig(features=frame), scenes, frames, after, PAPER_DISKS)
+
+
 def test_only_the_frame_of_the_world_shows_how_a_scene_is_turned(random_pushes) -> None:
     scenes, pushes = random_pushes(20, 0)
     after = PlanarPrior().step(scenes, pushes)
     turn = [rotate_scenes(scenes, 2.0), rotate_pushes(pushes, 2.0), rotate_scenes(after, 2.0)]
-    push, world = (make_features(scenes, pushes, after, f) for f in (PUSH_FRAME, WORLD_FRAME))
-    turned_push, turned_world = (make_features(*turn, frame) for frame in (PUSH_FRAME, WORLD_FRAME))
-    np.testing.assert_allclose(turned_push.disks, push.disks, atol=1e-9)
-    assert world.disks.shape[-1] == DISK_FEATURES + PLACE_FEATURES
-    np.testing.assert_array_equal(world.disks[..., :DISK_FEATURES], push.disks)
-    np.testing.assert_array_equal(world.relations, push.relations)
-    changed = np.abs(turned_world.disks - world.disks).max(axis=(0, 1))
-    assert (changed[DISK_FEATURES:-2] > 0.1).all()
-    np.testing.assert_allclose(changed[-2:], 0.0, atol=1e-9)  # a disk's heading as the push sees it
+    push, world = (features(scenes, pushes, after, f) for f in (PUSH_FRAME, WORLD_FRAME))
+    turned_push, turned_world = (features(*turn, f) for f in (PUSH_FRAME, WORLD_FRAME))
+    np.testing.assert_allclose(turned_push.bodies, push.bodies, atol=1e-5)
+    assert world.bodies.shape[-1] == BODY_FEATURES + PLACE_FEATURES
+    np.testing.assert_array_equal(world.bodies[..., :BODY_FEATURES], push.bodies)
+    np.testing.assert_array_equal(world.relations[..., :HEADINGS], push.relations[..., :HEADINGS])
+    changed = np.abs(turned_world.bodies - world.bodies).max(axis=(0, 1))
+    assert (changed[BODY_FEATURES:-2] > 0.1).all()
+    np.testing.assert_allclose(changed[-2:], 0.0, atol=1e-5)  # a disk's heading as the push sees it
 
 
 def test_what_pulls_along_the_world_is_learned_in_its_frame_alone(dataset, tmp_path) -> None:

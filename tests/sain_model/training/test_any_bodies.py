@@ -11,17 +11,14 @@ from sain_core.errors import DatasetError
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_model import commands
-from sain_model.data.dataset import load_transitions
-from sain_model.data.mixed import load_datasets, split_datasets
+from sain_model.data.mixed import load_datasets, load_transitions, split_datasets
 from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import load_sain
-from sain_model.network.settings import ANY_SHAPE
 from sain_model.serving.server import load_server
 from sain_model.serving.settings import ServingConfig
-from sain_model.training.fine_tuning import Parent
 
 SMALL = ("--hidden", "8", "--message", "4", "--members", "2", "--epochs", "2", "--batch", "16")
-OWN = ("--bodies", "any", "--prior", "planar_axes", "--validation", "0.2", "--test", "0.2")
+OWN = ("--prior", "planar_axes", "--validation", "0.2", "--test", "0.2")
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +29,7 @@ def trained(any_bodies: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_all_parts_know_their_bodies_and_pushes_name_theirs(any_bodies: Path) -> None:
-    data = load_datasets([any_bodies], ANY_SHAPE)
+    data = load_datasets([any_bodies])
     assert {part.disks for part in data.parts} == {1, 2, 3, 4}
     assert len({part.bodies for part in data.parts}) == len(data.parts)
     rows = 0
@@ -50,7 +47,7 @@ def test_all_parts_know_their_bodies_and_pushes_name_theirs(any_bodies: Path) ->
 def test_no_episode_is_in_two_parts_of_a_split_and_fewer_pushes_can_be_asked_for(
     any_bodies: Path,
 ) -> None:
-    data = load_datasets([any_bodies], ANY_SHAPE)
+    data = load_datasets([any_bodies])
     split = split_datasets(data, 0, 0.2, 0.2, transitions=20)
     episodes = [set(part.episode) for part in (split.train, split.validation, split.test)]
     assert not episodes[0] & episodes[1]
@@ -61,7 +58,6 @@ def test_no_episode_is_in_two_parts_of_a_split_and_fewer_pushes_can_be_asked_for
 
 def test_the_card_states_errors_by_group_and_by_shape(trained: Path) -> None:
     card = read_card(trained)
-    assert card.network["bodies"] == ANY_SHAPE
     assert card.prior == "planar_axes"
     assert card.friction is not None
     assert card.intervals is not None
@@ -103,11 +99,10 @@ def test_fine_tuning_goes_on_with_pushes_of_any_body(
     assert "pushed bodies: mean error on the test episodes" in capsys.readouterr().out
     card = read_card(tmp_path / "tuned" / "sain.safetensors")
     assert card.errors["fine_tuning"]["bodies"] == "pushed bodies"
-    assert load_sain(tmp_path / "tuned" / "sain.safetensors").network.config.bodies == ANY_SHAPE
+    assert load_sain(tmp_path / "tuned" / "sain.safetensors").network.config.members == 2
     again = [str(any_bodies), "--from", str(trained), "--out", str(tmp_path / "again")]
     assert commands.train(again) == 1
     assert "has learned from this data set already" in " ".join(capsys.readouterr().err.split())
-    assert Parent.load("sain_any_shape").settings.network.bodies == ANY_SHAPE
 
 
 def test_evaluate_measures_what_it_has_not_seen(
@@ -120,14 +115,16 @@ def test_evaluate_measures_what_it_has_not_seen(
     assert report["bodies"] == read_card(trained).errors["bodies"]
 
 
-def test_a_network_for_disks_and_rollouts_refuse_them(
+def test_rollouts_and_what_needs_one_kind_of_scene_refuse_them(
     any_bodies: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(DatasetError, match="train with --bodies any or --from sain_any_shape"):
+    with pytest.raises(DatasetError, match=r"mixes bodies: .*; use one folder for each"):
         load_transitions(any_bodies)
     arguments = [str(any_bodies), "--out", str(tmp_path), *OWN, "--steps-ahead", "2"]
     assert commands.train(arguments) == 1
-    assert "--steps-ahead is for networks for disks" in " ".join(capsys.readouterr().err.split())
+    assert "--steps-ahead needs scenes with the same bodies" in " ".join(
+        capsys.readouterr().err.split()
+    )
 
 
 def test_a_push_of_a_body_that_is_not_there_is_refused(any_bodies: Path, tmp_path: Path) -> None:
@@ -137,4 +134,4 @@ def test_a_push_of_a_body_that_is_not_there_is_refused(any_bodies: Path, tmp_pat
     content["body"][1] = 7
     np.savez(tmp_path / "shard-00000.npz", **content)
     with pytest.raises(DatasetError, match="row 1 pushes body 7; pushable are 0"):
-        load_datasets([tmp_path], ANY_SHAPE)
+        load_datasets([tmp_path])

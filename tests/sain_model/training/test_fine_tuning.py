@@ -14,7 +14,8 @@ from sain_core.scene import unit
 from sain_model import commands
 from sain_model.cli import train as train_cli
 from sain_model.cli.evaluate import unseen
-from sain_model.data.dataset import Dataset, load_transitions
+from sain_model.data.dataset import Dataset
+from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import load_sain
 from sain_model.dynamics.sain import SainDynamics
@@ -201,7 +202,7 @@ def test_data_that_an_ancestor_has_seen_are_refused(
 
 
 def test_what_cannot_be_a_parent_is_refused(dataset: Path, tmp_path: Path) -> None:
-    with pytest.raises(CheckpointError, match="--from is 'planar'; it must be sain or sain_any_"):
+    with pytest.raises(CheckpointError, match="--from is 'planar'; it must be sain, or the path"):
         Parent.load("planar")
     with pytest.raises(CheckpointError, match="does not exist"):
         Parent.load(str(tmp_path / "none.safetensors"))

@@ -6,7 +6,8 @@ import pytest
 
 from sain_core.errors import CheckpointError, DatasetError
 from sain_model import commands
-from sain_model.data.dataset import Split, load_transitions, split_by_episode
+from sain_model.data.dataset import Split, split_by_episode
+from sain_model.data.mixed import load_transitions
 from sain_model.network.settings import NetworkConfig
 from sain_model.training.learning_curve import Point, learning_curve
 from sain_model.training.settings import TrainingConfig

@@ -9,8 +9,9 @@ import torch
 from sain_core.errors import CheckpointError
 from sain_core.plugins import load_dynamics
 from sain_model import commands
-from sain_model.data.dataset import Split, load_transitions, split_by_episode
+from sain_model.data.dataset import Split, split_by_episode
 from sain_model.data.examples import Examples
+from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.loss import mixed_loss
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import LossConfig
@@ -20,6 +21,7 @@ from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.push_training import Trainer
 from sain_model.training.settings import TrainingConfig
+from tests.sain_model.conftest import write_dataset
 
 SMALL = NetworkConfig(hidden=32, message=8)
 
@@ -29,9 +31,10 @@ def split(dataset: Path) -> Split:
     return split_by_episode(load_transitions(dataset), 0, 0.2, 0.2)
 
 
-def test_training_learns_a_residual(split: Split, tmp_path: Path) -> None:
+def test_training_learns_a_residual(tmp_path: Path) -> None:
+    split = split_by_episode(load_transitions(write_dataset(tmp_path, 100)), 0, 0.2, 0.2)
     config = TrainingConfig(
-        epochs=120, batch=16, network=SMALL, loss=LossConfig(position_scale=0.005)
+        epochs=60, batch=16, network=SMALL, loss=LossConfig(position_scale=0.005)
     )
     prior = PlanarPrior()
     trainer = Trainer(split, prior, config, tmp_path)

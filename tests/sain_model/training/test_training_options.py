@@ -21,7 +21,8 @@ from sain_core.errors import ConfigError
 from sain_model import commands
 from sain_model.cli.options import train_options
 from sain_model.data.batches import Batches
-from sain_model.data.dataset import Split, load_transitions, split_by_episode
+from sain_model.data.dataset import Split, split_by_episode
+from sain_model.data.mixed import load_transitions
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.options import (

@@ -10,7 +10,8 @@ from sain_core.provenance import ros2_command
 from sain_core.storage import make_folder, write_json, write_whole
 from sain_eval.calibrate import Calibration, calibrate
 from sain_eval.cli.options import CalibrateOptions
-from sain_model.data.dataset import Dataset, load_transitions
+from sain_model.data.dataset import Dataset
+from sain_model.data.mixed import load_transitions
 from sain_model.evaluation.markdown import markdown_table
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig

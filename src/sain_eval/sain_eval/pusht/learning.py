@@ -22,14 +22,12 @@ from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import PLANAR_LAB, LossConfig
-from sain_model.network.settings import ANY_SHAPE, PUSH_FRAME, NetworkConfig
+from sain_model.network.settings import PUSH_FRAME, NetworkConfig
 from sain_model.training.push_training import Trainer
 from sain_model.training.settings import NOTHING, TrainingConfig
 from sain_model.training.training_card import environment
 
-NETWORK: Final = NetworkConfig(
-    features=PUSH_FRAME, members=3, bodies=ANY_SHAPE, hidden=64, message=32, layers=2
-)
+NETWORK: Final = NetworkConfig(features=PUSH_FRAME, members=3, hidden=64, message=32, layers=2)
 LOSS: Final = LossConfig(position_scale=0.0002, heading_scale=0.002)
 FITTED_BY: Final = 600  # pushes that the prior is fitted to
 

@@ -16,7 +16,7 @@ from sain_core.push import LENGTH
 from sain_core.storage import write_json
 from sain_core.types import Mask
 from sain_model.cli.options import EvaluateModelOptions
-from sain_model.data.dataset import Dataset, load_transitions
+from sain_model.data.dataset import Dataset
 from sain_model.data.mixed import MixedDataset, load_datasets
 from sain_model.data.windows import make_windows
 from sain_model.dynamics.checkpoint import ModelCard, parse_card
@@ -29,7 +29,6 @@ from sain_model.evaluation.open_loop import NAMES, RECURRENT_SAIN
 from sain_model.evaluation.open_loop_report import report_open_loop
 from sain_model.evaluation.prediction_errors import evaluate
 from sain_model.evaluation.shape_errors import shape_errors
-from sain_model.network.settings import ANY_SHAPE
 
 AnyData = TypeVar("AnyData", Dataset, MixedDataset)
 
@@ -44,13 +43,11 @@ def run(command: EvaluateModelOptions, console: Console) -> None:
     path = command.checkpoint or shipped_checkpoint()
     sain = load_sain(path) if command.checkpoint else load_shipped()
     sain = sain.believing(Path(command.belief)) if command.belief else sain
-    data: Dataset | MixedDataset
-    if sain.network.config.bodies == ANY_SHAPE:
-        data = load_datasets([command.dataset], ANY_SHAPE)
-        errors = _errors_of_shapes(command, data, sain)
+    data = load_datasets([command.dataset])
+    if len(data.parts) == 1 and data.parts[0].bodies.are_paper_disks:
+        errors = _errors_of_disks(command, data.parts[0], sain, console)
     else:
-        data = load_transitions(command.dataset)
-        errors = _errors_of_disks(command, data, sain, console)
+        errors = _errors_of_shapes(command, data, sain)
     report = {
         "dataset": {"path": str(command.dataset), "sha256": data.sha256},
         "checkpoint": {"path": str(path), "sha256": sain.model_hash},
@@ -90,12 +87,12 @@ def _errors_of_shapes(
     """Return errors of single pushes of any body, on pushes that the model has not seen.
 
     Raises:
-        ConfigError: there are models to compare with, which are for disks.
+        ConfigError: there are models to compare with, which needs disks.
     """
     if command.learned or command.recurrent or command.baselines:
         raise ConfigError(
-            "a model for any shape is compared with its own prior alone; leave --learned,"
-            " --recurrent and --baselines out"
+            "on other bodies than disks, a model is compared with its own prior alone; leave"
+            " --learned, --recurrent and --baselines out"
         )
     return shape_errors(unseen(data, parse_card(Path("the card"), sain.card)), sain, command.seed)
 

@@ -18,7 +18,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_model.compute.kernel_store import compile_kernels, kernel_folder
 
 # Kernels are compiled for the types of arrays and settings, not for sizes: one network and an
-# ensemble, and both kinds of features, run the same machine code.
+# ensemble run the same machine code.
 SCENES: Final = np.zeros((1, 2, 8))
 SCENES[..., MASS], SCENES[..., RADIUS] = 8.0, 0.06
 SCENES[:, 1, X] = 0.2
@@ -48,31 +48,26 @@ def _push(bodies: Bodies) -> None:
     step_varied(prior.config, bodies, SCENES, PUSHES, *varied)
 
 
-def run_networks() -> None:
-    """Run both networks and what makes their inputs, which regions and training use."""
+def run_network() -> None:
+    """Run the network and what makes its inputs, which regions and training use."""
     import torch
 
     from sain_model.network.compiled_network import CompiledNetwork
+    from sain_model.network.features import network_inputs, push_frames
     from sain_model.network.interaction_network import InteractionNetwork
-    from sain_model.network.settings import ANY_SHAPE, NetworkConfig
-    from sain_model.network.shape_features import network_inputs, push_frames
-    from sain_model.physics.planar import PlanarPrior
+    from sain_model.network.settings import NetworkConfig
 
-    any_shape = NetworkConfig(bodies=ANY_SHAPE)
     with torch.random.fork_rng(devices=[]):  # the weights do not matter, nor may drawing them
         network = CompiledNetwork(InteractionNetwork())
-        shaped = CompiledNetwork(InteractionNetwork(any_shape))
-    shaped.correct(SCENES, PUSHES, SCENES)
-    frames = push_frames(any_shape, SCENES, PUSHES, Bodies.disks(2))
-    network_inputs(any_shape, SCENES, frames, SCENES, Bodies.disks(2))
     network.correct(SCENES, PUSHES, SCENES)
-    network.rollout(PlanarPrior(), SCENES[0], PUSHES[:, None])
+    frames = push_frames(SCENES, PUSHES, Bodies.disks(2))
+    network_inputs(NetworkConfig(), SCENES, frames, SCENES, Bodies.disks(2))
 
 
 RUNS: Final[dict[str, Callable[[], None]]] = {
     "shapes": push_shapes,
     "disks": push_disks,
-    "network": run_networks,
+    "network": run_network,
 }
 
 

@@ -9,14 +9,12 @@ from rich.console import Console
 
 from sain_core.drawing.figures import write_png
 from sain_core.dynamics import Dynamics
-from sain_core.errors import ConfigError, DatasetError
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
 from sain_model.dynamics.checkpoint import save_checkpoint
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.error_table import error_tables, gain_line
 from sain_model.evaluation.prediction_errors import held_out_errors
-from sain_model.network.settings import ANY_SHAPE
 from sain_model.physics.friction import FrictionFilter
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.identified import identified_physics
@@ -26,7 +24,6 @@ from sain_model.training.plots import draw_losses
 from sain_model.training.progress import epoch_bar, event_log
 from sain_model.training.push_training import Trainer, prior_and_filter
 from sain_model.training.rollout_training import RolloutTrainer
-from sain_model.training.settings import TrainingConfig
 from sain_model.training.training_card import make_card, save_settings
 from sain_model.training.training_loop import LossHistory
 
@@ -48,7 +45,7 @@ def run(command: TrainOptions, console: Console) -> None:
         config, physics = identified_physics(Path(command.belief), command.training)
         command = replace(command, training=config)
     config = command.training
-    data = load_datasets(command.dataset, config.network.bodies)
+    data = load_datasets(command.dataset)
     split = split_datasets(data, config.seed, config.validation, config.test, config.transitions)
     if parent:
         parent.check_data(data)
@@ -85,8 +82,6 @@ def learn(
     """
     config = command.training
     rollouts = command.rollout if command.rollout.wanted else None
-    if rollouts:
-        _check_rollouts(config, split)
     if parent:
         physics = parent.sain.prior, parent.sain.filter
     prior, friction = physics or prior_and_filter(config, split.train)
@@ -96,7 +91,7 @@ def learn(
     _run(trainer, command, console)
     write_png(draw_losses(trainer.history), command.out / "loss.png")
     histories = [trainer.history]
-    if rollouts and isinstance(split, Split):
+    if rollouts:
         learner = RolloutTrainer(
             trainer.network, split, prior, rollouts, config, command.out, friction
         )
@@ -108,17 +103,7 @@ def learn(
     sain = SainDynamics(
         trainer.network, prior, config.prior, friction=infers, recurrent=rollouts is not None
     )
-    parts = split.validation.parts
-    intervals = fit_intervals(sain, *(parts if config.network.bodies == ANY_SHAPE else parts[:1]))
-    return replace(sain, intervals=intervals), histories
-
-
-def _check_rollouts(config: TrainingConfig, split: Split | MixedSplit) -> None:
-    """Raise `ConfigError` or `DatasetError` where rollouts cannot be learned from."""
-    if config.network.bodies == ANY_SHAPE:
-        raise ConfigError("--steps-ahead is for networks for disks; leave --bodies any out")
-    if not isinstance(split, Split):
-        raise DatasetError("--steps-ahead needs data with one number of disks")
+    return replace(sain, intervals=fit_intervals(sain, *split.validation.parts)), histories
 
 
 def _run(trainer: Trainer, command: TrainOptions, console: Console) -> None:

@@ -8,11 +8,10 @@ import torch
 from rich.console import Console
 from rich.progress import Progress
 
-from sain_core.errors import DatasetError
 from sain_core.provenance import ros2_command
 from sain_model.data.dataset import Split, check_held_out
 from sain_model.data.friction_noise import make_filter
-from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
+from sain_model.data.mixed import MixedSplit, load_datasets, split_datasets
 from sain_model.dynamics.checkpoint import (
     CORRECTION_ARCHITECTURE,
     SUFFIX,
@@ -24,7 +23,6 @@ from sain_model.dynamics.priors import load_planar
 from sain_model.evaluation.error_table import error_tables
 from sain_model.evaluation.metrics import measure
 from sain_model.evaluation.shape_errors import predict_told, shape_errors
-from sain_model.network.settings import DISKS
 from sain_model.training.correction_training import make_trainers, train_members
 from sain_model.training.options import TrainCorrectionOptions
 from sain_model.training.settings import EPISODE
@@ -40,9 +38,7 @@ def run(command: TrainCorrectionOptions, console: Console) -> None:
     """
     torch.set_num_threads(1)
     config = command.training
-    data = load_datasets([command.dataset], config.network.bodies)
-    if isinstance(data, MixedDataset) and config.network.bodies == DISKS:
-        raise DatasetError(f"{command.dataset} mixes numbers of disks; use one folder for each")
+    data = load_datasets([command.dataset])
     split = split_datasets(data, config.seed, config.validation, config.test, config.transitions)
     check_held_out(split.test)
     prior = load_planar(command.prior, {"friction": config.prior_friction})

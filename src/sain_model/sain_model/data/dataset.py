@@ -17,7 +17,7 @@ from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Scalars, Scenes
-from sain_model.data.shard import NO_STEP, read_shard
+from sain_model.data.shard import NO_STEP
 from sain_model.physics.friction import EpisodeFriction, FrictionFilter
 
 
@@ -71,25 +71,6 @@ class Split:
     test: Dataset
 
 
-def load_transitions(path: Path) -> Dataset:
-    """Read a shard, or all shards ``*.npz`` of a folder in the order of their names.
-
-    Raises:
-        DatasetError: nothing there, a damaged shard, a missing key, arrays that do not fit
-            together, NaN or Inf, or shards with different numbers of disks.
-    """
-    shards = read_shards(path)
-    counts = {name: shard[Column.STATE].shape[1] for name, shard in shards.items()}
-    if len(set(counts.values())) > 1:
-        raise DatasetError(f"{path} mixes numbers of disks: {counts}; use one folder for each")
-    return from_shards(path, list(shards.values()))
-
-
-def read_shards(path: Path, any_shape: bool = False) -> dict[str, Columns]:
-    """Return the arrays of each shard by its name, in the order of names; see `read_shard`."""
-    return {shard.name: read_shard(shard, any_shape) for shard in shard_paths(path)}
-
-
 def shard_paths(path: Path) -> list[Path]:
     """Return the paths of a folder's shards, in the order of names; a shard's own is alone.
 
@@ -103,7 +84,7 @@ def shard_paths(path: Path) -> list[Path]:
 
 
 def from_shards(path: Path, shards: list[Columns]) -> Dataset:
-    """Return the transitions of shards with one number of disks; the path is for messages.
+    """Return the transitions of shards with one number of bodies; the path is for messages.
 
     Shapes and roles, where shards have them, are left out.
     """

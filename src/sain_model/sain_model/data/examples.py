@@ -1,6 +1,5 @@
 """What a network learns from: its inputs and what it should say, for pushes on a prior."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Self
 
@@ -16,12 +15,16 @@ from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset
 from sain_model.data.mixed import MixedDataset
 from sain_model.data.shaped_physics import filter_for, prior_for
-from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE
-from sain_model.network.features import relation_ends, true_residual
-from sain_model.network.settings import ANY_SHAPE, DISKS, NetworkConfig
-from sain_model.network.shape_feature_kernels import MIRRORED_BODY
-from sain_model.network.shape_features import network_inputs, push_frames
-from sain_model.network.shape_relation_kernels import MIRRORED_RELATION
+from sain_model.network.feature_kernels import MIRRORED_BODY
+from sain_model.network.features import (
+    network_inputs,
+    push_frames,
+    relation_ends,
+    true_residual,
+)
+from sain_model.network.inputs import GAP_AFTER, GAP_BEFORE
+from sain_model.network.relation_kernels import MIRRORED_RELATION
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import step_knowing
 
@@ -32,42 +35,41 @@ MIRRORED_MOTION: Final = (1, 2)  # across the push, and the turn
 class Examples:
     """Network inputs and what it should say, for M pushes."""
 
-    disks: Float[Tensor, "M N D"]
+    bodies: Float[Tensor, "M N D"]
     relations: Float[Tensor, "M E R"]
     residual: Float[Tensor, "M N 3"]
     velocity: Float[Tensor, "M N 3"]  # error of the prior's velocity, which no network changes
 
     def __len__(self) -> int:
         """Return the number of pushes M."""
-        return len(self.disks)
+        return len(self.bodies)
 
-    def padded(self, disks: int) -> Self:
+    def padded(self, bodies: int) -> Self:
         """Return examples with so many bodies, those that are missing far from all others.
 
         A body that is far away tells others nothing, to the bit (`InteractionNetwork`): the
-        network says the same of the disks that exist. Of the others it should say zero.
+        network says the same of the bodies that exist. Of the others it should say zero.
         """
-        count = self.disks.shape[1]
-        if count == disks:
+        count = self.bodies.shape[1]
+        if count == bodies:
             return self
-        with_tool = self.relations.shape[1] == count * count
-        receiver, sender = relation_ends(disks, with_tool)
+        receiver, sender = relation_ends(bodies)
         exist = torch.from_numpy((receiver < count) & (sender < count))
         relations = self.relations.new_zeros(len(self), len(exist), self.relations.shape[2])
         relations[..., [GAP_BEFORE, GAP_AFTER]] = 1.0
         relations[:, exist] = self.relations
-        missing = (0, 0, 0, disks - count)
+        missing = (0, 0, 0, bodies - count)
         return type(self)(
-            functional.pad(self.disks, missing),
+            functional.pad(self.bodies, missing),
             relations,
             functional.pad(self.residual, missing),
             functional.pad(self.velocity, missing),
         )
 
     def mirrored(self) -> Self:
-        """Return the mirror images of examples for bodies of any shape: signs change."""
+        """Return the mirror images of examples: signs change."""
         flipped = {
-            "disks": MIRRORED_BODY,
+            "bodies": MIRRORED_BODY,
             "relations": MIRRORED_RELATION,
             "residual": MIRRORED_MOTION,
             "velocity": MIRRORED_MOTION,
@@ -99,7 +101,7 @@ def make_examples(
     """
     prior_here = prior_for(prior, data.bodies)
     physics_next = step_knowing(prior_here, data.state, data.action, friction)
-    frames = push_frames(network, data.state, data.action, data.bodies)
+    frames = push_frames(data.state, data.action, data.bodies)
     features = network_inputs(network, data.state, frames, physics_next, data.bodies)
     velocity = data.next_state[..., VELOCITY] - physics_next[..., VELOCITY]
     targets = (true_residual(data.next_state, frames, physics_next), velocity)
@@ -118,52 +120,33 @@ def training_examples(
     """Return examples of the pushes and, with `mirror`, of their mirror images after them.
 
     Args:
-        data: M pushes; where numbers of disks differ, all examples are `Examples.padded`.
+        data: M pushes; where numbers of bodies differ, all examples are `Examples.padded`.
         prior: what is corrected.
         friction: infers the friction that the prior uses; None: it is the nominal one.
         mirror: whether to add the mirror images.
         random: draws how many of the latest *earlier* pushes friction is inferred from; None:
             it is inferred from all *other* pushes of the episode.
-        network: which features its inputs have, and what its residual is added to.
+        network: which features its inputs have.
     """
-    disks = max(part.disks for part in data.parts)
-    inferred = [_inference(part, friction, random) for part in data.parts]
+    count = max(part.disks for part in data.parts)
     examples = [
-        _images(part, prior, infer(), network, image).padded(disks)
-        for image in ((False, True) if mirror else (False,))
-        for part, infer in zip(data.parts, inferred, strict=True)
+        make_examples(part, prior, _inferred(part, friction, random), network).padded(count)
+        for part in data.parts
     ]
-    return examples[0].and_then(*examples[1:])
+    images = [some.mirrored() for some in examples] if mirror else []
+    return examples[0].and_then(*examples[1:], *images)
 
 
-def _images(
-    data: Dataset,
-    prior: Dynamics,
-    friction: Scalars | None,
-    network: NetworkConfig,
-    image: bool,
-) -> Examples:
-    """Return the examples of pushes, or of their mirror images."""
-    if image and network.bodies == DISKS:
-        data = data.mirrored()
-    examples = make_examples(data, prior, friction, network)
-    return examples.mirrored() if image and network.bodies == ANY_SHAPE else examples
-
-
-def _inference(
+def _inferred(
     data: Dataset, friction: FrictionFilter | None, random: np.random.Generator | None
-) -> Callable[[], Scalars | None]:
-    """Return a function that infers the friction (M,) anew each time; None: the nominal one."""
+) -> Scalars | None:
+    """Return the friction (M,) that other pushes tell of; None: the nominal one."""
     if friction is None:
-        return lambda: None
+        return None
     friction = filter_for(friction, data.bodies)
     likelihood = friction.log_likelihood(data.state, data.action, data.next_state)
-
-    def infer() -> Scalars:
-        if random is None:
-            return friction.others(likelihood, data.episode).mean
-        known = friction.earlier(likelihood, data.episode, data.step)
-        fewer = random.integers(known.pushes + 1)
-        return friction.earlier(likelihood, data.episode, data.step, fewer).mean
-
-    return infer
+    if random is None:
+        return friction.others(likelihood, data.episode).mean
+    known = friction.earlier(likelihood, data.episode, data.step)
+    fewer = random.integers(known.pushes + 1)
+    return friction.earlier(likelihood, data.episode, data.step, fewer).mean

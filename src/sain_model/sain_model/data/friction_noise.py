@@ -25,16 +25,12 @@ SHARES: Final = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1)
 def make_filter(prior: Dynamics, train: Dataset | MixedDataset) -> FrictionFilter | None:
     """Return what infers friction for a prior, its noise fitted where the truth is known.
 
-    None for a prior that knows no friction. Noise is fitted to the part with the most pushes.
+    None for a prior that knows no friction.
     """
     if not isinstance(prior, PlanarPrior):
         return None
-    parts = train.parts
-    if all(part.bodies.are_paper_disks for part in parts):
-        parts = (max(parts, key=len),)
-    known = all(np.isfinite(part.friction).all() for part in parts)
-    config = fit_noise(prior, *parts) if known else FrictionConfig()
-    return prior.filter(config)
+    known = all(np.isfinite(part.friction).all() for part in train.parts)
+    return prior.filter(fit_noise(prior, *train.parts) if known else FrictionConfig())
 
 
 def fit_noise(
@@ -42,13 +38,29 @@ def fit_noise(
 ) -> FrictionConfig:
     """Return the settings under which an episode's earlier pushes best tell its friction.
 
-    Best is the highest mean logarithm of the density of the true friction, as a normal of the
+    Best is the highest sum of the logarithm of the density of the true friction, as a normal of the
     belief's mean and spread, over all pushes with earlier ones: a belief has to be near, and to
     know how near.
 
     Raises:
         DatasetError: the true friction is not known, or no episode has two pushes.
     """
+    kinds = {
+        "noise": [part for part in parts if part.bodies.all_round],
+        "outline_noise": [part for part in parts if not part.bodies.all_round],
+    }
+    present = {name: _scores(prior, some, config) for name, some in kinds.items() if some}
+    share = int(np.argmax(sum(scores.max(axis=0) for scores in present.values())))
+    best = {name: NOISES[int(scores[:, share].argmax())] for name, scores in present.items()}
+    noise = best.get("noise", config.noise)
+    outline_noise = best.get("outline_noise", config.outline_noise)
+    return replace(config, noise=noise, outline_noise=outline_noise, noise_share=SHARES[share])
+
+
+def _scores(
+    prior: PlanarPrior, parts: Sequence[Dataset], config: FrictionConfig
+) -> Float[ndarray, "A S"]:
+    """Return the sum over pushes of the score of each noise and each share of the way."""
     truth, episodes, steps = (
         np.concatenate([getattr(part, name) for part in parts])
         for name in (Column.FRICTION, Column.EPISODE, Column.STEP)
@@ -60,15 +72,13 @@ def fit_noise(
             f"none of {len(episodes)} episodes has two pushes: nothing to infer from"
         )
     errors, moved = _errors(prior.filter(config), parts)
-    best, highest = config, -np.inf
+    scores = []
     for noise, share in product(NOISES, SHARES):
-        candidate = replace(config, noise=noise, noise_share=share)
-        friction = prior.filter(candidate)
+        both = replace(config, noise=noise, outline_noise=noise, noise_share=share)
+        friction = prior.filter(both)
         known = friction.earlier(friction.weigh(errors, moved), episodes, steps)
-        score = _score(known, truth)
-        if score > highest:
-            best, highest = candidate, score
-    return best
+        scores.append(_score(known, truth))
+    return np.reshape(scores, (len(NOISES), len(SHARES)))
 
 
 def _errors(
@@ -92,4 +102,4 @@ def _score(known: EpisodeFriction, truth: Float[ndarray, "M"]) -> float:
     rows = known.pushes > 0
     spread = np.hypot(known.spread[rows], 1e-3)
     off = np.log(known.mean[rows] / truth[rows]) / spread
-    return float((-0.5 * off**2 - np.log(spread)).mean())
+    return float((-0.5 * off**2 - np.log(spread)).sum())

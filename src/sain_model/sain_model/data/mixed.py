@@ -1,7 +1,7 @@
-"""Several data sets as one, also with different numbers of disks or with other bodies.
+"""Data sets from disk, several as one, whatever their bodies.
 
 Scenes of N = 2 and N = 5 fit into no common array: a mixed data set holds one `Dataset` for
-each number of disks, or for all scenes of the same shapes and roles. Episodes of different folders
+all scenes of the same shapes and roles. Episodes of different folders
 never have the same label, and a push that is in two of the folders is refused: it could end up on
 both sides of a split.
 """
@@ -10,13 +10,13 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, Self, overload
+from typing import Any, Self
 
 import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
-from sain_core.dataset import SHAPED, Column, Columns, draw_parts
+from sain_core.dataset import SHAPED, Column, draw_parts
 from sain_core.errors import DatasetError
 from sain_core.shapes.names import bodies_named
 from sain_core.types import Mask
@@ -24,19 +24,19 @@ from sain_model.data.dataset import (
     Dataset,
     Split,
     from_shards,
-    read_shards,
+    shard_paths,
     split_by_episode,
     validation_share,
 )
-from sain_model.network.settings import ANY_SHAPE, DISKS
+from sain_model.data.shard import read_shard
 
 
 @dataclass(frozen=True)
 class MixedDataset:
-    """Pushes of scenes with different numbers of disks, or of other bodies.
+    """Pushes of scenes with any bodies.
 
     Attributes:
-        parts: those of one number of disks each, in order of it; or those of the same bodies each.
+        parts: those of the same bodies each; disks first, in order of their number.
         sha256: of all parts.
         sources: SHA-256 of each folder and number of disks that it was put together from; empty:
             it is one.
@@ -81,36 +81,37 @@ class MixedSplit:
     test: MixedDataset
 
 
-@overload
-def load_datasets(paths: Sequence[Path], bodies: Literal["any"]) -> MixedDataset: ...
-
-
-@overload
-def load_datasets(paths: Sequence[Path], bodies: str = DISKS) -> Dataset | MixedDataset: ...
-
-
-def load_datasets(paths: Sequence[Path], bodies: str = DISKS) -> Dataset | MixedDataset:
-    """Read one or more shards or folders of them as one data set.
-
-    `bodies` is what a network sees of them: where it is `ANY_SHAPE`, all parts know their bodies.
+def load_datasets(paths: Sequence[Path]) -> MixedDataset:
+    """Read one or more shards or folders of them as one data set; all parts know their bodies.
 
     Raises:
-        DatasetError: see `load_transitions`; or a push that is in two of them.
+        DatasetError: nothing there, a damaged shard, a missing key, arrays that do not fit
+            together, NaN or Inf; or a push that is in two of the folders.
     """
-    any_shape = bodies == ANY_SHAPE
-    sources = [(path, part) for path in paths for part in _by_count(path, any_shape)]
-    if len(sources) == 1 and not any_shape:
-        return sources[0][1]
+    sources = [(path, part) for path in paths for part in _by_bodies(path)]
     _check_apart(sources)
     hashes = tuple(dict.fromkeys(part.sha256 for _, part in sources))
     found = [part for _, part in sources]
-    labelled = found if any_shape and _labels_differ(found) else _relabelled(found)
+    labelled = found if _labels_differ(found) else _relabelled(found)
     parts: dict[tuple[int, str, tuple[str, ...]], list[Dataset]] = {}
     for part in labelled:
         parts.setdefault(_order(part), []).append(part)
     identity = (hashes[0], ()) if len(hashes) == 1 else (_digest(hashes), hashes)
     joined = tuple(_joined(parts[key], *identity) for key in sorted(parts))
-    return joined[0] if len(joined) == 1 and not any_shape else MixedDataset(joined, *identity)
+    return MixedDataset(joined, *identity)
+
+
+def load_transitions(path: Path) -> Dataset:
+    """Read a shard, or all of a folder in the order of their names, whose scenes are alike.
+
+    Raises:
+        DatasetError: see `load_datasets`; or scenes with different bodies.
+    """
+    parts = load_datasets([path]).parts
+    if len(parts) > 1:
+        names = "; ".join(", ".join(shape.name for shape in part.bodies.shapes) for part in parts)
+        raise DatasetError(f"{path} mixes bodies: {names}; use one folder for each")
+    return parts[0]
 
 
 def split_datasets(
@@ -139,26 +140,19 @@ def _first(data: MixedDataset, count: int) -> MixedDataset:
     return data.select(rows)
 
 
-def _by_count(path: Path, any_shape: bool) -> list[Dataset]:
-    """Return what a folder holds, by the number of disks; with `any_shape`, by its bodies too."""
-    shards = list(read_shards(path, any_shape).values())
-    counts = sorted({shard[Column.STATE].shape[1] for shard in shards})
+def _by_bodies(path: Path) -> list[Dataset]:
+    """Return what a folder holds by the bodies; scenes of as many have one SHA-256."""
+    shards = [read_shard(shard) for shard in shard_paths(path)]
     found = []
-    for count in counts:
+    for count in sorted({shard[Column.STATE].shape[1] for shard in shards}):
         alike = [shard for shard in shards if shard[Column.STATE].shape[1] == count]
         whole = from_shards(path, alike)
-        found += _by_bodies(whole, alike) if any_shape else [whole]
+        columns = (np.concatenate([shard[name] for shard in alike]) for name in SHAPED[1:])
+        names = np.array([";".join(row) for row in zip(*columns, strict=True)])
+        for name in np.unique(names):
+            bodies = bodies_named(*str(name).split(";"), whole.disks)
+            found.append(replace(whole.select(names == name), bodies=bodies))
     return found
-
-
-def _by_bodies(data: Dataset, shards: list[Columns]) -> list[Dataset]:
-    """Return transitions by their bodies; all have the SHA-256 of them together."""
-    columns = (np.concatenate([shard[name] for shard in shards]) for name in SHAPED[1:])
-    names = np.array([";".join(row) for row in zip(*columns, strict=True)])
-    return [
-        replace(data.select(names == name), bodies=bodies_named(*str(name).split(";"), data.disks))
-        for name in np.unique(names)
-    ]
 
 
 def _order(part: Dataset) -> tuple[int, str, tuple[str, ...]]:

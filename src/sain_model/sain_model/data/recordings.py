@@ -23,7 +23,7 @@ def load_recording(path: Path) -> list[RecordedPushes]:
     """
     found: dict[Bodies, list[Columns]] = {}
     for shard in shard_paths(path):
-        columns = read_shard(shard, any_shape=True)
+        columns = read_shard(shard)
         bodies = row_bodies(columns)
         for kind in dict.fromkeys(bodies):
             chosen = np.array([one == kind for one in bodies])

@@ -25,19 +25,16 @@ KINDS: Final = {  # of NumPy, by the types of the schema
     "bool": ("b", "true or false"),
     "str": ("U", "text"),
 }
-HINT: Final = ", or a model for any shape: train with --bodies any or --from sain_any_shape"
 
 
-def read_shard(path: Path, any_shape: bool = False) -> Columns:
-    """Read and check one shard; states come back as (M, N, 8).
+def read_shard(path: Path) -> Columns:
+    """Read and check one shard; states come back as (M, N, 8), with shapes and roles of each row.
 
-    With `any_shape`, shapes and roles of each row come back too, and the action (M, 4) has the
-    pushed body where the shard names it. Without, all bodies are taken for disks.
+    The action (M, 4) has the pushed body where the shard names it.
 
     Raises:
         DatasetError: a damaged shard, a missing column, no rows, arrays that do not fit together,
-            NaN or Inf, a number that cannot be, or pushes against bodies that are not pushable;
-            without `any_shape`, against other bodies than the first.
+            NaN or Inf, a number that cannot be, or pushes against bodies that are not pushable.
     """
     arrays = read_arrays(path)
     missing = [column for column in NEEDED if column not in arrays]
@@ -47,16 +44,14 @@ def read_shard(path: Path, any_shape: bool = False) -> Columns:
         raise DatasetError(f"{path} holds no transitions")
     count = len(arrays[Column.ACTION])
     _check_types(path, arrays, count)
-    disks = _disks(path, arrays[Column.STATE], count, least=1 if any_shape else 2)
-    if not any_shape:
-        _check_bodies(path, arrays)
+    disks = _disks(path, arrays[Column.STATE], count)
     columns: Columns = {}
     for column in LOADED:
         shape = (count, *column.row_shape(disks))
         values = arrays.get(column, np.full(shape, UNKNOWN.get(column)))
         columns[column] = _checked(path, column, values, shape)
     _check_positive(path, arrays, columns)
-    return columns | _shaped(path, arrays, columns[Column.ACTION]) if any_shape else columns
+    return columns | _shaped(path, arrays, columns[Column.ACTION])
 
 
 def _check_types(path: Path, arrays: Columns, count: int) -> None:
@@ -108,31 +103,16 @@ def _shaped(path: Path, arrays: Columns, action: ndarray) -> Columns:
     return {**names, Column.ACTION: np.column_stack([action, pushed])}
 
 
-def _disks(path: Path, states: ndarray, count: int, least: int) -> int:
+def _disks(path: Path, states: ndarray, count: int) -> int:
     """Return the number of disks N of states (M, 8 N) or (M, N, 8)."""
     disks, rest = divmod(states.size, STATE_SIZE * count)
     if states.ndim not in (2, 3) or rest:
         raise DatasetError(f"{path}: state has shape {states.shape}; it should be ({count}, N * 8)")
     if disks > BODIES:
         raise DatasetError(f"{path}: state has {disks} disks; it may have {BODIES}")
-    if disks < least:
-        raise DatasetError(
-            f"{path}: state has {disks} disks; it needs {least} or more{HINT if disks else ''}"
-        )
+    if not disks:
+        raise DatasetError(f"{path}: state has no bodies; it needs one or more")
     return disks
-
-
-def _check_bodies(path: Path, arrays: Columns) -> None:
-    """Raise `DatasetError` where other bodies than the first are pushed."""
-    if not {Column.SHAPES, Column.ROLES} & arrays.keys():
-        return
-    for bodies in dict.fromkeys(_row_bodies(path, arrays)):
-        if not bodies.has_paper_roles:
-            pairs = zip(bodies.shapes, bodies.roles, strict=True)
-            names = ", ".join(f"{shape.name} ({role})" for shape, role in pairs)
-            raise DatasetError(
-                f"{path} holds the bodies {names}; for disks, only body 0 may be pushable{HINT}"
-            )
 
 
 def _row_bodies(path: Path, arrays: Columns) -> list[Bodies]:

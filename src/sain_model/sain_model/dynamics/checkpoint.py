@@ -20,11 +20,9 @@ from sain_core.storage import write_json, write_whole
 from sain_core.untrusted.files import read_regular
 from sain_core.untrusted.json_text import parse_json
 from sain_model.dynamics.correction_network import CorrectionEnsemble
-from sain_model.network.feature_kernels import DISK_FEATURES, FEATURE_VERSION, RELATION_FEATURES
+from sain_model.network.feature_kernels import BODY_FEATURES, FEATURE_VERSION
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import ANY_SHAPE, DISKS
-from sain_model.network.shape_feature_kernels import SHAPE_BODY_FEATURES, SHAPE_FEATURE_VERSION
-from sain_model.network.shape_relation_kernels import SHAPE_RELATION_FEATURES
+from sain_model.network.relation_kernels import RELATION_FEATURES
 
 FORMAT_VERSION: Final = 2  # 1: with options that are gone
 ARCHITECTURE: Final = "interaction-network"
@@ -71,7 +69,7 @@ class ModelCard:
     parent: dict[str, Any] | None = None
     architecture: str = ARCHITECTURE
     feature_version: int = FEATURE_VERSION
-    disk_features: int = DISK_FEATURES
+    body_features: int = BODY_FEATURES
     relation_features: int = RELATION_FEATURES
     format_version: int = FORMAT_VERSION
 
@@ -111,7 +109,6 @@ def save_checkpoint(
     config = dataclasses.asdict(network.config)
     card = dataclasses.replace(
         card,
-        **feature_facts(config.get("bodies", DISKS)),
         network=config,
         weights_sha256=hashlib.sha256(weights).hexdigest(),
     )
@@ -170,15 +167,6 @@ def parse_card(path: Path, text: str) -> ModelCard:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
 
 
-def feature_facts(bodies: str = DISKS) -> dict[str, Any]:
-    """Return what a card says about the features of a network for these bodies."""
-    if bodies == ANY_SHAPE:
-        facts = SHAPE_FEATURE_VERSION, SHAPE_BODY_FEATURES, SHAPE_RELATION_FEATURES
-    else:
-        facts = FEATURE_VERSION, DISK_FEATURES, RELATION_FEATURES
-    return dict(zip(("feature_version", "disk_features", "relation_features"), facts, strict=True))
-
-
 def _check_card(path: Path, card: ModelCard, architecture: str) -> None:
     if card.format_version != FORMAT_VERSION:
         raise CheckpointError(
@@ -187,7 +175,9 @@ def _check_card(path: Path, card: ModelCard, architecture: str) -> None:
         )
     expected = {
         "architecture": architecture,
-        **feature_facts(card.network.get("bodies", DISKS)),
+        "feature_version": FEATURE_VERSION,
+        "body_features": BODY_FEATURES,
+        "relation_features": RELATION_FEATURES,
     }
     for name, right in expected.items():
         value = getattr(card, name)

@@ -7,8 +7,8 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from sain_model.dynamics.settings import CorrectionNetworkConfig
-from sain_model.network.feature_kernels import PLACE_FEATURES, TURN_SCALE
 from sain_model.network.features import count_features
+from sain_model.network.inputs import PLACE_FEATURES, TURN_SCALE
 from sain_model.network.interaction_network import OUTPUTS, POSITION_UNIT, sum_messages
 from sain_model.network.members import make_perceptron, zero_last_layer
 from sain_model.physics.corrections import CORRECTIONS, DRAG
@@ -20,7 +20,7 @@ MAP_FINENESS: Final = 3.0  # its first layer starts out so much steeper than usu
 
 
 class CorrectionNetwork(nn.Module):
-    """f_rel and f_dyn as in `InteractionNetwork`, and one map of the table for all disks.
+    """f_rel and f_dyn as in `InteractionNetwork`, and one map of the table for all bodies.
 
     What a place does to a disk is the same for every disk that comes by: the map is a function of
     place alone, read along the straight line from where a disk stands to where the uncorrected
@@ -51,15 +51,15 @@ class CorrectionNetwork(nn.Module):
         )
 
     def forward(
-        self, disks: Float[Tensor, "B N D"], relations: Float[Tensor, "B E R"]
+        self, bodies: Float[Tensor, "B N D"], relations: Float[Tensor, "B E R"]
     ) -> tuple[Float[Tensor, "B N C"], Float[Tensor, "B N 3"]]:
         """Return corrections (`physics.corrections`) and the residual of what comes of them.
 
         Features are in the frame of the world.
         """
-        inputs = [disks, sum_messages(self.relation, relations, disks.shape[1])]
+        inputs = [bodies, sum_messages(self.relation, relations, bodies.shape[1])]
         if self.config.places:
-            inputs.append(self._look_up(disks))
+            inputs.append(self._look_up(bodies))
         output = self.dynamics(torch.cat(inputs, dim=-1))
         corrections, residual = output[..., :CORRECTIONS], output[..., CORRECTIONS:] * self.unit
         if self.config.places:
@@ -68,9 +68,9 @@ class CorrectionNetwork(nn.Module):
             corrections = corrections + drag
         return corrections, residual
 
-    def _look_up(self, disks: Float[Tensor, "B N D"]) -> Float[Tensor, "B N P"]:
+    def _look_up(self, bodies: Float[Tensor, "B N D"]) -> Float[Tensor, "B N P"]:
         """Return the map along the way of each disk."""
-        before, after = disks[..., None, BEFORE], disks[..., None, AFTER]
+        before, after = bodies[..., None, BEFORE], bodies[..., None, AFTER]
         along: Tensor = self.map(before + self.way[:, None] * (after - before))
         return along.squeeze(-1)
 

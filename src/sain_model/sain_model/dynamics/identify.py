@@ -1,7 +1,7 @@
 """Learns a belief from the recordings of a laboratory, for the shipped model."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -29,14 +29,6 @@ MOST_ODDS: Final = 20.0  # logarithm: recordings may not rule out for ever what 
 LEAST_SPREAD: Final = 0.1  # of z: of the friction of an episode, and of what is shared
 
 
-@dataclass(frozen=True)
-class _Odds:
-    """Logarithms of the odds that the correction of each network holds."""
-
-    disks: float
-    any_shape: float
-
-
 def identify(model: SainDynamics, recordings: Mapping[str, Recording]) -> Belief:
     """Return what the recordings of one laboratory tell.
 
@@ -60,7 +52,7 @@ def identify(model: SainDynamics, recordings: Mapping[str, Recording]) -> Belief
         check_frictions({name: some[fits.index(best)] for name, some in alone.items()})
     odds = _network_odds(model, next(f for f in fits if f.structure.corrected), pushes)
     structures = tuple(_identified(fit, best.log_evidence) for fit in fits)
-    return Belief(structures, odds.disks, odds.any_shape, _card(recordings, fits))
+    return Belief(structures, odds, _card(recordings, fits))
 
 
 def _identified(fit: LaboratoryFit, best: float) -> Structure:
@@ -81,20 +73,19 @@ def _identified(fit: LaboratoryFit, best: float) -> Structure:
 
 def _network_odds(
     model: SainDynamics, fit: LaboratoryFit, parts: Sequence[RecordedPushes]
-) -> _Odds:
-    """Return by how much each network explains the pushes better than the physics alone."""
-    sums = {True: KEEP, False: KEEP}
+) -> float:
+    """Return by how much the network explains the pushes better than the physics alone."""
+    odds = KEEP
     for part in parts:
         places = np.tile(fit.shared, (len(part), 1))
         places[:, FRICTION] = fit.frictions[part.episode]
         physics_next = step_at(fit.structure, part.bodies, part, places)
-        corrector = model.with_bodies(part.bodies)
-        assert isinstance(corrector, SainDynamics)
         scenes = with_mass_ratio(part.state, mass_factor(places))
-        corrected = corrector.network_correct(scenes, part.action, physics_next)
-        gain = _density(part, corrected) - _density(part, physics_next)
-        sums[part.bodies.are_paper_disks] += gain
-    return _Odds(*(float(np.clip(sums[key], -MOST_ODDS, MOST_ODDS)) for key in (True, False)))
+        corrected = model.with_bodies(part.bodies).network_correct(
+            scenes, part.action, physics_next
+        )
+        odds += _density(part, corrected) - _density(part, physics_next)
+    return float(np.clip(odds, -MOST_ODDS, MOST_ODDS))
 
 
 def _density(part: RecordedPushes, predicted: Scenes) -> float:

@@ -30,7 +30,6 @@ from sain_model.identification.evidence import (
 from sain_model.identification.masses import MassFilter, mass_filter
 from sain_model.identification.parameters import FRICTION, MASS_RATIO, config_at
 from sain_model.identification.posterior import Posterior, infer, step_rows
-from sain_model.network.settings import ANY_SHAPE
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import with_mass_ratio
 
@@ -139,8 +138,6 @@ def before_pushes(model: "SainDynamics", belief: Belief) -> dict[str, Any]:
             f"the belief is for a network on another prior than {model.prior_name!r}; identify"
             " with this model"
         )
-    if model.network.config.bodies == ANY_SHAPE:
-        belief = replace(belief, network_log_odds=belief.any_shape_log_odds)
     likeliest = belief.likeliest
     return {
         "belief": belief,

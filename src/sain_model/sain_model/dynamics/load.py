@@ -1,6 +1,5 @@
 """The checkpoints that this package offers to the registry of models; for priors see `priors`."""
 
-from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -23,7 +22,6 @@ from sain_model.dynamics.priors import C, Settings, load_planar, load_prior, nam
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import (
     SHIPPED,
-    SHIPPED_ANY_SHAPE,
     CorrectionNetworkConfig,
     RolloutConfig,
 )
@@ -47,12 +45,8 @@ def load_builtin(name: str) -> Dynamics:
 
 
 def load_shipped() -> SainDynamics:
-    """Return the model that comes with this package: one network for disks, one for any shape."""
-    disks, any_shape = (
-        believing_model(load_sain(shipped_checkpoint(name)))
-        for name in (SHIPPED, SHIPPED_ANY_SHAPE)
-    )
-    return replace(disks, any_shape=any_shape)
+    """Return the model that comes with this package."""
+    return believing_model(load_sain(shipped_checkpoint()))
 
 
 def load_sain(path: Path) -> SainDynamics:
@@ -112,6 +106,6 @@ def card_part(name: str, kind: type[C], settings: Settings) -> C:
         return kind(**typed_settings(kind, settings))
 
 
-def shipped_checkpoint(name: str = SHIPPED) -> Path:
-    """Return the path of a checkpoint that comes with this package."""
-    return Path(str(resources.files("sain_model") / "checkpoints" / f"{name}{SUFFIX}"))
+def shipped_checkpoint() -> Path:
+    """Return the path of the checkpoint that comes with this package."""
+    return Path(str(resources.files("sain_model") / "checkpoints" / f"{SHIPPED}{SUFFIX}"))

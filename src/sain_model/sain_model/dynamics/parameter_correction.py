@@ -15,7 +15,6 @@ import torch
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
@@ -24,9 +23,7 @@ from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.physics_gradient import moves
-from sain_model.network.features import apply_residual
-from sain_model.network.settings import ANY_SHAPE
-from sain_model.network.shape_features import Strokes, network_inputs, push_frames
+from sain_model.network.features import Strokes, apply_residual, network_inputs, push_frames
 from sain_model.physics.corrections import Corrections
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
 from sain_model.physics.planar import PlanarPrior
@@ -71,22 +68,8 @@ class ParameterCorrection:
         return replace(self, prior=self.prior.at(friction.infer(history).mean))
 
     def with_bodies(self, bodies: Bodies) -> Self:
-        """Return the model of scenes of these bodies.
-
-        Networks for disks take cubes for disks.
-
-        Raises:
-            ConfigError: its networks were made for disks, and these are others.
-        """
-        if self.networks.config.bodies == ANY_SHAPE:
-            return replace(self, prior=self.prior.with_bodies(bodies), bodies=bodies)
-        if bodies.stand_in_for_disks:
-            return self
-        names = ", ".join(shape.name for shape in bodies.shapes)
-        raise ConfigError(
-            "these parameter corrections were trained on disks of which only the first is"
-            f" pushable; the bodies are {names}: train with --bodies any"
-        )
+        """Return the model of scenes of these bodies."""
+        return replace(self, prior=self.prior.with_bodies(bodies), bodies=bodies)
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3 or 4) from scenes (B, N, 8).
@@ -95,7 +78,7 @@ class ParameterCorrection:
         with the table is (B,); None: the prior's own.
         """
         physics_next = self.prior.step(scenes, pushes, friction)
-        frames = push_frames(self.networks.config.seen, scenes, pushes, self.bodies)
+        frames = push_frames(scenes, pushes, self.bodies)
         plain = moves(scenes, frames, physics_next)
         change = np.zeros_like(plain)
         for corrections, residual in self.corrections(scenes, frames, physics_next):

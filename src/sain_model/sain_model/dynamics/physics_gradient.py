@@ -14,9 +14,8 @@ from torch import Tensor
 
 from sain_core.push import pushed_bodies
 from sain_core.types import Indices, Pushes, Scalars, Scenes
-from sain_model.network.feature_kernels import TURN_SCALE
-from sain_model.network.features import true_residual
-from sain_model.network.shape_features import Strokes
+from sain_model.network.features import Strokes, true_residual
+from sain_model.network.inputs import TURN_SCALE
 from sain_model.physics.corrections import CORRECTIONS, OF_DISKS, Corrections
 from sain_model.physics.planar import PlanarPrior
 
@@ -31,7 +30,7 @@ class ToldPushes(NamedTuple):
         prior: told the bodies.
         scenes: before the pushes.
         pushes: one a scene.
-        frames: of the pushes, as `network.shape_features.push_frames` makes them.
+        frames: of the pushes, as `network.features.push_frames` makes them.
         friction: with the table (B,); None: the prior's own.
     """
 

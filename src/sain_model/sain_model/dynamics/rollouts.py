@@ -6,6 +6,7 @@ together (docs/explanation/rollouts.md). The prior goes on from the corrected sc
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -16,12 +17,14 @@ from torch import Tensor
 
 from sain_core.dynamics import Dynamics
 from sain_core.push import LENGTH, LOCATION
-from sain_core.scene import POSE, THETA, wrap_angle
+from sain_core.scene import POSE, THETA, unit, wrap_angle
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.compute.threads import settle_threads
 from sain_model.data.windows import Windows
-from sain_model.network.features import make_features
+from sain_model.network.features import network_inputs, push_frames
 from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import step_knowing
 
 STEPS: Final = (2e-4, 2e-4, 2e-3)  # [m, m, rad], of the finite differences: well above rounding
@@ -34,19 +37,22 @@ def roll(
     windows: Windows,
     prior: Dynamics,
     friction: Float[ndarray, "W T"] | None = None,
+    bodies: Bodies = PAPER_DISKS,
 ) -> Float[Tensor, "W T N 3"]:
     """Return the poses that a network predicts over windows, fed with its own predictions.
 
-    `friction` is that of each push, for the planar prior; None: the nominal one.
+    `friction` is that of each push, for the planar prior; None: the nominal one. `prior` predicts
+    these bodies.
     """
     pose = torch.from_numpy(windows.scenes[..., POSE])
     poses = []
     for step in range(windows.steps):
         pushes = windows.pushes[:, step]
         physics = _physics(prior, None if friction is None else friction[:, step])
-        seen = see(pose, windows.scenes, pushes, physics, network.config.features)
+        seen = see(pose, windows.scenes, pushes, physics, network.config, bodies)
         settle_threads()
-        moved = seen.moved + _into_world(network(seen.disks, seen.relations).double(), pushes)
+        residual = network(seen.bodies, seen.relations).double()
+        moved = seen.moved + _into_world(residual, seen.heading)
         idle = torch.from_numpy(pushes[:, LENGTH] == 0.0)[:, None, None]
         pose = pose + moved.masked_fill(idle, 0.0)
         poses.append(pose)
@@ -60,10 +66,11 @@ def _physics(prior: Dynamics, friction: Scalars | None) -> Physics:
     return predict
 
 
-def _into_world(residual: Float[Tensor, "B N 3"], pushes: Pushes) -> Float[Tensor, "B N 3"]:
-    """Turn residuals out of the frame of the push."""
-    heading = torch.from_numpy(pushes[:, LOCATION])[:, None]
-    cos, sin = torch.cos(heading), torch.sin(heading)
+def _into_world(
+    residual: Float[Tensor, "B N 3"], heading: Float[Tensor, "B 2"]
+) -> Float[Tensor, "B N 3"]:
+    """Turn residuals out of the frame of the push, given by cos and sin of its heading."""
+    cos, sin = heading[:, :1], heading[:, 1:]
     x, y, turn = residual.unbind(-1)
     return torch.stack([cos * x - sin * y, sin * x + cos * y, turn], dim=-1)
 
@@ -71,9 +78,10 @@ def _into_world(residual: Float[Tensor, "B N 3"], pushes: Pushes) -> Float[Tenso
 class Seen(NamedTuple):
     """Network inputs and how the prior moves the disks, for B pushes."""
 
-    disks: Float[Tensor, "B N D"]
+    bodies: Float[Tensor, "B N D"]
     relations: Float[Tensor, "B E R"]
     moved: Float[Tensor, "B N 3"]  # dx, dy [m], dtheta [rad], in the world
+    heading: Float[Tensor, "B 2"]  # cos and sin of the frame of the push
 
 
 def see(
@@ -81,7 +89,8 @@ def see(
     scenes: Scenes,
     pushes: Pushes,
     physics: Physics,
-    frame: str,
+    config: NetworkConfig,
+    shapes: Bodies,
 ) -> Seen:
     """Return what the network sees in scenes with these poses.
 
@@ -90,32 +99,40 @@ def see(
         scenes: with masses and radii; the poses in them are overwritten.
         pushes: one a scene.
         physics: predicts, for rows of this batch.
-        frame: of the features.
+        config: of the network.
+        shapes: of the bodies.
     """
     scenes = scenes.copy()
     scenes[..., POSE] = pose.detach().numpy()
     scenes[..., THETA] = wrap_angle(scenes[..., THETA])
     rows = np.arange(len(scenes))
-    parts = _look(scenes, pushes, physics, rows, frame)
+    look = partial(_look, physics, config, shapes)
+    parts = look(scenes, pushes, rows)
     values = torch.from_numpy(_flat(parts))
     if pose.requires_grad:
-        slopes = torch.from_numpy(_slopes(scenes, pushes, physics, frame, _flat(parts)))
+        slopes = torch.from_numpy(_slopes(scenes, pushes, look, _flat(parts)))
         values = _Linearised.apply(pose, values, slopes)
     split = values.split([part[0].size for part in parts], dim=1)
-    disks, relations, moved = (
+    bodies, relations, moved, heading = (
         value.view(part.shape) for value, part in zip(split, parts, strict=True)
     )
-    return Seen(disks.float(), relations.float(), moved)
+    return Seen(bodies.float(), relations.float(), moved, heading)
 
 
 def _look(
-    scenes: Scenes, pushes: Pushes, physics: Physics, rows: ndarray, frame: str
-) -> tuple[ndarray, ndarray, ndarray]:
+    physics: Physics,
+    config: NetworkConfig,
+    shapes: Bodies,
+    scenes: Scenes,
+    pushes: Pushes,
+    rows: ndarray,
+) -> tuple[ndarray, ...]:
     physics_next = physics(scenes, pushes, rows)
-    features = make_features(scenes, pushes, physics_next, frame)
+    frames = push_frames(scenes, pushes, shapes)
+    features = network_inputs(config, scenes, frames, physics_next, shapes)
     moved = physics_next[..., POSE] - scenes[..., POSE]
     moved[..., THETA] = wrap_angle(moved[..., THETA])
-    return features.disks, features.relations, moved
+    return features.bodies, features.relations, moved, unit(frames[:, LOCATION])
 
 
 def _flat(parts: tuple[ndarray, ...]) -> Float[ndarray, "B V"]:
@@ -123,7 +140,10 @@ def _flat(parts: tuple[ndarray, ...]) -> Float[ndarray, "B V"]:
 
 
 def _slopes(
-    scenes: Scenes, pushes: Pushes, physics: Physics, frame: str, values: Float[ndarray, "B V"]
+    scenes: Scenes,
+    pushes: Pushes,
+    look: Callable[[Scenes, Pushes, ndarray], tuple[ndarray, ...]],
+    values: Float[ndarray, "B V"],
 ) -> Float[ndarray, "B V P"]:
     """Return the derivative of all that is seen by each of the P = 3 N numbers of the poses."""
     batch, disks, _ = scenes.shape
@@ -133,9 +153,9 @@ def _slopes(
         for column, step in enumerate(STEPS):
             nudged[3 * disk + column, :, disk, column] += step
     rows = np.tile(np.arange(batch), count)
-    seen = _flat(
-        _look(nudged.reshape(-1, *scenes.shape[1:]), pushes[rows], physics, rows, frame)
-    ).reshape(count, batch, -1)
+    seen = _flat(look(nudged.reshape(-1, *scenes.shape[1:]), pushes[rows], rows)).reshape(
+        count, batch, -1
+    )
     steps = np.tile(STEPS, disks)[:, None, None]
     return np.ascontiguousarray(((seen - values) / steps).transpose(1, 2, 0))
 

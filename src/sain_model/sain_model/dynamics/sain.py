@@ -14,10 +14,9 @@ from sain_core.dynamics import Dynamics, Radii, StepwiseRollout, scenes_before
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH, pushed_bodies
-from sain_core.scene import MASS
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
-from sain_model.compute.batch_checks import check_batch, check_physics_next
+from sain_model.compute.batch_checks import check_physics_next
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
 from sain_model.data.shaped_physics import prior_for
@@ -35,9 +34,8 @@ from sain_model.identification.belief_file import read_belief
 from sain_model.identification.beliefs import Belief
 from sain_model.identification.masses import MassFilter
 from sain_model.network.compiled_network import CompiledNetwork
+from sain_model.network.features import elongations, network_inputs, push_frames
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import ANY_SHAPE
-from sain_model.network.shape_features import elongations, network_inputs, push_frames
 from sain_model.network.torch_network import TorchNetwork
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
 from sain_model.physics.planar import PlanarPrior, step_knowing
@@ -65,8 +63,6 @@ class SainDynamics:
         recurrent: whether it was trained on rollouts of its own predictions.
         device: what the network runs on, ``cpu`` or ``cuda``. The prior stays on the CPU.
         bodies: that are pushed.
-        any_shape: the model of all bodies that a network for disks cannot predict; None: it
-            refuses them.
         learned: what `with_history` was told; None: nothing.
         belief: kinds of physics and parameters that pushes choose from; None: friction alone.
         corrects: whether the network's correction counts.
@@ -85,7 +81,6 @@ class SainDynamics:
     recurrent: bool = False
     device: str = CPU
     bodies: Bodies = PAPER_DISKS
-    any_shape: "SainDynamics | None" = None
     learned: Learned | None = None
     belief: Belief | None = None
     corrects: bool = True
@@ -103,9 +98,8 @@ class SainDynamics:
         return TorchNetwork(self.network, self.device)
 
     def on(self, device: str) -> Self:
-        """Return this model with its networks on a device, ``cpu`` or ``cuda``."""
-        others = self.any_shape.on(device) if self.any_shape else None
-        return replace(self, device=device, any_shape=others)
+        """Return this model with its network on a device, ``cpu`` or ``cuda``."""
+        return replace(self, device=device)
 
     @property
     def kind(self) -> str:
@@ -194,9 +188,7 @@ class SainDynamics:
             raise ConfigError(
                 f"the model on {self.prior_name!r} infers nothing from pushes, and takes no belief"
             )
-        others = self.any_shape.with_belief(belief) if self.any_shape else None
-        believing = replace(self, **before_pushes(self, belief), any_shape=others)
-        return self._with_same_weights(believing)
+        return self._with_same_weights(replace(self, **before_pushes(self, belief)))
 
     def with_unknown_masses(self) -> Self:
         """Return this model where masses are not measured: earlier pushes tell their ratio.
@@ -216,30 +208,14 @@ class SainDynamics:
         """
         return self.with_belief(read_belief(path))
 
-    def with_bodies(self, bodies: Bodies) -> "SainDynamics":
+    def with_bodies(self, bodies: Bodies) -> Self:
         """Return the model of scenes of these bodies.
 
-        With no model of any shape, a network for disks takes cubes for disks.
-
         Raises:
-            ConfigError: its network was made for disks, these are others, and it has no model of
-                any shape.
+            ConfigError: its prior cannot predict them.
         """
-        if self.network.config.bodies == ANY_SHAPE:
-            prior = prior_for(self.prior, bodies)
-            return self._with_same_weights(replace(self, prior=prior, bodies=bodies))
-        if bodies.are_paper_disks:
-            return self
-        if self.any_shape is not None:
-            return self.any_shape.with_bodies(bodies)
-        if bodies.stand_in_for_disks:
-            return self
-        pairs = zip(bodies.shapes, bodies.roles, strict=True)
-        names = ", ".join(f"{shape.name} ({role})" for shape, role in pairs)
-        raise ConfigError(
-            "this checkpoint was trained on disks of which only the first is pushable; the"
-            f" bodies are {names}: use a checkpoint for any shape, or the model 'sain'"
-        )
+        prior = prior_for(self.prior, bodies)
+        return self._with_same_weights(replace(self, prior=prior, bodies=bodies))
 
     def _with_same_weights(self, other: Self) -> Self:
         """Return another model with the network of this one, which is not packed again."""
@@ -296,9 +272,7 @@ class SainDynamics:
         """Return a prediction with the regions of bodies, not widened; without where none are."""
         if self.intervals is None:
             return prediction
-        long = None
-        if self.network.config.bodies == ANY_SHAPE:
-            long = elongations(self.bodies.fitted(scenes.shape[1]))
+        long = elongations(self.bodies.fitted(scenes.shape[1]))
         radii = self.intervals.radii(prediction, scenes, pushed_bodies(pushes), long)
         return replace(prediction, radius=radii)
 
@@ -336,26 +310,8 @@ class SainDynamics:
         return with_mass_ratio(scenes, ratio)
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
-        """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8).
-
-        As `StepwiseRollout` does; on a planar prior and the CPU in one go, several times faster.
-
-        Raises:
-            InvalidInputError: wrong shapes, NaN or Inf, or a mass or radius that is not positive.
-        """
-        forward = self._forward
-        if (
-            not self.corrects
-            or not isinstance(self.prior, PlanarPrior)
-            or not isinstance(forward, CompiledNetwork)
-            or self.network.config.bodies == ANY_SHAPE
-        ):
-            return StepwiseRollout(self).rollout(scene, pushes)
-        flat = pushes.reshape(-1, pushes.shape[-1])
-        check_batch(np.broadcast_to(scene, (len(flat), *scene.shape)), flat)
-        predicted = forward.rollout(self.prior, self._weighed(scene[None])[0], pushes)
-        predicted[..., MASS] = scene[:, MASS]
-        return predicted
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8)."""
+        return StepwiseRollout(self).rollout(scene, pushes)
 
     def regions(
         self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
@@ -379,7 +335,7 @@ class SainDynamics:
             return np.zeros(scenes.shape[:2])
         settle_threads()
         config = self.network.config
-        frames = push_frames(config, scenes, pushes, self.bodies)
+        frames = push_frames(scenes, pushes, self.bodies)
         weighed = self._weighed(scenes)
         features = network_inputs(config, weighed, frames, physics_next, self.bodies)
         with torch.inference_mode():

@@ -4,20 +4,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from sain_core.config import Config, option
-from sain_model.network.settings import (
-    ANY_SHAPE,
-    DISKS,
-    WORLD_FRAME,
-    NetworkConfig,
-    PerceptronConfig,
-)
+from sain_model.network.settings import WORLD_FRAME, NetworkConfig, PerceptronConfig
 
 PLANAR: Final = "planar"
 PLANAR_AXES: Final = "planar_axes"
 PLANAR_PRIORS: Final = (PLANAR, PLANAR_AXES)
 PLANAR_LAB: Final = "planar_lab"  # only on cards: what it is was fitted
 SHIPPED: Final = "sain"
-SHIPPED_ANY_SHAPE: Final = "sain_any_shape"
 IDENTITY: Final = "identity"
 STEPS: Final = (1, 5, 15)
 
@@ -62,13 +55,8 @@ class CorrectionNetworkConfig(PerceptronConfig):
         5, "places on a disk's way where the map of the table is read; 0: no map", minimum=0
     )
     members: int = option(1, "number of networks in the ensemble", minimum=1, maximum=32)
-    bodies: str = option(
-        DISKS,
-        "what is seen of bodies: disks by their centres, or any shape by its contacts",
-        choices=(DISKS, ANY_SHAPE),
-    )
 
     @property
     def seen(self) -> NetworkConfig:
         """Which features the network has: those of a network that sees the world."""
-        return NetworkConfig(features=WORLD_FRAME, bodies=self.bodies)
+        return NetworkConfig(features=WORLD_FRAME)

@@ -16,7 +16,7 @@ from sain_model.identification.structures import Structure
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar_config import PlanarConfig
 
-FORMAT: Final = "sain-belief-1"
+FORMAT: Final = "sain-belief-2"
 
 
 def write_belief(path: Path, belief: Belief) -> Path:
@@ -25,7 +25,6 @@ def write_belief(path: Path, belief: Belief) -> Path:
         "format": FORMAT,
         **belief.card,
         "network_log_odds": belief.network_log_odds,
-        "any_shape_log_odds": belief.any_shape_log_odds,
         "structures": [_written(structure) for structure in belief.structures],
     }
     return write_json(path, content)
@@ -40,9 +39,9 @@ def read_belief(path: Path) -> Belief:
     try:
         content = read_json(path)
         if content.pop("format") != FORMAT:
-            raise ValueError("another format")
+            raise ValueError("it is of another version")
         structures = tuple(_read(part) for part in content.pop("structures"))
-        odds = float(content.pop("network_log_odds")), float(content.pop("any_shape_log_odds"))
+        odds = float(content.pop("network_log_odds"))
         if not structures:
             raise ValueError("no structures")
     except FileNotFoundError:
@@ -53,7 +52,7 @@ def read_belief(path: Path) -> Belief:
         raise CheckpointError(
             f"belief {path} cannot be read: {error}; make it again with sain_model identify"
         ) from error
-    return Belief(structures, *odds, card=content)
+    return Belief(structures, odds, card=content)
 
 
 def _written(structure: Structure) -> dict[str, Any]:

@@ -24,15 +24,13 @@ class Belief:
 
     Attributes:
         structures: kinds of physics; that with the network is the first.
-        network_log_odds: logarithm of the odds that the correction of disks holds.
-        any_shape_log_odds: likewise, of the network for bodies of any shape.
+        network_log_odds: logarithm of the odds that the network's correction holds.
         card: where this comes from; empty: no laboratory was recorded.
         curves: of the latest pushes.
     """
 
     structures: tuple[Structure, ...]
     network_log_odds: float = KEEP
-    any_shape_log_odds: float = KEEP
     card: dict[str, Any] = field(default_factory=dict)
     curves: PushCurves = field(default_factory=PushCurves)
 

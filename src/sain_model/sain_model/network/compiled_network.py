@@ -5,24 +5,17 @@ from typing import Final
 import numpy as np
 from torch import Tensor, nn
 
-from sain_core.scene import MID, RADIUS
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_core.types import Pushes, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_progress import compile_visibly
 from sain_model.compute.thread_pool import run_blocks
-from sain_model.network.feature_kernels import LANES
-from sain_model.network.features import count_features
+from sain_model.network.features import count_features, outline_table, push_frames
+from sain_model.network.inputs import LANES
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.network_kernels import TILE, Weights
-from sain_model.network.sain_kernels import (
-    correct_block,
-    correct_shapes_block,
-    roll_out_block,
-)
-from sain_model.network.settings import ANY_SHAPE, WORLD_FRAME
-from sain_model.network.shape_features import outline_table, push_frames
-from sain_model.physics.planar import PlanarPrior
+from sain_model.network.sain_kernels import correct_block
+from sain_model.network.settings import WORLD_FRAME
 
 
 class CompiledNetwork:
@@ -35,7 +28,7 @@ class CompiledNetwork:
     def __init__(self, network: InteractionNetwork) -> None:
         """Take the weights as they are now."""
         compile_visibly()
-        config = self._config = network.config
+        config = network.config
         relation, relation_widths = pack(network.relation)
         dynamics, dynamics_widths = pack(network.dynamics)
         unit = network.unit
@@ -61,34 +54,14 @@ class CompiledNetwork:
     ) -> Scenes:
         """Return predictions (B, N, 8) of a prior for pushes (B, 3 or 4) from scenes, corrected."""
         corrected = np.array(physics_next, dtype=np.float64, order="C")
-        rows = plain(scenes), plain(push_frames(self._config, scenes, pushes, bodies))
-        told = self._places, self.weights
-        table = None
-        if self._config.bodies == ANY_SHAPE:
-            table = outline_table(bodies.fitted(scenes.shape[1]))
+        rows = plain(scenes), plain(push_frames(scenes, pushes, bodies))
+        table = outline_table(bodies.fitted(scenes.shape[1]))
 
         def work(first: int) -> None:
-            if table is None:
-                correct_block(first, *rows, corrected, *told)
-            else:
-                correct_shapes_block(first, *rows, corrected, table, *told)
+            correct_block(first, *rows, corrected, table, self._places, self.weights)
 
         run_blocks(work, len(scenes), LANES)
         return corrected
-
-    def rollout(self, prior: PlanarPrior, scene: Scene, pushes: PushSequences) -> PredictedScenes:
-        """Predict (K, H, N, 8) for sequences (K, H, 3) from a scene (N, 8), on this prior."""
-        predicted = np.empty((*pushes.shape[:2], *scene.shape))
-        rows = plain(scene), plain(pushes)
-        config = prior.config
-        start = float(scene[MID, RADIUS] + config.tool_radius + config.clearance)
-        world = config.friction, start, config.physics()
-
-        def work(first: int) -> None:
-            roll_out_block(first, *rows, *world, self._places, self.weights, predicted)
-
-        run_blocks(work, len(pushes), LANES)
-        return predicted
 
 
 def pack(layers: nn.Module) -> tuple[np.ndarray, np.ndarray]:

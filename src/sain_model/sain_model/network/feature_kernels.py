@@ -1,172 +1,231 @@
-"""What the network sees, written once: NumPy runs it for training, Numba compiles it for planning.
+"""What the network sees, compiled; training runs the same kernels.
 
-`write_features` writes the features of one push into its lane. In a kernel a lane is a number and a
-scene is (N, 8); for NumPy the lane is `ALL_LANES`, and each number of a scene is an array over the
-pushes.
+The scene is seen in the frame of the push: the origin is the pushed body's centre before the push,
+the x axis points along the inward normal where the tool begins. A disk's `location` is that normal.
 
-The scene is seen in the frame of the push: the origin is the mid disk's centre before the push, the
-x axis points along the push's ``location``, so that the tool always comes from -x. Scenes that
-differ by where they are and how they are turned have the same features up to rounding; renumbering
-disks renumbers rows. A network of one laboratory sees places and headings too: ten more columns.
+Of a shape the network sees what acts: where bodies are near each other before the push and after it
+as the prior predicts it (`patch_kernels`), with normal, levers, extent and curvature, and how the
+load is spread over the supports. It sees no outline, so it can be asked about other shapes.
 
-Lengths are divided by constants, so that the inputs are of order one.
+The tool is one more sender: row i of the relations to body i, where a body would meet itself.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 
-from sain_core.push import ANGLE, LENGTH, LOCATION
-from sain_core.scene import MASS, MID, RADIUS, THETA, X, Y
-from sain_model.compute.compiling import compiled, compiled_apart, shared
+from sain_core.push import ANGLE, LENGTH
+from sain_core.scene import MASS, RADIUS, THETA, X, Y
+from sain_model.compute.compiling import callable_kernel, compiled, compiled_apart
+from sain_model.network.inputs import (
+    INERTIA_MIDDLE,
+    INERTIA_SCALE,
+    LANES,
+    MASS_MIDDLE,
+    MASS_SCALE,
+    MOVE_SCALE,
+    ORDER_3_SCALE,
+    PLACE_FEATURES,
+    PLACE_SCALE,
+    REACH_MIDDLE,
+    REACH_SCALE,
+    TABLE_SCALE,
+    TABLE_X,
+    TABLE_Y,
+    TURN_SCALE,
+    NetworkWork,
+)
+from sain_model.network.patch_kernels import (
+    PATCH_SIZE,
+    POSE_COS,
+    POSE_RADIUS,
+    POSE_SIN,
+    POSE_SIZE,
+    POSE_X,
+    POSE_Y,
+    find_patch,
+    place_corners,
+)
+from sain_model.network.relation_kernels import (
+    write_contact,
+    write_context,
+    write_headings,
+    write_who,
+)
 
 FEATURE_VERSION = 1  # raise it with every change of meaning, order or scale below
-DISK_FEATURES = 15
-PLACE_FEATURES = 10  # columns of a disk behind those, for a network that sees the world
-RELATION_FEATURES = 16
-GAP_BEFORE = 10  # columns of the relation features: 0 where two disks touch, 1 far apart
-GAP_AFTER = 15
-
-PLACE_SCALE = 0.1  # [m]
-MOVE_SCALE = 0.05  # [m]
-TURN_SCALE = 0.2  # [rad]
-GAP_SCALE = 0.02  # [m], beyond which it hardly matters how far apart two disks are
-MASS_MIDDLE = 8.0  # [kg]
-MASS_SCALE = 1.0  # [kg]
-RADIUS_MIDDLE = 0.07  # [m]
-RADIUS_SCALE = 0.01  # [m]
-TABLE_X, TABLE_Y = 0.5, 0.0  # [m], the middle of the table
-TABLE_SCALE = 0.2  # [m]
-
-LANES = 128  # pushes side by side: the widest layers still fit into a core's nearest cache
-ALL_LANES = slice(None)
+BODY_FEATURES = 20  # and the `PLACE_FEATURES` of a network that sees the world
 TURN = 2.0 * np.pi
-BEFORE_X, BEFORE_Y, AFTER_X, AFTER_Y = range(4)  # rows of a disk's places
-KIND_MID, KIND_MASS, KIND_RADIUS = range(3)  # rows of what a disk is
 
+# Columns of a push as the kernels take it, after `LOCATION`, which is here the normal's heading in
+# the world, `ANGLE` and `LENGTH`: where the tool's axis begins [m], and the pushed body.
+START_X, START_Y, PUSHED = 3, 4, 5
+STROKE_SIZE = 6
 
-class NetworkWork(NamedTuple):
-    """Features of pushes, one in each lane. E = N (N - 1) relations, sorted by the receiver.
-
-    The last two are scratch memory of the kernels.
-    """
-
-    places: np.ndarray  # (N, 4, LANES) in the push frame, before and after [m]
-    radii: np.ndarray  # (N, LANES) [m]
-    disks: np.ndarray  # (N, inputs of f_dyn, LANES) float32
-    relations: np.ndarray  # (E, inputs of f_rel, LANES) float32
-    hidden: np.ndarray  # (2, widest layer, LANES) float32
-    residual: np.ndarray  # (N, 3, LANES) dx, dy [m] in the push frame, dtheta [rad]
+MIRRORED_BODY = (4, 6, 8, 10, 13, 14, 18)  # columns that change their sign in a mirror
 
 
 @compiled
-def make_network_work(disks, relation_inputs, disk_inputs, widest):
-    """Return scratch memory for this many disks; inputs that pad a layer stay zero."""
-    return NetworkWork(
-        np.zeros((disks, 4, LANES)),
-        np.zeros((disks, LANES)),
-        np.zeros((disks, disk_inputs, LANES), np.float32),
-        np.zeros((disks * (disks - 1), relation_inputs, LANES), np.float32),
-        np.empty((2, widest, LANES), np.float32),
-        np.zeros((disks, 3, LANES)),
-    )
-
-
-@shared
 def wrap(angle):
     """Wrap an angle [rad] to (-pi, pi]."""
     return np.pi - (np.pi - angle) % TURN
 
 
-@shared
-def write_features(before, push, after, lane, places, work):
-    """Write the features of one push into its lane, or of all pushes into all lanes.
-
-    Args:
-        before: scene (N, 8) before the push; each number may be an array over the pushes.
-        push: (3,), likewise.
-        after: scene (N, 8) that the prior predicts, likewise.
-        lane: which; `ALL_LANES`: all.
-        places: whether the network sees places and headings.
-        work: memory to fill.
-    """
-    cos, sin = np.cos(push[LOCATION]), np.sin(push[LOCATION])
-    for disk in range(before.shape[0]):
-        _write_disk(before[disk], before[MID], push, after[disk], cos, sin, disk, lane, work)
-        work.disks[disk, KIND_MID, lane] = 1.0 if disk == MID else 0.0
-        if places:
-            _write_place(before[disk], push, after[disk], cos, sin, disk, lane, work)
-    for first in range(before.shape[0]):
-        for second in range(first):
-            _write_pair(first, second, lane, work)
+@compiled
+def make_work(bodies, relation_inputs, body_inputs, widest):
+    """Return scratch memory for this many bodies; inputs that pad a layer stay zero."""
+    return NetworkWork(
+        np.zeros((2, bodies + 1, POSE_SIZE)),
+        np.zeros((bodies, body_inputs, LANES), np.float32),
+        np.zeros((bodies * bodies, relation_inputs, LANES), np.float32),
+        np.empty((2, widest, LANES), np.float32),
+        np.zeros((bodies, 3, LANES)),
+    )
 
 
 @compiled_apart
-def write_lane(before, push, after, lane, places, work):
-    """Write the features of one push into its lane, compiled once for all kernels."""
-    write_features(before, push, after, lane, places, work)
+def write_lane(before, stroke, after, table, lane, places, work):
+    """Write the features of one push into its lane.
+
+    Args:
+        before: scene (N, 8) before the push.
+        stroke: (6,), see `START_X`.
+        after: scene (N, 8) that the prior predicts.
+        table: of the outlines.
+        lane: which.
+        places: whether the network sees places and headings.
+        work: memory to fill.
+    """
+    count, pushed = before.shape[0], int(stroke[PUSHED])
+    origin_x, origin_y = before[pushed, X], before[pushed, Y]
+    poses, placed = work.poses, np.empty((2, table.corners.shape[0], 2))
+    for when in range(2):
+        scene = after if when == 1 else before
+        for body in range(count):
+            _write_pose(scene[body], origin_x, origin_y, stroke[0], poses[when, body])
+        _write_tool(stroke, origin_x, origin_y, when * stroke[LENGTH], table, poses[when, count])
+        place_corners(table, poses[when], placed[when])
+    for body in range(count):
+        _write_body(before[body], stroke, after[body], table, body, poses, lane, work.bodies[body])
+        if places:
+            _write_world(before[body], stroke, after[body], lane, work.bodies[body])
+    sums, patch = np.empty(9), np.empty(PATCH_SIZE)
+    for body in range(count):
+        for other in range(body + 1, count + 1):
+            _write_relation(body, other, stroke, table, lane, work)
+            for when in range(2):
+                find_patch(table, placed[when], poses[when], body, other, sums, patch)
+                _write_meeting(patch, body, other, when, lane, places, work)
+    write_context(work, pushed, BODY_FEATURES + PLACE_FEATURES * places, lane)
 
 
-@shared
-def _write_disk(before, origin, push, after, cos, sin, disk, lane, work):
-    features, place = work.disks[disk], work.places[disk]
-    for row, state in ((BEFORE_X, before), (AFTER_X, after)):
-        x, y = state[X] - origin[X], state[Y] - origin[Y]
-        place[row, lane], place[row + 1, lane] = cos * x + sin * y, cos * y - sin * x
-    work.radii[disk, lane] = before[RADIUS]
-    features[KIND_MASS, lane] = (before[MASS] - MASS_MIDDLE) / MASS_SCALE
-    features[KIND_RADIUS, lane] = (before[RADIUS] - RADIUS_MIDDLE) / RADIUS_SCALE
-    features[3, lane] = place[BEFORE_X, lane] / PLACE_SCALE
-    features[4, lane] = place[BEFORE_Y, lane] / PLACE_SCALE
-    # A disk on three feet looks the same after a third of a turn.
-    feet = 3.0 * (before[THETA] - push[LOCATION])
-    features[5, lane], features[6, lane] = np.cos(feet), np.sin(feet)
-    moved_x = place[AFTER_X, lane] - place[BEFORE_X, lane]
-    moved_y = place[AFTER_Y, lane] - place[BEFORE_Y, lane]
+@compiled
+def _write_relation(body, other, stroke, table, lane, work):
+    """Write who a body and another one, or the tool, are; both ways round."""
+    count = work.bodies.shape[0]
+    slot = body if other == count else other
+    there = work.relations[body * count + slot]
+    write_who(body, other, stroke, table, work.bodies, work.poses, lane, there)
+    if other < count:
+        back = work.relations[other * count + body]
+        write_who(other, body, stroke, table, work.bodies, work.poses, lane, back)
+
+
+@compiled
+def _write_meeting(patch, body, other, when, lane, places, work):
+    """Write how they meet; both ways round."""
+    count, poses = work.bodies.shape[0], work.poses[when]
+    slot = body if other == count else other
+    there = work.relations[body * count + slot]
+    write_contact(patch, poses, body, other, 1.0, when, lane, there)
+    if places:
+        write_headings(patch, poses, body, other, 1.0, when, lane, there)
+    if other < count:
+        back = work.relations[other * count + body]
+        write_contact(patch, poses, other, body, -1.0, when, lane, back)
+        if places:
+            write_headings(patch, poses, other, body, -1.0, when, lane, back)
+
+
+@compiled
+def _write_pose(state, origin_x, origin_y, normal, pose):
+    cos, sin = np.cos(normal), np.sin(normal)
+    x, y = state[X] - origin_x, state[Y] - origin_y
+    pose[POSE_X], pose[POSE_Y] = cos * x + sin * y, cos * y - sin * x
+    pose[POSE_COS], pose[POSE_SIN] = np.cos(state[THETA] - normal), np.sin(state[THETA] - normal)
+    pose[POSE_RADIUS] = state[RADIUS]
+
+
+@compiled
+def _write_tool(stroke, origin_x, origin_y, way, table, pose):
+    cos, sin = np.cos(stroke[0]), np.sin(stroke[0])
+    x, y = stroke[START_X] - origin_x, stroke[START_Y] - origin_y
+    pose[POSE_X] = cos * x + sin * y + way * np.cos(stroke[ANGLE])
+    pose[POSE_Y] = cos * y - sin * x + way * np.sin(stroke[ANGLE])
+    pose[POSE_COS], pose[POSE_SIN], pose[POSE_RADIUS] = 1.0, 0.0, table.tool_radius
+
+
+@compiled
+def _write_body(before, stroke, after, table, body, poses, lane, features):
+    here, there = poses[0, body], poses[1, body]
+    features[0, lane] = 1.0 if body == int(stroke[PUSHED]) else 0.0
+    features[1, lane] = (before[MASS] - MASS_MIDDLE) / MASS_SCALE
+    reach = table.reach[body] * before[RADIUS]
+    features[2, lane] = (reach - REACH_MIDDLE) / REACH_SCALE
+    features[3, lane], features[4, lane] = here[POSE_X] / PLACE_SCALE, here[POSE_Y] / PLACE_SCALE
+    cos, sin = here[POSE_COS], here[POSE_SIN]
+    twice_cos, twice_sin = cos * cos - sin * sin, 2.0 * cos * sin
+    thrice_cos, thrice_sin = twice_cos * cos - twice_sin * sin, twice_cos * sin + twice_sin * cos
+    load = table.supports[body]
+    features[5, lane] = ORDER_3_SCALE * (thrice_cos * load[3] - thrice_sin * load[4])
+    features[6, lane] = ORDER_3_SCALE * (thrice_sin * load[3] + thrice_cos * load[4])
+    moved_x, moved_y = there[POSE_X] - here[POSE_X], there[POSE_Y] - here[POSE_Y]
     features[7, lane], features[8, lane] = moved_x / MOVE_SCALE, moved_y / MOVE_SCALE
     features[9, lane] = np.sqrt(moved_x * moved_x + moved_y * moved_y) / MOVE_SCALE
     features[10, lane] = wrap(after[THETA] - before[THETA]) / TURN_SCALE
-    way, across = push[LENGTH] / PLACE_SCALE, np.sin(push[ANGLE])
-    features[11, lane] = way
-    features[12, lane], features[13, lane] = np.cos(push[ANGLE]), across
-    features[14, lane] = way * across  # how far the tool slides across
+    way, across = stroke[LENGTH] / PLACE_SCALE, np.sin(stroke[ANGLE])
+    features[11, lane], features[12, lane] = way, np.cos(stroke[ANGLE])
+    features[13, lane], features[14, lane] = across, way * across
+    features[15, lane] = (table.inertia[body] - INERTIA_MIDDLE) / INERTIA_SCALE
+    features[16, lane] = load[0]
+    features[17, lane] = twice_cos * load[1] - twice_sin * load[2]
+    features[18, lane] = twice_sin * load[1] + twice_cos * load[2]
+    features[19, lane] = table.rounding[body]
 
 
-@shared
-def _write_place(before, push, after, cos, sin, disk, lane, work):
+@compiled
+def _write_world(before, stroke, after, lane, features):
     """Write what tells places and headings apart: what is learned with it holds for one table."""
-    features = work.disks[disk]
-    features[DISK_FEATURES, lane] = (before[X] - TABLE_X) / TABLE_SCALE
-    features[DISK_FEATURES + 1, lane] = (before[Y] - TABLE_Y) / TABLE_SCALE
-    features[DISK_FEATURES + 2, lane] = (after[X] - TABLE_X) / TABLE_SCALE
-    features[DISK_FEATURES + 3, lane] = (after[Y] - TABLE_Y) / TABLE_SCALE
-    features[DISK_FEATURES + 4, lane], features[DISK_FEATURES + 5, lane] = cos, sin  # downhill
-    twice = 2.0 * push[LOCATION]  # grain is the same there and back
-    features[DISK_FEATURES + 6, lane] = np.cos(twice)
-    features[DISK_FEATURES + 7, lane] = np.sin(twice)
-    heading = before[THETA] - push[LOCATION]  # a disk's mass lies to one side
-    features[DISK_FEATURES + 8, lane] = np.cos(heading)
-    features[DISK_FEATURES + 9, lane] = np.sin(heading)
+    first, normal = BODY_FEATURES, stroke[0]
+    features[first, lane] = (before[X] - TABLE_X) / TABLE_SCALE
+    features[first + 1, lane] = (before[Y] - TABLE_Y) / TABLE_SCALE
+    features[first + 2, lane] = (after[X] - TABLE_X) / TABLE_SCALE
+    features[first + 3, lane] = (after[Y] - TABLE_Y) / TABLE_SCALE
+    features[first + 4, lane], features[first + 5, lane] = np.cos(normal), np.sin(normal)
+    features[first + 6, lane] = np.cos(2.0 * normal)
+    features[first + 7, lane] = np.sin(2.0 * normal)
+    features[first + 8, lane] = np.cos(before[THETA] - normal)
+    features[first + 9, lane] = np.sin(before[THETA] - normal)
 
 
-@shared
-def _write_pair(first, second, lane, work):
-    """Write what two disks are to each other, both ways round; first > second."""
-    others = work.disks.shape[0] - 1
-    there, back = (
-        work.relations[first * others + second],
-        work.relations[second * others + first - 1],
-    )
-    for kind in range(3):
-        there[kind, lane] = back[3 + kind, lane] = work.disks[first, kind, lane]
-        back[kind, lane] = there[3 + kind, lane] = work.disks[second, kind, lane]
-    rims = work.radii[first, lane] + work.radii[second, lane]
-    for row, gap in ((BEFORE_X, GAP_BEFORE), (AFTER_X, GAP_AFTER)):
-        x = work.places[second, row, lane] - work.places[first, row, lane]
-        y = work.places[second, row + 1, lane] - work.places[first, row + 1, lane]
-        distance = np.sqrt(x * x + y * y)
-        there[gap - 4, lane], there[gap - 3, lane] = x / PLACE_SCALE, y / PLACE_SCALE
-        there[gap - 2, lane], there[gap - 1, lane] = x / (distance + 1e-9), y / (distance + 1e-9)
-        for column in range(gap - 4, gap):
-            back[column, lane] = -there[column, lane]
-        there[gap, lane] = back[gap, lane] = np.tanh((distance - rims) / GAP_SCALE)
+@callable_kernel
+def write_block(first, scenes, strokes, physics_next, table, places, bodies, relations):
+    """Write the features of up to `LANES` pushes, from the one numbered `first` on.
+
+    Args:
+        first: number of the first one.
+        scenes: (B, N, 8), before the pushes.
+        strokes: (B, 6).
+        physics_next: (B, N, 8), what a prior predicts.
+        table: of the outlines.
+        places: whether the network sees places and headings.
+        bodies: (B, N, D) float32, receives features of bodies.
+        relations: (B, N N, R) float32, receives features of relations.
+    """
+    work = make_work(scenes.shape[1], relations.shape[2], bodies.shape[2], 1)
+    for index in range(first, min(first + LANES, scenes.shape[0])):
+        write_lane(scenes[index], strokes[index], physics_next[index], table, 0, places, work)
+        for body in range(bodies.shape[1]):
+            for column in range(bodies.shape[2]):
+                bodies[index, body, column] = work.bodies[body, column, 0]
+        for pair in range(relations.shape[1]):
+            for column in range(relations.shape[2]):
+                relations[index, pair, column] = work.relations[pair, column, 0]

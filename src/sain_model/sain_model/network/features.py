@@ -1,9 +1,10 @@
-"""Features and residuals of batches of pushes, with NumPy: what a network is trained on.
+"""Inputs and residuals of batches of pushes, with NumPy: what a network is trained on.
 
 `network.feature_kernels` says what the features are.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -11,95 +12,159 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
-from sain_core.push import LOCATION
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PUSH_SIZE, PushLimits, strokes
 from sain_core.scene import POSITION, THETA, wrap_angle
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Angles, Pushes, Scenes
+from sain_model.compute.compiling import plain
 from sain_model.compute.devices import CPU
+from sain_model.compute.thread_pool import run_blocks
 from sain_model.network.feature_kernels import (
-    ALL_LANES,
-    DISK_FEATURES,
-    PLACE_FEATURES,
-    RELATION_FEATURES,
-    NetworkWork,
-    write_features,
+    BODY_FEATURES,
+    PUSHED,
+    START_X,
+    STROKE_SIZE,
+    write_block,
 )
-from sain_model.network.settings import ANY_SHAPE, PUSH_FRAME, WORLD_FRAME, NetworkConfig
-from sain_model.network.shape_feature_kernels import SHAPE_BODY_FEATURES
-from sain_model.network.shape_relation_kernels import SHAPE_RELATION_FEATURES
+from sain_model.network.inputs import LANES, PLACE_FEATURES
+from sain_model.network.patch_kernels import OutlineTable
+from sain_model.network.relation_kernels import RELATION_FEATURES
+from sain_model.network.settings import WORLD_FRAME, NetworkConfig
+from sain_model.physics.outlines import body_table
 
+Strokes = Float[ndarray, "B S"]
 Residual = Float[ndarray, "B N 3"]  # dx, dy [m] along the push frame's axes, dtheta [rad]
+LIMITS = PushLimits()
 
 
 @dataclass(frozen=True)
 class Features:
     """Network inputs of B pushes."""
 
-    disks: Float[ndarray, "B N D"]  # what each disk is and how physics moves it
+    bodies: Float[ndarray, "B N D"]  # what each body is and how physics moves it
     relations: Float[ndarray, "B E R"]  # how each ordered pair stands, before the push and after
 
     def tensors(self, device: str = CPU) -> tuple[Float[Tensor, "B N D"], Float[Tensor, "B E R"]]:
         """Return them as PyTorch's networks take them."""
-        disks, relations = (
+        bodies, relations = (
             torch.from_numpy(array.astype(np.float32)).to(device)
-            for array in (self.disks, self.relations)
+            for array in (self.bodies, self.relations)
         )
-        return disks, relations
+        return bodies, relations
 
 
 def count_features(config: NetworkConfig) -> tuple[int, int]:
     """Return how many features each body and each relation has."""
     places = PLACE_FEATURES if config.features == WORLD_FRAME else 0
-    if config.bodies == ANY_SHAPE:
-        return SHAPE_BODY_FEATURES + places, SHAPE_RELATION_FEATURES
-    return DISK_FEATURES + places, RELATION_FEATURES
+    return BODY_FEATURES + places, RELATION_FEATURES
 
 
-def make_features(
-    scenes: Scenes, pushes: Pushes, physics_next: Scenes, frame: str = PUSH_FRAME
-) -> Features:
-    """Return the inputs of a network; the frame "world" adds places and headings."""
-    batch, disks, _ = scenes.shape
-    unused = np.empty(0)
-    of_disk, of_relation = count_features(NetworkConfig(features=frame))
-    work = NetworkWork(
-        np.empty((disks, 4, batch)),
-        np.empty((disks, batch)),
-        np.empty((disks, of_disk, batch)),
-        np.empty((disks * (disks - 1), of_relation, batch)),
-        unused,
-        unused,
+@lru_cache(maxsize=256)
+def outline_table(bodies: Bodies) -> OutlineTable:
+    """Return what the kernels need of bodies and of the tool."""
+    table = body_table(bodies)
+    last = table.first_corner[-1:] + 1
+    loads = [
+        _load_moments(table.supports[first:end], reach)
+        for first, end, reach in zip(
+            table.first_support, table.first_support[1:], table.reach, strict=False
+        )
+    ]
+    return OutlineTable(
+        np.concatenate([table.first_corner, last]),
+        np.concatenate([table.corners, np.zeros((1, 2))]),
+        np.append(table.rounding, 1.0),
+        np.append(table.reach, 1.0),
+        np.append(table.inertia / table.reach**2, 0.0),
+        np.array(loads),
+        LIMITS.tool_radius,
     )
-    columns = [np.ascontiguousarray(np.moveaxis(a, 0, -1)) for a in (scenes, pushes, physics_next)]
-    write_features(*columns, ALL_LANES, frame == WORLD_FRAME, work)
-    rows = (np.ascontiguousarray(np.moveaxis(a, -1, 0)) for a in (work.disks, work.relations))
-    return Features(*rows)
 
 
-def relation_ends(disks: int, with_tool: bool = False) -> tuple[ndarray, ndarray]:
-    """Return receiver and sender (E,) of every ordered pair, sorted by receiver.
+def _load_moments(supports: Float[ndarray, "F C"], reach: float) -> Float[ndarray, "6"]:
+    """Return sums over supports of share x (r^2, r^2 e^{2i phi}, r^3 e^{3i phi}), and their count.
 
-    With the tool, a pair of a body and itself stands for it and the tool.
+    In units of the circumscribed radius. They do not depend on the order of the supports.
     """
-    pairs = np.ones((disks, disks), dtype=bool)
-    if not with_tool:
-        np.fill_diagonal(pairs, False)
-    receiver, sender = np.nonzero(pairs)
+    place = (supports[:, 0] + 1j * supports[:, 1]) / reach
+    share = supports[:, 2]
+    second, third = share @ place**2, share @ place**3
+    spread = float(share @ np.abs(place) ** 2)
+    return np.array([spread, second.real, second.imag, third.real, third.imag, len(share)])
+
+
+def elongations(bodies: Bodies) -> Float[ndarray, "N"]:
+    """Return how near the supports of each body are to one line: 0 for a disk's feet, at most 1."""
+    spread, second_x, second_y = outline_table(bodies).supports.T[:3]
+    return np.asarray(np.hypot(second_x, second_y) / spread)
+
+
+def push_frames(scenes: Scenes, pushes: Pushes, bodies: Bodies) -> Strokes:
+    """Return pushes as features and residuals take them: the frame's heading is the first column.
+
+    See `network.feature_kernels`.
+    """
+    known = bodies.fitted(scenes.shape[1])
+    start, heading = strokes(scenes, pushes, LIMITS, known)
+    rows = np.zeros((len(pushes), STROKE_SIZE))
+    rows[:, LOCATION] = wrap_angle(heading - pushes[:, ANGLE])
+    rows[:, ANGLE], rows[:, LENGTH] = pushes[:, ANGLE], pushes[:, LENGTH]
+    rows[:, START_X : START_X + 2] = start
+    if pushes.shape[1] > PUSH_SIZE:
+        rows[:, PUSHED] = pushes[:, BODY]
+    return rows
+
+
+def network_inputs(
+    config: NetworkConfig,
+    scenes: Scenes,
+    frames: Strokes,
+    physics_next: Scenes,
+    bodies: Bodies,
+) -> Features:
+    """Return the inputs of a network.
+
+    Args:
+        config: of the network.
+        scenes: before the pushes.
+        frames: of the pushes, as `push_frames` makes them.
+        physics_next: the prior's prediction.
+        bodies: of the scenes.
+    """
+    batch, count, _ = scenes.shape
+    places = config.features == WORLD_FRAME
+    table = outline_table(bodies.fitted(count))
+    of_body, of_relation = count_features(config)
+    features = np.zeros((batch, count, of_body), np.float32)
+    relations = np.zeros((batch, count * count, of_relation), np.float32)
+    rows = plain(scenes), plain(frames), plain(physics_next)
+
+    def work(first: int) -> None:
+        write_block(first, *rows, table, places, features, relations)
+
+    run_blocks(work, batch, LANES)
+    return Features(features, relations)
+
+
+def relation_ends(bodies: int) -> tuple[ndarray, ndarray]:
+    """Return receiver and sender (E,) of each relation; a body itself stands for the tool."""
+    receiver, sender = np.divmod(np.arange(bodies * bodies), bodies)
     return receiver, sender
 
 
-def apply_residual(physics_next: Scenes, pushes: Pushes, residual: Residual) -> Scenes:
+def apply_residual(physics_next: Scenes, frames: Strokes, residual: Residual) -> Scenes:
     """Return the prior's prediction corrected by residuals that are given in the push frame."""
     corrected = physics_next.copy()
-    corrected[..., POSITION] += turn(residual[..., :2], pushes[:, LOCATION])
+    corrected[..., POSITION] += turn(residual[..., :2], frames[:, LOCATION])
     corrected[..., THETA] = wrap_angle(physics_next[..., THETA] + residual[..., 2])
     return corrected
 
 
-def true_residual(next_scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Residual:
+def true_residual(next_scenes: Scenes, frames: Strokes, physics_next: Scenes) -> Residual:
     """Return the residual that makes the prediction right: the inverse of `apply_residual`."""
     missing = next_scenes[..., POSITION] - physics_next[..., POSITION]
     turned = wrap_angle(next_scenes[..., THETA] - physics_next[..., THETA])
-    return np.concatenate([turn(missing, -pushes[:, LOCATION]), turned[..., None]], axis=-1)
+    return np.concatenate([turn(missing, -frames[:, LOCATION]), turned[..., None]], axis=-1)
 
 
 def turn(vectors: Float[ndarray, "B N 2"], angle: Angles) -> Float[ndarray, "B N 2"]:

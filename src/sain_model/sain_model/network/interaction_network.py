@@ -1,4 +1,4 @@
-"""The interaction network of the paper's section II-C: f_rel over pairs, f_dyn over disks."""
+"""The interaction network of the paper's section II-C: f_rel over pairs, f_dyn over bodies."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,12 +8,8 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from sain_core.seeding import generator
-from sain_model.network.feature_kernels import (
-    GAP_AFTER,
-    GAP_BEFORE,
-    TURN_SCALE,
-)
 from sain_model.network.features import count_features
+from sain_model.network.inputs import GAP_AFTER, GAP_BEFORE, TURN_SCALE
 from sain_model.network.members import make_perceptron, zero_last_layer
 from sain_model.network.settings import NetworkConfig
 
@@ -23,7 +19,7 @@ POSITION_UNIT = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE
 
 
 class InteractionNetwork(nn.Module):
-    """Predicts what the prior gets wrong, for each of any number of disks.
+    """Predicts what the prior gets wrong, for each of any number of bodies.
 
     It may be an ensemble: M networks side by side, whose mean it predicts.
     """
@@ -42,36 +38,36 @@ class InteractionNetwork(nn.Module):
         )
 
     def forward(
-        self, disks: Float[Tensor, "B N D"], relations: Float[Tensor, "B E R"]
+        self, bodies: Float[Tensor, "B N D"], relations: Float[Tensor, "B E R"]
     ) -> Float[Tensor, "B N 3"]:
-        """Return the residual of each disk: dx, dy [m] in the push frame, dtheta [rad]."""
+        """Return the residual of each body: dx, dy [m] in the push frame, dtheta [rad]."""
         if self.config.members == 1:
-            return self.each(disks, relations)[0]
-        parts = zip(disks.split(CHUNK), relations.split(CHUNK), strict=True)
+            return self.each(bodies, relations)[0]
+        parts = zip(bodies.split(CHUNK), relations.split(CHUNK), strict=True)
         return torch.cat([self.each(*part).mean(dim=0) for part in parts])
 
     def each(
-        self, disks: Float[Tensor, "*M B N D"], relations: Float[Tensor, "*M B E R"]
+        self, bodies: Float[Tensor, "*M B N D"], relations: Float[Tensor, "*M B E R"]
     ) -> Float[Tensor, "M B N 3"]:
         """Return every member's residual, of the same inputs or each of its own (M, ...)."""
-        if disks.ndim == 3:
-            disks = disks.expand(self.config.members, *disks.shape)
+        if bodies.ndim == 3:
+            bodies = bodies.expand(self.config.members, *bodies.shape)
             relations = relations.expand(self.config.members, *relations.shape)
-        effects = sum_messages(self.relation, relations, disks.shape[2])
-        output: Tensor = self.dynamics(torch.cat([disks, effects], dim=-1)) * self.unit
+        effects = sum_messages(self.relation, relations, bodies.shape[2])
+        output: Tensor = self.dynamics(torch.cat([bodies, effects], dim=-1)) * self.unit
         return output
 
 
 def sum_messages(
-    perceptron: nn.Module, relations: Float[Tensor, "*B E R"], disks: int
+    perceptron: nn.Module, relations: Float[Tensor, "*B E R"], bodies: int
 ) -> Float[Tensor, "*B N F"]:
-    """Return what each body is told by the others, and by the tool where relations have it.
+    """Return what each body is told by the others, and by the tool.
 
     Bodies far apart send no messages, so that more of them change nothing either.
     """
     gaps = torch.minimum(relations[..., GAP_BEFORE], relations[..., GAP_AFTER])
     messages: Tensor = perceptron(relations) * (1.0 - gaps).unsqueeze(-1)
-    return messages.unflatten(-2, (disks, -1)).sum(dim=-2)
+    return messages.unflatten(-2, (bodies, -1)).sum(dim=-2)
 
 
 def new_network(config: NetworkConfig, seed: int) -> InteractionNetwork:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sain_model.compute.compiling import compiled, compiled_apart
-from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE, LANES
+from sain_model.network.inputs import GAP_AFTER, GAP_BEFORE, LANES
 
 TILE = 4  # inputs x outputs that one pass of a dense layer takes; widths are padded to it
 OUTPUTS = 3  # dx, dy, dtheta
@@ -48,8 +48,8 @@ class Weights(NamedTuple):
     dynamics: np.ndarray  # (M, ...) float32
     dynamics_widths: np.ndarray
     widest: int  # of all layers
-    message: int  # width of a message from one disk to another, without padding
-    disk_features: int  # inputs of f_dyn that are no message
+    message: int  # width of a message from one body to another, without padding
+    body_features: int  # inputs of f_dyn that are no message
     unit: np.ndarray  # (3,) float64, [m, m, rad], an output of 1
 
 
@@ -116,39 +116,39 @@ def perceptron(weights, widths, x, hidden):
 
 
 @compiled
-def sum_messages(weights, member, disk, work):
+def sum_messages(weights, member, body, work):
     """Add up the messages of the others to a body, into its inputs of f_dyn."""
-    disks, relations = work.disks, work.relations
-    others, first = relations.shape[0] // disks.shape[0], weights.disk_features
+    bodies, relations = work.bodies, work.relations
+    others, first = relations.shape[0] // bodies.shape[0], weights.body_features
     for row in range(first, first + weights.message):
         for lane in range(LANES):
-            disks[disk, row, lane] = 0.0
+            bodies[body, row, lane] = 0.0
     for other in range(others):
-        pair = relations[disk * others + other]
+        pair = relations[body * others + other]
         told = perceptron(weights.relation[member], weights.relation_widths, pair, work.hidden)
         # Disks far apart send no messages, so that more of them change nothing either.
         for row in range(weights.message):
             for lane in range(LANES):
                 near = ONE - min(pair[GAP_BEFORE, lane], pair[GAP_AFTER, lane])
-                disks[disk, first + row, lane] += told[row, lane] * near
+                bodies[body, first + row, lane] += told[row, lane] * near
 
 
 @compiled_apart
 def forward(weights, work):
     """Compute the residuals of the features in `work`, the mean over the members."""
     members, residual = weights.relation.shape[0], work.residual
-    for disk in range(residual.shape[0]):
+    for body in range(residual.shape[0]):
         for output in range(OUTPUTS):
             for lane in range(LANES):
-                residual[disk, output, lane] = 0.0
+                residual[body, output, lane] = 0.0
     for member in range(members):
-        for disk in range(work.disks.shape[0]):
-            sum_messages(weights, member, disk, work)
-            inputs = work.disks[disk]
+        for body in range(work.bodies.shape[0]):
+            sum_messages(weights, member, body, work)
+            inputs = work.bodies[body]
             told = perceptron(
                 weights.dynamics[member], weights.dynamics_widths, inputs, work.hidden
             )
             for output in range(OUTPUTS):
                 scale = weights.unit[output] / members
                 for lane in range(LANES):
-                    residual[disk, output, lane] += told[output, lane] * scale
+                    residual[body, output, lane] += told[output, lane] * scale

@@ -8,8 +8,6 @@ from sain_core.config import Config, option
 PUSH_FRAME: Final = "push"
 WORLD_FRAME: Final = "world"  # the same, and where on the table and how turned things are
 FRAMES: Final = (PUSH_FRAME, WORLD_FRAME)
-DISKS: Final = "disks"
-ANY_SHAPE: Final = "any"
 ORDER: Final = "order"  # every member sees all of the data, in an order of its own
 BOOTSTRAP: Final = "bootstrap"  # every member sees episodes drawn with replacement
 
@@ -20,7 +18,7 @@ class PerceptronConfig(Config):
 
     hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
     message: int = option(
-        32, "width of the message from one disk to another", minimum=1, maximum=1024
+        32, "width of the message from one body to another", minimum=1, maximum=1024
     )
     layers: int = option(2, "hidden layers of f_rel and of f_dyn", minimum=1, maximum=6)
 
@@ -35,8 +33,3 @@ class NetworkConfig(PerceptronConfig):
         choices=FRAMES,
     )
     members: int = option(1, "number of networks in the ensemble", minimum=1, maximum=64)
-    bodies: str = option(
-        DISKS,
-        "what is seen of bodies: disks by their centres, or any shape by its contacts",
-        choices=(DISKS, ANY_SHAPE),
-    )

@@ -7,9 +7,8 @@ from sain_core.push import LENGTH
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.threads import settle_threads
-from sain_model.network.features import apply_residual
+from sain_model.network.features import apply_residual, network_inputs, push_frames
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.shape_features import network_inputs, push_frames
 
 
 class TorchNetwork:
@@ -29,7 +28,7 @@ class TorchNetwork:
     ) -> Scenes:
         """Return predictions (B, N, 8) of a prior for pushes (B, 3 or 4) from scenes, corrected."""
         config = self._network.config
-        frames = push_frames(config, scenes, pushes, bodies)
+        frames = push_frames(scenes, pushes, bodies)
         features = network_inputs(config, scenes, frames, physics_next, bodies)
         settle_threads()
         with torch.inference_mode():

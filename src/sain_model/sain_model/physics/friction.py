@@ -19,6 +19,7 @@ from numpy import ndarray
 from sain_core.config import Config, option
 from sain_core.history import PushHistory
 from sain_core.scene import MID, POSITION, TARGET
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.compute.latest_pushes import LatestPushes
 
@@ -29,6 +30,11 @@ CHUNK: Final = 32_768  # predictions at a time: bounds memory
 @runtime_checkable
 class FrictionPhysics(Protocol):
     """Physics that can be told the friction: the planar prior."""
+
+    @property
+    def bodies(self) -> Bodies:
+        """What it predicts."""
+        ...
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
         """Predict scenes (B, N, 8) after pushes (B, 3), at frictions (B,)."""
@@ -54,8 +60,11 @@ class FrictionConfig(Config):
     noise: float = option(
         0.0003, "error of physics for a disk that hardly moved", unit="m", minimum=1e-6
     )
+    outline_noise: float = option(
+        0.002, "likewise, in scenes with bodies that are not round", unit="m", minimum=1e-6
+    )
     noise_share: float = option(
-        0.02, "and by how much it grows, share of the way that the disk moved", minimum=0.0
+        0.02, "and by how much it grows, share of the way that the body moved", minimum=0.0
     )
     tail: float = option(3.0, "degrees of freedom of Student's t", minimum=1.0)
 
@@ -193,7 +202,8 @@ class FrictionFilter:
         `noise` [m] is the standard deviation of what was seen of them, where it is not exact.
         """
         config = self.config
-        scale = config.noise + config.noise_share * moved[:, None]
+        least = config.noise if self.physics.bodies.all_round else config.outline_noise
+        scale = least + config.noise_share * moved[:, None]
         if noise is not None:
             scale = np.hypot(scale, noise[:, None])
         terms = np.log1p((errors / scale) ** 2 / config.tail)

@@ -111,8 +111,6 @@ class ModelServer:
         """
         with answering(self._name):
             self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES)
-            if is_residual(self._usual) and self._usual.any_shape is not None:
-                self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES, bodies=WARM_UP_BODIES)
             self.predict(np.stack([WARM_UP_SCENE] * len(WARM_UP_PUSHES)), WARM_UP_PUSHES[:, 0])
 
     def knowing(self, history: PushHistory | None, bodies: Bodies = PAPER_DISKS) -> Dynamics:

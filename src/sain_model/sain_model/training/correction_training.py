@@ -20,8 +20,8 @@ from sain_model.data.shaped_physics import others_friction, prior_for
 from sain_model.dynamics.correction_network import CorrectionEnsemble, CorrectionNetwork
 from sain_model.dynamics.loss import mixed_loss
 from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves, moves
+from sain_model.network.features import push_frames
 from sain_model.network.settings import NetworkConfig
-from sain_model.network.shape_features import push_frames
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.settings import CorrectionTrainingConfig, cosine
@@ -32,7 +32,7 @@ from sain_model.training.training_loop import LossHistory, Step, TrainingLoop
 class _Lesson:
     """Pushes, what the network sees of them, and the moves that the uncorrected prior predicts."""
 
-    parts: tuple[ToldPushes, ...]  # one for each number of disks, or for all of the same bodies
+    parts: tuple[ToldPushes, ...]  # one for all of the same bodies
     examples: Examples  # of all parts, one after the other
     plain: Tensor  # (M, N, 3)
 
@@ -47,7 +47,7 @@ class _Lesson:
         most = max(part.disks for part in data.parts)
         parts, examples, plain = [], [], []
         for part in data.parts:
-            told = _told(part, prior, friction, seen)
+            told = _told(part, prior, friction)
             parts.append(told)
             examples.append(make_examples(part, prior, told.friction, seen).padded(most))
             after = told.prior.step(part.state, part.action, told.friction)
@@ -72,13 +72,11 @@ class _Lesson:
         return torch.cat(found)[torch.from_numpy(np.argsort(np.concatenate(places)))]
 
 
-def _told(
-    data: Dataset, prior: PlanarPrior, friction: FrictionFilter | None, seen: NetworkConfig
-) -> ToldPushes:
+def _told(data: Dataset, prior: PlanarPrior, friction: FrictionFilter | None) -> ToldPushes:
     """Return pushes on the prior of their bodies, with the friction that other pushes tell of."""
     shaped = prior_for(prior, data.bodies)
     assert isinstance(shaped, PlanarPrior)
-    frames = push_frames(seen, data.state, data.action, data.bodies)
+    frames = push_frames(data.state, data.action, data.bodies)
     return ToldPushes(shaped, data.state, data.action, frames, others_friction(data, friction))
 
 
@@ -143,7 +141,7 @@ class CorrectionTrainer(TrainingLoop):
 
     def _loss(self, lesson: _Lesson, rows: Tensor) -> Tensor:
         examples = lesson.examples
-        corrections, residual = self.network(examples.disks[rows], examples.relations[rows])
+        corrections, residual = self.network(examples.bodies[rows], examples.relations[rows])
         predicted = lesson.moves(corrections, rows) - lesson.plain[rows] + residual
         return mixed_loss(predicted, examples, rows, self.config.loss)
 

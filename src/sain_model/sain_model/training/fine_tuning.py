@@ -21,7 +21,7 @@ from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, parse_card
 from sain_model.dynamics.load import card_part, load_sain, shipped_checkpoint
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
-from sain_model.dynamics.settings import SHIPPED, SHIPPED_ANY_SHAPE, LossConfig
+from sain_model.dynamics.settings import SHIPPED, LossConfig
 from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
 from sain_model.evaluation.prediction_errors import held_out_part
@@ -49,13 +49,11 @@ class Parent:
         Raises:
             CheckpointError: it is not sound, or of a kind that does not learn from single pushes.
         """
-        shipped = (SHIPPED, SHIPPED_ANY_SHAPE)
-        if name not in shipped and not name.endswith(SUFFIX):
+        if name != SHIPPED and not name.endswith(SUFFIX):
             raise CheckpointError(
-                f"--from is {name!r}; it must be {' or '.join(shipped)}, or the path of a"
-                f" checkpoint *{SUFFIX}"
+                f"--from is {name!r}; it must be {SHIPPED}, or the path of a checkpoint *{SUFFIX}"
             )
-        path = shipped_checkpoint(name) if name in shipped else Path(name)
+        path = shipped_checkpoint() if name == SHIPPED else Path(name)
         sain = load_sain(path)
         if sain.kind == RECURRENT:
             raise CheckpointError(

@@ -10,14 +10,13 @@ from numpy import ndarray
 from scipy.optimize import minimize
 
 from sain_core.push import pushed_bodies
-from sain_core.scene import MID, POSITION, TARGET
+from sain_core.scene import POSITION
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset
 from sain_model.dynamics.intervals import LEVEL, IntervalConfig, Intervals, pushed_errors
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.history_errors import predict_with_history
-from sain_model.network.settings import ANY_SHAPE
-from sain_model.network.shape_features import elongations
+from sain_model.network.features import elongations
 
 RESOLUTION: Final = 1e-6  # [m], differences below this do not count
 WINDOWS: Final = 7  # that the validation pushes are looked at in, in the order of their scores
@@ -27,22 +26,21 @@ STARTS: Final = (0.0, -2.0, -4.0)  # of the search, logarithms of the weights
 
 
 def fit_intervals(sain: SainDynamics, *data: Dataset, level: float = LEVEL) -> Intervals:
-    """Return regions that hold mid disk and target in a share `level` of the pushes.
+    """Return regions that hold the pushed body and others in a share `level` of the pushes.
 
-    With bodies of any shape, these are the pushed body and all others. The model's weights were
-    not fitted to this data. Friction is told as in deployment, by the episode's earlier pushes.
+    The model's weights were not fitted to this data. Friction is told as in deployment, by the
+    episode's earlier pushes.
     """
     pieces = [_scored(sain, part) for part in data]
-    shaped = sain.network.config.bodies == ANY_SHAPE
     configs = []
-    for rows in range(2):  # mid disk, target
+    for rows in range(2):  # pushed, others
         parts, off, long = (
             np.concatenate([piece[rows][column] for piece in pieces], axis=-1)
             for column in range(3)
         )
-        configs.append(fit_disk(parts, off, level, long if shaped else None))
+        configs.append(fit_disk(parts, off, level, long))
     intervals = Intervals(level, mid=configs[0], target=configs[1])
-    return _with_usual_errors(replace(sain, intervals=intervals), data) if shaped else intervals
+    return _with_usual_errors(replace(sain, intervals=intervals), data)
 
 
 def _with_usual_errors(sain: SainDynamics, data: Sequence[Dataset]) -> Intervals:
@@ -65,8 +63,6 @@ def _scored(
     way = np.linalg.norm((prediction.mean - data.state)[..., POSITION], axis=-1)
     off = np.linalg.norm((prediction.mean - data.next_state)[..., POSITION], axis=-1)
     parts = np.stack([prediction.members, prediction.friction, way])  # (3, M, N)
-    if sain.network.config.bodies != ANY_SHAPE:
-        return [(parts[..., disk], off[:, disk], np.zeros(len(off))) for disk in (MID, TARGET)]
     long = np.broadcast_to(elongations(data.bodies.fitted(data.disks)), off.shape)
     pushed = pushed_bodies(data.action)[:, None] == np.arange(data.disks)
     return [(parts[:, rows], off[rows], long[rows]) for rows in (pushed, ~pushed)]

@@ -61,14 +61,13 @@ class TrainOptions(Config):
     """
 
     dataset: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
-        "shards *.npz or folders of them, one or more, also with different numbers of disks, or"
-        " with --bodies any of any shapes"
+        "shards *.npz or folders of them, one or more, also with different bodies"
     )
     out: Path = required("folder for checkpoint, card, loss curve and settings")
     name: str = option("sain", "name of the checkpoint")
     parent: Annotated[str | None, tyro.conf.arg(name="from", metavar="CHECKPOINT")] = option(
         None,
-        "go on with a checkpoint: sain or sain_any_shape (shipped), or a path; its settings stay",
+        "go on with a checkpoint: sain (shipped), or a path; its settings stay",
     )
     preset: Literal["default", "paper", "paper-epochs", "paper-steps"] = option(
         "default",

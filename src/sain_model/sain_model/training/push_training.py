@@ -111,11 +111,11 @@ class Trainer(TrainingLoop):
 
     def _losses(self, rows: Tensor) -> Tensor:
         examples = self._train
-        predicted = self.network.each(examples.disks[rows], examples.relations[rows])
+        predicted = self.network.each(examples.bodies[rows], examples.relations[rows])
         return mixed_loss(predicted, examples, rows, self.config.loss)
 
     def _validate(self) -> float:
         """Return the loss of the members' mean."""
         data = self._validation
-        predicted = self.network(data.disks, data.relations)
+        predicted = self.network(data.bodies, data.relations)
         return mixed_loss(predicted, data, torch.arange(len(data)), self.config.loss).item()

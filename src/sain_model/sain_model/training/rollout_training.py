@@ -8,11 +8,13 @@ import torch
 from torch import Tensor
 
 from sain_core.dynamics import Dynamics
+from sain_core.errors import DatasetError
 from sain_core.seeding import generator
 from sain_core.types import Scalars
 from sain_model.compute.threads import one_numba_thread
-from sain_model.data.dataset import Split
-from sain_model.data.shaped_physics import others_friction
+from sain_model.data.dataset import Dataset, Split
+from sain_model.data.mixed import MixedDataset, MixedSplit
+from sain_model.data.shaped_physics import others_friction, prior_for
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.loss import rollout_loss
 from sain_model.dynamics.rollouts import roll
@@ -32,7 +34,7 @@ class RolloutTrainer(TrainingLoop):
     def __init__(
         self,
         network: InteractionNetwork,
-        split: Split,
+        split: Split | MixedSplit,
         prior: Dynamics,
         config: RolloutConfig,
         training: TrainingConfig,
@@ -46,18 +48,21 @@ class RolloutTrainer(TrainingLoop):
 
         Raises:
             CheckpointError: the state in the folder is damaged or of other settings or data.
+            DatasetError: scenes with different bodies.
         """
         self.network = network
         self.config = config
         self.epochs, self.max_grad_norm = config.rollout_epochs, config.max_grad_norm
-        self._training, self._prior = training, prior
-        self._train = make_windows(split.train, config.steps_ahead)
-        if training.mirrors:
-            image = make_windows(split.train.mirrored(), config.steps_ahead)
+        train, validation = _alike(split.train), _alike(split.validation)
+        self._bodies = train.bodies
+        self._training, self._prior = training, prior_for(prior, train.bodies)
+        self._train = make_windows(train, config.steps_ahead)
+        if training.mirrors and train.bodies.all_round:
+            image = make_windows(train.mirrored(), config.steps_ahead)
             self._train = self._train.and_then(image)
-        self._validation = make_windows(split.validation, config.steps_ahead)
-        self._train_friction = others_friction(split.train, friction)
-        self._validation_friction = others_friction(split.validation, friction)
+        self._validation = make_windows(validation, config.steps_ahead)
+        self._train_friction = others_friction(train, friction)
+        self._validation_friction = others_friction(validation, friction)
         about = f"{friction.config} {friction.nominal}" if friction else ""
         identity = f"{config} {training} {split.train.sha256} {about}"
         optimizer = torch.optim.AdamW(
@@ -89,5 +94,12 @@ class RolloutTrainer(TrainingLoop):
     def _loss(self, windows: Windows, friction: Scalars | None) -> Tensor:
         # Behind a window's end nothing is pushed: any friction will do.
         told = None if friction is None else friction[windows.rows]
-        poses = roll(self.network, windows, self._prior, told)
+        poses = roll(self.network, windows, self._prior, told, self._bodies)
         return rollout_loss(poses, windows, self._training.loss)
+
+
+def _alike(data: Dataset | MixedDataset) -> Dataset:
+    """Return data whose scenes have the same bodies."""
+    if len(data.parts) > 1:
+        raise DatasetError("--steps-ahead needs scenes with the same bodies; give one folder")
+    return data.parts[0]

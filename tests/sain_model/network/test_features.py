@@ -1,4 +1,4 @@
-"""Features of bodies of any shape: what acts between them, however the shapes are written."""
+"""Features: what acts between bodies, however their shapes are written."""
 
 from dataclasses import replace
 
@@ -13,13 +13,11 @@ from sain_core.shapes.polygon import Compound
 from sain_core.shapes.registry import get_shape
 from sain_core.types import Pushes, Scenes
 from sain_model.network.compiled_network import CompiledNetwork
-from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE, GAP_SCALE, PLACE_SCALE
-from sain_model.network.features import Features
+from sain_model.network.feature_kernels import BODY_FEATURES, MIRRORED_BODY
+from sain_model.network.features import Features, network_inputs, push_frames
+from sain_model.network.inputs import GAP_AFTER, GAP_BEFORE, GAP_SCALE, PLACE_SCALE
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import ANY_SHAPE, FRAMES, NetworkConfig
-from sain_model.network.shape_feature_kernels import MIRRORED_BODY, SHAPE_BODY_FEATURES
-from sain_model.network.shape_features import network_inputs, push_frames
-from sain_model.network.shape_relation_kernels import (
+from sain_model.network.relation_kernels import (
     CONTACT_BEFORE,
     EXTENT_BEFORE,
     EXTENT_SCALE,
@@ -28,9 +26,10 @@ from sain_model.network.shape_relation_kernels import (
     MIRRORED_RELATION,
     SENDER,
 )
+from sain_model.network.settings import FRAMES, NetworkConfig
 from sain_model.network.torch_network import TorchNetwork
 
-CONFIG = NetworkConfig(bodies=ANY_SHAPE)
+CONFIG = NetworkConfig()
 NAMES = ("t", "right_triangle", "three_feet", "ellipse", "l")
 FEET = [5, 6, 16, 17, 18]  # features of where the supports are
 PLACES = np.array([(0.45, 0.0), (0.57, 0.03), (0.5, 0.14), (0.44, -0.13), (0.72, 0.1)])
@@ -68,12 +67,12 @@ def features_of(
     bodies: Bodies,
     config: NetworkConfig = CONFIG,
 ) -> Features:
-    frames = push_frames(config, scenes, pushes, bodies)
+    frames = push_frames(scenes, pushes, bodies)
     return network_inputs(config, scenes, frames, after, bodies)
 
 
 def assert_same(first: Features, second: Features) -> None:
-    np.testing.assert_allclose(first.disks, second.disks, atol=2e-5)
+    np.testing.assert_allclose(first.bodies, second.bodies, atol=2e-5)
     np.testing.assert_allclose(first.relations, second.relations, atol=2e-4)
 
 
@@ -127,7 +126,7 @@ def test_renumbering_bodies_renumbers_rows() -> None:
     )
     pairs = np.arange(25).reshape(5, 5)
     slots = pairs[np.ix_(order, order)].ravel()
-    assert_same(told, Features(usual.disks[:, order], usual.relations[:, slots]))
+    assert_same(told, Features(usual.bodies[:, order], usual.relations[:, slots]))
 
 
 def test_a_mirror_changes_signs_alone() -> None:
@@ -146,10 +145,10 @@ def test_a_mirror_changes_signs_alone() -> None:
     told = features_of(
         mirror_scenes(scenes), image, mirror_scenes(after), Bodies(mirrored, (Role.PUSHABLE,) * 2)
     )
-    usual.disks[..., list(MIRRORED_BODY)] *= -1
+    usual.bodies[..., list(MIRRORED_BODY)] *= -1
     usual.relations[..., list(MIRRORED_RELATION)] *= -1
     for some in (told, usual):  # a mirrored outline gets other feet, which are left out
-        some.disks[..., FEET] = 0.0
+        some.bodies[..., FEET] = 0.0
         some.relations[..., [SENDER + column for column in FEET]] = 0.0
     assert_same(told, usual)
 
@@ -207,7 +206,7 @@ def test_bodies_out_of_reach_change_nothing() -> None:
 def test_a_body_alone_has_the_tool() -> None:
     scenes, pushes, after = draw(1, 10)
     told = features_of(scenes, pushes, after, bodies_of("bar"))
-    assert told.disks.shape == (10, 1, SHAPE_BODY_FEATURES)
+    assert told.bodies.shape == (10, 1, BODY_FEATURES)
     assert told.relations.shape[1] == 1
     assert (told.relations[:, 0, IS_TOOL] == 1.0).all()
     assert (told.relations[:, 0, GAP_BEFORE] < 0.3).all()

@@ -8,7 +8,7 @@ import numpy as np
 
 from sain_core.push import ANGLE, LENGTH
 from sain_model.compute.compiling import compiled
-from sain_model.network.feature_kernels import (
+from sain_model.network.inputs import (
     GAP_AFTER,
     GAP_BEFORE,
     GAP_SCALE,
@@ -33,7 +33,7 @@ CONTACT_BEFORE, CONTACT_AFTER = 16, 24  # eight columns each
 HEADINGS = 32  # eight columns, 0 for a network that does not see the world
 SENDER = 40  # the features of the sender, 0 for the tool
 TOOL_CONTACT = SENDER + 30  # twenty columns: gaps, extents and contacts of the tool
-SHAPE_RELATION_FEATURES = TOOL_CONTACT + 20
+RELATION_FEATURES = TOOL_CONTACT + 20
 
 CURVATURE_SCALE = 0.02  # [m], times 1 / radius
 EXTENT_SCALE = 0.03  # [m]
@@ -112,13 +112,13 @@ def write_headings(patch, poses, body, other, way, when, lane, relation):
 @compiled
 def write_context(work, pushed, sent, lane):
     """Write to each relation what its sender is, and how the tool meets the pushed body."""
-    count = work.disks.shape[0]
+    count = work.bodies.shape[0]
     tool = work.relations[pushed * count + pushed]
     for body in range(count):
         for slot in range(count):
             relation = work.relations[body * count + slot]
             if slot != body:
-                _copy(work.disks[slot], 0, sent, lane, relation, SENDER)
+                _copy(work.bodies[slot], 0, sent, lane, relation, SENDER)
             _copy(tool, EXTENT_BEFORE, 3, lane, relation, TOOL_CONTACT)
             _copy(tool, GAP_AFTER, 17, lane, relation, TOOL_CONTACT + 3)
 

@@ -1,4 +1,4 @@
-"""SAIN for bodies of any shape: a network that was made for it, on a prior told the bodies."""
+"""SAIN for bodies of any shape, on a prior told the bodies."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from sain_core.dynamics import StepwiseRollout
-from sain_core.errors import CheckpointError, ConfigError
+from sain_core.errors import CheckpointError
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH
 from sain_core.scene import make_scene
@@ -22,16 +22,16 @@ from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.history_errors import predict_with_history
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import ANY_SHAPE, NetworkConfig
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
 
 T_AND_STAR = Bodies.named(["t", "star"], ["pushable", "pushable"])
 
 
-def network(bodies: str = ANY_SHAPE) -> InteractionNetwork:
+def network() -> InteractionNetwork:
     torch.manual_seed(0)
-    made = InteractionNetwork(NetworkConfig(hidden=8, message=4, members=2, bodies=bodies))
+    made = InteractionNetwork(NetworkConfig(hidden=8, message=4, members=2))
     with torch.no_grad():
         for parameter in made.parameters():
             parameter.add_(0.05 * torch.randn_like(parameter))
@@ -110,7 +110,7 @@ def test_the_pushed_body_has_the_region_of_a_mid_disk() -> None:
     np.testing.assert_allclose(told.radius, np.where(pushed, 1.0, 3.0) * score)
 
 
-def test_a_checkpoint_for_any_shape_is_what_was_saved(tmp_path: Path, sain: SainDynamics) -> None:
+def test_a_checkpoint_is_what_was_saved(tmp_path: Path, sain: SainDynamics) -> None:
     path = tmp_path / "shapes.safetensors"
     save_checkpoint(path, sain.network, ModelCard("planar", prior_settings(PlanarPrior()), {}))
     scenes, pushes = pushes_of(10)
@@ -118,28 +118,17 @@ def test_a_checkpoint_for_any_shape_is_what_was_saved(tmp_path: Path, sain: Sain
     np.testing.assert_array_equal(loaded.step(scenes, pushes), sain.step(scenes, pushes))
 
 
-def test_a_card_with_features_of_disks_is_refused(tmp_path: Path, sain: SainDynamics) -> None:
+def test_a_card_with_other_features_is_refused(tmp_path: Path, sain: SainDynamics) -> None:
     path = tmp_path / "shapes.safetensors"
     save_checkpoint(path, sain.network, ModelCard("planar", prior_settings(PlanarPrior()), {}))
     text = card_path(path).read_text()
-    card_path(path).write_text(text.replace('"disk_features": 20', '"disk_features": 15'))
-    with pytest.raises(CheckpointError, match="disk_features is 15; this version reads 20"):
+    card_path(path).write_text(text.replace('"body_features": 20', '"body_features": 15'))
+    with pytest.raises(CheckpointError, match="body_features is 15; this version reads 20"):
         load_sain(path)
 
 
-def test_a_network_for_disks_predicts_disks_alone() -> None:
-    disks = SainDynamics(network("disks"), PlanarPrior(), "planar")
-    scenes, pushes = pushes_of(5)
-    same = disks.with_bodies(Bodies.disks(2))
-    np.testing.assert_array_equal(
-        same.step(scenes, pushes[:, :3]), disks.step(scenes, pushes[:, :3])
-    )
-    with pytest.raises(ConfigError, match=r"trained on disks.*t \(pushable\), star \(pushable\)"):
-        disks.with_bodies(T_AND_STAR)
-
-
 def test_disks_are_bodies_too(sain: SainDynamics) -> None:
-    """A network for any shape needs no bodies where all are the paper's disks."""
+    """No bodies need be given where all are the paper's disks."""
     plain = replace(sain, prior=PlanarPrior(), bodies=PAPER_DISKS)
     scenes, pushes = pushes_of(8)
     told = plain.step(scenes, pushes[:, :3])
