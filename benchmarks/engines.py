@@ -20,8 +20,9 @@ from sain_core.errors import UnreachableError
 from sain_core.scene import MID, POSITION, TARGET, unit
 from sain_core.types import Scene
 from sain_sim.world.engines import ENGINES
-from sain_sim.world.outcome import Sample, Stroke
+from sain_sim.world.outcome import Sample
 from sain_sim.world.parameters import nominal_parameters
+from sain_sim.world.stroke import Stroke
 from sain_sim.world.world import World
 
 FURTHER = 0.05  # [m]

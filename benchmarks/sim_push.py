@@ -26,8 +26,9 @@ from sain_sim.bullet.stage import Stage
 from sain_sim.episodes.samplers import CircleSampler
 from sain_sim.episodes.start import draw_start
 from sain_sim.rendering.render import CameraConfig, Renderer
-from sain_sim.world.outcome import Sample, Stroke
+from sain_sim.world.outcome import Sample
 from sain_sim.world.parameters import WorldParameters, nominal_parameters, sample_parameters
+from sain_sim.world.stroke import Stroke
 from sain_sim.world.workcell import GRAVITY, STEPS_PER_LOOK, WorldConfig
 from sain_sim.world.world import World
 

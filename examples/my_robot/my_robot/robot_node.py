@@ -9,9 +9,8 @@ from rclpy.node import Node
 
 from my_robot.pretend_table import RATE, PretendTable, RobotConfig
 from sain_core import wire
-from sain_core.errors import BusyError, ErrorCode, StaleSceneError, error_reply
+from sain_core.errors import BusyError, ErrorCode, error_reply
 from sain_core.feasibility import Feasibility
-from sain_core.push import check_pushed
 from sain_core.ros import codec
 from sain_core.ros.limits import emptied, shortened
 from sain_core.ros.node_main import NAMESPACE, node_main
@@ -23,7 +22,7 @@ from sain_core.ros.steady import steady_timer
 from sain_core.scene import THETA, VELOCITY
 from sain_interfaces.msg import Push, PushResult, Scene
 from sain_sim.node.session import Session
-from sain_sim.world.refusals import check_gap, check_reach
+from sain_sim.world.stroke import checked_stroke
 
 AFTER = 0.4  # [s], from the end of a push to the scene that shows what it led to
 LOOK_FOR_RIVALS = 0.5  # [s]
@@ -68,13 +67,9 @@ class RobotNode(Node):
             self.session.go_on_from(scene.episode_id, scene.scene_id)
         self.session.admit(message.push_id, message.episode_id, message.scene_id)
         try:
-            push = ARM.limits.check(wire.decode_push(message))
-            disks, bodies = wire.decode_disks(message.disks or scene.disks), self.table.bodies
-            check_pushed(push, bodies)
-            check_reach(disks, push, ARM, bodies)
-            check_gap(disks, push, ARM, bodies)
-            if not is_at_rest(scene):
-                raise StaleSceneError("the bodies are not at rest")
+            push = wire.decode_push(message)
+            disks = wire.decode_disks(message.disks or scene.disks)
+            checked_stroke(push, disks, is_at_rest(scene), ARM, self.table.bodies)
         except Exception:
             self.session.finish(executed=False)
             raise

@@ -40,6 +40,17 @@ class Reach(Config):
             (distance >= self.inner) & (distance <= self.outer) & (bearing <= self.max_bearing)
         )
 
+    def covers(self, start: Points, way: Points, length: Scalars) -> Mask:
+        """Tell which ways (...,) from a start (..., 2) in a direction (..., 2) lie in reach.
+
+        The ring is not convex: a way is checked where it starts, ends and comes nearest the base.
+        """
+        nearest = np.clip(-(start * way).sum(-1), 0.0, length)
+        ok = self.contains(start)
+        ok &= self.contains(start + nearest[..., None] * way)
+        ok &= self.contains(start + length[..., None] * way)
+        return np.asarray(ok)
+
 
 def reachable(
     scenes: Scenes,
@@ -48,21 +59,9 @@ def reachable(
     reach: Reach,
     bodies: Bodies = PAPER_DISKS,
 ) -> Mask:
-    """Tell for which pushes the tool's whole way lies in reach.
-
-    The ring is not convex: the way is checked where it starts, ends and comes nearest the base.
-    """
+    """Tell for which pushes the tool's whole way lies in reach."""
     start, heading = strokes(scenes, pushes, limits, bodies)
-    return _within_reach(start, unit(heading), pushes[..., LENGTH], reach)
-
-
-def _within_reach(start: Points, way: Points, length: Scalars, reach: Reach) -> Mask:
-    """Tell which ways (...,) from a start (..., 2) in a direction (..., 2) lie in reach."""
-    nearest = np.clip(-(start * way).sum(-1), 0.0, length)
-    ok = reach.contains(start)
-    ok &= reach.contains(start + nearest[..., None] * way)
-    ok &= reach.contains(start + length[..., None] * way)
-    return np.asarray(ok)
+    return reach.covers(start, unit(heading), pushes[..., LENGTH])
 
 
 def tool_gap(
@@ -74,10 +73,10 @@ def tool_gap(
     Infinite: there is no other body.
     """
     start, heading = strokes(scenes, pushes, limits, bodies)
-    return _gap_on_way(start, unit(heading), scenes, pushes, limits, bodies)
+    return gap_on_way(start, unit(heading), scenes, pushes, limits, bodies)
 
 
-def _gap_on_way(
+def gap_on_way(
     start: Points,
     way: Points,
     scenes: Scenes,
@@ -203,8 +202,8 @@ class Feasibility(Config):
         limits = self.limits
         start, heading = strokes(scenes, pushes, limits, bodies)
         way = unit(heading)
-        gap = _gap_on_way(start, way, scenes, pushes, limits, bodies)
-        possible = _within_reach(start, way, pushes[..., LENGTH], self.reach)
+        gap = gap_on_way(start, way, scenes, pushes, limits, bodies)
+        possible = self.reach.covers(start, way, pushes[..., LENGTH])
         possible &= gap >= self.tool_margin
         possible &= start_gap(scenes, pushes, self.limits, bodies) >= 0.0
         possible &= np.isin(pushed_bodies(pushes), bodies.pushable)

@@ -13,8 +13,8 @@ from sain_core.shapes.bodies import Role
 from sain_core.world import DivergedError
 from sain_sim.episodes.truth import TruthConfig
 from sain_sim.world.engines import MUJOCO
-from sain_sim.world.outcome import Stroke
 from sain_sim.world.parameters import nominal_parameters
+from sain_sim.world.stroke import Stroke
 from sain_sim.world.workcell import GRAVITY
 from sain_sim.world.world import World
 

@@ -12,8 +12,8 @@ from sain_core.errors import (
     StaleSceneError,
 )
 from sain_core.scene import MASS, MID, RADIUS, X
-from sain_sim.world.outcome import Stroke
 from sain_sim.world.parameters import nominal_parameters
+from sain_sim.world.stroke import Stroke
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 

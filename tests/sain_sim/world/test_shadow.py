@@ -7,9 +7,9 @@ from sain_core.dynamics import Dynamics
 from sain_core.errors import ConfigError
 from sain_core.push import PushLimits
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET, move_apart, surface_gaps
-from sain_sim.world.outcome import Stroke
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.shadow import KINDS, MEASURED, NOMINAL, TRUE, BulletPrior, stand_back
+from sain_sim.world.stroke import Stroke
 from sain_sim.world.world import World
 
 

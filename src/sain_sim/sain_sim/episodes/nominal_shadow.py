@@ -5,9 +5,9 @@ from dataclasses import replace
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import POSITION, THETA
 from sain_core.types import PushArray, Scene
-from sain_sim.world.outcome import Stroke, is_idle
 from sain_sim.world.parameters import NOMINAL_MASS, WorldParameters
 from sain_sim.world.shadow import MEASURED, TRUE, BulletPrior
+from sain_sim.world.stroke import Stroke, is_idle
 
 
 class NominalShadow(BulletPrior):

@@ -1,18 +1,21 @@
 """What all simulated worlds have in common: scenes and pushes are checked here, and only here."""
 
 from abc import abstractmethod
+from typing import Final
 
-from sain_core.errors import StaleSceneError
-from sain_core.push import check_pushed
-from sain_core.scene import check_on_table
+import numpy as np
+
+from sain_core.errors import InvalidInputError
+from sain_core.scene import MASS, RADIUS
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Closeable
-from sain_sim.world.belief import believed_scene, withdrawn
-from sain_sim.world.outcome import Observer, Sample, Stroke, StrokeOutcome, is_idle
+from sain_sim.world.outcome import Observer, Sample, StrokeOutcome
 from sain_sim.world.parameters import WorldParameters
-from sain_sim.world.refusals import check_gap, check_reach, check_same_bodies
+from sain_sim.world.stroke import Stroke, checked_stroke
 from sain_sim.world.workcell import WorldConfig
+
+MATCH_TOLERANCE: Final = 1e-6  # [kg] or [m]
 
 
 class CheckedWorld(Closeable):
@@ -43,7 +46,7 @@ class CheckedWorld(Closeable):
             OffTableError: a disk off the table.
         """
         wanted = parameters or self.parameters
-        check_same_bodies(scene, wanted)
+        _check_same(scene, wanted)
         check_bodies(scene, wanted.bodies, self.config.feasibility.table)
         self.load(scene, parameters)
         return self.observe()
@@ -97,23 +100,32 @@ class CheckedWorld(Closeable):
         way.
 
         Raises:
-            InvalidInputError: wrong shape, NaN or Inf.
-            OutOfRangeError: a value outside its range.
-            OffTableError: a disk has left the table.
-            StaleSceneError: the disks still move.
-            UnreachableError: a way that leaves the reach.
-            BlockedError: another disk is in the tool's way.
+            SainError: see `checked_stroke`.
         """
-        feasibility, bodies = self.config.feasibility, self.parameters.bodies
-        check_pushed(feasibility.limits.check(push), bodies)
-        scene = self.observe()
-        check_on_table(scene, feasibility.table)
-        if not self.still():
-            raise StaleSceneError("the disks still move; a push needs a settled scene")
-        believed = believed_scene(scene, seen)
-        stroke = Stroke.of_push(believed, push, feasibility.limits, bodies)
-        if is_idle(push):
-            return stroke
-        check_reach(believed, push, feasibility, bodies)
-        check_gap(believed, push, feasibility, bodies)
-        return stroke if seen is None else withdrawn(stroke, scene, feasibility, bodies)
+        return checked_stroke(
+            push,
+            self.observe(),
+            self.still(),
+            self.config.feasibility,
+            self.parameters.bodies,
+            seen,
+        )
+
+
+def _check_same(scene: Scene, parameters: WorldParameters) -> None:
+    """Raise `InvalidInputError` unless a scene (N, 8) has the masses and radii of a world."""
+    if len(scene) != parameters.count:
+        raise InvalidInputError(
+            f"the scene has {len(scene)} bodies; this world has {parameters.count}"
+        )
+    for column, name, values in (
+        (MASS, "mass", parameters.masses),
+        (RADIUS, "radius", parameters.radii),
+    ):
+        wrong = np.abs(scene[:, column] - values) > MATCH_TOLERANCE
+        if wrong.any():
+            disk = int(np.argmax(wrong))
+            raise InvalidInputError(
+                f"{name} of body {disk} is {scene[disk, column]:.6g} in the scene and"
+                f" {values[disk]:.6g} in this world; they must be the same"
+            )

@@ -13,8 +13,9 @@ from sain_core.types import PushArray, Scene
 from sain_core.world import Setting, WorldFailedError, check_outcome
 from sain_sim.world.checked import CheckedWorld
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINES, OFFERED, check_engine, load_world
-from sain_sim.world.outcome import Observer, Sample, StrokeOutcome, is_idle
+from sain_sim.world.outcome import Observer, Sample, StrokeOutcome
 from sain_sim.world.parameters import WorldParameters, in_a_row
+from sain_sim.world.stroke import is_idle
 from sain_sim.world.workcell import HOME, WorldConfig
 from sain_sim.world.world import Viewer, World
 

@@ -14,8 +14,9 @@ from sain_core.world import DivergedError
 from sain_sim.arm.kinematics import Joints
 from sain_sim.world.checked import CheckedWorld
 from sain_sim.world.engines import DEFAULT_ENGINE, check_engine, simulation_class
-from sain_sim.world.outcome import Observer, Sample, Stroke, StrokeOutcome, is_idle
+from sain_sim.world.outcome import Observer, Sample, StrokeOutcome
 from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, in_a_row
+from sain_sim.world.stroke import Stroke, is_idle
 from sain_sim.world.workcell import Origin, Route, Simulation, Watch, Watches, WorldConfig
 
 __all__ = ["Viewer", "World", "WorldConfig"]
