@@ -55,7 +55,7 @@ class Pacer:
 
     def follow(self, world_time: float) -> None:
         """Wait until a time of the world [s] is due, and go on to it."""
-        now = world_time + self._idle_s
+        now = max(self._now, world_time + self._idle_s)  # sums of floats may differ in last bits
         if self._factor > 0.0:
             due = self._anchor + (now - self._now) / self._factor
             self._sleep(max(0.0, due - self._wall()))

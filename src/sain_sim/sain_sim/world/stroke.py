@@ -54,7 +54,7 @@ def checked_stroke(
     settled: bool,
     feasibility: Feasibility,
     bodies: Bodies,
-    seen: Scene | None = None,
+    seen: Float[ndarray, "M 8"] | None = None,
 ) -> Stroke:
     """Return the tool's way for a push that can be carried out in a scene (N, 8).
 
