@@ -53,7 +53,7 @@ COMMON: Final = (
     Parameter("tool_height", "height at which the tool presses, m", 0.008, False, 0.0, 0.05),
     Parameter("disk_height", "height at which bodies press, m", 0.008, False, 0.0, 0.05),
     Parameter("middle_height", "height of the centre of mass, m", 0.004, False, 0.0, 0.04),
-    Parameter("speed", "speed of the tool, m/s", 0.05, True, 0.1, 0.4),
+    Parameter("speed", "speed of the tool, m/s", 0.05, True, 0.005, 0.5),
 )
 ACROSS: Final = Parameter(
     "yield_across", "friction of a foot across its arm, share", 0.15, False, 0.3, 1.0

@@ -34,7 +34,7 @@ from sain_model.physics.body_kernels import (
 from sain_model.physics.table_kernels import hold
 
 SWEEPS = 30  # most sweeps over the contacts in one step
-CONVERGED = 1e-4  # [m/s], change of relative velocities in the last sweep
+CONVERGED = 5e-4  # [speeds of the tool], change of relative velocities in the last sweep
 NEAR = 0.005  # [m], a pair further apart is looked at again in the next step
 WARM_START = 1.0  # share of the last step's impulses to begin from
 PUSH_OUT = 0.3  # share of an overlap that one step undoes, without giving speed
@@ -141,14 +141,15 @@ def solve(count, physics, work):
         impulses[pair, ACROSS] *= WARM_START
         if impulses[pair, ALONG] > 0.0:
             _apply(work, index, impulses[pair, ALONG], impulses[pair, ACROSS])
+    torsion = physics.foot_radius / physics.inertia, physics.inertia / physics.foot_radius**2
     for _ in range(SWEEPS):
         change = 0.0
         for index in range(count):
             change = max(change, _solve_one(work, index, physics))
         for disk in range(1, work.bodies.shape[0]):
             if work.grip[disk] > 0.0:
-                change = max(change, hold(work, disk, physics.foot_radius / physics.inertia))
-        if change < CONVERGED:
+                change = max(change, hold(work, disk, *torsion))
+        if change < CONVERGED * physics.speed:
             break
 
 

@@ -53,7 +53,7 @@ from sain_model.physics.overlap_kernels import ON_CORNER, ON_SIDE
 from sain_model.physics.support_kernels import hold_back, hold_supports
 
 SWEEPS = 30  # most sweeps over the contacts in one step
-CONVERGED = 1e-4  # [m/s], change of relative velocities in the last sweep
+CONVERGED = 5e-4  # [speeds of the tool], change of relative velocities in the last sweep
 PUSH_OUT = 0.3  # share of an overlap that one step undoes, without giving speed
 TOUCHING = 1e-5  # [m], a gap as small as this is none
 LEAVE = 1e-3  # [s]
@@ -214,7 +214,7 @@ def solve_impulses(work, physics):
                 change = max(change, hold_back(work, row))
             if work.stuck[row]:
                 change = max(change, hold_supports(work, row))
-        if change < CONVERGED:
+        if change < CONVERGED * physics.speed:
             break
     _note_touched(work)
 

@@ -17,12 +17,15 @@ from sain_model.physics.outline_kernels import (
     COS,
     DRAG,
     LIGHTNESS,
+    REACH,
     SIN,
     SLOPE_X,
     SLOPE_Y,
     SPIN,
     TOOL,
+    TURN,
     TURNED,
+    TWIST,
     VX,
     VY,
     X,
@@ -52,7 +55,9 @@ from sain_model.physics.touching_kernels import find_touching
 def calm_time(bodies, slowing, physics):
     """Return the longest step [s] in which friction changes no body's motion too much.
 
-    A body that does not spin slides straight and slows evenly: it may stop in one step.
+    A body that does not spin slides straight and slows evenly: it may stop in one step. Where the
+    tool is slower than what friction stops in the longest step, the push is quasi-static: the
+    table holds all bodies back, and no step is too long for that (`hold_back`).
 
     Args:
         bodies: rows of bodies.
@@ -60,13 +65,28 @@ def calm_time(bodies, slowing, physics):
         physics: for the limits.
     """
     step = physics.longest_step
+    if physics.speed <= slowing * step:
+        return step
     for row in range(1, bodies.shape[0]):
-        stop = outer_speed(bodies, row) / slowing
+        stop = outer_speed(bodies, row) / (slowing * spin_share(bodies, row))
         if stop > 0.0:
             if bodies[row, SPIN] != 0.0:
                 stop = max(physics.stop_share * stop, physics.stop_step)
             step = min(step, stop)
     return step
+
+
+@compiled
+def spin_share(bodies, row):
+    """Return by how much sooner friction stops what is light to turn, at least 1.
+
+    At its rim, it takes this much more from the turning of a body than from its sliding, but for a
+    factor of 2 that steps leave room for.
+    """
+    if bodies[row, LIGHTNESS] == 0.0:
+        return 1.0
+    at_rim = bodies[row, TWIST] * bodies[row, REACH] * bodies[row, TURN] / bodies[row, LIGHTNESS]
+    return max(0.5 * at_rim, 1.0)
 
 
 @compiled
@@ -107,7 +127,7 @@ def advance(work, slowing, physics, step):
         bodies[row, VX] += step * bodies[row, SLOPE_X]
         bodies[row, VY] += step * bodies[row, SLOPE_Y]
         less = slowing * bodies[row, DRAG] * step
-        if outer_speed(bodies, row) > 2.0 * less:
+        if outer_speed(bodies, row) > 2.0 * less * spin_share(bodies, row):
             brake(work, row, less, physics, step)
         else:
             work.grip[row] = less

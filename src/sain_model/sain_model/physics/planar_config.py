@@ -69,7 +69,7 @@ class PlanarConfig(Config):
     clearance: float = option(
         0.005, "gap between tool and rim at the start", unit="m", minimum=0.0, maximum=0.05
     )
-    speed: float = option(0.2, "of the tool", unit="m/s", minimum=0.01, maximum=2.0)
+    speed: float = option(0.2, "of the tool", unit="m/s", minimum=0.001, maximum=2.0)
     acceleration: float = option(4.0, "of the tool", unit="m/s^2", minimum=0.1, maximum=50.0)
     longest_step: float = option(0.02, "longest time step", unit="s", minimum=1e-4, maximum=0.1)
     stop_share: float = option(

@@ -74,8 +74,11 @@ def calm_step(bodies, slowing, physics):
         physics: for the limits.
     """
     step = physics.longest_step
+    if physics.speed <= slowing * step:  # quasi-static
+        return step
+    spin_share = max(0.5 * physics.foot_radius / physics.inertia, 1.0)
     for disk in range(1, bodies.shape[0]):
-        stop = rim_speed(bodies, disk) / slowing
+        stop = rim_speed(bodies, disk) / (slowing * spin_share)
         if stop > 0.0:
             if bodies[disk, SPIN] != 0.0:
                 stop = max(physics.stop_share * stop, physics.stop_step)
@@ -111,6 +114,7 @@ def flow(work, count, slowing, physics, step):
         step: duration [s].
     """
     bodies, before, change = work.bodies, work.before, work.change
+    spin_share = max(0.5 * physics.foot_radius / physics.inertia, 1.0)
     for disk in range(1, bodies.shape[0]):
         before[disk, 0], before[disk, 1] = bodies[disk, VX], bodies[disk, VY]
         before[disk, 2] = bodies[disk, SPIN]
@@ -118,7 +122,7 @@ def flow(work, count, slowing, physics, step):
         bodies[disk, VX] += step * bodies[disk, PULL_X]
         bodies[disk, VY] += step * bodies[disk, PULL_Y]
         less = slowing * bodies[disk, DRAG] * step
-        if rim_speed(bodies, disk) > 2.0 * less:
+        if rim_speed(bodies, disk) > 2.0 * less * spin_share:
             apply_friction(work, disk, less, physics, step)
         else:
             work.grip[disk] = less

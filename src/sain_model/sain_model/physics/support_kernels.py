@@ -47,7 +47,9 @@ from sain_model.physics.outline_kernels import (
     mass_offset,
 )
 
-LEAST_SHARE = 0.05  # of the load, that an offset of the centre of mass leaves each support
+NEWTON_STEPS = 20  # most of them; three or four are usual
+ON_SURFACE = 1e-9  # share by which friction may exceed the limit
+LEAST_SHARE = 0.15  # of its load, that an offset of the centre of mass leaves each support
 SLOW = 1.0  # a support is slow that friction could stop in this many steps under a whole load
 
 
@@ -170,6 +172,38 @@ def hold_supports(work, row):
 
 
 @compiled
+def slide_on(slide, turn, grip, ratio):
+    """Return how a body goes on that the table cannot hold: along its limit surface's normal.
+
+    Friction takes h from the velocity u so that h lies on the ellipsoid h_xy^2 + (h_w / t)^2 =
+    grip^2, and what is left of u is along the ellipsoid's normal at h (the principle of maximal
+    dissipation): h_xy = -u_xy / (1 + m), h_w = -u_w / (1 + ratio m). The m > 0 for which h lies on
+    the ellipsoid is found by Newton's method on 1 / |h|, which is almost linear in m: it
+    converges from m = 0 without overshooting (More and Sorensen, "Computing a trust region step",
+    SIAM J. Sci. Stat. Comput. 4, 1983).
+
+    Args:
+        slide: |u_xy| [m/s].
+        turn: |u_w| / t [m/s].
+        grip: [m/s], less than what both are together.
+        ratio: moment of inertia over mass x torsion length^2.
+
+    Returns:
+        m.
+    """
+    more = 0.0
+    for _ in range(NEWTON_STEPS):
+        straight, spun = 1.0 / (1.0 + more), 1.0 / (1.0 + ratio * more)
+        first, second = (slide * straight) ** 2, (turn * spun) ** 2
+        squared = first + second
+        excess = np.sqrt(squared) / grip - 1.0
+        if excess < ON_SURFACE:
+            break
+        more += squared * excess / (first * straight + ratio * second * spun)
+    return more
+
+
+@compiled
 def hold_back(work, row):
     """Let the table hold a slow body back as far as friction can, against what pushes it.
 
@@ -181,14 +215,16 @@ def hold_back(work, row):
         The change of velocity that this made [m/s].
     """
     bodies, held, grip = work.bodies, work.held, work.grip[row]
-    turn_grip = bodies[row, TWIST] * bodies[row, TURN] / bodies[row, LIGHTNESS]
+    twist = bodies[row, TWIST]
+    turn_grip = twist * bodies[row, TURN] / bodies[row, LIGHTNESS]
     x = held[row, 0] - bodies[row, VX]
     y = held[row, 1] - bodies[row, VY]
     spin = held[row, 2] - bodies[row, SPIN]
-    squared = x * x + y * y + (spin / turn_grip) ** 2
-    if squared > grip * grip:
-        scale = grip / np.sqrt(squared)
-        x, y, spin = scale * x, scale * y, scale * spin
+    slide, turn = np.sqrt(x * x + y * y), abs(spin) / turn_grip
+    if slide * slide + turn * turn > grip * grip:
+        ratio = 1.0 / (twist * turn_grip)
+        more = slide_on(slide, turn, grip, ratio)
+        x, y, spin = x / (1.0 + more), y / (1.0 + more), spin / (1.0 + ratio * more)
     change_x, change_y, change_spin = x - held[row, 0], y - held[row, 1], spin - held[row, 2]
     bodies[row, VX] += change_x
     bodies[row, VY] += change_y
@@ -250,8 +286,8 @@ def _shift_mass(work, row, fore, left):
     share = 1.0
     for foot in range(first, last):
         grows = supports[foot, LEAN_X] * fore + supports[foot, LEAN_Y] * left
-        if supports[foot, SHARE] + share * grows < LEAST_SHARE:
-            share = max((LEAST_SHARE - supports[foot, SHARE]) / grows, 0.0)
+        if supports[foot, SHARE] + share * grows < LEAST_SHARE * supports[foot, SHARE]:
+            share = (LEAST_SHARE - 1.0) * supports[foot, SHARE] / grows
     fore, left = share * fore, share * left
     heaviness = 0.0  # per squared arm, see `YIELD`
     for foot in range(first, last):

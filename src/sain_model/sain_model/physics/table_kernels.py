@@ -17,6 +17,7 @@ from sain_model.physics.body_kernels import (
     apply_impulse,
     is_conditioned,
 )
+from sain_model.physics.support_kernels import slide_on
 
 FEET = 3
 THIRD_TURN_COS, THIRD_TURN_SIN = -0.5, 0.8660254037844386  # of 120 degrees
@@ -138,16 +139,17 @@ def _lean(work, disk, physics, step):
 
 
 @compiled
-def hold(work, disk, turn_grip):
+def hold(work, disk, turn_grip, ratio):
     """Let the table hold a slow disk back as far as friction can, against what pushes it.
 
     Sticking and creeping cannot be told from the velocity before the step: this is solved along
-    with the contacts, with the ellipsoid as limit surface.
+    with the contacts, see `support_kernels.hold_back`.
 
     Args:
         work: scratch memory.
         disk: row of the disk.
         turn_grip: spin that friction can take while it could take 1 m/s of sliding.
+        ratio: moment of inertia over mass x torsion length^2.
 
     Returns:
         The change of velocity that this made [m/s].
@@ -156,10 +158,10 @@ def hold(work, disk, turn_grip):
     x = held[disk, 0] - bodies[disk, VX]
     y = held[disk, 1] - bodies[disk, VY]
     spin = held[disk, 2] - bodies[disk, SPIN]
-    squared = x * x + y * y + (spin / turn_grip) ** 2
-    if squared > grip * grip:
-        scale = grip / np.sqrt(squared)
-        x, y, spin = scale * x, scale * y, scale * spin
+    slide, turn = np.sqrt(x * x + y * y), abs(spin) / turn_grip
+    if slide * slide + turn * turn > grip * grip:
+        more = slide_on(slide, turn, grip, ratio)
+        x, y, spin = x / (1.0 + more), y / (1.0 + more), spin / (1.0 + ratio * more)
     change_x, change_y, change_spin = x - held[disk, 0], y - held[disk, 1], spin - held[disk, 2]
     bodies[disk, VX] += change_x
     bodies[disk, VY] += change_y

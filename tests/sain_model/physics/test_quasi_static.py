@@ -1,0 +1,92 @@
+"""Slow pushes: what friction alone decides, whatever bodies weigh and however they resist turning.
+
+The reference is quasi-static. A body moves along the normal of an ellipsoid: pushed with a force f
+at p, by v = f and w = (p x f) / c^2, where c is its torsion length (Lynch, Maekawa and Tanie,
+"Manipulation and active sensing by pushing using tactile feedback", IROS 1992).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sain_core.push import TOOL_RADIUS
+from sain_core.scene import THETA, make_scene, unit
+from sain_core.shapes.bodies import Bodies, Role
+from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import AXES, TEXTBOOK, PlanarConfig
+
+RADIUS, LENGTH, FRICTION = 0.08, 0.1, 0.3
+SLOW = replace(
+    TEXTBOOK,
+    tool_friction=FRICTION,
+    middle_height=0.0,
+    tool_height=0.0,
+    disk_height=0.0,
+)
+PUSHES = ((0.3, 0.3), (1.0, 0.6), (2.0, -0.7))  # location and angle [rad]
+KINDS = {"disks": None, "outlines": Bodies.named(["disk", "square"], [Role.PUSHABLE] * 2)}
+
+
+def reference(location: float, angle: float, torsion: float, steps: int = 4000) -> np.ndarray:
+    """Where a disk ends (x, y [m], theta [rad]) that starts at the origin."""
+    pose, way = np.zeros(3), LENGTH / steps * unit(np.array(location + angle))
+    tool = -(RADIUS + TOOL_RADIUS + SLOW.clearance) * unit(np.array(location))
+    for _ in range(steps):
+        tool = tool + way
+        apart = pose[:2] - tool
+        normal = apart / np.hypot(*apart)
+        deep = RADIUS + TOOL_RADIUS - np.hypot(*apart)
+        if deep <= 0.0:
+            continue
+        tangent = np.array([-normal[1], normal[0]])
+        arm = -RADIUS * normal
+        across = np.array([-arm[1], arm[0]])
+        give = np.eye(2) + np.outer(across, across) / torsion**2
+        force = np.linalg.solve(give, deep * normal + (way @ tangent) * tangent)
+        if abs(force @ tangent) > FRICTION * (force @ normal):
+            edge = normal + np.sign(force @ tangent) * FRICTION * tangent
+            force = deep / (normal @ give @ edge) * edge
+        pose += [*force, across @ force / torsion**2]
+    return pose
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("inertia", [0.1, 0.43, 0.8])
+@pytest.mark.parametrize("speed", [0.01, 0.02])
+def test_a_slow_push_is_quasi_static(kind: str, inertia: float, speed: float) -> None:
+    bodies, config = KINDS[kind], replace(SLOW, inertia=inertia, speed=speed)
+    prior = PlanarPrior(config) if bodies is None else PlanarPrior(config, bodies)
+    places = np.array([(0.5, 0.0), (0.9, 0.0)])
+    scenes = np.repeat(make_scene(places, np.full(2, 8.0), np.full(2, RADIUS))[None], 3, axis=0)
+    pushes = np.array([(*push, LENGTH, 0.0) for push in PUSHES])
+    moved = (prior.step(scenes, pushes) - scenes)[:, 0, : THETA + 1]
+    for found, push in zip(moved, PUSHES, strict=True):
+        expected = reference(*push, SLOW.foot_radius * RADIUS)
+        assert np.hypot(*(found - expected)[:2]) < 1e-3
+        assert found[2] == pytest.approx(expected[2], abs=np.radians(1.0))
+    assert np.abs(moved[:, 2]).max() > 0.3
+
+
+@pytest.mark.parametrize("base", [TEXTBOOK, PlanarConfig(), AXES])
+@pytest.mark.parametrize("names", [("disk", "disk"), ("t", "bar"), ("star", "ellipse")])
+def test_any_speed_inertia_and_friction_leave_bodies_near(
+    base: PlanarConfig, names: tuple[str, ...]
+) -> None:
+    """What is pushed goes no further than the push, and than it slides on."""
+    random = np.random.default_rng(0)
+    scene = make_scene(
+        np.array([(0.5, 0.0), (0.64, 0.03)]), np.array([8.0, 3.0]), np.array([0.07, 0.06])
+    )
+    for _ in range(10):
+        low, high = [0.01, 0.1, 0.05], [0.5, 1.5, 2.0]
+        speed, friction, inertia = np.exp(random.uniform(np.log(low), np.log(high))).tolist()
+        config = replace(base, speed=speed, friction=friction, inertia=inertia)
+        prior = PlanarPrior(config, Bodies.named(list(names), [Role.PUSHABLE] * 2))
+        scenes = np.repeat(scene[None], 20, axis=0)
+        ways = random.uniform((-3.0, -0.7), (3.0, 0.7), (20, 2))
+        pushes = np.column_stack([ways, np.full((20, 2), (LENGTH, 0.0))])
+        after = prior.step(scenes, pushes)
+        assert np.isfinite(after).all()
+        moved = np.linalg.norm((after - scenes)[:, 0, :2], axis=-1)
+        assert (moved < LENGTH + 2.0 * speed**2 / (2.0 * friction * config.gravity) + 5e-3).all()
