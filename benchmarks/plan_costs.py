@@ -19,6 +19,7 @@ from sain_core.seeding import generator
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.problem import Problem
 from sain_mppi.search.result import PlanResult
 
 HEAD = (
@@ -53,7 +54,8 @@ def first_plans(planner: Planner, cases: list[ScenarioScene]) -> tuple[list[Plan
     for case in cases:
         planner.reset()
         begun = time.perf_counter()
-        plans.append(planner.plan(case.disks, case.goal, generator(case.seed, "plan costs")))
+        problem, random = Problem.of(case.disks, case.goal), generator(case.seed, "plan costs")
+        plans.append(planner.plan(problem, random))
         times.append(time.perf_counter() - begun)
     return plans, float(np.median(times))
 

@@ -44,6 +44,7 @@ from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import IDENTITY
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import MPPI, PlannerConfig
+from sain_mppi.search.problem import Problem
 from sain_mppi.search.result import PlanResult
 from sain_mppi.search.sampling import NoiseConfig
 
@@ -87,7 +88,7 @@ def problem(seed: int = 0) -> ScenarioScene:
 def plan_again(planner: Planner, case: ScenarioScene, seed: int = 0) -> PlanResult:
     """Plan a scene as the first of an episode."""
     planner.reset()
-    return planner.plan(case.disks, case.goal, generator(seed, "benchmark"))
+    return planner.plan(Problem.of(case.disks, case.goal), generator(seed, "benchmark"))
 
 
 class Peer:
@@ -138,10 +139,10 @@ def compare(sain: SainDynamics, name: str, options: Options) -> list[Figure]:
     noise = NoiseConfig(length=0.02)  # clipping then makes few pushes of the peer's a rest
     config = PlannerConfig(algorithm=MPPI, samples=SAMPLES, horizon=HORIZON, noise=noise)
     ours, peer = Planner(as_rollout(sain), config), Peer(sain, case, config)
-    mean = ours.plan(case.disks, case.goal, generator(0, "benchmark")).pushes
+    mean = ours.plan(Problem.of(case.disks, case.goal), generator(0, "benchmark")).pushes
     works = {
         "peer": lambda: peer.plan(case.disks, mean),
-        "ours": lambda: ours.plan(case.disks, case.goal, generator(0, "benchmark")),
+        "ours": lambda: ours.plan(Problem.of(case.disks, case.goal), generator(0, "benchmark")),
     }
     numba.set_num_threads(1)
     try:
@@ -305,7 +306,9 @@ def deadlines(sain: SainDynamics, options: Options) -> list[Figure]:
         planner.reset()
         begun = perf_counter()
         result = planner.plan(
-            case.disks, case.goal, generator(number, "deadline"), monotonic() + DEADLINE
+            Problem.of(case.disks, case.goal),
+            generator(number, "deadline"),
+            monotonic() + DEADLINE,
         )
         late.append(perf_counter() - begun > DEADLINE)
         samples.append(result.samples)

@@ -33,6 +33,7 @@ from sain_core.types import Pushes
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.problem import Problem
 
 PATIENCE_S = 120.0
 MOST_MS = {"anywhere": 25.0, "push_t": 40.0, "rearrange_4": 80.0}  # p95 of the closed loops
@@ -95,7 +96,8 @@ def compare(
 
     def plan(planner: Planner) -> Pushes:
         planner.reset()
-        return planner.plan(case.disks, case.goal, generator(case.seed, "service")).pushes
+        problem = Problem.of(case.disks, case.goal)
+        return planner.plan(problem, generator(case.seed, "service")).pushes
 
     if plan(here).tobytes() != plan(there).tobytes():
         sys.exit("the two plans differ")

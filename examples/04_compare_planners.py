@@ -16,6 +16,7 @@ from sain_model.dynamics.load import load_sain, shipped_checkpoint
 from sain_mppi.algorithms import ALGORITHMS
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
+from sain_mppi.search.problem import Problem
 
 scene = make_scene(
     positions=np.array([[0.45, 0.0], [0.591, 0.0]]),
@@ -23,6 +24,7 @@ scene = make_scene(
     radii=np.array([0.08, 0.06]),
 )
 goal = np.array([0.50, 0.25])  # to the left: the mid disk must first go round the target
+problem = Problem.of(scene, goal)
 sain = load_sain(shipped_checkpoint())
 
 COLUMNS = 3
@@ -31,9 +33,9 @@ figure = new_figure(6.6, 2.5 * ROWS + 0.9)
 places = figure.subplots(ROWS, COLUMNS).ravel()
 for place, (axes, name) in enumerate(zip(places, ALGORITHMS, strict=False)):
     planner = Planner(sain, replace(PlannerConfig(), algorithm=name))
-    planner.plan(scene, goal, generator(7, name))  # the first plan loads and compiles
+    planner.plan(problem, generator(7, name))  # the first plan loads and compiles
     planner.reset()
-    plan = planner.complete(scene, planner.plan(scene, goal, generator(7, name)))
+    plan = planner.complete(problem, planner.plan(problem, generator(7, name)))
     names = draw_plan(axes, scene, goal, plan)
     axes.set(xlim=(0.28, 0.83), ylim=(-0.22, 0.33))  # the same view for every algorithm
     title = f"{name}\ncost {plan.cost:.2f}, {plan.samples} sequences"

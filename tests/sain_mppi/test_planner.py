@@ -19,9 +19,14 @@ from sain_core.seeding import generator
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
 from sain_mppi.search.goal import check_tolerance, goal_reached
+from sain_mppi.search.problem import Problem
 
 CONFIG = PlannerConfig(samples=192)
 GOAL = np.array([0.68, 0.05])
+
+
+def problem(scene, goal=GOAL):
+    return Problem.of(scene, goal)
 
 
 def planner(dynamics, **changes):
@@ -29,7 +34,7 @@ def planner(dynamics, **changes):
 
 
 def test_the_result_tells_what_was_done(scene, dynamics):
-    plan = planner(dynamics).plan(scene, GOAL, generator(0))
+    plan = planner(dynamics).plan(problem(scene), generator(0))
     assert plan.pushes.shape == (CONFIG.horizon, 3)
     assert plan.predicted.shape == (CONFIG.horizon, 2, 8)
     assert plan.cost == pytest.approx(sum(plan.terms.values()))
@@ -41,7 +46,7 @@ def test_the_result_tells_what_was_done(scene, dynamics):
 
 
 def test_more_rounds_of_the_same_search_are_never_worse(scene, dynamics):
-    costs = [planner(dynamics, rounds=n).plan(scene, GOAL, generator(1)).cost for n in (1, 2, 4)]
+    costs = [planner(dynamics, rounds=n).plan(problem(scene), generator(1)).cost for n in (1, 2, 4)]
     assert costs[0] >= costs[1] >= costs[2]
 
 
@@ -54,43 +59,43 @@ def test_it_brings_the_target_to_the_goal_from_any_side(dynamics, bearing):
     for step in range(12):
         if goal_reached(scene, goal, 0.02):
             break
-        scene = dynamics.step(scene[None], plans.plan(scene, goal, generator(2, step)).push[None])[
-            0
-        ]
+        scene = dynamics.step(
+            scene[None], plans.plan(problem(scene, goal), generator(2, step)).push[None]
+        )[0]
     assert target_distance(scene, goal) <= 0.02
 
 
 def test_the_next_plan_starts_from_the_rest_of_the_last(scene, dynamics):
     warm = planner(dynamics)
-    first = warm.plan(scene, GOAL, generator(0))
+    first = warm.plan(problem(scene), generator(0))
     warm.config = replace(CONFIG, samples=1, rounds=1, stuck_rounds=0)
-    then = warm.plan(first.predicted[0], GOAL, generator(1))
+    then = warm.plan(problem(first.predicted[0]), generator(1))
     np.testing.assert_allclose(then.pushes[:-1], first.pushes[1:])
 
 
 @pytest.mark.parametrize("algorithm", [MPPI_ROUNDS, MPPI, ICEM])
 def test_few_samples_are_enough_where_the_last_plan_goes_on(scene, dynamics, algorithm):
     plans = planner(dynamics, algorithm=algorithm, samples=256)
-    first = plans.plan(scene, GOAL, generator(0))
+    first = plans.plan(problem(scene), generator(0))
     plans.config = few = replace(plans.config, samples=8)
-    then = plans.plan(first.predicted[0], GOAL, generator(1))
-    cold = Planner(plans.model, few).plan(first.predicted[0], GOAL, generator(1))
+    then = plans.plan(problem(first.predicted[0]), generator(1))
+    cold = Planner(plans.model, few).plan(problem(first.predicted[0]), generator(1))
     without = Planner(plans.model, replace(few, warm_start=False))
     assert then.cost < cold.cost
-    assert without.plan(first.predicted[0], GOAL, generator(1)).cost == cold.cost
+    assert without.plan(problem(first.predicted[0]), generator(1)).cost == cold.cost
 
 
 def test_reset_and_another_goal_forget_the_last_plan(scene, dynamics):
-    fresh = planner(dynamics).plan(scene, GOAL, generator(1))
+    fresh = planner(dynamics).plan(problem(scene), generator(1))
     used = planner(dynamics)
-    used.plan(scene, np.array([0.6, -0.2]), generator(0))
-    assert used.plan(scene, GOAL, generator(1)).pushes.tobytes() == fresh.pushes.tobytes()
+    used.plan(problem(scene, np.array([0.6, -0.2])), generator(0))
+    assert used.plan(problem(scene), generator(1)).pushes.tobytes() == fresh.pushes.tobytes()
     used.reset()
-    assert used.plan(scene, GOAL, generator(1)).pushes.tobytes() == fresh.pushes.tobytes()
+    assert used.plan(problem(scene), generator(1)).pushes.tobytes() == fresh.pushes.tobytes()
 
 
 def test_an_identity_model_makes_it_try_more_rounds_and_still_push(scene):
-    plan = planner(IdentityPrior()).plan(scene, GOAL, generator(0))
+    plan = planner(IdentityPrior()).plan(problem(scene), generator(0))
     assert not plan.improves
     assert plan.rounds == CONFIG.rounds + CONFIG.stuck_rounds
     assert plan.push[LENGTH] > 0.0
@@ -98,19 +103,19 @@ def test_an_identity_model_makes_it_try_more_rounds_and_still_push(scene):
 
 def test_a_goal_off_the_table_is_refused(scene, dynamics):
     with pytest.raises(OffTableError, match=r"the goal \(2\.000, 0\.000\) m is off the table"):
-        planner(dynamics).plan(scene, np.array([2.0, 0.0]), generator(0))
+        planner(dynamics).plan(problem(scene, np.array([2.0, 0.0])), generator(0))
 
 
 @pytest.mark.parametrize("goal", [np.array([np.nan, 0.0]), np.array([0.5, np.inf])])
 def test_a_goal_that_is_no_point_is_refused(scene, dynamics, goal):
     with pytest.raises(InvalidInputError, match="goal"):
-        planner(dynamics).plan(scene, goal, generator(0))
+        planner(dynamics).plan(problem(scene, goal), generator(0))
 
 
 def test_a_scene_with_a_disk_off_the_table_is_refused(scene, dynamics):
     scene[TARGET, POSITION] = [0.5, 0.9]
     with pytest.raises(OffTableError, match="disk 1"):
-        planner(dynamics).plan(scene, GOAL, generator(0))
+        planner(dynamics).plan(problem(scene), generator(0))
 
 
 def test_reached_means_settled_within_the_tolerance(scene):
@@ -137,19 +142,19 @@ def test_disks_that_seem_to_overlap_a_little_are_planned_with_as_touching(scene,
     near, deep = scene.copy(), scene.copy()
     near[TARGET, POSITION] -= [0.011, 0.0]  # a cube's corner, or a tilted disk, from above
     deep[TARGET, POSITION] -= [0.031, 0.0]
-    plan = planner(dynamics).plan(near, GOAL, generator(0))
+    plan = planner(dynamics).plan(problem(near), generator(0))
     assert Feasibility().mask(near, plan.push)
     with pytest.raises(InvalidInputError, match=r"disks 0 and 1 overlap by 30\.0 mm"):
-        planner(dynamics).plan(deep, GOAL, generator(0))
+        planner(dynamics).plan(problem(deep), generator(0))
 
 
 def test_a_plan_that_was_prepared_is_corrected_with_few_samples(scene, dynamics):
     ahead = planner(dynamics)
-    first = ahead.plan(scene, GOAL, generator(0))
+    first = ahead.plan(problem(scene), generator(0))
     expected = first.predicted[0]
-    ahead.prepare(expected, generator(1))
-    then = ahead.plan(expected, GOAL, generator(2))
-    anew = planner(dynamics).plan(expected, GOAL, generator(2))
+    ahead.prepare(problem(expected), generator(1))
+    then = ahead.plan(problem(expected), generator(2))
+    anew = planner(dynamics).plan(problem(expected), generator(2))
     assert then.rounds == 1 and then.samples <= CONFIG.correction + 16 < anew.samples
     assert then.cost < 0.1 * then.rest_cost  # `anew` likewise: three times the samples
 
@@ -164,10 +169,10 @@ def test_a_correction_asks_the_model_once(scene, dynamics):
 
     model = Counted(dynamics)
     ahead = Planner(model, CONFIG)
-    expected = ahead.plan(scene, GOAL, generator(0)).predicted[0]
-    ahead.prepare(expected, generator(1))
+    expected = ahead.plan(problem(scene), generator(0)).predicted[0]
+    ahead.prepare(problem(expected), generator(1))
     before = model.asked
-    then = ahead.plan(expected, GOAL, generator(2))
+    then = ahead.plan(problem(expected), generator(2))
     assert model.asked == before + 1
     assert CONFIG.correction < then.samples <= CONFIG.correction + 16  # the prepared ones as well
 
@@ -175,9 +180,9 @@ def test_a_correction_asks_the_model_once(scene, dynamics):
 def test_what_was_prepared_is_dropped_for_a_wide_plan_a_refusal_or_another_goal(scene, dynamics):
     def rounds(goal=GOAL, **options):
         ahead = planner(dynamics)
-        expected = ahead.plan(scene, GOAL, generator(0)).predicted[0]
-        ahead.prepare(expected, generator(1))
-        return ahead.plan(expected, goal, generator(2), **options).rounds
+        expected = ahead.plan(problem(scene), generator(0)).predicted[0]
+        ahead.prepare(problem(expected), generator(1))
+        return ahead.plan(problem(expected, goal), generator(2), **options).rounds
 
     assert rounds() == 1
     assert rounds(wide=True) == rounds(refused=(np.array([3.0, 0.0, 0.1]),)) == CONFIG.rounds
@@ -186,7 +191,7 @@ def test_what_was_prepared_is_dropped_for_a_wide_plan_a_refusal_or_another_goal(
 
 def test_a_first_push_moves_its_body_further_than_what_noise_hides(scene, dynamics):
     near = scene[TARGET, POSITION] + [0.004, 0.0]
-    usual = planner(dynamics).plan(scene, near, generator(3))
-    long = planner(dynamics).plan(scene, near, generator(3), shortest=0.06)
+    usual = planner(dynamics).plan(problem(scene, near), generator(3))
+    long = planner(dynamics).plan(problem(scene, near), generator(3), shortest=0.06)
     clearance = Feasibility().limits.clearance
     assert usual.push[LENGTH] < clearance + 0.06 < long.push[LENGTH]

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from time import monotonic
-from typing import Final
 
 import numpy as np
 
@@ -11,19 +10,16 @@ from sain_core.dynamics import Dynamics, RolloutModel, as_rollout, regions_of
 from sain_core.errors import NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.push import PUSH_SIZE
-from sain_core.scene import OVERLAP_TOLERANCE, check_scene, move_apart, surface_gaps
-from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_bodies
 from sain_core.types import PushArray, PushSequences, Scene
 from sain_mppi.algorithms import find_algorithm
 from sain_mppi.search.config import EXHAUSTIVE, PlannerConfig
-from sain_mppi.search.goal import Goal, check_goal, check_in_reach
+from sain_mppi.search.goal import Goal, check_in_reach
 from sain_mppi.search.objective import make_objective
 from sain_mppi.search.poses import PoseGoal
+from sain_mppi.search.problem import Problem
 from sain_mppi.search.result import PlanResult
 from sain_mppi.search.sampling import shift
 from sain_mppi.search.search import Search
-
-SEEN_OVERLAP: Final = 0.02  # [m], deepest that disks may seem to overlap
 
 
 class Planner:
@@ -59,52 +55,35 @@ class Planner:
 
     def plan(
         self,
-        scene: Scene,
-        goal: Goal | PoseGoal,
+        problem: Problem,
         generator: np.random.Generator,
         deadline: float | None = None,
         wide: bool = False,
         refused: Sequence[PushArray] = (),
-        bodies: Bodies = PAPER_DISKS,
-        start: Scene | None = None,
         shortest: float = 0.0,
     ) -> PlanResult:
-        """Plan from a settled scene (N, 8) towards a goal (2,) for the target, or poses of bodies.
+        """Plan from a settled scene towards a goal.
 
         From the scene of the last plan, and for its goal, the search begins with what the last
         one found; from another scene with what follows on its first push.
 
         Args:
-            scene: as observed.
-            goal: on the table.
+            problem: scene and goal.
             generator: the same state gives the same plan, as long as no deadline cuts it short.
             deadline: `time.monotonic` at which the plan is wanted: the best one until then. One
                 small batch of sequences is always rolled out. None: as the settings say.
             wide: look further about, and not where the last plan would go on.
             refused: (A,) each, pushes that were refused from this scene: nothing like them is
                 planned.
-            bodies: shapes and roles.
-            start: (N, 8), the scene in which the goal was given; None: this one.
             shortest: [m], a first push moves its body by more: less would be lost in noise.
 
         Raises:
-            InvalidInputError: a scene or goal that cannot exist.
-            OffTableError: the goal, or a disk, is not on the table.
             UnreachableError: a goal to which the arm cannot push the target from any side.
             NoPushError: no push that moves the mid disk is permitted.
             ModelUnavailableError: nothing that the model predicted is finite.
         """
-        table, first = self.feasibility.table, scene if start is None else start
-        bodies = bodies.fitted(len(scene))
-        if bodies.all_round:
-            scene = as_disks(scene)
-            check_scene(scene, table)
-        else:
-            check_bodies(scene, bodies, table, SEEN_OVERLAP)
-        if isinstance(goal, PoseGoal):
-            goal.check(scene, bodies, table)
-        else:
-            check_goal(goal, table)
+        scene, goal = problem.scene, problem.goal
+        if not isinstance(goal, PoseGoal):
             check_in_reach(goal, scene, self.feasibility)
         if deadline is None and self.config.deadline > 0.0:
             deadline = monotonic() + self.config.deadline
@@ -114,18 +93,7 @@ class Planner:
             ahead = None
         else:
             config = config.correcting()
-        objective = make_objective(goal, first, config.weights, self.feasibility, bodies)
-        search = Search(
-            self.model,
-            config,
-            self.feasibility,
-            scene,
-            objective,
-            refused,
-            deadline,
-            ahead,
-            shortest,
-        )
+        search = self._search(problem, config, refused, deadline, ahead, shortest)
         known = self._start(scene, goal, search) if ahead is None else ahead
         find_algorithm(config.algorithm)(search, known, generator)
         self._elites, self._scene = search.elites.sequences, scene.copy()
@@ -133,37 +101,44 @@ class Planner:
         return search.result()
 
     def prepare(
-        self,
-        scene: Scene,
-        generator: np.random.Generator,
-        bodies: Bodies = PAPER_DISKS,
-        start: Scene | None = None,
-        shortest: float = 0.0,
+        self, problem: Problem, generator: np.random.Generator, shortest: float = 0.0
     ) -> None:
-        """Plan from a scene (N, 8) that is expected next; the next plan only corrects this one.
+        """Plan from a scene that is expected next; the next plan only corrects this one.
 
         The goal is that of the last plan. Where no plan is found, the next one starts anew.
         """
-        goal, config = self._goal, self.config
-        if goal is None or config.algorithm == EXHAUSTIVE:
+        config = self.config
+        if self._goal is None or config.algorithm == EXHAUSTIVE:
             return
-        first = scene if start is None else start
-        objective = make_objective(goal, first, config.weights, self.feasibility, bodies)
-        search = Search(self.model, config, self.feasibility, scene, objective, shortest=shortest)
+        search = self._search(problem, config, shortest=shortest)
         try:
             find_algorithm(config.algorithm)(search, shift(self._elites), generator)
         except NoPushError:
             return
         self._ahead = search.elites.sequences
 
-    def complete(self, scene: Scene, result: PlanResult) -> PlanResult:
-        """Return a plan from a scene (N, 8) with the model's regions, where it can tell.
+    def complete(self, problem: Problem, result: PlanResult) -> PlanResult:
+        """Return a plan with the model's regions, where it can tell.
 
         Nothing that is to be executed depends on them: a push need not wait for this.
         """
-        scene = as_disks(scene)
+        scene = problem.scene
         regions = regions_of(self.model, scene, result.pushes[None], result.predicted[None])
         return result if regions is None else replace(result, regions=regions[0])
+
+    def _search(
+        self,
+        problem: Problem,
+        config: PlannerConfig,
+        refused: Sequence[PushArray] = (),
+        deadline: float | None = None,
+        known: PushSequences | None = None,
+        shortest: float = 0.0,
+    ) -> Search:
+        weights, bodies = config.weights, problem.bodies
+        objective = make_objective(problem.goal, problem.start, weights, self.feasibility, bodies)
+        scene, about = problem.scene, (refused, deadline, known, shortest)
+        return Search(self.model, config, self.feasibility, scene, objective, *about)
 
     def _is_same(self, goal: Goal | PoseGoal) -> bool:
         last = self._goal
@@ -182,15 +157,3 @@ class Planner:
         if self._elites.shape[1:] != (config.horizon, size):
             return np.empty((0, config.horizon, size))
         return self._elites if self._is_last(scene) else shift(self._elites)
-
-
-def as_disks(scene: Scene) -> Scene:
-    """Return an observed scene (N, 8) with disks that seem to overlap a little just touching.
-
-    Seen from above, corners and tilted disks reach under each other, and cameras are not exact.
-    Deeper than `SEEN_OVERLAP` the scene stays as it is, and is refused as one that cannot be.
-    """
-    if scene.ndim != 2 or not np.isfinite(scene).all():
-        return scene
-    deepest = -float(surface_gaps(scene).min(initial=np.inf))
-    return move_apart(scene) if OVERLAP_TOLERANCE < deepest <= SEEN_OVERLAP else scene

@@ -15,6 +15,7 @@ from sain_model.physics.planar import PlanarPrior
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.poses import BodyPose, PoseGoal
+from sain_mppi.search.problem import Problem
 
 BLUE, GREEN = (47, 111, 168), (26, 158, 102)
 BARE = (230, 237, 242)  # the part of the table in reach
@@ -29,7 +30,7 @@ def scene_of(count):
 def picture_of(scene, goal, bodies=PAPER_DISKS):
     """Return a plan, what its legend names, and a function: place [m] -> colour (3,)."""
     plan = Planner(as_rollout(PlanarPrior()), PLANNER).plan(
-        scene, goal, generator(0, "plan"), bodies=bodies
+        Problem.of(scene, goal, bodies), generator(0, "plan")
     )
     figure = new_figure(6.6, 7.2)
     axes = figure.subplots()

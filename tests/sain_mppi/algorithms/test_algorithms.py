@@ -16,6 +16,7 @@ from sain_mppi.algorithms import ALGORITHMS
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import EXHAUSTIVE, MPPI, MPPI_ROUNDS, PlannerConfig
 from sain_mppi.search.cost_weights import CostWeights
+from sain_mppi.search.problem import Problem
 
 GOAL = np.array([0.68, 0.05])
 CONFIG = PlannerConfig(samples=192)
@@ -29,6 +30,10 @@ WEIGHTLESS = CostWeights(
 )
 
 pytestmark = pytest.mark.parametrize("algorithm", ALGORITHMS)
+
+
+def problem(scene, goal=GOAL):
+    return Problem.of(scene, goal)
 
 
 def planner(model, algorithm, feasibility=None, **changes):
@@ -72,13 +77,13 @@ def test_every_push_is_one_that_the_arm_can_do(algorithm, dynamics, seed, disks)
     places = np.stack([mid, *(mid + 0.15 * unit(ring))])
     radii = np.array([0.08] + [0.06] * (disks - 1))
     scene = make_scene(places, np.full(disks, 8.0), radii)
-    plan = planner(dynamics, algorithm).plan(scene, GOAL, random)
+    plan = planner(dynamics, algorithm).plan(problem(scene), random)
     assert_permitted(plan.push, scene)
     assert plan.predicted.shape == (CONFIG.horizon, disks, 8)
 
 
 def test_the_result_is_what_the_model_says_of_the_plan(algorithm, scene, dynamics):
-    plan = planner(dynamics, algorithm).plan(scene, GOAL, generator(0))
+    plan = planner(dynamics, algorithm).plan(problem(scene), generator(0))
     predicted = StepwiseRollout(dynamics).rollout(scene, plan.pushes[None])[0]
     np.testing.assert_allclose(plan.predicted, predicted)
     assert plan.cost == pytest.approx(sum(plan.terms.values()))
@@ -87,7 +92,7 @@ def test_the_result_is_what_the_model_says_of_the_plan(algorithm, scene, dynamic
 
 
 def test_what_is_shown_beside_the_plan_runs_from_cheap_to_dear(algorithm, scene, dynamics):
-    plan = planner(dynamics, algorithm, shown=9).plan(scene, GOAL, generator(0))
+    plan = planner(dynamics, algorithm, shown=9).plan(problem(scene), generator(0))
     assert plan.others.predicted.shape == (9, CONFIG.horizon, 2, 8)
     assert (np.diff(plan.others.costs) >= 0.0).all()
     assert plan.others.costs[0] == pytest.approx(plan.cost)
@@ -95,27 +100,27 @@ def test_what_is_shown_beside_the_plan_runs_from_cheap_to_dear(algorithm, scene,
 
 
 def test_the_same_generator_gives_the_same_plan(algorithm, scene, dynamics):
-    plans = [planner(dynamics, algorithm).plan(scene, GOAL, generator(5)) for _ in range(2)]
+    plans = [planner(dynamics, algorithm).plan(problem(scene), generator(5)) for _ in range(2)]
     assert plans[0].pushes.tobytes() == plans[1].pushes.tobytes()
-    other = planner(dynamics, algorithm).plan(scene, GOAL, generator(6))
+    other = planner(dynamics, algorithm).plan(problem(scene), generator(6))
     assert (other.pushes.tobytes() == plans[0].pushes.tobytes()) == (algorithm == EXHAUSTIVE)
 
 
 def test_one_sample_and_one_push_are_enough(algorithm, scene, dynamics):
-    plan = planner(dynamics, algorithm, samples=1, horizon=1).plan(scene, GOAL, generator(0))
+    plan = planner(dynamics, algorithm, samples=1, horizon=1).plan(problem(scene), generator(0))
     assert plan.pushes.shape == (1, 3)
     assert_permitted(plan.push, scene)
 
 
 def test_the_longest_horizon_works(algorithm, scene, dynamics):
-    plan = planner(dynamics, algorithm, samples=8, horizon=50).plan(scene, GOAL, generator(0))
+    plan = planner(dynamics, algorithm, samples=8, horizon=50).plan(problem(scene), generator(0))
     assert plan.predicted.shape == (50, 2, 8)
 
 
 def test_refused_pushes_are_not_tried_again_from_the_same_scene(algorithm, scene, dynamics):
     plans, refused = planner(dynamics, algorithm), []
     for number in range(3):
-        push = plans.plan(scene, GOAL, generator(number), refused=refused).push
+        push = plans.plan(problem(scene), generator(number), refused=refused).push
         for before in refused:
             apart = np.abs(push - before)
             apart[LOCATION] = min(apart[LOCATION], 2 * np.pi - apart[LOCATION])
@@ -125,14 +130,14 @@ def test_refused_pushes_are_not_tried_again_from_the_same_scene(algorithm, scene
 
 def test_a_wide_search_tries_more(algorithm, scene, dynamics):
     plans = planner(dynamics, algorithm)
-    usual, wide = (plans.plan(scene, GOAL, generator(0), wide=wide) for wide in (False, True))
+    usual, wide = (plans.plan(problem(scene), generator(0), wide=wide) for wide in (False, True))
     assert wide.samples > usual.samples or algorithm == EXHAUSTIVE
 
 
 def test_a_deadline_leaves_the_best_until_then(algorithm, scene, dynamics):
     """The model takes 1 ms for each sequence: all of a plan's would take 105 ms and more."""
     plans = planner(Slow(dynamics, 0.001), algorithm)
-    plan = plans.plan(scene, GOAL, generator(0), deadline=monotonic() + 0.07)
+    plan = plans.plan(problem(scene), generator(0), deadline=monotonic() + 0.07)
     assert_permitted(plan.push, scene)
     assert 64 <= plan.samples < 105
 
@@ -140,13 +145,13 @@ def test_a_deadline_leaves_the_best_until_then(algorithm, scene, dynamics):
 def test_a_deadline_in_a_later_round_leaves_the_best_until_then(algorithm, scene, dynamics):
     """There is time for 64 sequences more, and not for the 96 of the next round."""
     plans = planner(Slow(dynamics, 0.002), algorithm)
-    plan = plans.plan(scene, GOAL, generator(0), deadline=monotonic() + 0.31)
+    plan = plans.plan(problem(scene), generator(0), deadline=monotonic() + 0.31)
     assert_permitted(plan.push, scene)
     assert plan.samples >= 64
 
 
 def test_a_deadline_that_is_past_leaves_one_small_batch(algorithm, scene, dynamics):
-    plan = planner(dynamics, algorithm).plan(scene, GOAL, generator(0), monotonic() - 1.0)
+    plan = planner(dynamics, algorithm).plan(problem(scene), generator(0), monotonic() - 1.0)
     assert plan.rounds == 1 and 0 < plan.samples <= 64
     assert_permitted(plan.push, scene)
 
@@ -156,7 +161,7 @@ def test_sequences_that_the_model_cannot_predict_are_not_chosen(algorithm, scene
         predicted[::2] = np.nan
         return predicted
 
-    plan = planner(Changed(dynamics, half_nan), algorithm).plan(scene, GOAL, generator(0))
+    plan = planner(Changed(dynamics, half_nan), algorithm).plan(problem(scene), generator(0))
     assert np.isfinite(plan.predicted).all() and np.isfinite(plan.cost)
     assert np.isfinite(plan.others.predicted).all()
 
@@ -171,17 +176,17 @@ def test_sequences_that_the_model_cannot_predict_are_not_chosen(algorithm, scene
 )
 def test_an_answer_that_is_none_is_told(algorithm, scene, dynamics, spoil, message):
     with pytest.raises(ModelUnavailableError, match=message):
-        planner(Changed(dynamics, spoil), algorithm).plan(scene, GOAL, generator(0))
+        planner(Changed(dynamics, spoil), algorithm).plan(problem(scene), generator(0))
 
 
 def test_costs_all_equal_still_give_a_permitted_push(algorithm, scene, dynamics):
-    plan = planner(dynamics, algorithm, weights=WEIGHTLESS).plan(scene, GOAL, generator(0))
+    plan = planner(dynamics, algorithm, weights=WEIGHTLESS).plan(problem(scene), generator(0))
     assert plan.cost == plan.rest_cost == 0.0
     assert_permitted(plan.push, scene)
 
 
 def test_a_model_in_which_nothing_moves_still_gives_a_push(algorithm, scene):
-    plan = planner(IdentityPrior(), algorithm).plan(scene, GOAL, generator(0))
+    plan = planner(IdentityPrior(), algorithm).plan(problem(scene), generator(0))
     assert not plan.improves
     assert_permitted(plan.push, scene)
 
@@ -189,14 +194,14 @@ def test_a_model_in_which_nothing_moves_still_gives_a_push(algorithm, scene):
 def test_no_push_left_is_an_error_that_says_where(algorithm, scene, dynamics):
     nowhere = Feasibility(reach=Reach(inner=0.50, outer=0.74, max_bearing=1.0))
     with pytest.raises(NoPushError, match=r"body 0 at \(0\.400, 0\.000\)"):
-        planner(dynamics, algorithm, nowhere).plan(scene, GOAL, generator(0))
+        planner(dynamics, algorithm, nowhere).plan(problem(scene), generator(0))
 
 
 @pytest.mark.parametrize("selection", ["argmin", "mean"])
 def test_the_mean_is_executed_when_it_is_chosen(algorithm, scene, dynamics, selection):
-    plan = planner(dynamics, algorithm, selection=selection).plan(scene, GOAL, generator(0))
+    plan = planner(dynamics, algorithm, selection=selection).plan(problem(scene), generator(0))
     assert_permitted(plan.push, scene)
-    cheapest = planner(dynamics, algorithm).plan(scene, GOAL, generator(0))
+    cheapest = planner(dynamics, algorithm).plan(problem(scene), generator(0))
     same = plan.pushes.tobytes() == cheapest.pushes.tobytes()
     if algorithm in (MPPI, MPPI_ROUNDS):
         assert same == (selection == "argmin")

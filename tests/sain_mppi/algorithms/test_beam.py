@@ -13,6 +13,7 @@ from sain_model.physics.planar import PlanarPrior
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import BeamConfig, PlannerConfig
 from sain_mppi.search.poses import BodyPose, PoseGoal
+from sain_mppi.search.problem import Problem
 
 BODIES = Bodies.named(["t"])
 SCENE = make_scene(np.array([[0.45, -0.05]]), np.array([8.0]), np.array([0.10]))
@@ -23,7 +24,7 @@ CONFIG = PlannerConfig(samples=64)
 def plan(config, seed=0, deadline=None):
     model = as_rollout(PlanarPrior().with_bodies(BODIES))
     planner = Planner(model, config)
-    return planner.plan(SCENE, GOAL, generator(seed), deadline, bodies=BODIES)
+    return planner.plan(Problem.of(SCENE, GOAL, BODIES), generator(seed), deadline)
 
 
 def test_it_tries_pushes_after_the_best_pushes_and_halves_the_rounds():

@@ -15,6 +15,7 @@ from sain_mppi.algorithms.gradient import gradient
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import GRADIENT, GradientConfig, PlannerConfig
 from sain_mppi.search.objective import TargetObjective
+from sain_mppi.search.problem import Problem
 from sain_mppi.search.search import Search
 
 GOAL = np.array([0.62, 0.07])
@@ -101,5 +102,5 @@ def test_it_draws_again_where_nothing_helps(scene):
 
 def test_the_next_plan_begins_where_the_last_one_ended(scene):
     planner = Planner(StepwiseRollout(Gliding()), CONFIG)
-    costs = [planner.plan(scene, GOAL, generator(seed)).cost for seed in range(4)]
+    costs = [planner.plan(Problem.of(scene, GOAL), generator(seed)).cost for seed in range(4)]
     assert (np.diff(costs) <= 0.0).all()

@@ -14,6 +14,7 @@ from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.cost import cost_terms, make_rollout, total_cost
 from sain_mppi.search.cost_weights import CostWeights
+from sain_mppi.search.problem import Problem
 from sain_mppi.search.sampling import uniform_sequences
 
 FEASIBILITY = Feasibility()
@@ -168,7 +169,8 @@ def test_a_sure_sequence_is_preferred_when_risk_has_a_price(scene, dynamics):
     for risk in (0.0, 50.0):
         config = PlannerConfig(samples=192, weights=CostWeights(risk=risk))
         planner = Planner(Unsure(dynamics), config)
-        plan = planner.complete(scene, planner.plan(scene, goal, generator(0)))
+        problem = Problem.of(scene, goal)
+        plan = planner.complete(problem, planner.plan(problem, generator(0)))
         lengths.append(plan.pushes[:, LENGTH].max())
         assert plan.regions.shape == (config.horizon, 2)
     assert lengths[0] > 0.06 > lengths[1]

@@ -12,7 +12,6 @@ from sain_core.dynamics import RolloutModel
 from sain_core.errors import CancelledError, ErrorCode, InvalidInputError, SainError
 from sain_core.feasibility import Feasibility
 from sain_core.push import push_ids
-from sain_core.scene import check_on_table
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scalars, Scene
@@ -193,17 +192,18 @@ class Agent:
         job = self._tracker.next_job()
         if job is None:
             return ()
-        job = replace(job, bodies=self._bodies_of(job.view.episode_id))
+        episode_id = job.view.episode_id
+        past = self._memory.of(episode_id, len(job.view.scene))
+        if self._estimator is not None:
+            past = self._estimator.retold(past)
+        job = replace(job, bodies=self._bodies_of(episode_id), history=past)
         try:
-            job.check(self.config.feasibility.table)
+            job.check()
         except SainError as error:
             return (Stop(job.task, StopReason.FAILED, error=error),)
         if stop := self._tracker.stop(job):
             return (stop,)
-        past = self._memory.of(job.view.episode_id, len(job.view.scene))
-        if self._estimator is not None:
-            past = self._estimator.retold(past)
-        self._running = job = replace(job, history=past)
+        self._running = job
         failed = partial(Stop, job.task, StopReason.FAILED, job)
         return (Computation(partial(self._decide, job), lambda error: Decided(failed(error))),)
 
@@ -223,7 +223,6 @@ class Agent:
 
     def _decide(self, job: PlanJob) -> Decided:
         try:
-            check_on_table(job.view.scene, self.config.feasibility.table)
             random = generator(self.config.seed, "plan", *job.stream)
             decision = self.decider.decide(job, random)
             self.config.feasibility.limits.check(decision.push)  # nothing else is ever sent

@@ -3,11 +3,12 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from functools import cached_property
 from threading import Event
 
 import numpy as np
 
-from sain_core.errors import ConfigError, InvalidInputError, SainError
+from sain_core.errors import ConfigError, SainError
 from sain_core.history import PushHistory
 from sain_core.scene import MASS, POSITION, RADIUS, Table, target_distance
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
@@ -17,6 +18,7 @@ from sain_mppi.loop.uncertainty import Uncertainty
 from sain_mppi.search.config import PlannerConfig
 from sain_mppi.search.goal import Goal, goal_reached
 from sain_mppi.search.poses import Errors, PoseGoal, goal_among
+from sain_mppi.search.problem import Problem
 from sain_mppi.search.result import PlanResult
 
 SLACK = 4.0  # standard deviations: a body that was to be kept is moved when seen further off
@@ -72,6 +74,7 @@ class PlanJob:
         history: the episode's earlier pushes.
         cancelled: set once the decision is no longer wanted.
         bodies: shapes and roles.
+        table: that they stand on.
     """
 
     task: Task
@@ -83,6 +86,7 @@ class PlanJob:
     history: PushHistory = field(default_factory=PushHistory.empty)
     cancelled: Event = field(default_factory=Event)
     bodies: Bodies = PAPER_DISKS
+    table: Table = Table()
 
     @property
     def known_bodies(self) -> Bodies:
@@ -94,22 +98,25 @@ class PlanJob:
         """The goal of the task, in this scene."""
         return goal_among(self.task.goal, self.task.tolerance, len(self.view.scene))
 
-    def check(self, table: Table) -> None:
-        """Check that shapes and goal are about the bodies of this scene.
+    @cached_property
+    def problem(self) -> Problem:
+        """Scene and goal, checked.
 
         Raises:
-            InvalidInputError, OffTableError: they are not; see `PoseGoal.check`.
+            InvalidInputError, OffTableError: see `Problem.of`.
+        """
+        return Problem.of(self.view.scene, self.goal, self.bodies, self.start, self.table)
+
+    def check(self) -> None:
+        """Check scene and goal, once.
+
+        Raises:
+            InvalidInputError, OffTableError: see `problem`.
             OutOfRangeError: tolerances that are too small for what is observed.
         """
-        scene, bodies = self.view.scene, self.known_bodies
-        if len(bodies) != len(scene):
-            raise InvalidInputError(
-                f"the scene has {len(scene)} bodies; {len(bodies)} shapes are known"
-            )
-        if isinstance(self.goal, PoseGoal):
-            self.goal.check(scene, bodies, table)
+        goal = self.problem.goal
         if self.view.sure is not None:
-            self.view.sure.check_tolerance(self.goal, self.task.tolerance)
+            self.view.sure.check_tolerance(goal, self.task.tolerance)
 
     @property
     def distance(self) -> float:

@@ -108,7 +108,15 @@ class GoalTracker:
         ):
             first = self._start = view
             self._session += 1
-        return PlanJob(task, view, first.scene, self._session, self.pushes, self._refused)
+        return PlanJob(
+            task,
+            view,
+            first.scene,
+            self._session,
+            self.pushes,
+            self._refused,
+            table=self._table,
+        )
 
     def stop(self, job: PlanJob) -> Stop | None:
         """Return why a job needs no decision; None: it needs one."""

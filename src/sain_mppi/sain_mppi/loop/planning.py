@@ -61,21 +61,17 @@ class PlanningDecider(Decider):
         self._model.begin(
             job.history, started + MODEL_SHARE * time if time else None, job.cancelled, job.bodies
         )
-        scene, goal = job.view.scene, job.goal
         self._look(job)
         concern = self._monitor.concern
         plan = self._planner.plan(
-            scene,
-            goal,
+            job.problem,
             generator,
             deadline=started + time if time else None,
             wide=bool(concern),
             refused=job.refused,
-            bodies=job.bodies,
-            start=job.start,
             shortest=shortest_way(job),
         )
-        self._monitor.expect(scene, plan.predicted[0])
+        self._monitor.expect(job.view.scene, plan.predicted[0])
         failure, last = self._model.failure, self._monitor.last
         return PushDecision(job, plan.push, plan, failure, concern, last, settings=config)
 
@@ -102,9 +98,8 @@ class PlanningDecider(Decider):
         last = job.task.max_pushes and job.pushes + 1 >= job.task.max_pushes
         if last or replace(job, view=expected).reached:
             return False
-        self._planner.prepare(
-            plan.predicted[0], generator, job.bodies, job.start, shortest_way(job)
-        )
+        expected_problem = job.problem.after(plan.predicted[0])
+        self._planner.prepare(expected_problem, generator, shortest_way(job))
         return True
 
     def complete(self, decision: PushDecision) -> PushDecision:
@@ -112,7 +107,7 @@ class PlanningDecider(Decider):
         scene, plan = decision.job.view.scene, decision.plan
         if plan is None or decision.failure is not None:
             return decision
-        plan = self._planner.complete(scene, plan)
+        plan = self._planner.complete(decision.job.problem, plan)
         if plan.regions is not None:
             self._monitor.expect(scene, plan.predicted[0], plan.regions[0])
         return replace(decision, plan=plan)
