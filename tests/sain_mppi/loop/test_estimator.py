@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ErrorCode, OutOfRangeError
-from sain_core.scene import POSE, POSITION, TARGET, VELOCITY, VX, Table, is_settled
+from sain_core.scene import POSE, POSITION, TARGET, VELOCITY, VX, is_settled
 from sain_mppi.loop.decision import PlanJob, PushDecision, Task, View
 from sain_mppi.loop.estimate import Estimate, EstimatorConfig, fuse, in_motion
 from sain_mppi.loop.estimator import Estimator
@@ -125,8 +125,8 @@ def test_a_goal_is_reached_with_the_wanted_probability(scene):
 
 def test_a_tolerance_that_noise_hides_is_refused(scene):
     with pytest.raises(OutOfRangeError, match=r"4\.0 mm .* less than 95 %; choose wider"):
-        job(scene, 0.004, 0.005).check(Table())
-    job(scene, 0.001, 0.005).check(Table())
+        job(scene, 0.004, 0.005).check()
+    job(scene, 0.001, 0.005).check()
 
 
 def test_an_own_push_is_learned_from_with_the_noise_of_both_scenes(estimator, scene):
