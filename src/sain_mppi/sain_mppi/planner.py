@@ -21,6 +21,8 @@ from sain_mppi.search.result import PlanResult
 from sain_mppi.search.sampling import shift
 from sain_mppi.search.search import Search
 
+__all__ = ["Planner", "Problem"]
+
 
 class Planner:
     """Rolls push sequences out through a model and picks what to push first.
