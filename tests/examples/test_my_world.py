@@ -88,7 +88,7 @@ def test_what_it_refuses_is_said(environment: dict[str, str], tmp_path: Path) ->
     ("name", "text"),
     [
         ("raising", f"{PACKAGE}: push raised ZeroDivisionError: a bug; repair or uninstall"),
-        ("not_a_number", f"{PACKAGE}: push: the scene is not possible: the engine found no"),
+        ("not_a_number", f"{PACKAGE}: push: body 0 has NaN or Inf; allowed: finite numbers"),
         ("restless", f"{PACKAGE}: push: the scene did not settle; allowed: every body slower"),
         ("shapeless", f"{PACKAGE}: push: the scene is (1, 8); allowed: an array (2, 8)"),
         ("pushless", "it must return a world, with the methods reset, observe and push"),

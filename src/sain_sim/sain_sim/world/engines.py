@@ -95,6 +95,8 @@ def modules_of(engines: Iterable[str]) -> list[str]:
 def simulation_class(engine: str) -> Any:
     """Load and return a built-in engine's `Simulation`; see `check_engine` for errors."""
     check_engine(engine)
+    if engine not in ENGINES:
+        raise ConfigError(f"engine {engine!r} is no engine of ours: {', '.join(ENGINES)}")
     module, _, name = ENGINES[engine].simulation.partition(":")
     return getattr(import_module(module), name)
 

@@ -81,7 +81,7 @@ class OwnWorld(CheckedWorld):
         """Execute one push; see `CheckedWorld.push`.
 
         Raises:
-            SainError: as `check`, or the world refuses.
+            SainError: as `check`, or the world refuses. The bodies are put back.
             WorldFailedError: the world raised anything else, or what it returned breaks the
                 contract. The bodies are put back.
         """
@@ -97,7 +97,7 @@ class OwnWorld(CheckedWorld):
 
         try:
             after = self._checked("push", before, perform)
-        except WorldFailedError:
+        except SainError:
             self.load(before)
             raise
         begun = self._time
