@@ -13,12 +13,13 @@ from typing import Final
 import numpy as np
 
 from sain_core.config import Config, option
+from sain_core.errors import BlockedError, UnreachableError
 from sain_core.push import LENGTH, LOCATION, PUSH_SIZE, PushLimits, pushed_bodies, strokes
 from sain_core.scene import MID, POSITION, RADIUS, THETA, Table, unit
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.outline import distance_to_way, outline_of
 from sain_core.shapes.shape import Shape
-from sain_core.types import Mask, Points, Pushes, Scalars, Scene, Scenes, States
+from sain_core.types import Mask, Points, PushArray, Pushes, Scalars, Scene, Scenes, States
 
 EXACT_WITHIN: Final = 0.05  # [m], from which on a gap to an outline is that to its circle
 START_PLACES: Final = 2049  # along an outline
@@ -208,3 +209,33 @@ class Feasibility(Config):
         possible &= start_gap(scenes, pushes, self.limits, bodies) >= 0.0
         possible &= np.isin(pushed_bodies(pushes), bodies.pushable)
         return np.asarray(possible | (pushes[..., LENGTH] == 0.0))
+
+    def check_way(
+        self, start: Points, way: Points, scene: Scene, push: PushArray, bodies: Bodies
+    ) -> None:
+        """Check the way of the tool from a start (2,) [m] in a direction (2,), for one push.
+
+        Raises:
+            UnreachableError: it leaves the reach.
+            BlockedError: a body of the scene (N, 8) is in it.
+        """
+        reach = self.reach
+        if not reach.covers(start, way, push[LENGTH]):
+            numbers = ", ".join(f"{number:.3f}" for number in push[: LENGTH + 1])
+            raise UnreachableError(
+                f"the tool's way for push ({numbers}) leaves the"
+                f" arm's reach of {reach.inner} to {reach.outer} m from the base,"
+                f" |bearing| <= {reach.max_bearing} rad"
+            )
+        room = float(start_gap(scene, push, self.limits, bodies))
+        if room < 0.0:
+            raise BlockedError(
+                f"the tool would start {-1e3 * room:.1f} mm inside the body that it is to push:"
+                " the point is too near an inner corner of the outline"
+            )
+        gap = float(gap_on_way(start, way, scene, push, self.limits, bodies))
+        if gap < self.tool_margin:
+            raise BlockedError(
+                f"the tool would pass another body with a gap of {1e3 * gap:.1f} mm;"
+                f" at least {1e3 * self.tool_margin:g} mm is needed"
+            )

@@ -56,8 +56,8 @@ class PushLimits(Config):
         TOOL_RADIUS, "radius of the stick", unit="m", minimum=0.001, maximum=0.05
     )
 
-    def check(self, push: PushArray) -> PushArray:
-        """Return the push when it is inside the limits.
+    def check(self, push: PushArray, bodies: Bodies = PAPER_DISKS) -> PushArray:
+        """Return the push when it is inside the limits, and against a pushable body.
 
         Raises:
             InvalidInputError: wrong shape, NaN or Inf.
@@ -81,6 +81,13 @@ class PushLimits(Config):
         if not 0.0 <= push[LENGTH] <= self.max_length:
             raise OutOfRangeError(
                 f"push length is {push[LENGTH]:.4f} m; allowed: [0, {self.max_length}] m"
+            )
+        body = push[BODY] if len(push) > PUSH_SIZE else 0.0
+        if body not in bodies.pushable:
+            allowed, known = ", ".join(map(str, bodies.pushable)), range(len(bodies))
+            what = f"is {bodies.roles[int(body)]}" if body in known else "does not exist"
+            raise OutOfRangeError(
+                f"the push is against body {body:.0f}, which {what}; pushable are: {allowed}"
             )
         return push
 
@@ -118,17 +125,6 @@ def pushed_bodies(pushes: Pushes) -> Indices:
     if pushes.shape[-1] == PUSH_SIZE:
         return np.zeros(pushes.shape[:-1], dtype=np.int64)
     return pushes[..., BODY].astype(np.int64)
-
-
-def check_pushed(push: PushArray, bodies: Bodies) -> None:
-    """Raise `OutOfRangeError` unless a push (3,) or (4,) is against a pushable body."""
-    body = push[BODY] if len(push) > PUSH_SIZE else 0.0
-    if body not in bodies.pushable:
-        allowed, known = ", ".join(map(str, bodies.pushable)), range(len(bodies))
-        what = f"is {bodies.roles[int(body)]}" if body in known else "does not exist"
-        raise OutOfRangeError(
-            f"the push is against body {body:.0f}, which {what}; pushable are: {allowed}"
-        )
 
 
 def push_direction(pushes: Pushes) -> Angles:

@@ -225,7 +225,8 @@ class Agent:
         try:
             random = generator(self.config.seed, "plan", *job.stream)
             decision = self.decider.decide(job, random)
-            self.config.feasibility.limits.check(decision.push)  # nothing else is ever sent
+            limits = self.config.feasibility.limits
+            limits.check(decision.push, job.known_bodies)  # nothing else is ever sent
         except CancelledError:
             return Decided(None)
         except SainError as error:

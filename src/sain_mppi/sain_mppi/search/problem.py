@@ -6,7 +6,14 @@ from typing import Final, Self
 import numpy as np
 
 from sain_core.errors import InvalidInputError
-from sain_core.scene import OVERLAP_TOLERANCE, Table, check_scene, move_apart, surface_gaps
+from sain_core.scene import (
+    OVERLAP_TOLERANCE,
+    Table,
+    check_scene,
+    check_states,
+    move_apart,
+    surface_gaps,
+)
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_bodies
 from sain_core.types import Scene
 from sain_mppi.search.goal import Goal, check_goal
@@ -52,8 +59,9 @@ class Problem:
                 f"the scene has {len(scene)} bodies; {len(bodies)} shapes are known"
             )
         if bodies.all_round:
-            scene = as_disks(scene)
-            check_scene(scene, table)
+            check_states(scene, table)
+            if surface_gaps(scene).min(initial=np.inf) < -OVERLAP_TOLERANCE:
+                scene = _parted(scene)
         else:
             check_bodies(scene, bodies, table, SEEN_OVERLAP)
         if isinstance(goal, PoseGoal):
@@ -67,13 +75,13 @@ class Problem:
         return replace(self, scene=scene)
 
 
-def as_disks(scene: Scene) -> Scene:
+def _parted(scene: Scene) -> Scene:
     """Return an observed scene (N, 8) with disks that seem to overlap a little just touching.
 
     Seen from above, corners and tilted disks reach under each other, and cameras are not exact.
-    Deeper than `SEEN_OVERLAP` the scene stays as it is, and is refused as one that cannot be.
+
+    Raises:
+        InvalidInputError: disks that overlap by more than `SEEN_OVERLAP`.
     """
-    if scene.ndim != 2 or not np.isfinite(scene).all():
-        return scene
-    deepest = -float(surface_gaps(scene).min(initial=np.inf))
-    return move_apart(scene) if OVERLAP_TOLERANCE < deepest <= SEEN_OVERLAP else scene
+    deepest = -float(surface_gaps(scene).min())
+    return check_scene(move_apart(scene) if deepest <= SEEN_OVERLAP else scene)

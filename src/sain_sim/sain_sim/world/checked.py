@@ -4,18 +4,23 @@ from abc import abstractmethod
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
-from sain_core.errors import InvalidInputError
-from sain_core.scene import MASS, RADIUS
-from sain_core.shapes.bodies import check_bodies
+from sain_core.errors import BlockedError, InvalidInputError, StaleSceneError
+from sain_core.feasibility import Feasibility, place_gap
+from sain_core.push import LENGTH, strokes
+from sain_core.scene import MASS, RADIUS, check_on_table, check_states, unit
+from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Closeable
 from sain_sim.world.outcome import Observer, Sample, StrokeOutcome
 from sain_sim.world.parameters import WorldParameters
-from sain_sim.world.stroke import Stroke, checked_stroke
+from sain_sim.world.stroke import Stroke
 from sain_sim.world.workcell import WorldConfig
 
 MATCH_TOLERANCE: Final = 1e-6  # [kg] or [m]
+RETREAT: Final = 0.01  # [m], room for errors of the places that bodies are taken to have
 
 
 class CheckedWorld(Closeable):
@@ -129,3 +134,61 @@ def _check_same(scene: Scene, parameters: WorldParameters) -> None:
                 f"{name} of body {disk} is {scene[disk, column]:.6g} in the scene and"
                 f" {values[disk]:.6g} in this world; they must be the same"
             )
+
+
+def checked_stroke(
+    push: PushArray,
+    scene: Scene,
+    settled: bool,
+    feasibility: Feasibility,
+    bodies: Bodies,
+    seen: Float[ndarray, "M 8"] | None = None,
+) -> Stroke:
+    """Return the tool's way for a push that can be carried out in a scene (N, 8).
+
+    Where the push was planned from a scene as `seen`, the way follows from that, and starts further
+    back by `RETREAT`.
+
+    Raises:
+        InvalidInputError: wrong shape, NaN or Inf.
+        OutOfRangeError: a value outside its range.
+        OffTableError: a body has left the table.
+        StaleSceneError: the bodies still move.
+        UnreachableError: a way that leaves the reach.
+        BlockedError: a body is in the tool's way.
+    """
+    limits = feasibility.limits
+    limits.check(push, bodies)
+    if seen is not None:
+        check_states(seen)
+        if len(seen) != len(scene):
+            raise InvalidInputError(
+                f"the push was planned for {len(seen)} bodies; this world has {len(scene)}"
+            )
+    planned_from = scene if seen is None else seen
+    start, heading = strokes(planned_from, push, limits, bodies)
+    check_on_table(scene, feasibility.table)
+    if not settled:
+        raise StaleSceneError("the disks still move; a push needs a settled scene")
+    way = unit(heading)
+    stroke = Stroke(start, start + push[LENGTH] * way, float(heading))
+    if push[LENGTH] == 0.0:
+        return stroke
+    feasibility.check_way(start, way, planned_from, push, bodies)
+    return stroke if seen is None else _withdrawn(stroke, scene, feasibility, bodies)
+
+
+def _withdrawn(stroke: Stroke, scene: Scene, feasibility: Feasibility, bodies: Bodies) -> Stroke:
+    """Return a stroke that starts further back, for bodies that are seen elsewhere.
+
+    Raises:
+        BlockedError: the tool would be lowered into a body of the scene (N, 8) as it is.
+    """
+    withdrawn = stroke.from_further_back(RETREAT)
+    gap = place_gap(scene, withdrawn.start, bodies) - feasibility.limits.tool_radius
+    if gap < 0.0:
+        raise BlockedError(
+            f"the tool would be lowered {-1e3 * gap:.1f} mm into a body: it stands elsewhere than"
+            " where the push takes it to be"
+        )
+    return withdrawn
