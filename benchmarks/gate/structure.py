@@ -26,7 +26,7 @@ FITTERS: Final = (
     "FrictionFilter", "MassFilter", "Posterior", "fit_laboratory", "Calibration",
     "Identified",
 )  # fmt: skip
-SOLVERS: Final = ("planar_kernels", "outline_push_kernels")  # what steps a push: disks, any shape
+SOLVERS: Final = ("planar_kernels", "push_kernels")  # what steps a push; the first is gone
 
 
 def measure() -> list[Gate]:

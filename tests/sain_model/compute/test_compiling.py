@@ -11,11 +11,11 @@ from sain_model.network import feature_kernels, sain_kernels
 from sain_model.network.features import network_inputs, push_frames
 from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import NetworkConfig
-from sain_model.physics import planar_kernels
+from sain_model.physics import push_kernels
 from sain_model.physics.planar import PlanarPrior
 
 ENTRIES = (
-    planar_kernels.push_block,
+    push_kernels.push_bodies_block,
     sain_kernels.correct_block,
     feature_kernels.write_block,
 )

@@ -43,9 +43,9 @@ def test_the_same_sources_have_the_same_hashes_wherever_they_are(copies: tuple[P
 def test_an_edit_changes_a_module_and_those_that_use_it(copies: tuple[Path, Path]) -> None:
     network = changed(copies, copies[0] / "network" / "network_kernels.py")
     assert network == {"network_kernels", "sain_kernels"}
-    outlines = changed(copies, copies[0] / "physics" / "outline_kernels.py")
-    assert {"touching_kernels", "impulse_kernels", "varied_kernels"} < outlines
-    assert not outlines & {"network_kernels", "patch_kernels", "body_kernels"}
+    physics = changed(copies, copies[0] / "physics" / "body_kernels.py")
+    assert {"touching_kernels", "impulse_kernels", "varied_kernels"} < physics
+    assert not physics & {"network_kernels", "patch_kernels", "feature_kernels"}
 
 
 def test_all_are_compiled_again_after_an_edit_of_how(copies: tuple[Path, Path]) -> None:

@@ -49,7 +49,7 @@ def draw(disks: int, seed: int = 0, batch: int = BATCH) -> tuple[Scenes, Pushes]
     return np.stack(scenes), LIMITS.sample(random, batch)
 
 
-def close(first: Scenes, second: Scenes, tolerance: float = 1e-7) -> None:
+def close(first: Scenes, second: Scenes, tolerance: float = 2e-6) -> None:
     np.testing.assert_allclose(first[..., POSITION], second[..., POSITION], atol=tolerance)
     turned = wrap_angle(first[..., THETA] - second[..., THETA])
     np.testing.assert_allclose(turned, 0.0, atol=10 * tolerance)

@@ -1,7 +1,8 @@
 """The prior of gym-pusht's physics, from pushes: mass distribution, centre of mass, friction.
 
 Nothing slides on there: a block that is not pushed stops at once. The closest that the planar prior
-has is a table with much friction. What is left to find out is how blocks turn.
+has is a table with much friction. What is left to find out is how blocks turn: there, by their
+inertia, and not by where they stand. So supports stand where they give the same turn.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +16,9 @@ from sain_core.types import Scalars
 from sain_eval.pusht.agent import AGENT_RADIUS
 from sain_eval.pusht.block import BLOCK_RADIUS, pusht_bodies
 from sain_model.data.dataset import Dataset
-from sain_model.dynamics.lab_prior import LabPrior
+from sain_model.dynamics.lab_prior import LabPrior, shifted_table
+from sain_model.physics.body_kernels import DISK_FEET, DISK_INERTIA
+from sain_model.physics.body_table import SHARE
 from sain_model.physics.planar import PlanarConfig
 
 STICKY: Final = PlanarConfig(
@@ -25,6 +28,7 @@ STICKY: Final = PlanarConfig(
     friction_scale=1.0,
     tool_restitution=0.0,
     acceleration=8.0,
+    longest_step=1 / 120,
 )
 SOFT: Final = 0.5  # [mm], errors far below this hardly count
 LARGE: Final = 10.0  # [mm], errors beyond this count no more: a wall may have been in the way
@@ -48,8 +52,16 @@ class Identified:
     @property
     def prior(self) -> LabPrior:
         """The prior with these parameters."""
-        config = replace(STICKY, tool_friction=self.tool_friction)
-        return LabPrior(config, pusht_bodies(self.gyration), centre=self.centre)
+        bodies = pusht_bodies(self.gyration)
+        supports = shifted_table(bodies, self.centre).supports
+        even = STICKY.inertia / DISK_INERTIA
+        arm = supports[:, SHARE] @ np.hypot(supports[:, 0], supports[:, 1])
+        config = replace(
+            STICKY,
+            tool_friction=self.tool_friction,
+            foot_radius=float(DISK_FEET * even**0.5 * self.gyration / arm),
+        )
+        return LabPrior(config, bodies, centre=self.centre)
 
 
 def textbook() -> Identified:

@@ -26,26 +26,17 @@ PUSHES: Final = np.full((1, PUSH_SIZE), 0.05)
 REPORT_PERIOD: Final = 1.0  # [s]
 
 
-def push_disks() -> None:
-    """Run what pushes disks."""
-    _push(Bodies.disks(2))
-
-
-def push_shapes() -> None:
-    """Run what pushes bodies of any shape."""
-    _push(Bodies.named(["cube", "disk"]))
-
-
-def _push(bodies: Bodies) -> None:
+def run_pushes() -> None:
+    """Run what pushes bodies."""
     from sain_model.identification.varied_pushes import step_varied
     from sain_model.physics.corrections import CORRECTIONS
     from sain_model.physics.planar import PlanarPrior
 
-    prior = PlanarPrior(bodies=bodies)
+    prior = PlanarPrior()
     prior.step(SCENES, PUSHES)
     prior.step_conditioned(SCENES, PUSHES, np.zeros((1, 2, CORRECTIONS)))
     varied = np.full(1, prior.config.friction), np.array(prior.config.physics())[None]
-    step_varied(prior.config, bodies, SCENES, PUSHES, *varied)
+    step_varied(prior.config, prior.bodies, SCENES, PUSHES, *varied)
 
 
 def run_network() -> None:
@@ -65,8 +56,7 @@ def run_network() -> None:
 
 
 RUNS: Final[dict[str, Callable[[], None]]] = {
-    "shapes": push_shapes,
-    "disks": push_disks,
+    "pushes": run_pushes,
     "network": run_network,
 }
 

@@ -8,7 +8,6 @@ from typing import Any, Final, Self
 import numba
 import numpy as np
 from numba.core.caching import _CacheLocator
-from numba.extending import overload, register_jitable
 
 from sain_model.compute.kernel_store import module_folders
 
@@ -38,20 +37,6 @@ def compiled_apart(function: Callable[..., Any]) -> Callable[..., Any]:
 def callable_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel that Python calls."""
     return _compile(function)
-
-
-def shared(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Let kernels compile a function that stays plain Python: NumPy calls it with whole arrays."""
-    options: Any = {**OPTIONS, "forceinline": True}
-    plain_function: Callable[..., Any] = register_jitable(**options)(function)
-    return plain_function
-
-
-def chosen_by_type(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Let what is decorated choose, by the types of its arguments, how kernels run a function."""
-    options: Any = {**OPTIONS, "forceinline": True}
-    chooser: Callable[..., Any] = overload(function, jit_options=options)
-    return chooser
 
 
 def _compile(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:

@@ -4,22 +4,23 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from jaxtyping import Int
-from numpy import ndarray
 
 from sain_core.errors import ConfigError
-from sain_core.push import LENGTH, PushLimits, pushed_bodies, strokes
+from sain_core.push import LENGTH, pushed_bodies
 from sain_core.scene import POSITION, RADIUS, THETA
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.compute.batch_checks import check_batch
-from sain_model.compute.compiling import plain
-from sain_model.compute.thread_pool import run_blocks
-from sain_model.physics.corrections import OF_DISKS, Corrections
-from sain_model.physics.outline_push_kernels import push_bodies_block
-from sain_model.physics.outlines import BodyTable, Touched, body_table, load_shares
+from sain_model.physics.body_table import (
+    BodyTable,
+    Touched,
+    body_table,
+    load_shares,
+    push_bodies,
+    tool_ways,
+)
+from sain_model.physics.corrections import Corrections
 from sain_model.physics.planar import PlanarPrior
-from sain_model.physics.planar_kernels import CHUNK
 
 
 @dataclass(frozen=True)
@@ -32,31 +33,17 @@ class LabPrior(PlanarPrior):
 
     centre: tuple[float, float] = (0.0, 0.0)
 
-    @property
-    def _of_disks(self) -> bool:
-        return False  # also disks turn about a point off their middle
-
     def step_with_contacts(
         self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None
     ) -> tuple[Scenes, Touched]:
         """Predict as `PlanarPrior` does: bodies move about their centres of mass."""
-        bodies = self.bodies.fitted(scenes.shape[1])
+        bodies = self._bodies(scenes)
         check_batch(scenes, pushes, friction, bodies)
         if friction is None:
             friction = np.full(len(scenes), self.config.friction)
-        limits = PushLimits(tool_radius=self.config.tool_radius, clearance=self.config.clearance)
-        start, heading = strokes(scenes, pushes, limits, bodies)
-        ways = np.column_stack([start, heading, pushes[:, LENGTH]])
-        moved, table = plain(self._shifted(scenes, 1.0)), shifted_table(bodies, self.centre)
-        order = _nearest_first(moved, pushes)
-        touched = np.zeros(scenes.shape[:2], dtype=bool)
-        rows = moved, order, ways, plain(friction)
-        told = np.empty((len(scenes), 0, OF_DISKS))
-
-        def work(first: int) -> None:
-            push_bodies_block(first, *rows, table, self._physics, touched, told)
-
-        run_blocks(work, len(scenes), CHUNK)
+        ways, pushed = tool_ways(scenes, pushes, self._limits, bodies), pushed_bodies(pushes)
+        moved, table = self._shifted(scenes, 1.0), shifted_table(bodies, self.centre)
+        moved, touched = push_bodies(moved, ways, pushed, friction, table, self._physics)
         after = self._shifted(moved, -1.0)
         idle = pushes[:, LENGTH] == 0.0
         after[idle] = scenes[idle]
@@ -99,12 +86,3 @@ def shifted_table(bodies: Bodies, centre: tuple[float, float]) -> BodyTable:
         supports=np.ascontiguousarray(np.concatenate(supports)),
         reach=table.reach + float(np.hypot(*centre)),
     )
-
-
-def _nearest_first(scenes: Scenes, pushes: Pushes) -> Int[ndarray, "B N"]:
-    """Return the bodies by their distance from the pushed one, which is the first."""
-    pushed = pushed_bodies(pushes)[:, None]
-    middle = np.take_along_axis(scenes, pushed[..., None], axis=1)[..., POSITION]
-    apart = ((scenes[..., POSITION] - middle) ** 2).sum(axis=-1)
-    np.put_along_axis(apart, pushed, -1.0, axis=1)
-    return np.argsort(apart, axis=1, kind="stable")

@@ -30,7 +30,7 @@ from sain_model.network.inputs import LANES, PLACE_FEATURES
 from sain_model.network.patch_kernels import OutlineTable
 from sain_model.network.relation_kernels import RELATION_FEATURES
 from sain_model.network.settings import WORLD_FRAME, NetworkConfig
-from sain_model.physics.outlines import body_table
+from sain_model.physics.body_table import body_table
 
 Strokes = Float[ndarray, "B S"]
 Residual = Float[ndarray, "B N 3"]  # dx, dy [m] along the push frame's axes, dtheta [rad]

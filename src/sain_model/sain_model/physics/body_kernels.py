@@ -1,13 +1,12 @@
-"""The bodies of one push in the compiled planar world, and its scratch memory.
+"""Bodies in the compiled planar world, and its scratch memory.
 
-Bodies are rows of one array: row 0 is the tool, which no impulse moves, row i + 1 is disk i.
+Bodies are rows of one array: row 0 is the tool, which no impulse moves. The pushed body is row 1.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from sain_core.push import LOCATION
 from sain_core.scene import MASS as STATE_MASS
 from sain_core.scene import OMEGA as STATE_OMEGA
 from sain_core.scene import RADIUS as STATE_RADIUS
@@ -15,21 +14,38 @@ from sain_core.scene import THETA as STATE_THETA
 from sain_core.scene import VX as STATE_VX
 from sain_core.scene import X as STATE_X
 from sain_core.scene import Y as STATE_Y
-from sain_model.compute.compiling import chosen_by_type, compiled
+from sain_model.compute.compiling import compiled
 
 TOOL = 0
-# Columns of a body. `SPIN` is the speed of the rim [m/s]; 1 N s at the rim adds `TURN` to it.
-# `TURNED` is the angle turned in this push, `COS` and `SIN` are those of the heading.
-# `MASS_X` and `MASS_Y` lead from a disk's middle to its centre of mass [radii], `MASS_FORE` and
-# `MASS_LEFT` likewise in the disk's own frame; the columns from `DRAG` on are its corrections.
-X, Y, VX, VY, SPIN, RADIUS, LIGHTNESS, TURN, TURNED, COS, SIN, MASS_X, MASS_Y = range(13)
-DRAG, PULL_X, PULL_Y, MASS_FORE, MASS_LEFT, RIM_GRIP, TOOL_GRIP = range(13, 20)
-BODY_SIZE = 20
-CORRECTIONS = 7
+DISK_INERTIA = 0.5  # share of mass x radius^2, of the uniform disk that `Physics.inertia` is of
+DISK_FEET = 0.7  # radii, where the disks stand that `Physics.foot_radius` is of
 
-NORMAL_X, NORMAL_Y, END_X, END_Y, GAP, BIAS, NORMAL_MASS, RIM_MASS = range(8)
-CONTACT_SIZE = 8
-ALONG, ACROSS = range(2)  # columns of an impulse
+# Columns of a body [SI units]. `LIGHTNESS` is 1 / mass and `TURN` 1 / moment of inertia, both 0
+# for what nothing moves. `ROUND` is the radius that its corners are rounded with, `REACH` that of
+# the circumscribed circle, `TWIST` the arm on which friction resists a turn on the spot. Columns
+# from `DRAG` on are corrections (`physics.corrections`); `MASS_FORE` and `MASS_LEFT` lead from the
+# centroid to the centre of mass in the body's frame. `X` and `Y` are those of the latter.
+X, Y, VX, VY, SPIN, COS, SIN, TURNED, LIGHTNESS, TURN, ROUND, REACH, TWIST = range(13)
+DRAG, SLOPE_X, SLOPE_Y, MASS_FORE, MASS_LEFT, BODY_GRIP, TOOL_GRIP = range(13, 20)
+BODY_SIZE = 20
+# Columns of a corner in its body's frame, with the side to the next one: its direction and length.
+CORNER_X, CORNER_Y, SIDE_X, SIDE_Y, LENGTH, CONVEX = range(6)
+CORNER_SIZE = 6
+# Columns of a support in its body's frame. `SHARE` is of the load, `LEAN_X` and `LEAN_Y` how it
+# grows with a shift of the load [1/m]. `YIELD` says how light the body is to turn from here.
+FOOT_X, FOOT_Y, SHARE, LEAN_X, LEAN_Y, YIELD, PULL_X, PULL_Y = range(8)
+ARM_X, ARM_Y, LIMIT, HELD_X, HELD_Y = range(8, 13)
+SUPPORT_SIZE = 13
+# Columns of a contact: normal and arms about both bodies' centres where the impulse acts (in the
+# middle of a step), and where it has to keep the bodies apart (at its end). Arms: of the impulse
+# along the normal, and across it. Then what the solver needs, and where the features are.
+NORMAL_X, NORMAL_Y, ARM_POINT, REACH_POINT, ARM_SIDE, REACH_SIDE = range(6)
+END_X, END_Y, END_ARM_POINT, END_REACH_POINT, END_ARM_SIDE, END_REACH_SIDE = range(6, 12)
+GAP, BIAS, NORMAL_MASS, RIM_MASS, ALONG, ACROSS = range(12, 18)
+POINT_X, POINT_Y, CORNER_AT_X, CORNER_AT_Y, FACE_X, FACE_Y, PAST, LEFT = range(18, 26)
+CONTACT_SIZE = 26
+POINT_BODY, SIDE_BODY, KIND, KEY = range(4)  # integer columns of a contact
+MOST_CONTACTS = 24  # of a pair, a guard; two polygons that lie side by side have two to four
 
 
 class Physics(NamedTuple):
@@ -58,168 +74,224 @@ class Physics(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Scratch memory of one push. P = N (N + 1) / 2 pairs of bodies, C <= P of them near."""
+    """Scratch memory of one push of N bodies with M corners and F supports in all."""
 
     bodies: np.ndarray  # (N + 1, BODY_SIZE)
+    first_corner: np.ndarray  # (N + 2,) int64
+    corners: np.ndarray  # (M + 1, CORNER_SIZE)
+    first_support: np.ndarray  # (N + 2,) int64
+    supports: np.ndarray  # (F, SUPPORT_SIZE)
     before: np.ndarray  # (N + 1, 3) vx, vy, spin at the start of the step
     change: np.ndarray  # (N + 1, 3) their rates of change in the last step
-    grip: np.ndarray  # (N + 1,) speed that the table can take from a slow disk [m/s]
+    grip: np.ndarray  # (N + 1,) speed that the table can take from a slow body [m/s]
     held: np.ndarray  # (N + 1, 3) and what it has taken
-    tilt: np.ndarray  # (N + 1, 2) shift of the load on the table by what pushed a disk last [m]
-    feet: np.ndarray  # (3, 4) of one disk: friction x, y [m/s], direction x, y
-    pairs: np.ndarray  # (C, 3) int64: first body, second body, number of the pair
+    stuck: np.ndarray  # (N + 1,) bool
+    tilt: np.ndarray  # (N + 1, 2) shift of the load on the table by what pushed a body last [m]
     contacts: np.ndarray  # (C, CONTACT_SIZE)
-    impulses: np.ndarray  # (P, 2) [N s], kept from step to step
-    corrections: np.ndarray  # (N, CORRECTIONS), see `sain_model.physics.corrections`
-
-
-class ConditionedWorkspace(Workspace):
-    """Scratch memory of a push whose disks are corrected: their mass may be off the middle.
-
-    A type of its own, so that kernels for disks as in the textbook are compiled without it.
-    """
-
-    __slots__ = ()
+    features: np.ndarray  # (C, 4) int64
+    kept: np.ndarray  # (C, 2) impulses of the last step [N s]
+    kept_keys: np.ndarray  # (C,) int64
+    counts: np.ndarray  # (2,) int64, contacts of this step and of the last
+    touched: np.ndarray  # (N + 1,) bool
 
 
 @compiled
-def make_workspace(disks):
-    """Return scratch memory for this many disks."""
-    pairs = disks * (disks + 1) // 2
+def make_workspace(table):
+    """Return scratch memory for the bodies of a table."""
+    rows = table.rounding.shape[0] + 1
+    contacts = rows * (rows - 1) // 2 * MOST_CONTACTS + 1
     return Workspace(
-        np.zeros((disks + 1, BODY_SIZE)),
-        np.zeros((disks + 1, 3)),
-        np.zeros((disks + 1, 3)),
-        np.zeros(disks + 1),
-        np.zeros((disks + 1, 3)),
-        np.zeros((disks + 1, 2)),
-        np.zeros((3, 4)),
-        np.empty((pairs, 3), np.int64),
-        np.empty((pairs, CONTACT_SIZE)),
-        np.zeros((pairs, 2)),
-        _no_corrections(disks),
+        np.zeros((rows, BODY_SIZE)),
+        np.zeros(rows + 1, np.int64),
+        np.zeros((table.corners.shape[0] + 1, CORNER_SIZE)),
+        np.zeros(rows + 1, np.int64),
+        np.zeros((table.supports.shape[0], SUPPORT_SIZE)),
+        np.zeros((rows, 3)),
+        np.zeros((rows, 3)),
+        np.zeros(rows),
+        np.zeros((rows, 3)),
+        np.zeros(rows, np.bool_),
+        np.zeros((rows, 2)),
+        np.zeros((contacts, CONTACT_SIZE)),
+        np.zeros((contacts, 4), np.int64),
+        np.zeros((contacts, 2)),
+        np.zeros(contacts, np.int64),
+        np.zeros(2, np.int64),
+        np.zeros(rows, np.bool_),
     )
 
 
 @compiled
-def make_conditioned_workspace(disks):
-    """Return scratch memory for this many disks that are corrected."""
-    work = make_workspace(disks)
-    return ConditionedWorkspace(
-        work.bodies,
-        work.before,
-        work.change,
-        work.grip,
-        work.held,
-        work.tilt,
-        work.feet,
-        work.pairs,
-        work.contacts,
-        work.impulses,
-        work.corrections,
-    )
+def load_bodies(states, order, table, start_x, start_y, physics, work):
+    """Fill the scratch memory from a scene (N, 8), taken as at rest.
 
-
-@compiled
-def _no_corrections(disks):
-    corrections = np.zeros((disks, CORRECTIONS))
-    for disk in range(disks):
-        for column in (DRAG, RIM_GRIP, TOOL_GRIP):  # these are factors
-            corrections[disk, column - DRAG] = 1.0
-    return corrections
-
-
-@compiled
-def load(disks, push, start, physics, work):
-    """Fill the bodies from a scene (N, 8), taken as at rest, and a push (3,).
-
-    `start` is how far from the mid disk's centre the tool's axis stands before it travels [m].
+    Args:
+        states: the scene.
+        order: number of the body of each row but the tool's, (N,).
+        table: of the bodies.
+        start_x: where the tool's axis stands [m].
+        start_y: likewise.
+        physics: for the tool's radius and the bodies' feet and inertia.
+        work: to fill.
     """
     bodies = work.bodies
-    for disk in range(disks.shape[0]):
-        body = disk + 1
-        bodies[body, X], bodies[body, Y] = disks[disk, STATE_X], disks[disk, STATE_Y]
-        bodies[body, VX] = bodies[body, VY] = bodies[body, SPIN] = 0.0
-        bodies[body, RADIUS] = disks[disk, STATE_RADIUS]
-        bodies[body, LIGHTNESS] = 1.0 / disks[disk, STATE_MASS]
-        bodies[body, TURN] = bodies[body, LIGHTNESS] / physics.inertia
-        bodies[body, TURNED] = 0.0
-        bodies[body, COS] = np.cos(disks[disk, STATE_THETA])
-        bodies[body, SIN] = np.sin(disks[disk, STATE_THETA])
-        for column in range(CORRECTIONS):
-            bodies[body, DRAG + column] = work.corrections[disk, column]
-        place_mass(bodies, body)
-    bodies[TOOL, X] = bodies[1, X] - start * np.cos(push[LOCATION])
-    bodies[TOOL, Y] = bodies[1, Y] - start * np.sin(push[LOCATION])
-    bodies[TOOL, RADIUS] = physics.tool_radius
-    forget(work)
+    bodies[TOOL, X], bodies[TOOL, Y] = start_x, start_y
+    bodies[TOOL, COS] = 1.0
+    bodies[TOOL, ROUND] = bodies[TOOL, REACH] = physics.tool_radius
+    work.first_corner[1] = 1
+    work.corners[TOOL, CONVEX] = 1.0  # the tool's one corner is its axis
+    for index in range(states.shape[0]):
+        row, body = index + 1, order[index]
+        _load_body(bodies, row, states[body], table, body, physics)
+        _load_corners(work, row, states[body, STATE_RADIUS], table, body)
+        _load_supports(work, row, states[body], table, body, physics)
+    for row in range(bodies.shape[0]):
+        work.touched[row] = False
+    forget_steps(work)
 
 
 @compiled
-def forget(work):
-    """Clear what is kept from step to step. Loops: assigning to a slice is many times slower."""
+def _load_body(bodies, row, state, table, body, physics):
+    radius = state[STATE_RADIUS]
+    bodies[row, X], bodies[row, Y] = state[STATE_X], state[STATE_Y]
+    bodies[row, VX] = bodies[row, VY] = bodies[row, SPIN] = bodies[row, TURNED] = 0.0
+    bodies[row, COS], bodies[row, SIN] = np.cos(state[STATE_THETA]), np.sin(state[STATE_THETA])
+    bodies[row, ROUND] = table.rounding[body] * radius
+    bodies[row, REACH] = table.reach[body] * radius
+    lightness = 0.0 if table.fixed[body] else 1.0 / state[STATE_MASS]
+    inertia = physics.inertia / DISK_INERTIA * table.inertia[body] * radius * radius
+    bodies[row, LIGHTNESS], bodies[row, TURN] = lightness, lightness / inertia
+    bodies[row, SLOPE_X] = bodies[row, SLOPE_Y] = 0.0
+    bodies[row, MASS_FORE] = bodies[row, MASS_LEFT] = 0.0
+    bodies[row, DRAG] = bodies[row, BODY_GRIP] = bodies[row, TOOL_GRIP] = 1.0
+
+
+@compiled
+def _load_corners(work, row, radius, table, body):
+    """Scale an outline; a corner is convex where the way turns left."""
+    corners = work.corners
+    first, last = table.first_corner[body], table.first_corner[body + 1]
+    start = work.first_corner[row]
+    end = start + last - first
+    work.first_corner[row + 1] = end
+    for index in range(start, end):
+        corners[index, CORNER_X] = radius * table.corners[first + index - start, 0]
+        corners[index, CORNER_Y] = radius * table.corners[first + index - start, 1]
+    before = end - 1
+    for index in range(start, end):
+        after = index + 1 if index + 1 < end else start
+        x = corners[after, CORNER_X] - corners[index, CORNER_X]
+        y = corners[after, CORNER_Y] - corners[index, CORNER_Y]
+        length = np.sqrt(x * x + y * y)
+        if length == 0.0:  # a disk's one corner: any direction will do
+            x, y = 1.0, 0.0
+        scale = 1.0 / np.sqrt(x * x + y * y)
+        corners[index, SIDE_X], corners[index, SIDE_Y] = scale * x, scale * y
+        corners[index, LENGTH] = length
+    for index in range(start, end):
+        left = corners[before, SIDE_X] * corners[index, SIDE_Y]
+        left -= corners[before, SIDE_Y] * corners[index, SIDE_X]
+        corners[index, CONVEX] = 1.0 if left >= 0.0 else 0.0
+        before = index
+
+
+@compiled
+def _load_supports(work, row, state, table, body, physics):
+    """Place the supports, where `foot_radius` says that those of a disk stand."""
+    bodies, supports = work.bodies, work.supports
+    scale = physics.foot_radius / DISK_FEET * state[STATE_RADIUS]
+    first, last = table.first_support[body], table.first_support[body + 1]
+    start = work.first_support[row]
+    work.first_support[row + 1] = start + last - first
+    heaviness = physics.inertia / (physics.foot_radius * physics.foot_radius)  # as of a disk's foot
+    twist = 0.0
+    for index in range(first, last):
+        foot = start + index - first
+        x, y = scale * table.supports[index, 0], scale * table.supports[index, 1]
+        supports[foot, FOOT_X], supports[foot, FOOT_Y] = x, y
+        supports[foot, SHARE] = table.supports[index, 2]
+        supports[foot, LEAN_X] = table.supports[index, 3] / scale
+        supports[foot, LEAN_Y] = table.supports[index, 4] / scale
+        squared = x * x + y * y
+        if bodies[row, LIGHTNESS] > 0.0:
+            lightness = bodies[row, TURN] / bodies[row, LIGHTNESS]
+            supports[foot, YIELD] = heaviness * squared * lightness
+        twist += supports[foot, SHARE] * np.sqrt(squared)
+    bodies[row, TWIST] = twist
+
+
+@compiled
+def forget_steps(work):
+    """Clear what is kept from step to step."""
     for body in range(work.bodies.shape[0]):
         work.grip[body] = 0.0
+        work.stuck[body] = False
         work.tilt[body, 0] = work.tilt[body, 1] = 0.0
         work.change[body, 0] = work.change[body, 1] = work.change[body, 2] = 0.0
-    for pair in range(work.impulses.shape[0]):
-        work.impulses[pair, ALONG] = work.impulses[pair, ACROSS] = 0.0
+    for contact in range(work.counts[0]):
+        work.contacts[contact, ALONG] = work.contacts[contact, ACROSS] = 0.0
+    work.counts[1] = 0
 
 
 @compiled
-def unload(disks, work):
-    """Write the bodies, at rest, back to the scene."""
+def unload_bodies(states, order, work, touched):
+    """Write the bodies, at rest, back to the scene, and which of them the tool has touched."""
     bodies = work.bodies
-    for disk in range(disks.shape[0]):
-        body = disk + 1
-        disks[disk, STATE_X], disks[disk, STATE_Y] = bodies[body, X], bodies[body, Y]
-        if bodies[body, TURNED] != 0.0:
-            heading = disks[disk, STATE_THETA] + bodies[body, TURNED]
-            disks[disk, STATE_THETA] = np.pi - (np.pi - heading) % (2.0 * np.pi)
+    for index in range(states.shape[0]):
+        row, body = index + 1, order[index]
+        touched[body] = work.touched[row]
+        _unload_place(bodies, row, states[body])
+        if bodies[row, TURNED] != 0.0:
+            heading = states[body, STATE_THETA] + bodies[row, TURNED]
+            states[body, STATE_THETA] = np.pi - (np.pi - heading) % (2.0 * np.pi)
         for column in range(STATE_VX, STATE_OMEGA + 1):
-            disks[disk, column] = 0.0
+            states[body, column] = 0.0
 
 
 @compiled
-def place_mass(bodies, body):
-    """Turn the way to a disk's centre of mass with the disk."""
-    fore, left = bodies[body, MASS_FORE], bodies[body, MASS_LEFT]
-    cos, sin = bodies[body, COS], bodies[body, SIN]
-    bodies[body, MASS_X], bodies[body, MASS_Y] = cos * fore - sin * left, sin * fore + cos * left
-
-
-def apply_impulse(work, body, px, py, rim):
-    """Give a disk an impulse (px, py) and a turn `rim`, the sum of those across at its rim [N s].
-
-    Both are about its middle. Where its mass is elsewhere, what acts on the middle turns it too,
-    and the middle, whose velocity is kept, moves about the mass.
-    """
-    bodies = work.bodies
-    mass_x, mass_y = bodies[body, MASS_X], bodies[body, MASS_Y]
-    spin = (rim - (mass_x * py - mass_y * px)) * bodies[body, TURN]
-    bodies[body, SPIN] += spin
-    bodies[body, VX] += px * bodies[body, LIGHTNESS] + spin * mass_y
-    bodies[body, VY] += py * bodies[body, LIGHTNESS] - spin * mass_x
-
-
-def _apply_impulse_in_the_middle(work, body, px, py, rim):
-    bodies = work.bodies
-    bodies[body, VX] += px * bodies[body, LIGHTNESS]
-    bodies[body, VY] += py * bodies[body, LIGHTNESS]
-    bodies[body, SPIN] += rim * bodies[body, TURN]
-
-
-@chosen_by_type(apply_impulse)
-def _choose_apply_impulse(work, body, px, py, rim):
-    return apply_impulse if is_conditioned(work) else _apply_impulse_in_the_middle
-
-
-def is_conditioned(work):
-    """Tell whether the type of a workspace is that of corrected disks."""
-    return work.instance_class is ConditionedWorkspace
+def _unload_place(bodies, row, state):
+    """Write the centroid's place; a body that did not move stays where it is, to the last bit."""
+    x, y = mass_offset(bodies, row, np.cos(state[STATE_THETA]), np.sin(state[STATE_THETA]))
+    moved = bodies[row, X] != state[STATE_X] + x or bodies[row, Y] != state[STATE_Y] + y
+    if moved or bodies[row, TURNED] != 0.0:
+        x, y = mass_offset(bodies, row, bodies[row, COS], bodies[row, SIN])
+        state[STATE_X], state[STATE_Y] = bodies[row, X] - x, bodies[row, Y] - y
 
 
 @compiled
-def rim_speed(bodies, body):
-    """Return a bound on the speed of any point of a disk [m/s]."""
-    return np.sqrt(bodies[body, VX] ** 2 + bodies[body, VY] ** 2) + abs(bodies[body, SPIN])
+def mass_offset(bodies, row, cos, sin):
+    """Return the way from a body's centroid to its centre of mass at a heading [m]."""
+    fore, left = bodies[row, MASS_FORE], bodies[row, MASS_LEFT]
+    return cos * fore - sin * left, sin * fore + cos * left
+
+
+@compiled
+def outer_speed(bodies, row):
+    """Return a bound on the speed of any point of a body [m/s]."""
+    sliding = np.sqrt(bodies[row, VX] ** 2 + bodies[row, VY] ** 2)
+    return sliding + abs(bodies[row, SPIN]) * bodies[row, REACH]
+
+
+@compiled
+def keep_impulses(work):
+    """Put the impulses of the step that is over aside."""
+    count = work.counts
+    count[1] = 0
+    for index in range(count[0]):
+        if work.contacts[index, ALONG] > 0.0:
+            work.kept[count[1], 0] = work.contacts[index, ALONG]
+            work.kept[count[1], 1] = work.contacts[index, ACROSS]
+            work.kept_keys[count[1]] = work.features[index, KEY]
+            count[1] += 1
+
+
+@compiled
+def recall_impulses(work):
+    """Give the contacts that are still there the impulses that were put aside."""
+    contacts = work.contacts
+    for index in range(work.counts[0]):
+        contacts[index, ALONG] = contacts[index, ACROSS] = 0.0
+        for kept in range(work.counts[1]):
+            if work.kept_keys[kept] == work.features[index, KEY]:
+                contacts[index, ALONG] = work.kept[kept, 0]
+                contacts[index, ACROSS] = work.kept[kept, 1]

@@ -6,8 +6,8 @@ projected Gauss-Seidel sweeps over the contacts, which begin with the impulses o
 
 import numpy as np
 
-from sain_model.compute.compiling import compiled
-from sain_model.physics.outline_kernels import (
+from sain_model.compute.compiling import compiled, compiled_apart
+from sain_model.physics.body_kernels import (
     ACROSS,
     ALONG,
     ARM_POINT,
@@ -195,7 +195,7 @@ def _sliding(work, index, point, side):
     return vy * contacts[index, END_X] - vx * contacts[index, END_Y] + turning
 
 
-@compiled
+@compiled_apart
 def solve_impulses(work, physics):
     """Find the impulses that keep all contacts apart, with Coulomb friction; apply them.
 

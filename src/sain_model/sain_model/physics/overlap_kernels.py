@@ -6,7 +6,7 @@ The corners that are outside and near are those of `touching_kernels`.
 import numpy as np
 
 from sain_model.compute.compiling import compiled
-from sain_model.physics.outline_kernels import (
+from sain_model.physics.body_kernels import (
     CORNER_X,
     CORNER_Y,
     GAP,

@@ -1,4 +1,4 @@
-"""The planar prior: a batched contact simulator of disks on a table, without an arm.
+"""The planar prior: a batched contact simulator of bodies on a table, without an arm.
 
 It is the fast f_p of the paper's equation 2 that can sit inside every rollout. It believes the
 mass and radius that the scene states and, unless told better, the nominal friction.
@@ -9,31 +9,21 @@ from functools import cached_property, lru_cache
 from typing import Final, Self
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.history import PushHistory
 from sain_core.model_checks.response_check import answering, check_step
-from sain_core.push import PushLimits, pushed_bodies
-from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET
+from sain_core.push import LENGTH, PushLimits, pushed_bodies
+from sain_core.scene import MASS, MID, RADIUS
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import Indices, Pushes, Scalars, Scenes
+from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.compute.batch_checks import check_batch
-from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_progress import compile_visibly
-from sain_model.compute.thread_pool import run_blocks
 from sain_model.physics.body_kernels import Physics
-from sain_model.physics.corrections import (
-    Corrections,
-    check_corrections,
-    corrected_disks,
-    corrected_pushes,
-)
+from sain_model.physics.body_table import Touched, Ways, body_table, push_bodies, tool_ways
+from sain_model.physics.corrections import Corrections, check_corrections
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
-from sain_model.physics.outlines import Touched, push_bodies
 from sain_model.physics.planar_config import PlanarConfig, with_mass_ratio
-from sain_model.physics.planar_kernels import CHUNK, push_block, push_conditioned_block
 
 NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
 NOMINAL_MID_RADIUS: Final = 0.08  # [m]
@@ -98,21 +88,16 @@ class PlanarPrior:
         """
         check_batch(scenes, pushes, friction, self.bodies)
         check_corrections(corrections, scenes)
-        if not self._of_disks:
-            return self._push_bodies(scenes, pushes, friction, corrections)[0]
-        start = self._tool_distance(scenes, pushes)
-        pushes, told = corrected_pushes(pushes, corrections), corrected_disks(corrections)
-        return self._simulate(scenes, pushes, friction, start, told)[0]
+        ways = tool_ways(scenes, pushes, self._limits, self._bodies(scenes), corrections)
+        return self._simulate(scenes, ways, pushes, friction, corrections)[0]
 
     def step_with_contacts(
         self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None
     ) -> tuple[Scenes, Touched]:
         """As `step`, and tell for each push which bodies the tool touched, (B, N)."""
         check_batch(scenes, pushes, friction, self.bodies)
-        if not self._of_disks:
-            return self._push_bodies(scenes, pushes, friction)
-        start = self._tool_distance(scenes, pushes)
-        return self._simulate(scenes, pushes, friction, start)
+        ways = tool_ways(scenes, pushes, self._limits, self._bodies(scenes))
+        return self._simulate(scenes, ways, pushes, friction)
 
     def step_as_nominal(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         """Predict as `step`, believing that every body has nominal mass, every disk nominal radius.
@@ -123,79 +108,42 @@ class PlanarPrior:
         check_batch(scenes, pushes, None, self.bodies)
         believed = scenes.copy()
         believed[..., MASS] = NOMINAL_MASS
-        if self._of_disks:
+        if self.bodies.all_round:
             believed[..., RADIUS] = NOMINAL_RADIUS
             believed[:, MID, RADIUS] = NOMINAL_MID_RADIUS
-            start = self._tool_distance(scenes, pushes)
-            predicted, _ = self._simulate(believed, pushes, None, start)
-        else:
-            predicted, _ = self._push_bodies(believed, pushes, None)
+        ways = tool_ways(scenes, pushes, self._limits, self._bodies(scenes))
+        predicted, _ = self._simulate(believed, ways, pushes, None)
         predicted[..., MASS:] = scenes[..., MASS:]
         return predicted
 
     @property
-    def _of_disks(self) -> bool:
-        return takes_disks(self.bodies)
+    def _limits(self) -> PushLimits:
+        config = self.config
+        return PushLimits(tool_radius=config.tool_radius, clearance=config.clearance)
 
-    def _push_bodies(
-        self,
-        scenes: Scenes,
-        pushes: Pushes,
-        friction: Scalars | None,
-        corrections: Corrections | None = None,
-    ) -> tuple[Scenes, Touched]:
-        """Run the kernels for bodies of any shape."""
-        if friction is None:
-            friction = np.full(len(scenes), self.config.friction)
-        limits = PushLimits(tool_radius=self.config.tool_radius, clearance=self.config.clearance)
-        world, weighed = (self.bodies, limits, self._physics), self._weighed(scenes)
-        after, touched = push_bodies(weighed, pushes, friction, *world, corrections)
-        after[..., MASS] = scenes[..., MASS]
-        return after, touched
-
-    def _weighed(self, scenes: Scenes) -> Scenes:
-        return with_mass_ratio(scenes, self.config.mass_ratio)
-
-    def _tool_distance(self, scenes: Scenes, pushes: Pushes) -> Scalars:
-        """Return how far from the pushed disk's centre the tool's axis starts, (B,) [m]."""
-        radius = scenes[np.arange(len(scenes)), pushed_bodies(pushes), RADIUS]
-        return np.asarray(radius + self.config.tool_radius + self.config.clearance)
+    def _bodies(self, scenes: Scenes) -> Bodies:
+        return self.bodies.fitted(scenes.shape[1])
 
     def _simulate(
         self,
         scenes: Scenes,
+        ways: Ways,
         pushes: Pushes,
         friction: Scalars | None,
-        start: Scalars,
-        told: Float[ndarray, "B N 7"] | None = None,
+        corrections: Corrections | None = None,
     ) -> tuple[Scenes, Touched]:
-        """Run the kernels on a copy, the extra disks in an order of their own."""
-        batch = len(scenes)
+        """Run the kernels."""
         if friction is None:
-            friction = np.full(batch, self.config.friction)
-        order = disks_first(scenes, pushed_bodies(pushes))
-        after = np.ascontiguousarray(np.take_along_axis(self._weighed(scenes), order, axis=1))
-        touched = np.zeros(scenes.shape[:2], dtype=bool)
-        rows = after, plain(pushes), plain(friction), start
-        corrections = None if told is None else np.take_along_axis(told, order, axis=1)
-
-        def work(first: int) -> None:
-            if corrections is None:
-                push_block(first, *rows, self._physics, touched)
-            else:
-                push_conditioned_block(first, *rows, self._physics, touched, corrections)
-
-        run_blocks(work, batch, CHUNK)
-        predicted, pressed = np.empty_like(after), np.empty_like(touched)
-        np.put_along_axis(predicted, order, after, axis=1)
-        predicted[..., MASS] = scenes[..., MASS]
-        np.put_along_axis(pressed, order[..., 0], touched, axis=1)
-        return predicted, pressed
-
-
-def takes_disks(bodies: Bodies) -> bool:
-    """Return whether the kernels for disks can push these bodies."""
-    return bodies.all_round and not bodies.fixed
+            friction = np.full(len(scenes), self.config.friction)
+        weighed = with_mass_ratio(scenes, self.config.mass_ratio)
+        table, pushed = body_table(self._bodies(scenes)), pushed_bodies(pushes)
+        after, touched = push_bodies(
+            weighed, ways, pushed, friction, table, self._physics, corrections
+        )
+        idle = pushes[:, LENGTH] == 0.0
+        after[idle] = scenes[idle]
+        after[..., MASS] = scenes[..., MASS]
+        return after, touched
 
 
 @lru_cache(maxsize=16)  # a filter remembers pushes, also those of the episode before
@@ -213,20 +161,3 @@ def step_knowing(
         return prior.step(scenes, pushes)
     with answering("the prior"):
         return check_step(prior.step(scenes, pushes), scenes, "the prior")
-
-
-def disks_first(scenes: Scenes, pushed: Indices) -> np.ndarray:
-    """Return an order of the disks (B, N, 1) in which the pushed one is the first.
-
-    The solver visits contacts one after another, which would let the numbering leak into the
-    last digits. Sorting the disks from 2 on by their distance to disk 1 keeps it out.
-    """
-    order = np.broadcast_to(np.arange(scenes.shape[1]), scenes.shape[:2]).copy()
-    np.put_along_axis(order, pushed[:, None], 0, axis=1)
-    order[:, MID] = pushed
-    if scenes.shape[1] > 3:
-        placed = np.take_along_axis(scenes, order[..., None], axis=1)
-        offset = placed[:, 2:, POSITION] - placed[:, TARGET : TARGET + 1, POSITION]
-        sort = np.argsort((offset**2).sum(-1), axis=1, kind="stable")
-        order[:, 2:] = np.take_along_axis(order[:, 2:], sort, axis=1)
-    return order[..., None]

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sain_model.compute.compiling import compiled
-from sain_model.physics.outline_kernels import (
+from sain_model.compute.compiling import compiled, compiled_apart
+from sain_model.physics.body_kernels import (
     ACROSS,
     ALONG,
     ARM_X,
@@ -53,7 +53,7 @@ LEAST_SHARE = 0.15  # of its load, that an offset of the centre of mass leaves e
 SLOW = 1.0  # a support is slow that friction could stop in this many steps under a whole load
 
 
-@compiled
+@compiled_apart
 def brake(work, row, slowing, physics, step):
     """Slow a sliding body down by the friction of one step.
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sain_model.compute.compiling import compiled
-from sain_model.physics.outline_kernels import (
+from sain_model.physics.body_kernels import (
     CONVEX,
     CORNER_X,
     CORNER_Y,

@@ -9,7 +9,7 @@ convex parts. So the seams between parts catch nothing, and how an outline is cu
 import numpy as np
 
 from sain_model.compute.compiling import compiled, compiled_apart
-from sain_model.physics.outline_kernels import (
+from sain_model.physics.body_kernels import (
     CONVEX,
     CORNER_AT_X,
     CORNER_AT_Y,
@@ -76,11 +76,27 @@ def find_touching(work, horizon):
             reach = bodies[first, REACH] + bodies[second, REACH] + near
             moves = bodies[first, LIGHTNESS] + bodies[second, LIGHTNESS] > 0.0
             if moves and dx * dx + dy * dy < reach * reach:
+                if bodies[first, ROUND] > 0.0 and bodies[second, ROUND] > 0.0:
+                    _list_circles(work, first, second, dx, dy)
+                    continue
                 limit = count[0] + MOST_CONTACTS
                 _corners_against(work, first, second, near, True, limit)
                 if first != TOOL:
                     _corners_against(work, second, first, near, False, limit)
     _place_features(work)
+
+
+@compiled
+def _list_circles(work, first, second, dx, dy):
+    """List the contact of two round bodies, (dx, dy) apart: the one corner of each."""
+    contacts, features, number = work.contacts, work.features, work.counts[0]
+    point, side = work.first_corner[first], work.first_corner[second]
+    contacts[number, GAP] = np.sqrt(dx * dx + dy * dy)
+    contacts[number, PAST], contacts[number, LEFT] = 0.0, 0.0
+    features[number, POINT_BODY], features[number, SIDE_BODY] = first, second
+    features[number, KIND] = ON_CORNER
+    features[number, KEY] = (point * work.corners.shape[0] + side) * 2 + ON_CORNER
+    work.counts[0] = number + 1
 
 
 @compiled

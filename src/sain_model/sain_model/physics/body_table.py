@@ -1,4 +1,4 @@
-"""Pushes of bodies of any shape, for the compiled kernels: tables of corners and of supports.
+"""Pushes of bodies, for the compiled kernels: tables of corners and of supports.
 
 Everything is in the body's frame, in units of the state's radius, so that one table serves all
 scenes. A disk is an outline of one corner, rounded by its radius; the tool likewise.
@@ -28,10 +28,10 @@ from sain_model.physics.corrections import (
     corrected_pushes,
     saturated,
 )
-from sain_model.physics.outline_push_kernels import push_bodies_block
-from sain_model.physics.planar_kernels import CHUNK
+from sain_model.physics.push_kernels import CHUNK, push_bodies_block
 
 Touched = Bool[ndarray, "B N"]
+Ways = Float[ndarray, "B 4"]  # where the tool starts [m], its heading [rad], its way [m]
 
 STRAIGHT: Final = 1e-9  # [rad], a corner that turns less is a point in the middle of a side
 SHARE, ALONG_X, ALONG_Y = 2, 3, 4  # columns of a support after its x and y
@@ -55,21 +55,21 @@ class BodyTable(NamedTuple):
 
 def push_bodies(
     scenes: Scenes,
-    pushes: Pushes,
+    ways: Ways,
+    pushed: Indices,
     friction: Scalars,
-    bodies: Bodies,
-    limits: PushLimits,
+    table: BodyTable,
     physics: Physics,
     corrections: Corrections | None = None,
 ) -> tuple[Scenes, Touched]:
-    """Simulate pushes of bodies of any shape.
+    """Simulate pushes.
 
     Args:
         scenes: (B, N, 8).
-        pushes: (B, 3) or (B, 4).
+        ways: of the tool, as `tool_ways` makes them.
+        pushed: which body each push is against, (B,).
         friction: with the table, (B,).
-        bodies: N of them.
-        limits: where the tool starts.
+        table: of the N bodies.
         physics: the rest.
         corrections: of each body; None: there are none.
 
@@ -77,16 +77,10 @@ def push_bodies(
         The settled scenes, and which bodies the tool touched (B, N).
     """
     told = np.empty((len(scenes), 0, OF_DISKS))
-    if corrections is None:
-        start, heading = strokes(scenes, pushes, limits, bodies)
-        ways = np.column_stack([start, heading, pushes[:, LENGTH]])
-    else:
+    if corrections is not None:
         told = plain(corrected_disks(corrections))
-        ways = _corrected_ways(scenes, pushes, limits, bodies, corrections)
-    order = nearest_first(scenes, pushed_bodies(pushes))
-    after, table = plain(scenes.copy()), body_table(bodies)
+    order, after = nearest_first(scenes, pushed), plain(scenes.copy())
     touched = np.zeros(scenes.shape[:2], dtype=bool)
-
     friction, size = plain(friction), even_blocks(len(scenes), CHUNK)
 
     def work(first: int) -> None:
@@ -98,14 +92,20 @@ def push_bodies(
     return after, touched
 
 
-def _corrected_ways(
-    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies, corrections: Corrections
-) -> Float[ndarray, "B 4"]:
-    """Return where the tool's axis starts, its heading and its way, as corrected.
+def tool_ways(
+    scenes: Scenes,
+    pushes: Pushes,
+    limits: PushLimits,
+    bodies: Bodies,
+    corrections: Corrections | None = None,
+) -> Ways:
+    """Return where the tool's axis starts, its heading and how far it goes, as corrected.
 
-    A corrected location keeps the heading, as with disks.
+    A corrected location keeps the heading.
     """
-    _, heading = strokes(scenes, pushes, limits, bodies)
+    start, heading = strokes(scenes, pushes, limits, bodies)
+    if corrections is None:
+        return np.column_stack([start, heading, pushes[:, LENGTH]])
     corrected = corrected_pushes(pushes, corrections)
     start, _ = strokes(scenes, corrected, limits, bodies)
     told = saturated(corrections)[np.arange(len(pushes)), pushed_bodies(pushes)]

@@ -1,4 +1,4 @@
-"""Whole pushes of bodies of any shape on a table, compiled; blocks of a batch can run in parallel.
+"""Whole pushes of bodies on a table, compiled; blocks of a batch can run in parallel.
 
 Time goes from the tool's first touch until everything lies still again, in steps as long as
 what happens allows: to the next collision, to a kink in the tool's speed, to where a body stops.
@@ -7,13 +7,7 @@ what happens allows: to the next collision, to a kink in the tool's speed, to wh
 import numpy as np
 
 from sain_model.compute.compiling import callable_kernel, compiled, compiled_apart
-from sain_model.physics.impulse_kernels import (
-    foresee,
-    part_overlaps,
-    prepare_impulses,
-    solve_impulses,
-)
-from sain_model.physics.outline_kernels import (
+from sain_model.physics.body_kernels import (
     COS,
     DRAG,
     LIGHTNESS,
@@ -33,12 +27,17 @@ from sain_model.physics.outline_kernels import (
     forget_steps,
     keep_impulses,
     load_bodies,
-    make_outline_workspace,
+    make_workspace,
     outer_speed,
     recall_impulses,
     unload_bodies,
 )
-from sain_model.physics.planar_kernels import CHUNK, COLLISION, MOST_STEPS, SHORTEST_STEP, STILL
+from sain_model.physics.impulse_kernels import (
+    foresee,
+    part_overlaps,
+    prepare_impulses,
+    solve_impulses,
+)
 from sain_model.physics.support_kernels import brake, correct_bodies, note_lean
 from sain_model.physics.tool_kernels import (
     first_touch_of,
@@ -49,6 +48,12 @@ from sain_model.physics.tool_kernels import (
     until_kink,
 )
 from sain_model.physics.touching_kernels import find_touching
+
+CHUNK = 64  # pushes that one thread takes at a time: a third of a millisecond
+STILL = 1e-7  # [m/s], slower than this is at rest
+COLLISION = 0.01  # [m/s], touching bodies that approach faster than this collide
+SHORTEST_STEP = 2e-4  # [s]
+MOST_STEPS = 5000  # far beyond any push; keeps a wrong parameter from running for ever
 
 
 @compiled
@@ -231,7 +236,7 @@ def push_bodies_block(first, scenes, order, pushes, friction, table, physics, to
         touched: (B, N) bool, receives which bodies the tool touched.
         corrections: of the bodies, (B, N, 7); (B, 0, 7): none.
     """
-    work = make_outline_workspace(table)
+    work = make_workspace(table)
     for index in range(first, min(first + CHUNK, scenes.shape[0])):
         if pushes[index, 3] > 0.0:
             push_bodies(
