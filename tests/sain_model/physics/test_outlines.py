@@ -26,8 +26,8 @@ from sain_core.shapes.polygon import Compound, Polygon
 from sain_core.shapes.registry import get_shape
 from sain_core.shapes.shape import Shape
 from sain_core.types import Points, Pushes, Scenes
-from sain_model.physics.corrections import CORRECTIONS
 from sain_model.physics.body_table import body_table, load_shares
+from sain_model.physics.corrections import CORRECTIONS
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_config import AXES
 
