@@ -129,6 +129,18 @@ class PlanJob:
         return float(np.abs(self._errors[1]).max())
 
     @property
+    def left(self) -> str:
+        """What is left to do, for messages."""
+        goal = self.goal
+        if not isinstance(goal, PoseGoal):
+            return f"the target {1e3 * self.distance:.0f} mm from the goal"
+        return ", ".join(
+            f"body {pose.body} {1e3 * away:.1f} mm and {abs(turn):.3f} rad from its pose"
+            for pose, away, turn in zip(goal.poses, *self._errors, strict=True)
+            if away > pose.tolerance or abs(turn) > pose.heading_tolerance
+        )
+
+    @property
     def _errors(self) -> tuple[Errors, Errors]:
         """Distances [m] and turns [rad] of the bodies to the goal."""
         goal, scene = self.goal, self.view.scene
@@ -224,8 +236,7 @@ class Stop:
     def failure(self) -> str:
         """Why the goal was not reached; empty: it was."""
         if self.reason is StopReason.EXHAUSTED and self.job is not None:
-            left = f"{1e3 * self.job.distance:.0f} mm from the goal"
-            return f"{self.task.max_pushes} pushes left the target {left}"
+            return f"{self.task.max_pushes} pushes left {self.job.left}"
         return "" if self.error is None else f"{type(self.error).__name__}: {self.error}"
 
 

@@ -13,10 +13,9 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import AnyWorld, DivergedError, WorldFailedError
 from sain_mppi.loop.agent import Agent, act
-from sain_mppi.loop.decision import PushDecision, Stop, StopReason, Task
+from sain_mppi.loop.decision import PushDecision, Stop, Task
 from sain_mppi.loop.events import EpisodeBegun, GoalGiven, PushEnded, PushExecuted, SceneSeen
 from sain_mppi.loop.goal_tracker import LOOK_AGAIN
-from sain_mppi.search.poses import PoseGoal
 
 EPISODE: Final = 1  # its id
 
@@ -121,7 +120,7 @@ class _Play:
         while not self.failure and not self._over():
             decision = decision or self._look()
             if not isinstance(decision, PushDecision):
-                self.failure = _failure(decision) if decision else self._unsettled()
+                self.failure = decision.failure if decision else self._unsettled()
                 return
             decision = self._carry_out(decision)
 
@@ -164,17 +163,3 @@ class _Play:
                 f"push {len(self.pushes)} moved body {body} off the table, to ({x:.3f}, {y:.3f}) m"
             )
         return f"the scene did not settle after push {len(self.pushes)}"
-
-
-def _failure(stop: Stop) -> str:
-    """Return why a stop came short of the goal; empty: it did not."""
-    job, goal = stop.job, stop.task.goal
-    if stop.reason is not StopReason.EXHAUSTED or job is None or not isinstance(goal, PoseGoal):
-        return stop.failure
-    apart, turns = goal.errors(job.view.scene, job.known_bodies)
-    left = [
-        f"body {pose.body} {1e3 * away:.1f} mm and {abs(turn):.3f} rad from its pose"
-        for pose, away, turn in zip(goal.poses, apart, turns, strict=True)
-        if away > pose.tolerance or abs(turn) > pose.heading_tolerance
-    ]
-    return f"{stop.task.max_pushes} pushes left {', '.join(left)}"

@@ -6,13 +6,20 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from sain_core.errors import SainError
+from sain_core.errors import ConfigError, SainError
 from sain_core.extensions.offers import package_of
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import Setting, WorldFailedError, check_outcome
 from sain_sim.world.checked import CheckedWorld
-from sain_sim.world.engines import DEFAULT_ENGINE, ENGINES, OFFERED, check_engine, load_world
+from sain_sim.world.engines import (
+    BULLET,
+    DEFAULT_ENGINE,
+    ENGINES,
+    OFFERED,
+    check_engine,
+    load_world,
+)
 from sain_sim.world.outcome import Observer, Sample, StrokeOutcome
 from sain_sim.world.parameters import WorldParameters, in_a_row
 from sain_sim.world.stroke import is_idle
@@ -140,4 +147,6 @@ def open_world(
     """
     if engine in ENGINES:
         return World(parameters, config, viewer, engine)
+    if viewer is not None:
+        raise ConfigError(f"engine {engine!r} has no window; leave gui out, or use {BULLET}")
     return OwnWorld(parameters, config, engine)
