@@ -242,6 +242,16 @@ def test_work_that_raised_is_a_stop_and_what_the_push_need_not_wait_for_is_not(a
     assert agent.update(complete.failed(bug)) == agent.update(prepare.failed(bug)) == ()
 
 
+def test_nothing_is_decided_before_the_latest_plan_is_complete(agent, scene):
+    decided = work(agent, GoalGiven(TASK), SceneSeen(scene, 1, 1)).run()
+    sent, complete, _ = agent.update(decided)
+    scene[TARGET, POSITION] = TASK.goal
+    ended = PushEnded(sent.push_id, ErrorCode.OK)
+    assert agent.update(ended) == agent.update(SceneSeen(scene, 1, 2)) == ()
+    [stop] = agent.update(complete.run())
+    assert stop.reason is StopReason.REACHED
+
+
 def test_a_cancelled_goal_is_a_stop_once_and_nothing_follows(agent, scene):
     begun(agent, scene)
     stop = stopped(act(agent, GoalCancelled()))

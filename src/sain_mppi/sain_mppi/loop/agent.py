@@ -99,6 +99,7 @@ class Agent:
         self._episode: EpisodeBegun | None = None
         self._running: PlanJob | None = None
         self._ahead: PlanJob | None = None  # whose push was prepared for last
+        self._completing = False  # of the latest decision, whose plan is to be seen first
 
     @property
     def pushes(self) -> int:
@@ -118,15 +119,14 @@ class Agent:
             case PushEnded():
                 self._end_push(event.push_id, event.code, event.time)
             case GoalGiven():
-                try:
-                    self._tracker.aim(event.task, event.pushes)
-                except SainError as error:
-                    return (Stop(event.task, StopReason.FAILED, error=error), *self._next())
+                return (*self._set_goal(event), *self._next())
             case GoalCancelled():
                 return self._cancel(event)
             case Decided():
                 return (*self._conclude(event.outcome), *self._next())
-            case Completed() | Prepared() | TimePassed():
+            case Completed():
+                self._completing = False
+            case Prepared() | TimePassed():
                 pass
         return self._next()
 
@@ -135,6 +135,13 @@ class Agent:
         again = before is not None and before.episode_id == event.episode_id
         if again and (push_id := self._tracker.awaited_push) is not None:
             self._end_push(push_id, ErrorCode.STALE_SCENE, event.time)
+
+    def _set_goal(self, event: GoalGiven) -> tuple[Action, ...]:
+        try:
+            self._tracker.aim(event.task, event.pushes)
+        except SainError as error:
+            return (Stop(event.task, StopReason.FAILED, error=error),)
+        return ()
 
     def _see(self, event: SceneSeen) -> None:
         settled, now = event.settled, self._clock()
@@ -187,6 +194,8 @@ class Agent:
         if self._running is not None:
             if not self._tracker.is_current(self._running):
                 self._running.cancelled.set()
+            return ()
+        if self._completing:
             return ()
         self._take_estimate()
         job = self._tracker.next_job()
@@ -244,7 +253,7 @@ class Agent:
         self._tracker.sent(sent.push_id, sent.push)
         if self._estimator is not None:
             self._estimator.sent(sent)
-        self._ahead = job
+        self._ahead, self._completing = job, True
         return (
             sent,
             Computation(partial(self._complete, sent), lambda error: Completed(sent)),
