@@ -40,9 +40,7 @@ COMPILES: Final = "SAIN_COMPILES_KERNELS"  # set in the compiler's processes
 POLL_PERIOD: Final = 0.1  # [s]
 HASH_LENGTH: Final = 16  # digits in the name of a folder
 IMPORT: Final = re.compile(r"^from (sain_core|sain_model)\.([\w.]+) import", re.MULTILINE)
-KERNEL: Final = re.compile(
-    r"^@(?:compiled|compiled_apart|callable_kernel)\ndef (\w+)", re.MULTILINE
-)
+KERNEL: Final = re.compile(r"^@(?:compiled\w*|callable_kernel)\ndef (\w+)", re.MULTILINE)
 
 
 def kernels_are_ready() -> bool:

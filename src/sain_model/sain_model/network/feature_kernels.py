@@ -14,7 +14,12 @@ import numpy as np
 
 from sain_core.push import ANGLE, LENGTH
 from sain_core.scene import MASS, RADIUS, THETA, X, Y
-from sain_model.compute.compiling import callable_kernel, compiled, compiled_apart
+from sain_model.compute.compiling import (
+    callable_kernel,
+    compiled,
+    compiled_apart,
+    compiled_with_arrays,
+)
 from sain_model.network.inputs import (
     INERTIA_MIDDLE,
     INERTIA_SCALE,
@@ -41,6 +46,7 @@ from sain_model.network.patch_kernels import (
     POSE_SIZE,
     POSE_X,
     POSE_Y,
+    SUMS,
     find_patch,
     place_corners,
 )
@@ -69,11 +75,14 @@ def wrap(angle):
     return np.pi - (np.pi - angle) % TURN
 
 
-@compiled
-def make_work(bodies, relation_inputs, body_inputs, widest):
-    """Return scratch memory for this many bodies; inputs that pad a layer stay zero."""
+@compiled_with_arrays
+def make_work(bodies, corners, relation_inputs, body_inputs, widest):
+    """Return scratch memory for so many bodies and corners; inputs that pad a layer stay zero."""
     return NetworkWork(
         np.zeros((2, bodies + 1, POSE_SIZE)),
+        np.empty((2, corners, 2)),
+        np.empty(SUMS),
+        np.empty(PATCH_SIZE),
         np.zeros((bodies, body_inputs, LANES), np.float32),
         np.zeros((bodies * bodies, relation_inputs, LANES), np.float32),
         np.empty((2, widest, LANES), np.float32),
@@ -96,7 +105,7 @@ def write_lane(before, stroke, after, table, lane, places, work):
     """
     count, pushed = before.shape[0], int(stroke[PUSHED])
     origin_x, origin_y = before[pushed, X], before[pushed, Y]
-    poses, placed = work.poses, np.empty((2, table.corners.shape[0], 2))
+    poses, placed = work.poses, work.placed
     for when in range(2):
         scene = after if when == 1 else before
         for body in range(count):
@@ -107,7 +116,7 @@ def write_lane(before, stroke, after, table, lane, places, work):
         _write_body(before[body], stroke, after[body], table, body, poses, lane, work.bodies[body])
         if places:
             _write_world(before[body], stroke, after[body], lane, work.bodies[body])
-    sums, patch = np.empty(9), np.empty(PATCH_SIZE)
+    sums, patch = work.sums, work.patch
     for body in range(count):
         for other in range(body + 1, count + 1):
             _write_relation(body, other, stroke, table, lane, work)
@@ -220,7 +229,8 @@ def write_block(first, scenes, strokes, physics_next, table, places, bodies, rel
         bodies: (B, N, D) float32, receives features of bodies.
         relations: (B, N N, R) float32, receives features of relations.
     """
-    work = make_work(scenes.shape[1], relations.shape[2], bodies.shape[2], 1)
+    corners = table.corners.shape[0]
+    work = make_work(scenes.shape[1], corners, relations.shape[2], bodies.shape[2], 1)
     for index in range(first, min(first + LANES, scenes.shape[0])):
         write_lane(scenes[index], strokes[index], physics_next[index], table, 0, places, work)
         for body in range(bodies.shape[1]):

@@ -35,6 +35,9 @@ class NetworkWork(NamedTuple):
     """
 
     poses: np.ndarray  # (2, N + 1, 5) of bodies and tool in the push frame, before and after
+    placed: np.ndarray  # (2, M, 2) corners [m]
+    sums: np.ndarray  # (9,)
+    patch: np.ndarray  # (6,) of one contact
     bodies: np.ndarray  # (N, inputs of f_dyn, LANES) float32
     relations: np.ndarray  # (N N, inputs of f_rel, LANES) float32
     hidden: np.ndarray  # (2, widest layer, LANES) float32

@@ -95,7 +95,7 @@ def silu(y, rows):
 
 @compiled_apart
 def perceptron(weights, widths, x, hidden):
-    """Return what a perceptron makes of inputs (inputs, LANES): one of the `hidden` buffers.
+    """Write what a perceptron makes of inputs (inputs, LANES); return to which `hidden` buffer.
 
     Args:
         weights: of one member.
@@ -112,7 +112,7 @@ def perceptron(weights, widths, x, hidden):
             silu(target, outputs)
         at += (inputs + 1) * outputs
         source = target
-    return source
+    return last % 2
 
 
 @compiled
@@ -125,7 +125,8 @@ def sum_messages(weights, member, body, work):
             bodies[body, row, lane] = 0.0
     for other in range(others):
         pair = relations[body * others + other]
-        told = perceptron(weights.relation[member], weights.relation_widths, pair, work.hidden)
+        which = perceptron(weights.relation[member], weights.relation_widths, pair, work.hidden)
+        told = work.hidden[which]
         # Disks far apart send no messages, so that more of them change nothing either.
         for row in range(weights.message):
             for lane in range(LANES):
@@ -145,9 +146,10 @@ def forward(weights, work):
         for body in range(work.bodies.shape[0]):
             sum_messages(weights, member, body, work)
             inputs = work.bodies[body]
-            told = perceptron(
+            which = perceptron(
                 weights.dynamics[member], weights.dynamics_widths, inputs, work.hidden
             )
+            told = work.hidden[which]
             for output in range(OUTPUTS):
                 scale = weights.unit[output] / members
                 for lane in range(LANES):

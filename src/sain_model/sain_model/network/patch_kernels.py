@@ -23,6 +23,7 @@ FAR = 0.08  # [m], circumscribed circles that are further apart make no contact
 POSE_X, POSE_Y, POSE_COS, POSE_SIN, POSE_RADIUS = range(5)
 AT_X, AT_Y, NORMAL_X, NORMAL_Y, APART, EXTENT = range(6)
 POSE_SIZE, PATCH_SIZE = 5, 6
+SUMS = 9  # that `find_patch` works with
 
 
 class OutlineTable(NamedTuple):

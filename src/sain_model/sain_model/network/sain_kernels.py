@@ -39,7 +39,8 @@ def correct_block(first, scenes, strokes, physics_next, table, places, weights):
         weights: of the network.
     """
     relation_inputs, body_inputs = weights.relation_widths[0], weights.dynamics_widths[0]
-    work = make_work(scenes.shape[1], relation_inputs, body_inputs, weights.widest)
+    corners = table.corners.shape[0]
+    work = make_work(scenes.shape[1], corners, relation_inputs, body_inputs, weights.widest)
     last = min(first + LANES, scenes.shape[0])
     for index in range(first, last):
         lane = index - first

@@ -14,7 +14,7 @@ from sain_core.scene import THETA as STATE_THETA
 from sain_core.scene import VX as STATE_VX
 from sain_core.scene import X as STATE_X
 from sain_core.scene import Y as STATE_Y
-from sain_model.compute.compiling import compiled
+from sain_model.compute.compiling import compiled, compiled_with_arrays
 
 TOOL = 0
 DISK_INERTIA = 0.5  # share of mass x radius^2, of the uniform disk that `Physics.inertia` is of
@@ -95,7 +95,7 @@ class Workspace(NamedTuple):
     touched: np.ndarray  # (N + 1,) bool
 
 
-@compiled
+@compiled_with_arrays
 def make_workspace(table):
     """Return scratch memory for the bodies of a table."""
     rows = table.rounding.shape[0] + 1
