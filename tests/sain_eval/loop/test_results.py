@@ -5,6 +5,7 @@ from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -52,6 +53,23 @@ def test_an_episode_is_judged_at_each_tolerance(records):
     assert wide.target_errors == pytest.approx((0.005,))
     assert (tight.success, tight.pushes, tight.failure) == (False, 2, "too far")
     assert tight.final_distance == pytest.approx(0.008)
+
+
+def test_a_push_that_misses_what_the_goal_is_about_has_no_prediction_error(episode):
+    """A model that moves nothing is not good where nothing moves."""
+    still = [
+        replace(push, after=push.before, predicted=push.before + 1e-4) for push in episode.pushes
+    ]
+    missed = replace(episode, pushes=tuple(still))
+    outcome = EpisodeOutcome(missed, missed.scenes[-1], 1, "too far", False)
+    (record,) = scene_records(CASE, "planar", outcome, (1e-6,))
+    assert record.target_errors == ()
+    nothing = [replace(push, predicted=push.before) for push in episode.pushes]
+    blind = replace(episode, pushes=tuple(nothing))
+    outcome = EpisodeOutcome(blind, blind.scenes[-1], 1, "too far", False)
+    (record,) = scene_records(CASE, "planar", outcome, (1e-6,))
+    ways = [float(np.hypot(*(push.after - push.before)[1, :2])) for push in episode.pushes]
+    assert record.target_errors == pytest.approx([way for way in ways if way > 0.002])
 
 
 def test_the_summary_counts_and_averages(records):

@@ -11,11 +11,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from sain_core.dataset import MOVED
 from sain_core.provenance import git_commit, processor, system, versions
 from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
+from sain_core.types import Scene
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
 from sain_eval.plots.episode_record import EpisodeRecord
@@ -24,6 +26,7 @@ from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.tolerance import Tolerance
 from sain_mppi.search.poses import PoseGoal
 
+TURNED: Final = 0.02  # [rad], as little as `MOVED` at the rim of a body of 0.1 m
 SCHEMA: Final = "sain-results-1"
 RESULTS_FILE: Final = "results.json"
 PACKAGES: Final = ("numpy", "scipy", "numba", "torch", "pybullet", "sain_core")
@@ -125,12 +128,24 @@ def _judge(
 def _prediction_error(push: PushRecord, episode: EpisodeRecord) -> tuple[float, float] | None:
     """Return the largest distance [m] and turn [rad] of wanted bodies from their prediction.
 
-    The turn of a disk shows nowhere and does not count.
+    None for a push that moves none of them, in truth and as predicted: to predict that is easy,
+    and a model that moves nothing would seem to be good.
     """
     if push.predicted is None:
         return None
+    ways = (_apart(scene, push.before, episode) for scene in (push.after, push.predicted))
+    if all(far <= MOVED and turned <= TURNED for far, turned in ways):
+        return None
+    return _apart(push.predicted, push.after, episode)
+
+
+def _apart(one: Scene, other: Scene, episode: EpisodeRecord) -> tuple[float, float]:
+    """Return the largest distance [m] and turn [rad] of wanted bodies between two scenes.
+
+    The turn of a disk shows nowhere and does not count.
+    """
     rows = list(episode.wanted)
-    off = push.predicted[rows] - push.after[rows]
+    off = one[rows] - other[rows]
     turned = [not episode.bodies.shapes[body].is_round for body in rows]
     turns = np.where(turned, np.abs(wrap_angle(off[:, THETA])), 0.0)
     return float(np.hypot(*off[:, POSITION].T).max()), float(turns.max())

@@ -40,8 +40,9 @@ INTRODUCTION: Final = """# Results
 
 For users who compare models, planners and worlds. `make table` writes this page from the recorded
 episodes. *Solved*: scenes solved, with their 95 % interval (Wilson). *Pushes*: mean of the solved
-scenes. *mm*: mean prediction error of all pushes. *By physics*: pushes planned by the prior because
-the model has no answer. *Oracle*: planner with the true friction; in gym-pusht with its physics.
+scenes. *mm*: mean prediction error of the pushes that move what the goal is about by 2 mm. *By
+physics*: pushes planned by the prior because the model has no answer. *Oracle*: planner with the
+true friction; in gym-pusht with its physics.
 """
 
 
