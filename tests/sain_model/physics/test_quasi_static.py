@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from sain_core.push import TOOL_RADIUS
-from sain_core.scene import THETA, make_scene, unit
+from sain_core.scene import THETA, make_scene, rotate_scenes, unit
 from sain_core.shapes.bodies import Bodies, Role
+from sain_core.shapes.flat_bottom import flat_bottom
+from sain_core.shapes.registry import get_shape
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES, TEXTBOOK, PlanarConfig
 
@@ -90,3 +92,36 @@ def test_any_speed_inertia_and_friction_leave_bodies_near(
         assert np.isfinite(after).all()
         moved = np.linalg.norm((after - scenes)[:, 0, :2], axis=-1)
         assert (moved < LENGTH + 2.0 * speed**2 / (2.0 * friction * config.gravity) + 5e-3).all()
+
+
+@pytest.mark.parametrize("pressure", [0.0, 2.0])
+def test_a_flat_bottom_turns_as_its_torsion_says(pressure: float) -> None:
+    config = replace(SLOW, speed=0.01, bottom="flat", pressure=pressure)
+    points, shares = flat_bottom(get_shape("disk"), pressure)
+    torsion = RADIUS * float(shares @ np.hypot(*points.T))
+    places = np.array([(0.5, 0.0), (0.9, 0.0)])
+    scene = make_scene(places, np.full(2, 8.0), np.full(2, RADIUS))[None]
+    location, angle = PUSHES[1]
+    moved = PlanarPrior(config).step(scene, np.array([[location, angle, LENGTH]])) - scene
+    expected = reference(location, angle, torsion)
+    assert moved[0, 0, THETA] == pytest.approx(expected[2], abs=np.radians(1.5))
+    assert np.hypot(*(moved[0, 0, :2] - expected[:2])) < 2e-3
+
+
+@pytest.mark.parametrize("names", [("t", "bar"), ("star", "square")])
+def test_bodies_on_flat_bottoms_turn_with_the_scene(names: tuple[str, ...]) -> None:
+    prior = PlanarPrior(
+        replace(TEXTBOOK, bottom="flat"), Bodies.named(list(names), [Role.PUSHABLE] * 2)
+    )
+    places = np.array([(0.5, 0.0), (0.64, 0.03)])
+    scene = make_scene(places, np.array([8.0, 7.0]), np.array([0.07, 0.06]), np.array([0.3, 1.0]))
+    random = np.random.default_rng(3)
+    ways = random.uniform((-3.0, -0.7), (3.0, 0.7), (20, 2))
+    pushes = np.column_stack([ways, np.full((20, 2), (LENGTH, 0.0))])
+    scenes = np.repeat(scene[None], 20, axis=0)
+    after = prior.step(scenes, pushes)
+    turned = prior.step(rotate_scenes(scenes, 0.9), pushes)
+    off = turned[..., :2] - rotate_scenes(after, 0.9)[..., :2]
+    assert np.quantile(np.abs(off), 0.95) < 1e-4
+    feet = PlanarPrior(TEXTBOOK, prior.bodies).step(scenes, pushes)
+    assert np.abs(after - feet)[..., :2].max() > 1e-3

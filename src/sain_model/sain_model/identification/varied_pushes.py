@@ -46,6 +46,7 @@ def step_varied(
     ways = tool_ways(scenes, pushes, limits, bodies)
     after, order = plain(scenes.copy()), nearest_first(scenes, pushed_bodies(pushes))
     touched, none = np.zeros(scenes.shape[:2], dtype=bool), np.empty((len(scenes), 0, OF_DISKS))
-    rows = after, order, ways, plain(friction), body_table(bodies), plain(physics), touched, none
+    table = body_table(bodies, config.bottom, config.pressure)
+    rows = after, order, ways, plain(friction), table, plain(physics), touched, none
     run_blocks(lambda first: push_varied_block(first, *rows), len(scenes), CHUNK)
     return after

@@ -15,6 +15,7 @@ from numpy import ndarray
 from sain_core.push import LENGTH, PushLimits, pushed_bodies, strokes
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.flat_bottom import FEET, FLAT, flat_bottom
 from sain_core.shapes.shape import REGULAR_FEET, Shape, feet_places
 from sain_core.types import Indices, Points, Pushes, Scalars, Scenes
 from sain_model.compute.compiling import plain
@@ -125,10 +126,16 @@ def nearest_first(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
 
 
 @lru_cache(maxsize=4096)  # a data set may have a thousand combinations of shapes
-def body_table(bodies: Bodies) -> BodyTable:
-    """Return the table of some bodies; made once, since a plan asks for it a dozen times."""
+def body_table(bodies: Bodies, bottom: str = FEET, pressure: float = 0.0) -> BodyTable:
+    """Return the table of some bodies; made once, since a plan asks for it a dozen times.
+
+    `bottom` is `FEET` or `FLAT`, `pressure` how a flat one presses (`flat_bottom`).
+    """
     corners = [_corners(shape) for shape in bodies.shapes]
-    supports = [load_shares(_supports(shape)) for shape in bodies.shapes]
+    if bottom == FLAT:
+        supports = [load_shares(*flat_bottom(shape, pressure)) for shape in bodies.shapes]
+    else:
+        supports = [load_shares(_feet(shape)) for shape in bodies.shapes]
     return BodyTable(
         _starts(corners),
         np.concatenate(corners),
@@ -141,18 +148,21 @@ def body_table(bodies: Bodies) -> BodyTable:
     )
 
 
-def load_shares(supports: Points) -> Float[ndarray, "F 5"]:
+def load_shares(
+    supports: Points, weights: Float[ndarray, "F"] | None = None
+) -> Float[ndarray, "F 5"]:
     """Return supports (F, 2) with how they share the load of a body whose weight acts at p.
 
     Statics asks that the shares sum to 1 and balance at p: A w = (1, p_x, p_y). Three supports
     leave one answer, the barycentric coordinates of p; of more, the least norm is taken, as by
-    supports that are equally stiff.
+    supports that are as stiff as their weights (F,) say; None: equally stiff.
 
     Returns:
         (F, 5): x, y, the share at p = 0, and its derivatives by p_x and p_y.
     """
+    root = np.ones(len(supports)) if weights is None else np.sqrt(weights)
     balance = np.column_stack([np.ones(len(supports)), supports]).T
-    return np.column_stack([supports, np.linalg.pinv(balance)])
+    return np.column_stack([supports, root[:, None] * np.linalg.pinv(balance * root)])
 
 
 def _corners(shape: Shape) -> Points:
@@ -166,8 +176,8 @@ def _corners(shape: Shape) -> Points:
     return np.ascontiguousarray(outline[np.abs(turn) > STRAIGHT])
 
 
-def _supports(shape: Shape) -> Points:
-    """Return the points (F, 2) that carry a body; a round one that lies flat has three as well."""
+def _feet(shape: Shape) -> Points:
+    """Return the three feet (3, 2) of a body; a round one that lies flat has them as well."""
     if shape.is_round:
         return feet_places(REGULAR_FEET, 1.0)
     return shape.supports(1.0)

@@ -136,7 +136,8 @@ class PlanarPrior:
         if friction is None:
             friction = np.full(len(scenes), self.config.friction)
         weighed = with_mass_ratio(scenes, self.config.mass_ratio)
-        table, pushed = body_table(self._bodies(scenes)), pushed_bodies(pushes)
+        config, pushed = self.config, pushed_bodies(pushes)
+        table = body_table(self._bodies(scenes), config.bottom, config.pressure)
         after, touched = push_bodies(
             weighed, ways, pushed, friction, table, self._physics, corrections
         )

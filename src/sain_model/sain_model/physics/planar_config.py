@@ -8,6 +8,7 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.push import TOOL_RADIUS
 from sain_core.scene import MASS, MID
+from sain_core.shapes.flat_bottom import BOTTOMS, FEET
 from sain_core.types import Scalars, Scenes
 from sain_model.physics.body_kernels import Physics
 
@@ -94,6 +95,18 @@ class PlanarConfig(Config):
         "masses of bodies 1 and on over that of body 0, times what scenes state",
         minimum=0.01,
         maximum=100.0,
+    )
+
+    bottom: str = option(
+        FEET,
+        "what bodies stand on: three feet, or a flat bottom; of its true size at `foot_radius` 0.7",
+        choices=BOTTOMS,
+    )
+    pressure: float = option(
+        0.0,
+        "of a flat bottom: exponent of the distance from its middle; 0: the same everywhere",
+        minimum=-1.0,
+        maximum=8.0,
     )
 
     @property

@@ -1,0 +1,61 @@
+"""What bodies stand on: three feet, or a flat bottom, as points that each carry a part of it."""
+
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.shapes.shape import Shape
+from sain_core.types import Points
+
+FEET, FLAT = BOTTOMS = ("feet", "flat")
+CELLS: Final = 24  # squares of which a bottom consists, about; those at its rim are cut
+FINE: Final = 8  # points along the side of a square, that tell how much of it lies within
+
+
+def flat_bottom(shape: Shape, pressure: float = 0.0) -> tuple[Points, Float[ndarray, "F"]]:
+    """Return points (F, 2) [radii] within an outline, and the share of the load on each, (F,).
+
+    Args:
+        shape: of the body.
+        pressure: exponent of the distance from the middle: 0 is uniform pressure, above 0 there is
+            more of it towards the rim, below 0 towards the middle.
+    """
+    reach = shape.circumradius
+    side = reach * np.sqrt(_area(shape) / CELLS)
+    count = int(np.ceil(reach / side)) * FINE
+    line = (np.arange(-count, count) + 0.5) * (side / FINE)
+    grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    fine = grid[_within(shape, grid)]
+    fine = fine - fine.mean(axis=0)
+    _, cell, area = np.unique(
+        np.floor(fine / side).astype(int), axis=0, return_inverse=True, return_counts=True
+    )
+    points = np.zeros((len(area), 2))
+    np.add.at(points, cell.reshape(-1), fine)
+    points /= area[:, None]
+    shares = area * np.maximum(np.hypot(*points.T), 0.25 * side) ** pressure
+    return points, shares / shares.sum()
+
+
+def _area(shape: Shape) -> float:
+    """Return the area in units of the square of the circumscribed radius."""
+    if shape.is_round:
+        return np.pi
+    here = shape.outline(1.0) / shape.circumradius
+    after = np.roll(here, -1, axis=0)
+    return float(0.5 * (here[:, 0] * after[:, 1] - here[:, 1] * after[:, 0]).sum())
+
+
+def _within(shape: Shape, points: Points) -> ndarray:
+    """Tell which points (P, 2) lie within the outline, by the crossings of a ray."""
+    if shape.is_round:
+        return np.asarray(np.hypot(*points.T) < shape.circumradius)
+    here = shape.outline(1.0)
+    after = np.roll(here, -1, axis=0)
+    x, y = points[:, :1], points[:, 1:]
+    spans = (here[:, 1] > y) != (after[:, 1] > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = here[:, 0] + (y - here[:, 1]) / (after[:, 1] - here[:, 1]) * (after - here)[:, 0]
+    return np.asarray((spans & (x < at)).sum(axis=1) % 2 == 1)
