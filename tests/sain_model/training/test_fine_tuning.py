@@ -217,7 +217,7 @@ def test_the_shipped_checkpoint_can_be_a_parent() -> None:
     parent = Parent.load("sain")
     assert parent.settings.prior == "planar_axes"
     assert parent.settings.network.members == 3
-    assert parent.settings.loss.position_scale == 2e-4
+    assert parent.settings.loss.position_scale == 1e-4
     assert parent.settings.weight_decay == parent.card.training["weight_decay"] == 0.01
 
 
