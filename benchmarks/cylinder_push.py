@@ -34,13 +34,13 @@ from benchmarks.cylinder_world import EVERY, SCALE, STEPS, CylinderWorld
 from benchmarks.peer_optimizers import INSTALL
 from sain_core.dynamics import RolloutModel, as_rollout
 from sain_core.errors import SainError
+from sain_core.goal import Goal
 from sain_core.seeding import generator
 from sain_eval.loop.statistics import bootstrap_mean, wilson_interval
 from sain_model.evaluation.markdown import markdown_table
 from sain_mppi.loop.agent import Agent, act
 from sain_mppi.loop.decision import PushDecision, Task
 from sain_mppi.loop.events import Event, GoalGiven, PushEnded, PushExecuted, SceneSeen
-from sain_mppi.search.poses import BodyPose, PoseGoal
 
 OWN: Final = 0.3  # [m], judo's GOAL_DISTANCE_THRESHOLD
 NEAR: Final = 0.01  # [m]
@@ -116,8 +116,8 @@ def play_ours(seed: int, world: CylinderWorld, agent: Agent) -> CylinderRecord:
     """Play an episode with our agent; once it is content, the pusher stays where it is."""
     scene, seconds, pauses = world.reset(seed), [], np.zeros(STEPS + 1)
     x, y = (SCALE * world.task.config.goal_pos).tolist()
-    goal = PoseGoal((BodyPose(0, x, y, None, STOP),))
-    event: Event = GoalGiven(Task(1, EPISODE, goal, STOP, 0))
+    goal = Goal.place(x, y, STOP, body=0)
+    event: Event = GoalGiven(Task(1, EPISODE, goal, 0))
     made = 0
     while not world.over:
         begun = time.process_time()

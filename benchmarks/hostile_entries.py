@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 
+from sain_core.goal import Goal
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies as CoreBodies
@@ -54,7 +55,7 @@ def entries() -> list[Entry]:
     scene = codec.encode_scene(SCENE, stamp=stamp, episode_id=1, scene_id=1, settled=True)
     two = CoreBodies.named(("disk", "t"), ())
     bodies = codec.encode_bodies(two, (0.08, 0.06), stamp=stamp, episode_id=1)
-    goal = codec.encode_goal(np.array([0.7, 0.0]), stamp=stamp, goal_id=1, tolerance=0.02)
+    goal = codec.encode_goal(Goal.place(0.7, 0.0), stamp=stamp, goal_id=1)
     push = msg.Push(episode_id=1, scene_id=1, length=0.1, source="flood", disks=disks)
     result = msg.PushResult(push=push, before=scene, after=scene, episode_id=1, push_id=1)
     sizes = ("disks", "scene", "pushes", "push_bodies", "shapes", "roles", "past", "past_scenes")

@@ -9,15 +9,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from sain_core.errors import ErrorCode
-from sain_core.ros.codec import encode_disks
+from sain_core.ros.codec import encode_disks, encode_goal
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.qos import QUEUE, RELIABLE
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import Plan, Push, PushResult, Scene
 from sain_interfaces.srv import ResetScene
-from sain_live.aims import Aim
 from sain_live.orders import Reset
-from sain_live.ros.asking import goal_message
 
 SCENARIO = "push_t"
 PATIENCE = 120.0  # [s]
@@ -63,7 +61,9 @@ class Driver(Node):
         self.wait(asked.done, "reset")
         assert asked.result().error_code == ErrorCode.OK, asked.result().error_message
         begun = time.monotonic()
-        goal = goal_message(Aim(case.goal), 0, 30, self.get_clock().now().to_msg())
+        goal = encode_goal(
+            case.goal, stamp=self.get_clock().now().to_msg(), goal_id=0, max_pushes=30
+        )
         sent = self._reach.send_goal_async(Reach.Goal(goal=goal))
         self.wait(sent.done, "planner")
         ended = sent.result().get_result_async()

@@ -26,6 +26,7 @@ from rclpy.node import Node
 
 from sain_bringup.graph import executable
 from sain_core.feasibility import Feasibility
+from sain_core.goal import Goal
 from sain_core.ros import codec
 from sain_core.ros.node_main import NAMESPACE, ros_context
 from sain_core.ros.qos import LATCHED, RELIABLE
@@ -34,7 +35,8 @@ from sain_core.seeding import generator
 from sain_core.types import Points, Scene
 from sain_eval.loop.statistics import wilson_interval
 from sain_eval.scenes.placement import draw_goal, touching_distance
-from sain_interfaces.msg import Goal, Plan
+from sain_interfaces.msg import Goal as GoalMessage
+from sain_interfaces.msg import Plan
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_sim.perception.body_file import BodyFile, read_bodies
 
@@ -68,7 +70,7 @@ class Person(Node):
         """Join the graph."""
         super().__init__("person", namespace=NAMESPACE)
         self.setting = self.create_publisher(PoseArray, "set_up", RELIABLE)
-        self.aiming = self.create_publisher(Goal, "goal", LATCHED)
+        self.aiming = self.create_publisher(GoalMessage, "goal", LATCHED)
         self.scene: SceneMessage | None = None
         self.plans: list[Plan] = []
         self.truth: PoseArray | None = None
@@ -101,7 +103,7 @@ class Person(Node):
         stamp = self.get_clock().now().to_msg()
         fields = {"episode_id": self.scene.episode_id, "max_pushes": MOST_PUSHES}
         message = codec.encode_goal(
-            goal, stamp=stamp, goal_id=number + 1, tolerance=TOLERANCE, **fields
+            Goal.place(goal[0], goal[1], TOLERANCE), stamp=stamp, goal_id=number + 1, **fields
         )
         self.aiming.publish(message)
         self.wait(lambda: self._ended(number + 1), f"the end of scene {number}")

@@ -12,7 +12,7 @@ from sain_core.types import PushSequences, Scalars
 from sain_mppi.loop.agent import AgentConfig
 from sain_mppi.loop.decision import Decider, PlanJob, PushDecision
 from sain_mppi.loop.fallback import FallbackRollout
-from sain_mppi.search.objective import make_objective
+from sain_mppi.search.objective import Objective
 from sain_mppi.search.proposals import draw_permitted, without_idle
 from sain_mppi.search.search import Search
 
@@ -60,9 +60,7 @@ class PeerDecider(Decider):
     def _search(self, job: PlanJob) -> Search:
         config, scene = self._config, job.view.scene
         planner, feasibility = config.planner, config.feasibility
-        objective = make_objective(
-            job.task.goal, job.start, planner.weights, feasibility, job.bodies
-        )
+        objective = Objective(job.goal, job.start, planner.weights, feasibility, job.bodies)
         return Search(self._model, planner, feasibility, scene, objective, job.refused)
 
     def _start(self, search: Search, generator: np.random.Generator) -> Numbers:

@@ -6,6 +6,7 @@
 import numpy as np
 
 from sain_core.dynamics import StepwiseRollout
+from sain_core.goal import Goal
 from sain_core.scene import make_scene
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.loop.agent import AgentConfig, act, planning_agent
@@ -17,19 +18,21 @@ scene = make_scene(
     masses=np.array([8.0, 8.0]),
     radii=np.array([0.08, 0.06]),
 )
-goal = np.array([0.50, 0.25])  # to the left: the mid disk must first go round the target
+# To the left: the mid disk must first go round the target.
+goal = Goal.place(0.50, 0.25, tolerance=0.005)
 
 prior = PlanarPrior()
 model = StepwiseRollout(prior)
 agent = planning_agent(model, model, AgentConfig(seed=7))
-task = Task(goal_id=1, episode_id=0, goal=goal, tolerance=0.005, max_pushes=15)
+task = Task(goal_id=1, episode_id=0, goal=goal, max_pushes=15)
 
 decision = act(agent, GoalGiven(task), SceneSeen(scene, episode_id=1, scene_id=1))
 while isinstance(decision, PushDecision):
     push = decision.push
     print(
         f"push {agent.pushes}: location {push[0]:+.2f} rad, angle {push[1]:+.2f} rad,"
-        f" {100 * push[2]:4.1f} cm; target {1e3 * decision.job.distance:5.1f} mm from the goal"
+        f" {100 * push[2]:4.1f} cm;"
+        f" target {1e3 * decision.job.judgement.distance:5.1f} mm from the goal"
     )
     after = prior.step(scene[None], push[None])[0]  # in place of a real push
     executed = PushExecuted(decision.push_id, 1, scene, push, after)
@@ -38,4 +41,5 @@ while isinstance(decision, PushDecision):
 
 if decision is None or decision.failure:
     raise SystemExit(decision.failure if decision else "the agent waits")
-print(f"target {1e3 * decision.job.distance:.1f} mm from the goal after {agent.pushes} pushes")
+left = 1e3 * decision.job.judgement.distance
+print(f"target {left:.1f} mm from the goal after {agent.pushes} pushes")

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from sain_core.drawing.figures import write_png
-from sain_core.scene import target_distance
 from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.plots.pictures import draw_episode
@@ -17,7 +16,7 @@ picture = Path(sys.argv[1]) if len(sys.argv) > 1 else None
 for seed in range(3):
     case = SCENARIOS["anywhere"].scene(seed)
     outcome = run_episode(case, agent_maker("planar")(case), tolerance=0.01)
-    left = 1e3 * float(target_distance(outcome.final, case.goal))
+    left = 1e3 * outcome.record.last.distance
     verdict = outcome.failure or "reached"
     print(f"scene {seed}: {len(outcome.record.pushes)} pushes, {left:.1f} mm left: {verdict}")
     if picture and seed == 0:

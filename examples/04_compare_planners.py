@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sain_core.drawing.figures import TEXT, new_figure, write_png
+from sain_core.goal import Goal
 from sain_core.scene import make_scene
 from sain_core.seeding import generator
 from sain_eval.plots.plan_picture import draw_plan, draw_plan_legend
@@ -22,7 +23,7 @@ scene = make_scene(
     masses=np.array([8.0, 8.0]),
     radii=np.array([0.08, 0.06]),
 )
-goal = np.array([0.50, 0.25])  # to the left: the mid disk must first go round the target
+goal = Goal.place(0.50, 0.25)  # to the left: the mid disk must first go round the target
 problem = Problem.of(scene, goal)
 sain = load_sain(shipped_checkpoint())
 

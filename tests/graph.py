@@ -109,17 +109,15 @@ class Graph:
 
     def aim(self, goal: Any, goal_id: int, tolerance: float = 0.01, **more: int) -> None:
         stamp = self.bystander.get_clock().now().to_msg()
-        place = np.array(goal, dtype=float)
-        self.aiming.publish(
-            codec.encode_goal(place, stamp=stamp, goal_id=goal_id, tolerance=tolerance, **more)
-        )
+        x, y = map(float, goal)
+        message = Goal(goal_id=goal_id, x=x, y=y, tolerance=tolerance, **more)
+        message.header = codec.header(stamp)
+        self.aiming.publish(message)
 
     def aim_at(self, goal: Any, goal_id: int, **more: int) -> None:
         """Give a goal of poses."""
-        from sain_mppi.ros.goal_message import encode_pose_goal
-
         stamp = self.bystander.get_clock().now().to_msg()
-        self.aiming.publish(encode_pose_goal(goal, stamp=stamp, goal_id=goal_id, **more))
+        self.aiming.publish(codec.encode_goal(goal, stamp=stamp, goal_id=goal_id, **more))
 
     def find(self, topic: str, **fields: Any) -> list[Any]:
         """Return what was heard on a topic and has these values."""

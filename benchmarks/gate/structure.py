@@ -38,12 +38,12 @@ def measure() -> list[Gate]:
     kernels = sum(x.count("\n") for path, x in five.items() if path.stem.endswith("_kernels"))
     stems = {path.stem for path in sources}
     checkpoints = (SOURCE / "sain_model/sain_model/checkpoints").glob("*.safetensors")
-    places = count(r"isinstance\(\s*[^()]*(?:\([^()]*\)[^()]*)*\bPoseGoal\b", sources)
+    branches = count(r"isinstance\([^()]*\b(?:Pose)?Goal\b|\bGoal \| (?!None)", sources)
     return [
         Gate("contact solvers", len(stems & {*SOLVERS}), before="2", at_most=1),
         Gate("networks that are shipped", len(list(checkpoints)), before="2", at_most=1),
         Gate("Bodies | None", count(r"\bBodies \| None", sources), before="88", at_most=0),
-        Gate("isinstance(.., PoseGoal)", places, before="47", at_most=0),
+        Gate("branches on the type of a goal", branches, before="71", at_most=0),
         _named("protocols to predict a push", PREDICTING, defined, "11", 2),
         _named("forms of a push", FORMS, defined, "15", 3),
         _named("fitters of physics", FITTERS, defined, "7", 1),

@@ -20,6 +20,7 @@ from sain_mppi.loop.events import GoalGiven, SceneSeen
 from sain_mppi.search.config import MPPI, MPPI_ROUNDS, PlannerConfig
 
 CASE = SCENARIOS["anywhere"].scene(3)
+GOAL = CASE.goal.within(0.005, 0.1)
 
 
 @pytest.fixture(params=PEERS)
@@ -34,7 +35,7 @@ def first_plan(peer: PeerSettings) -> PushDecision:
     config = AgentConfig(planner=PlannerConfig(ahead=False))
     decider = TimedDecider(PeerDecider(model, model, config, peer))
     agent = Agent(decider, config)
-    decision = act(agent, GoalGiven(Task(1, 1, CASE.goal, 0.005, 15)), SceneSeen(CASE.disks, 1, 1))
+    decision = act(agent, GoalGiven(Task(1, 1, GOAL, 15)), SceneSeen(CASE.disks, 1, 1))
     assert isinstance(decision, PushDecision)
     assert len(decider.seconds) == 1
     return decision
@@ -57,7 +58,7 @@ def test_a_missing_judo_is_named_with_its_installation(monkeypatch):
     monkeypatch.setitem(sys.modules, "judo", None)
     model, config = as_rollout(PlanarPrior()), AgentConfig()
     agent = Agent(PeerDecider(model, model, config, PeerSettings("judo cem")), config)
-    stop = act(agent, GoalGiven(Task(1, 1, CASE.goal, 0.005, 15)), SceneSeen(CASE.disks, 1, 1))
+    stop = act(agent, GoalGiven(Task(1, 1, GOAL, 15)), SceneSeen(CASE.disks, 1, 1))
     assert isinstance(stop.error, ConfigError)
     assert "pip install --no-deps judo-rai" in stop.failure
 

@@ -57,10 +57,10 @@ def test_the_new_terms_count_where_nothing_is_done(environment: dict[str, str]) 
         " from sain_core.feasibility import Feasibility;"
         " from sain_core.shapes.bodies import PAPER_DISKS;"
         " from sain_mppi.search.cost_weights import CostWeights;"
-        " from sain_mppi.search.objective import make_objective;"
+        " from sain_mppi.search.objective import Objective;"
         " scene = make_scene(np.array([[0.4, 0.0], [0.6, 0.3]]), np.ones(2), np.full(2, 0.05));"
-        " goal = np.array([0.6, 0.3]);"
-        " costs = [make_objective(goal, scene, CostWeights(more=m), Feasibility(), PAPER_DISKS)"
+        " from sain_core.goal import Goal; goal = Goal.place(0.6, 0.3);"
+        " costs = [Objective(goal, scene, CostWeights(more=m), Feasibility(), PAPER_DISKS)"
         ".rest_cost(scene) for m in ('', 'my_centre:2.0')];"
         " print(round(costs[1] - costs[0], 6))"
     )

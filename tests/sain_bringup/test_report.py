@@ -18,6 +18,7 @@ from sain_bringup.movie import Film, Moment, MovieConfig, Scenery, choose_moment
 from sain_bringup.options import EpisodePlan
 from sain_bringup.report import PlayedEpisode, summary_table
 from sain_bringup.results import choose_episode, draw_pictures
+from sain_core.goal import Goal
 from sain_core.scene import make_scene
 from sain_core.types import Scene
 from sain_core.workers.processes import ProcessPool
@@ -49,8 +50,8 @@ def played(*targets: float, refused: int = 0, name: str = "paper") -> PlayedEpis
     pushes = [push(n, *pair) for n, pair in enumerate(pairwise(scenes), 1)]
     pushes += [push(90 + n, scenes[-1], scenes[-1], error_code=9) for n in range(refused)]
     episode = Episode(
-        episode_id=1, start=scenes[0], final=scenes[-1], goal=GOAL, tolerance=0.02, max_pushes=15,
-        pushes=tuple(pushes), plans=(), interval=(0, 1),
+        episode_id=1, start=scenes[0], final=scenes[-1], goal=Goal.place(*GOAL, 0.02),
+        max_pushes=15, pushes=tuple(pushes), plans=(), interval=(0, 1),
     )  # fmt: skip
     return PlayedEpisode(name, 4, episode)
 

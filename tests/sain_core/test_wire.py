@@ -33,8 +33,8 @@ def test_what_is_not_finite_is_named() -> None:
         wire.decode_disks([disk(), disk(vy=float("nan"))], "before")
     with pytest.raises(InvalidInputError, match="angle of the push is inf; must be finite"):
         wire.decode_push(Message(location=0.0, angle=float("inf"), length=0.1))
-    with pytest.raises(InvalidInputError, match="tolerance of the goal is nan; must be finite"):
-        wire.decode_goal(Message(x=0.1, y=0.2, tolerance=float("nan")))
+    with pytest.raises(InvalidInputError, match="x of the goal of body 1 is nan; it must be fin"):
+        wire.decode_goal(Message(x=float("nan"), y=0.2, tolerance=0.0))
 
 
 def test_floats_take_the_stated_shape_row_by_row() -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sain_core.goal import Goal
 from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, TARGET, make_scene
 from sain_eval.plots.episode_record import EpisodeRecord
@@ -11,7 +12,7 @@ from sain_eval.plots.episode_record import EpisodeRecord
 @pytest.fixture
 def episode() -> EpisodeRecord:
     """Two pushes that bring the target to 40 mm and then to 8 mm from the goal."""
-    goal = np.array([0.70, 0.0])
+    place = np.array([0.70, 0.0])
     scenes = [
         make_scene(np.array([[x - 0.141, 0.0], [x, 0.0]]), np.full(2, 8.0), np.array([0.08, 0.06]))
         for x in (0.50, 0.66, 0.692)
@@ -22,4 +23,4 @@ def episode() -> EpisodeRecord:
         PushRecord(np.array([0.0, 0.1, 0.12]), before, expected, None, after, 0.05)
         for before, expected, after in zip(scenes, predicted, scenes[1:], strict=False)
     )
-    return EpisodeRecord(goal, 0.02, pushes, scenes[0])
+    return EpisodeRecord(Goal.place(*place, 0.02), pushes, scenes[0])

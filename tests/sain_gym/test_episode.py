@@ -23,9 +23,6 @@ def begin(scenario: str, seed: int = 0, within: Tolerance = Tolerance(0.02)) -> 
 def at_the_goal(episode: PushEpisode, off: float = 0.0, turned: float = 0.0) -> np.ndarray:
     """The scene with the bodies so far [m] and so much turned [rad] from the present goal."""
     goal, scene = episode.record.goal, episode.scene.copy()
-    if isinstance(goal, np.ndarray):
-        scene[TARGET, POSITION] = goal[0] + off, goal[1]
-        return scene
     scene = goal.placed(scene)
     scene[:, 0] += off
     scene[:, THETA] += turned
@@ -36,9 +33,10 @@ def test_the_reward_is_the_distance_that_an_evaluation_reports() -> None:
     episode = begin("anywhere")
     after = episode.scene.copy()
     after[TARGET, POSITION] += 0.01
-    assert episode.execute(PUSH, after) == (-episode.record.left(after)[0], False, False)
+    assert episode.execute(PUSH, after) == (-episode.record.judge(after).distance, False, False)
     info = episode.info()
-    assert (info["distance"], info["turn"]) == episode.record.left(after)
+    judged = episode.record.judge(after)
+    assert (info["distance"], info["turn"]) == (judged.distance, judged.turn)
 
 
 def test_turns_count_a_metre_for_five_radians() -> None:
@@ -56,8 +54,8 @@ def test_success_is_that_of_an_evaluation(off: float, turned: float, solved: boo
     goal, start = episode.record.goal, episode.scene
     after = at_the_goal(episode, off, turned)
     verdict = episode.execute(PUSH, after)
-    record = EpisodeRecord(goal, 0.02, (), start, episode.case.shapes, roles=episode.case.roles)
-    assert record.is_reached(after, Tolerance(0.02)) == solved
+    record = EpisodeRecord(goal, (), start, episode.case.shapes, roles=episode.case.roles)
+    assert record.judge(after, Tolerance(0.02)).reached == solved
     assert (verdict.terminated, verdict.truncated) == (solved, False)
     assert episode.info()["is_success"] == episode.over == solved
     assert episode.failure == ""

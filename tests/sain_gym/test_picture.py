@@ -5,7 +5,7 @@ import pytest
 
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.feasibility import Feasibility
-from sain_core.scene import POSITION, TARGET
+from sain_core.scene import POSITION
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_gym.picture import MARGIN, TopPicture
 from tests.sain_gym.playing import MakeEnv
@@ -36,9 +36,7 @@ def test_bodies_and_goals_are_where_they_are(make: MakeEnv, scenario: str) -> No
     if scenario != "push_t":  # the middle of a T may lie on its edge
         assert at(image, *env.scene[0, POSITION]).tolist() == first.tolist()
     goal = env.episode.record.goal
-    body, place = (
-        (TARGET, goal) if isinstance(goal, np.ndarray) else (0, (goal.poses[0].x, goal.poses[0].y))
-    )
+    body, place = goal.wanted[0], goal.places[0]
     wanted = colour(PALETTE.disk(body))
     assert np.abs(at(image, *place) - wanted).max() < 40
     assert (image == colour(PALETTE.goal)).all(axis=-1).any()

@@ -67,7 +67,7 @@ def test_a_place_is_wanted_of_the_target() -> None:
     state = spaces.state_of(case.disks, case.goal)
     assert np.array_equal(state["bodies"][: len(case.disks)], case.disks)
     assert not state["bodies"][len(case.disks) :].any()
-    assert state["goal"][1].tolist() == [1.0, *case.goal, 0.0, 0.0]
+    assert state["goal"][1].tolist() == [1.0, *case.goal.places[0], 0.0, 0.0]
     assert not np.delete(state["goal"], 1, axis=0).any()
 
 

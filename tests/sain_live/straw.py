@@ -7,19 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from sain_core.goal import BodyPose, Goal
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_live.aims import Aim
 from sain_live.page.live_page import LivePage
 from sain_live.settings import PageConfig
 from sain_live.state import LiveScene, LiveState
-from sain_mppi.search.poses import BodyPose, PoseGoal
 
 SCENE = make_scene(
     np.array([(0.45, 0.1), (0.6, -0.2)]), np.array([1.0, 1.0]), np.array([0.1, 0.08])
 )
 BODIES = Bodies.named(["t", "disk"], ["pushable", "fixed"])
-AIM = Aim(PoseGoal((BodyPose(0, 0.5, 0.2, 0.5),)))
+AIM = Goal((BodyPose(0, 0.5, 0.2, 0.5),))
 
 
 class Written:

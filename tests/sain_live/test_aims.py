@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from sain_core.errors import InvalidInputError, OffTableError, UnreachableError
+from sain_core.goal import Goal
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_live.aims import Aim, check_aim, first_aim
+from sain_live.aims import check_aim, first_aim
 from tests.sain_live.straw import AIM, BODIES, SCENE
 
 PAIR = make_scene(np.array([(0.45, 0.0), (0.6, 0.0)]), np.ones(2), np.array([0.08, 0.06]))
@@ -17,46 +18,46 @@ DISKS = Bodies.disks(2)
 
 def test_a_goal_on_the_table_is_fine():
     check_aim(AIM, SCENE, BODIES)
-    check_aim(Aim(np.array([0.6, 0.1])), PAIR, DISKS)
+    check_aim(Goal.place(0.6, 0.1), PAIR, DISKS)
 
 
 @pytest.mark.parametrize("place", [(2.0, 0.0), (0.5, 0.9), (0.0, 0.0)])
 def test_off_the_table_is_refused_in_words(place):
     with pytest.raises(OffTableError, match=r"off the table.*it covers x in"):
-        check_aim(AIM.moved(0, *place, 0.0), SCENE, BODIES)
+        check_aim(AIM.with_pose(0, *place, 0.0), SCENE, BODIES)
     with pytest.raises(OffTableError, match="off the table"):
-        check_aim(Aim(np.array(place)), PAIR, DISKS)
+        check_aim(Goal.place(*place), PAIR, DISKS)
 
 
 def test_out_of_reach_is_refused_in_words():
     with pytest.raises(UnreachableError, match="out of reach"):
-        check_aim(Aim(np.array([1.1, 0.5])), PAIR, DISKS)
+        check_aim(Goal.place(1.1, 0.5), PAIR, DISKS)
 
 
 @pytest.mark.parametrize("role", ["fixed", "movable"])
 def test_into_a_body_that_stays_is_refused_in_words(role):
     bodies = Bodies.named(["t", "disk"], ["pushable", role])
     with pytest.raises(InvalidInputError, match=r"goal of body 0 .*body 1"):
-        check_aim(AIM.moved(0, 0.6, -0.2, 0.0), SCENE, bodies)
+        check_aim(AIM.with_pose(0, 0.6, -0.2, 0.0), SCENE, bodies)
 
 
 def test_into_a_body_that_can_be_pushed_away_is_fine():
     bodies = Bodies.named(["t", "disk"], ["pushable", "pushable"])
-    check_aim(AIM.moved(0, 0.6, -0.2, 0.0), SCENE, bodies)
+    check_aim(AIM.with_pose(0, 0.6, -0.2, 0.0), SCENE, bodies)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 def test_what_is_not_finite_is_refused(value):
     with pytest.raises(InvalidInputError, match="finite"):
-        check_aim(AIM.moved(0, value, 0.0, 0.0), SCENE, BODIES)
+        check_aim(AIM.with_pose(0, value, 0.0, 0.0), SCENE, BODIES)
 
 
 def test_a_moved_goal_keeps_the_rest():
-    moved = AIM.moved(0, 0.4, 0.1, 1.0).poses[0]
+    moved = AIM.with_pose(0, 0.4, 0.1, 1.0).poses[0]
     assert moved == replace(AIM.poses[0], x=0.4, y=0.1, heading=1.0)
-    place = Aim(np.array([0.5, 0.0]), 0.01).moved(1, 0.6, 0.1, 2.0)
+    place = Goal.place(0.5, 0.0, 0.01).with_pose(1, 0.6, 0.1, 2.0)
     assert (place.poses[0].heading, place.tolerance) == (None, 0.01)
-    assert place.goal.tolist() == [0.6, 0.1]
+    assert place.places.tolist() == [[0.6, 0.1]]
 
 
 def test_the_first_goal_can_be_served():

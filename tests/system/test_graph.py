@@ -48,7 +48,7 @@ def test_the_target_is_brought_to_its_goal(graph, running):
     assert all(result.error_code == ErrorCode.OK for result in results)
     last = wire.decode_disks(results[-1].after.disks)
     assert target_distance(last, goal) <= 0.02
-    assert end.goal_distance == target_distance(last, goal)
+    assert end.goal_distance == pytest.approx(target_distance(last, goal))
 
 
 def test_everything_about_a_push_can_be_paired_by_its_id(graph, running):

@@ -42,7 +42,9 @@ def play_on_graph(graph, number, case):
         friction=case.friction,
     )
     episode = first.episode_id
-    graph.aim(case.goal, number, TOLERANCE, episode_id=episode, max_pushes=case.max_pushes)
+    graph.aim(
+        case.goal.places[0], number, TOLERANCE, episode_id=episode, max_pushes=case.max_pushes
+    )
 
     def ended():
         return [p for p in graph.find("plan", goal_id=number) if p.status != Plan.PUSH]

@@ -6,6 +6,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
+from sain_core.goal import BodyPose
+from sain_core.goal import Goal as CoreGoal
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
@@ -14,7 +16,6 @@ from sain_interfaces.msg import Plan
 from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.ros.mppi_node import MppiNode
-from sain_mppi.search.poses import BodyPose, PoseGoal
 from sain_sim.ros.sim_node import SimNode
 
 SMALL = {
@@ -55,7 +56,7 @@ def ended(graph, goal_id):
 
 def test_a_t_is_brought_into_its_pose_and_the_fixed_disk_stays(graph, running):
     scene = begin(graph)
-    goal = PoseGoal((BodyPose(0, 0.50, 0.03, 0.9, 0.03, 0.2),), keep=(2,))
+    goal = CoreGoal((BodyPose(0, 0.50, 0.03, 0.9, 0.03, 0.2),), keep=(2,))
     graph.aim_at(goal, 1, episode_id=scene.episode_id, max_pushes=25)
     graph.wait(lambda: ended(graph, 1), "the end of the episode")
     (end,) = ended(graph, 1)

@@ -5,17 +5,18 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
-import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from sain_core.errors import ErrorCode
+from sain_core.goal import Goal
 from sain_core.ros import codec
 from sain_core.ros.node_main import ros_context
 from sain_core.ros.qos import LATCHED, QUEUE
-from sain_interfaces.msg import Goal, PushResult
+from sain_interfaces.msg import Goal as GoalMessage
+from sain_interfaces.msg import PushResult
 from tests.paths import ROOT
 
 pytestmark = pytest.mark.system
@@ -50,7 +51,7 @@ class Bystander(Node):
         self.goals = {}
         for graph, results in self.results.items():
             self.create_subscription(PushResult, f"/{graph}/push_result", results.append, QUEUE)
-            self.goals[graph] = self.create_publisher(Goal, f"/{graph}/goal", LATCHED)
+            self.goals[graph] = self.create_publisher(GoalMessage, f"/{graph}/goal", LATCHED)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -58,7 +59,7 @@ class Bystander(Node):
 
     def aim(self, graph: str) -> None:
         stamp = self.get_clock().now().to_msg()
-        goal = codec.encode_goal(np.array([0.7, 0.05]), stamp=stamp, goal_id=1, tolerance=0.02)
+        goal = codec.encode_goal(Goal.place(0.7, 0.05), stamp=stamp, goal_id=1)
         self.goals[graph].publish(goal)
 
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon as Patch
 
 from sain_core.feasibility import Feasibility
+from sain_core.goal import Goal
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table, X, Y, make_scene, unit
 from sain_core.shapes.disk import THREE_FEET
 from sain_eval.plots.episode_record import EpisodeRecord
@@ -107,7 +108,7 @@ def test_a_rendered_picture_shows_its_corners():
 
 def test_the_top_view_draws_its_outline():
     scene, _ = two_bodies(turn=0.3)
-    record = EpisodeRecord(np.array([0.7, 0.0]), 0.05, (), scene, ("disk", "six_sided"))
+    record = EpisodeRecord(Goal.place(0.7, 0.0, 0.05), (), scene, ("disk", "six_sided"))
     axes = Figure((4, 4)).add_axes((0, 0, 1, 1))
     draw_top_view(axes, record, Feasibility())
     outlines = [patch.get_xy() for patch in axes.patches if type(patch) is Patch]

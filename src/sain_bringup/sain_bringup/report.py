@@ -8,14 +8,12 @@ import numpy as np
 from rich.text import Text
 
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.asked_poses import AskedPoses
 from sain_bags.transitions.recorded_episodes import Episode, read_episodes
 from sain_bringup.options import EPISODES_KEY, NAMESPACE_KEY
 from sain_core.cli.fitting_table import FittingTable
 from sain_core.storage import write_json
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenarios import draw_scene
-from sain_mppi.search.poses import BodyPose, PoseGoal
 
 EpisodeSummary = dict[str, Any]
 
@@ -31,8 +29,9 @@ class PlayedEpisode:
 
     def summary(self) -> EpisodeSummary:
         """Return the episode in figures [m, s]; None where there is nothing to take a mean of."""
-        executed = self.episode.executed
-        poses, aimed = self.episode.poses, self.episode.aimed
+        executed, aimed = self.episode.executed, self.episode.aimed
+        judged = self.episode.judge(self.episode.final)
+        assert judged is not None, "played_episodes returns those with a goal"
         times = [push.plan.planning_time for push in executed if push.plan is not None]
         return {
             "scenario": self.scenario,
@@ -43,11 +42,11 @@ class PlayedEpisode:
             "pushes": len(executed),
             "refused": len(self.episode.pushes) - len(executed),
             "fallbacks": sum(push.plan is not None and push.plan.fallback for push in executed),
-            "tolerance": self.episode.tolerance,
-            "final_distance": self.episode.final_distance,
+            "tolerance": judged.goal.tolerance,
+            "final_distance": judged.distance,
             "planning_time": _mean(times),
             "longest_planning_time": max(times, default=None),
-            "final_turn": None if poses is None else float(poses.turns(self.episode.final).max()),
+            "final_turn": judged.turn if judged.goal.has_heading else None,
             "model_error": _mean([push.error(aimed) for push in self.episode.records]),
             "physics_error": _mean([push.physics_error_of(aimed) for push in self.episode.records]),
         }
@@ -73,29 +72,13 @@ class PlayedEpisode:
             shapes = tuple(shape.footprint for shape in episode.bodies.shapes)
             roles = tuple(map(str, episode.bodies.roles))
         return EpisodeRecord(
-            goal=episode.goal if episode.poses is None else pose_goal(episode.poses),
-            tolerance=episode.tolerance,
+            goal=episode.goal,
             pushes=episode.records,
             start=episode.start,
             shapes=shapes,
             roles=roles,
             title=self.title,
         )
-
-
-def pose_goal(poses: AskedPoses) -> PoseGoal:
-    """Return recorded poses as a goal."""
-    rows = zip(poses.bodies, poses.values.tolist(), strict=True)
-    return PoseGoal(
-        tuple(
-            BodyPose(body, x, y, tolerance=tolerance)
-            if np.isnan(heading)
-            else BodyPose(body, x, y, heading, tolerance, turn)
-            for body, (x, y, heading, tolerance, turn) in rows
-        ),
-        poses.keep,
-        poses.keep_tolerance,
-    )
 
 
 def played_episodes(bag: Bag) -> tuple[PlayedEpisode, ...]:

@@ -19,7 +19,6 @@ from sain_bringup.report import PlayedEpisode, played_episodes, summary_table, w
 from sain_core.scene import RADIUS
 from sain_core.storage import write_whole
 from sain_core.types import Points
-from sain_mppi.search.poses import PoseGoal
 from sain_sim.world.engines import BULLET, is_installed, needs
 
 LIVELY = 8  # pushes: the moving picture shows the longest episode with no more than these
@@ -97,18 +96,18 @@ def choose_episode(played: tuple[PlayedEpisode, ...]) -> PlayedEpisode:
 def begin_film(bag: Bag, one: PlayedEpisode, config: MovieConfig = MovieConfig()) -> Film:
     """Begin to render one episode from its recording."""
     one = one.last_part()
-    goal, tolerance = one.episode.goal, one.episode.tolerance
-    assert goal is not None
+    assert one.episode.goal is not None
+    place, tolerance = one.episode.goal.places[0], one.episode.goal.poses[0].tolerance
     # The target has reached the goal when it lies wholly inside the ring.
     ring = float(one.episode.start[one.episode.aimed, RADIUS]) + tolerance
     shapes, outline = one.record().shapes or None, _goal_outline(one)
-    scenery = Scenery(one.episode.start, shapes, outline, goal, ring, tolerance, one.title, config)
+    scenery = Scenery(one.episode.start, shapes, outline, place, ring, tolerance, one.title, config)
     return Film(scenery, choose_moments(episode_moments(bag, one.episode), config))
 
 
 def _goal_outline(one: PlayedEpisode) -> Points | None:
     """Return the first body's outline (C, 2) [m] in its goal; None: no heading is asked for."""
     record, body = one.record(), one.episode.aimed
-    if not isinstance(record.goal, PoseGoal) or record.goal.poses[0].heading is None:
+    if record.goal.poses[0].heading is None:
         return None
     return record.bodies.shapes[body].placed(record.goal.placed(record.start)[body])

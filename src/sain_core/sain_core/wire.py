@@ -7,6 +7,7 @@ dimensions that the message states and that every number is finite. The encoder 
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import atan2, isfinite, prod
 from typing import Any, Final
 
@@ -15,13 +16,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError
+from sain_core.goal import KEEP_TOLERANCE, TOLERANCE, TURN_PER_METRE, BodyPose, Goal
 from sain_core.history import PushHistory
 from sain_core.push import PUSH_NAMES, PUSH_SIZE
 from sain_core.scene import STATE_NAMES, STATE_SIZE
 from sain_core.shapes.bodies import MOST_BODIES
 from sain_core.types import (
-    Indices,
-    Points,
     PredictedScenes,
     PushArray,
     Pushes,
@@ -35,7 +35,6 @@ UNIT: Final = 0.01  # by which the length of a quaternion may be off
 UPRIGHT: Final = 0.9  # cosine of the largest tilt of a body, 25 degrees
 Place = Float[ndarray, "3"]
 Turn = Float[ndarray, "4"]  # quaternion x y z w
-GOAL_POSE_FIELDS = ("x", "y", "heading", "tolerance", "heading_tolerance")
 
 
 def decode_disks(disks: Sequence[Any], name: str = "scene") -> Scene:
@@ -84,34 +83,33 @@ def with_body(push: Float[ndarray, "3"], body: int) -> PushArray:
     return np.append(push, float(body)) if body else push
 
 
-def decode_goal(message: Any) -> Points:
-    """Return where a ``Goal`` wants the target, (2,) [m].
+def decode_goal(message: Any) -> Goal:
+    """Return what a ``Goal``, received or recorded, asks for.
 
-    Raises:
-        InvalidInputError: NaN or Inf, also in the tolerance.
-    """
-    return _decode_fields(message, ("x", "y", "tolerance"), "goal")[:2]
-
-
-def decode_goal_poses(message: Any) -> tuple[Indices, ndarray]:
-    """Return the bodies (P,) of a ``Goal``'s poses, and what `GOAL_POSE_FIELDS` name (P, 5).
-
-    NaN where any heading will do. Older recordings have no poses: P = 0.
+    Without poses it is a place for the target; older recordings have none. A tolerance of 0 is the
+    default.
 
     Raises:
         InvalidInputError: more poses than a scene may have bodies, NaN or Inf.
+        OutOfRangeError: a tolerance that is not positive, or too large.
     """
     poses = getattr(message, "poses", ())
     if len(poses) > MOST_BODIES:
         raise InvalidInputError(f"the goal has {len(poses)} poses; at most {MOST_BODIES} may be")
-    values = np.empty((len(poses), len(GOAL_POSE_FIELDS)))
-    for row, pose in zip(values, poses, strict=True):
-        free = () if pose.has_heading else ("heading", "heading_tolerance")
-        named = tuple(name for name in GOAL_POSE_FIELDS if name not in free)
-        given = _decode_fields(pose, named, f"goal of body {pose.body}")
-        row[:] = np.nan
-        row[[GOAL_POSE_FIELDS.index(name) for name in named]] = given
-    return np.array([pose.body for pose in poses], dtype=np.int64), values
+    if not len(poses):
+        return Goal.place(message.x, message.y, message.tolerance or TOLERANCE)
+    keep = tuple(int(body) for body in getattr(message, "keep", ()))
+    tolerance = getattr(message, "keep_tolerance", 0.0) or KEEP_TOLERANCE
+    return Goal(tuple(map(_decode_goal_pose, poses)), keep, float(tolerance))
+
+
+def _decode_goal_pose(message: Any) -> BodyPose:
+    body, tolerance = int(message.body), message.tolerance or TOLERANCE
+    place = BodyPose(body, float(message.x), float(message.y), tolerance=float(tolerance))
+    if not message.has_heading:
+        return place
+    turn = message.heading_tolerance or TURN_PER_METRE * tolerance
+    return replace(place, heading=float(message.heading), heading_tolerance=float(turn))
 
 
 def decode_pose(message: Any, what: str) -> Float[ndarray, "3"]:

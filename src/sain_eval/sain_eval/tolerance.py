@@ -1,11 +1,10 @@
 """How near a goal counts as reached. Imports nothing of this package."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
-from sain_mppi.search.goal import Goal
-from sain_mppi.search.poses import TURN_PER_METRE, PoseGoal
+from sain_core.goal import TURN_PER_METRE, Goal
 
 
 @dataclass(frozen=True, order=True)
@@ -40,17 +39,9 @@ class Tolerance:
         """The turn [rad]."""
         return TURN_PER_METRE * self.distance if self.given_turn is None else self.given_turn
 
-    def of_poses(self, goal: PoseGoal) -> PoseGoal:
-        """Return poses with this tolerance."""
-        poses = (
-            replace(pose, tolerance=self.distance, heading_tolerance=self.turn)
-            for pose in goal.poses
-        )
-        return replace(goal, poses=tuple(poses))
-
-    def apply(self, goal: Goal | PoseGoal) -> Goal | PoseGoal:
-        """Return a goal whose poses have this tolerance; a place (2,) has none of its own."""
-        return self.of_poses(goal) if isinstance(goal, PoseGoal) else goal
+    def apply(self, goal: Goal) -> Goal:
+        """Return a goal with this tolerance."""
+        return goal.within(self.distance, self.turn)
 
     def stored(self) -> float | tuple[float, float]:
         """Return the numbers that were given."""

@@ -82,7 +82,7 @@ class AgentPolicy:
         """Let the agent follow the present goal."""
         record, pushes = episode.record, episode.case.max_pushes
         self._goals = episode.goals_reached
-        task = Task(self._goals + 1, EPISODE, record.goal, record.tolerance, pushes)
+        task = Task(self._goals + 1, EPISODE, record.goal, pushes)
         return act(self._agent, GoalGiven(task))
 
     def _ended(self, episode: PushEpisode) -> PushExecuted | PushEnded:

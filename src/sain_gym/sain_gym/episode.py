@@ -7,6 +7,7 @@ import numpy as np
 
 from sain_core.errors import ErrorCode, SainError
 from sain_core.feasibility import Feasibility
+from sain_core.goal import TURN_PER_METRE
 from sain_core.scene import POSITION, is_settled
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError
@@ -14,7 +15,6 @@ from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.tolerance import Tolerance
 from sain_mppi.loop.goal_tracker import LOOK_AGAIN, GoalTrackerConfig
-from sain_mppi.search.poses import TURN_PER_METRE
 
 TABLE: Final = Feasibility().table
 MOST_REFUSALS: Final = GoalTrackerConfig().max_refusals  # from one scene, as in an evaluation
@@ -70,9 +70,7 @@ class PushEpisode:
         """Take the next goal."""
         case = self.case
         goal = self._within.apply(case.goals[self.goals_reached])
-        self.record = EpisodeRecord(
-            goal, self._within.distance, (), self.scene, case.shapes, roles=case.roles
-        )
+        self.record = EpisodeRecord(goal, (), self.scene, case.shapes, roles=case.roles)
         self._left = case.max_pushes
         self._refused = 0  # in a row
 
@@ -89,8 +87,8 @@ class PushEpisode:
     @property
     def miss(self) -> float:
         """How far the bodies are from the goal [m]: their distance, and a metre for each 5 rad."""
-        distance, turn = self.record.left(self.scene)
-        return distance + turn / TURN_PER_METRE
+        judged = self.record.judge(self.scene)
+        return judged.distance + judged.turn / TURN_PER_METRE
 
     def execute(self, push: PushArray, after: Scene) -> StepVerdict:
         """Take note of an executed push (3,) or (4,) and the scene (N, 8) after it."""
@@ -102,7 +100,7 @@ class PushEpisode:
         if lost := self._lost():
             return self._fail(lost)
         reward = -self.miss
-        while not self.is_success and self.record.is_reached(after):
+        while not self.is_success and self.record.judge(after).reached:
             self.goals_reached += 1
             if not self.is_success:
                 self._aim()
@@ -143,13 +141,13 @@ class PushEpisode:
 
     def info(self) -> dict[str, Any]:
         """Return what is known besides the observation."""
-        distance, turn = self.record.left(self.scene)
+        judged = self.record.judge(self.scene)
         answer = self.answer
         return {
             "scene_seed": self.case.seed,
             "is_success": self.is_success,
-            "distance": distance,  # [m]
-            "turn": turn,  # [rad]
+            "distance": judged.distance,  # [m]
+            "turn": judged.turn,  # [rad]
             "pushes": self.pushes,
             "refusals": self.refusals,
             "goals_reached": self.goals_reached,

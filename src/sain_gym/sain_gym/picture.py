@@ -14,10 +14,9 @@ from PIL import Image, ImageDraw
 
 from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
-from sain_core.scene import POSITION, TARGET, unit
+from sain_core.scene import POSITION, unit
 from sain_core.types import Points, Scene
 from sain_eval.plots.episode_record import EpisodeRecord
-from sain_mppi.search.poses import PoseGoal
 
 TopImage = UInt8[ndarray, "size size 3"]
 
@@ -52,13 +51,8 @@ class TopPicture:
         return np.array(canvas.reduce(FINENESS))
 
     def _draw_goals(self, draw: ImageDraw.ImageDraw, record: EpisodeRecord, scene: Scene) -> None:
-        goal = record.goal
-        if isinstance(goal, PoseGoal):
-            placed, wanted = goal.placed(scene), [pose.body for pose in goal.poses]
-        else:
-            placed, wanted = scene.copy(), [TARGET]
-            placed[TARGET, POSITION] = goal
-        for body in wanted:
+        placed = record.goal.placed(scene)
+        for body in record.goal.wanted:
             outline = record.bodies.shapes[body].placed(placed[body])
             closed = np.concatenate([outline, outline[:2]])  # the first corner is rounded, too
             line = self._pixels(closed)

@@ -18,13 +18,12 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
+from sain_core.goal import Goal
 from sain_core.push import BODY, LOCATION, PUSH_NAMES, PUSH_SIZE, PushLimits
-from sain_core.scene import STATE_SIZE, TARGET
+from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_eval.scenes.scenarios import draw_scene
-from sain_mppi.search.goal import Goal
-from sain_mppi.search.poses import PoseGoal
 
 COLUMNS: Final = (*PUSH_NAMES, "body")
 GOAL_SIZE: Final = 5
@@ -114,18 +113,15 @@ class PushSpaces:
         size = self.action.shape[0]
         return np.pad(push, (0, max(0, size - len(push))))[:size]
 
-    def state_of(self, scene: Scene, goal: Goal | PoseGoal) -> dict[str, ndarray]:
+    def state_of(self, scene: Scene, goal: Goal) -> dict[str, ndarray]:
         """Return a scene (N, 8) and a goal as they are observed."""
         bodies = np.zeros((self.most, STATE_SIZE))
         bodies[: len(scene)] = scene
         return {"bodies": bodies, "goal": self.goal_of(goal)}
 
-    def goal_of(self, goal: Goal | PoseGoal) -> Float[ndarray, "M 5"]:
+    def goal_of(self, goal: Goal) -> Float[ndarray, "M 5"]:
         """Return a goal as it is observed."""
         rows = np.zeros((self.most, GOAL_SIZE))
-        if not isinstance(goal, PoseGoal):
-            rows[TARGET, :3] = 1.0, *goal
-            return rows
         for pose in goal.poses:
             turned = pose.heading is not None
             rows[pose.body] = 1.0, pose.x, pose.y, turned, pose.heading or 0.0

@@ -7,11 +7,11 @@ from typing import Any, Final, Protocol
 
 from sain_core.config import Config
 from sain_core.errors import ConfigError
+from sain_core.goal import Goal
 from sain_eval.scenes.disk_scenarios import AnywhereScenario
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene, find_scenario
 from sain_eval.scenes.shape_scenarios import PoseScenario, StreakScenario
-from sain_live.aims import Aim
 from sain_mppi.search.config import PlannerConfig
 
 AS_DRAWN: Final = "as the scenario has it"
@@ -62,7 +62,7 @@ class Orders(Protocol):
     def reset(self, reset: Reset) -> None:
         """Start a new episode."""
 
-    def aim(self, aim: Aim) -> None:
+    def aim(self, aim: Goal) -> None:
         """Take a goal that was dragged."""
 
     def set(self, name: str, value: Any) -> None:

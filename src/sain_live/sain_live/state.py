@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_core.goal import Goal, Judgement
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scene, Scenes
-from sain_live.aims import Aim
 
 LOG_LINES: Final = 200  # that are kept
 LONGEST_LINE: Final = 400  # characters of one
@@ -129,7 +129,7 @@ class LiveState:
 
     scene: LiveScene | None = None
     bodies: Bodies = PAPER_DISKS
-    aim: Aim | None = None
+    aim: Goal | None = None
     plan: LivePlan | None = None
     result: LiveResult | None = None
     arm: LiveArm | None = None
@@ -155,14 +155,12 @@ class LiveState:
             setattr(self, name, value)
         self.changed.set()
 
-    def errors(self, scene: Scene) -> tuple[float, float] | None:
-        """Return distance [m] and turn [rad] of a scene from the goal; None: it is of another."""
+    def judge(self, scene: Scene) -> Judgement | None:
+        """Judge a scene; None: there is no goal, or the scene is of another."""
         aim, bodies, count = self.aim, self.bodies, len(scene)
-        if aim is None or len(bodies) != count:
+        if aim is None or len(bodies) != count or max(aim.wanted) >= count:
             return None
-        if any(pose.body >= count for pose in aim.poses):
-            return None
-        return aim.errors(scene, bodies)
+        return aim.judge(scene, scene, bodies)
 
     def tell(self, kind: Kind, text: str) -> None:
         """Add a line to the log; the same one again is not repeated."""

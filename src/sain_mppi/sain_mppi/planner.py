@@ -9,19 +9,19 @@ import numpy as np
 from sain_core.dynamics import Dynamics, RolloutModel, as_rollout, regions_of
 from sain_core.errors import NoPushError
 from sain_core.feasibility import Feasibility
+from sain_core.goal import Goal
 from sain_core.push import PUSH_SIZE
 from sain_core.types import PushArray, PushSequences, Scene
 from sain_mppi.algorithms import find_algorithm
 from sain_mppi.search.config import EXHAUSTIVE, PlannerConfig
-from sain_mppi.search.goal import Goal, check_in_reach
-from sain_mppi.search.objective import make_objective
-from sain_mppi.search.poses import PoseGoal
+from sain_mppi.search.in_reach import check_in_reach
+from sain_mppi.search.objective import Objective
 from sain_mppi.search.problem import Problem
 from sain_mppi.search.result import PlanResult
 from sain_mppi.search.sampling import shift
 from sain_mppi.search.search import Search
 
-__all__ = ["Planner", "Problem"]
+__all__ = ["Goal", "Planner", "Problem"]
 
 
 class Planner:
@@ -47,7 +47,7 @@ class Planner:
         """Forget the last plan."""
         self._elites: PushSequences = np.empty((0, self.config.horizon, PUSH_SIZE))
         self._scene: Scene | None = None  # that they begin from
-        self._goal: Goal | PoseGoal | None = None
+        self._goal: Goal | None = None
         self._ahead: PushSequences | None = None  # what was found for the next scene
 
     def use(self, config: PlannerConfig) -> None:
@@ -80,18 +80,17 @@ class Planner:
             shortest: [m], a first push moves its body by more: less would be lost in noise.
 
         Raises:
-            UnreachableError: a goal to which the arm cannot push the target from any side.
-            NoPushError: no push that moves the mid disk is permitted.
+            UnreachableError: a goal to which the arm cannot push a body from any side.
+            NoPushError: no push that moves a body is permitted.
             ModelUnavailableError: nothing that the model predicted is finite.
         """
         scene, goal = problem.scene, problem.goal
-        if not isinstance(goal, PoseGoal):
-            check_in_reach(goal, scene, self.feasibility)
+        check_in_reach(goal, scene, problem.bodies, self.feasibility)
         if deadline is None and self.config.deadline > 0.0:
             deadline = monotonic() + self.config.deadline
         ahead, self._ahead = self._ahead, None
         config = self.config.widened() if wide else self.config
-        if wide or len(refused) or ahead is None or not self._is_same(goal):
+        if wide or len(refused) or ahead is None or goal != self._goal:
             ahead = None
         else:
             config = config.correcting()
@@ -99,7 +98,7 @@ class Planner:
         known = self._start(scene, goal, search) if ahead is None else ahead
         find_algorithm(config.algorithm)(search, known, generator)
         self._elites, self._scene = search.elites.sequences, scene.copy()
-        self._goal = goal if isinstance(goal, PoseGoal) else goal.copy()
+        self._goal = goal
         return search.result()
 
     def prepare(
@@ -138,23 +137,17 @@ class Planner:
         shortest: float = 0.0,
     ) -> Search:
         weights, bodies = config.weights, problem.bodies
-        objective = make_objective(problem.goal, problem.start, weights, self.feasibility, bodies)
+        objective = Objective(problem.goal, problem.start, weights, self.feasibility, bodies)
         scene, about = problem.scene, (refused, deadline, known, shortest)
         return Search(self.model, config, self.feasibility, scene, objective, *about)
-
-    def _is_same(self, goal: Goal | PoseGoal) -> bool:
-        last = self._goal
-        if isinstance(goal, PoseGoal) or isinstance(last, PoseGoal):
-            return goal is last or (isinstance(goal, PoseGoal) and goal == last)
-        return last is not None and np.array_equal(goal, last)
 
     def _is_last(self, scene: Scene) -> bool:
         return self._scene is not None and np.array_equal(scene, self._scene)
 
-    def _start(self, scene: Scene, goal: Goal | PoseGoal, search: Search) -> PushSequences:
+    def _start(self, scene: Scene, goal: Goal, search: Search) -> PushSequences:
         """Return what the last plan leaves (E, H, A): nothing for another goal or horizon."""
         config, size = search.config, search.objective.push_size
-        if not (config.warm_start and self._is_same(goal)):
+        if not (config.warm_start and goal == self._goal):
             return np.empty((0, config.horizon, size))
         if self._elites.shape[1:] != (config.horizon, size):
             return np.empty((0, config.horizon, size))

@@ -15,16 +15,15 @@ from sain_bags.dataset.conversion import ConversionConfig, convert
 from sain_bags.dataset.formats.stored_rows import goal_distance, reached
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
-from sain_bags.transitions.asked_poses import KEEP_TOLERANCE
 from sain_bags.transitions.recorded_episodes import read_episodes
 from sain_bringup.report import PlayedEpisode
 from sain_core.dataset import Column, row_bodies
 from sain_core.errors import DatasetError
+from sain_core.goal import KEEP_TOLERANCE, Goal
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.registry import get_shape
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.search.poses import PoseGoal
 from tests.sain_bags.conftest import Messages, resting_scene
 from tests.sain_bags.dataset.conftest import read_npz
 
@@ -127,13 +126,13 @@ def test_bodies_to_be_kept_are_in_rows_page_and_result(
     for moved, success in ((0.009, True), (0.011, False)):
         bag = keeping_bag(record, moved, **keep)
         (episode,) = read_episodes(bag)
-        assert episode.poses is not None and episode.success is success
-        assert (episode.poses.keep, episode.poses.keep_tolerance) == ((1,), 0.01)
+        assert episode.success is success
+        assert (episode.goal.keep, episode.goal.keep_tolerance) == ((1,), 0.01)
         (shown,) = read_content(bag).data["episodes"]
         assert shown["keep"] == [{"body": 1, "tolerance": 0.01, "moved": pytest.approx(moved)}]
         assert shown["outcome"] == ("reached" if success else "not reached")
         goal = PlayedEpisode("", 0, episode).record().goal
-        assert isinstance(goal, PoseGoal) and (goal.keep, goal.keep_tolerance) == ((1,), 0.01)
+        assert goal == episode.goal
     convert([bag.path], tmp_path / "npz", KEPT)
     rows = read_npz(tmp_path / "npz")
     np.testing.assert_array_equal(rows[Column.GOAL_KEEP][0], [np.nan, 0.01])
@@ -148,8 +147,7 @@ def test_a_goal_that_keeps_without_a_tolerance_has_the_planners(
     record: Callable[..., Any], tmp_path: Path
 ) -> None:
     (episode,) = read_episodes(keeping_bag(record, 0.004, keep=np.array([1], np.uint32)))
-    assert episode.poses is not None and episode.success
-    assert episode.poses.keep_tolerance == PoseGoal(()).keep_tolerance == KEEP_TOLERANCE
+    assert episode.success and episode.goal.keep_tolerance == KEEP_TOLERANCE
     (shown,) = read_content(keeping_bag(record, 0.004)).data["episodes"]
     assert shown["keep"] == []
 
@@ -212,9 +210,9 @@ def test_shapes_that_change_within_an_episode_are_named(
 def test_episodes_and_the_page_have_bodies_and_poses(shaped_bag: Path) -> None:
     (episode,) = read_episodes(Bag(shaped_bag))
     assert episode.success
-    assert episode.final_distance == pytest.approx(np.hypot(0.005, 0.01))
-    assert episode.poses is not None
-    assert episode.poses.turns(episode.final) == pytest.approx([0.05])
+    judged = episode.judge(episode.final)
+    assert judged.distances == pytest.approx([np.hypot(0.005, 0.01)])
+    assert judged.turns == pytest.approx([0.05])
     content = read_content(Bag(shaped_bag)).data
     (shown,) = content["episodes"]
     assert [disk["name"] for disk in shown["disks"]] == ["t", "disk"]
@@ -262,7 +260,8 @@ def test_older_recordings_mean_the_same(
         convert([tmp_path / age], tmp_path / f"{age}-npz", KEPT)
         shards[age] = read_npz(tmp_path / f"{age}-npz")
         (episode,) = read_episodes(bag)
-        assert (episode.poses, episode.bodies, len(episode.executed)) == (None, PAPER_DISKS, 1)
+        assert (episode.goal, episode.bodies) == (Goal.place(0.8, 0.0, 0.02), PAPER_DISKS)
+        assert len(episode.executed) == 1
         assert read_content(bag).data["episodes"][0]["pushes"][0]["body"] == 0
     assert list(shards["old"]) == list(shards["new"])
     for name in set(shards["old"]) - {"bag_sha256", "log_time"}:

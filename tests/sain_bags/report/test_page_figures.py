@@ -240,7 +240,7 @@ def test_the_legend_names_what_the_pictures_name_in_the_same_order(browser, bag)
     browser.open(page_of(bag), 1280)
     shown = browser.text("#legend").split("\n")
     assert shown == [name for name in MARKS if name in shown] + ["paths"]
-    assert {"table", "reachable area", "other disk", "push", "predicted by physics"} <= set(shown)
+    assert {"table", "reachable area", "other body", "push", "predicted by physics"} <= set(shown)
     for box in ("#errors-legend", "#distribution-legend"):
         assert browser.text(box).split("\n") == ["physics (bullet_nominal)", "planner (sain)"]
 

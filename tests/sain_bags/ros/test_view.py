@@ -100,7 +100,7 @@ def test_a_reader_goes_through_a_recording(ros_domain: int, episode_bag: Path) -
         place = pytest.approx((x, y), abs=1e-5)
         viewer.wait(lambda: viewer.nodes["/bodies/1"]["position"][:2] == place, "the target")
         goal = viewer.nodes["/goals/1"]["position"][:2]
-        assert goal == pytest.approx(first["goal"], abs=1e-5)
+        assert goal == pytest.approx((first["poses"][0]["x"], first["poses"][0]["y"]), abs=1e-5)
 
         reader.press("◀ push")
         reader.wait(lambda: reader.fact("pushes") == f"1 of {len(done)}", "the push before")

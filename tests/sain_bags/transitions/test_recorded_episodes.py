@@ -13,6 +13,7 @@ from sain_bags.report.content import read_content
 from sain_bags.transitions.message_fields import namespaces
 from sain_bags.transitions.recorded_episodes import read_episodes
 from sain_core.errors import DatasetError
+from sain_core.goal import Goal
 from sain_core.scene import make_scene
 from tests.sain_bags.conftest import resting_scene
 
@@ -45,13 +46,11 @@ def test_a_refused_push_is_kept_apart_even_one_of_nan(episode_bag: Path) -> None
 
 def test_goal_start_end_and_success(episode_bag: Path) -> None:
     first, second = read_episodes(Bag(episode_bag))
-    assert first.goal is not None
-    np.testing.assert_allclose(first.goal, [0.80, 0.0])
-    assert (first.tolerance, first.max_pushes) == (0.02, 15)
+    assert (first.goal, first.max_pushes) == (Goal.place(0.80, 0.0, 0.02), 15)
     assert first.start[1, 0] == 0.45
-    assert first.final_distance == pytest.approx(0.01)
+    assert first.distance(first.final) == pytest.approx(0.01)
     assert first.success
-    assert second.final_distance == pytest.approx(0.35)
+    assert second.distance(second.final) == pytest.approx(0.35)
     assert not second.success
     assert not second.pushes
     assert first.interval[1] < second.interval[0]
@@ -81,7 +80,7 @@ def goals_in_a_row(record: Callable[..., Any]) -> Bag:
 def test_each_goal_of_a_row_has_its_own_part(goals_in_a_row: Bag) -> None:
     (episode,) = read_episodes(goals_in_a_row)
     assert len(episode.pushes) == 3 and not episode.success
-    assert [part.goal[0] for part in episode.by_goal] == [0.60, 0.80, 0.40]
+    assert [part.goal.poses[0].x for part in episode.by_goal] == [0.60, 0.80, 0.40]
     assert [[push.push_id for push in part.pushes] for part in episode.by_goal] == [[1], [2], [3]]
     assert [part.success for part in episode.by_goal] == [True, True, False]
     assert episode.in_a_row == 2
@@ -102,7 +101,7 @@ def test_the_page_has_each_goal_of_a_row(goals_in_a_row: Bag) -> None:
         "Episode 2 · goal 1 of 3", "Episode 2 · goal 2 of 3", "Episode 2 · goal 3 of 3"
     ]  # fmt: skip
     assert [one["outcome"] for one in data["episodes"]] == ["reached", "reached", "not reached"]
-    assert [one["goal"][0] for one in data["episodes"]] == [0.60, 0.80, 0.40]
+    assert [one["poses"][0]["x"] for one in data["episodes"]] == [0.60, 0.80, 0.40]
     assert [len(one["frames"]["poses"]) for one in data["episodes"]] == [2, 2, 2]
     assert [one["pushes"][0]["to"] for one in data["episodes"]] == [1, 1, 1]
     totals = data["totals"]
@@ -126,7 +125,7 @@ def test_a_prediction_that_comes_late_still_finds_its_push(record: Callable[...,
     assert first.pushes[0].physics is not None
     np.testing.assert_allclose(first.pushes[0].physics, scene + 0.5)
     assert first.goal is None
-    assert np.isnan(first.final_distance)
+    assert np.isnan(first.distance(first.final))
     assert not first.success
 
 

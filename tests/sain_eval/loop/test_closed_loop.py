@@ -7,6 +7,7 @@ import pytest
 
 from sain_core.dynamics import IdentityPrior
 from sain_core.errors import ConfigError, ModelUnavailableError, SainError
+from sain_core.goal import Goal
 from sain_core.scene import MID, POSITION
 from sain_core.world import DivergedError
 from sain_eval.loop.closed_loop import run_episode
@@ -43,7 +44,7 @@ def play_stubborn(push):
 def test_planning_with_the_planar_prior_brings_the_target_to_the_goal(case):
     outcome = play(case, "planar")
     assert outcome.failure == "" and not outcome.fallen
-    assert outcome.record.final_distance <= 0.02
+    assert outcome.record.last.distance <= 0.02
     for push in outcome.record.pushes:
         assert push.predicted is not None and push.target_error < 0.03
         assert push.planning_time > 0.0
@@ -76,11 +77,11 @@ def test_pushing_straight_solves_the_papers_scene():
 def test_random_pushes_end_with_the_pushes_that_are_allowed():
     outcome = play(replace(ANYWHERE, max_pushes=3), "random", 0.005)
     assert len(outcome.record.pushes) == 3
-    assert outcome.failure.startswith("3 pushes left the target")
+    assert outcome.failure.startswith("3 pushes left body 1")
 
 
 def test_a_goal_that_is_reached_already_needs_no_push():
-    case = replace(PAPER, goal=PAPER.disks[1, POSITION].copy())
+    case = replace(PAPER, goal=Goal.place(*PAPER.disks[1, POSITION]))
     outcome = play(case, "planar")
     assert outcome.failure == "" and outcome.record.pushes == ()
 
@@ -134,7 +135,7 @@ def test_a_model_that_fails_leaves_physics_to_plan_and_is_counted(monkeypatch):
 def test_an_episode_in_mujoco_reaches_its_goal():
     pytest.importorskip("mujoco", reason="MuJoCo is not installed")
     outcome = play(ANYWHERE.within(TruthConfig(engine="mujoco")), "planar")
-    assert outcome.failure == "" and outcome.record.final_distance <= 0.02
+    assert outcome.failure == "" and outcome.record.last.distance <= 0.02
 
 
 def test_a_push_that_diverges_ends_the_episode_and_is_not_recorded(monkeypatch):

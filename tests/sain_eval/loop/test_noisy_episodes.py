@@ -27,7 +27,7 @@ def play(seed, engine="bullet", **camera):
 def test_a_noisy_episode_reaches_the_goal_in_truth(delay):
     outcome = play(1, noise="0.005,0.035", delay=delay)
     assert outcome.failure == ""
-    assert outcome.record.final_distance <= 0.01
+    assert outcome.record.last.distance <= 0.01
     again = play(1, noise="0.005,0.035", delay=delay)
     assert again.final.tobytes() == outcome.final.tobytes()
 

@@ -8,6 +8,7 @@ import pytest
 
 from sain_core.drawing.figures import write_png
 from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.goal import BodyPose, Goal
 from sain_core.scene import POSITION, make_scene
 from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.controllers import agent_maker
@@ -19,7 +20,6 @@ from sain_eval.scenes.shape_scenarios import StreakScenario
 from sain_eval.tolerance import Tolerance
 from sain_mppi.loop.agent import Agent, AgentConfig
 from sain_mppi.loop.decision import Decider, PushDecision
-from sain_mppi.search.poses import BodyPose, PoseGoal
 
 PUSH_T = SCENARIOS["push_t"].scene(9)
 ROW = np.stack([np.full(10, 0.45), np.linspace(-0.45, 0.45, 10)], axis=-1)
@@ -30,7 +30,7 @@ def scene_of(shapes, places, poses, roles=(), size=0.045) -> ScenarioScene:
     count = len(shapes)
     disks = make_scene(np.array(places), np.full(count, 8.0), np.full(count, size))
     return ScenarioScene(
-        "test", 0, disks, 0.12, shapes, PoseGoal(poses), 2, roles=roles or ("pushable",) * count
+        "test", 0, disks, 0.12, shapes, Goal(poses), 2, roles=roles or ("pushable",) * count
     )
 
 
@@ -42,7 +42,7 @@ def test_planning_with_the_planar_prior_brings_a_t_to_its_pose():
     outcome = play(PUSH_T)
     record = outcome.record
     assert outcome.failure == "" and not outcome.fallen and outcome.refusals == 0
-    assert record.final_distance <= 0.02 and record.final_turn <= 0.1
+    assert record.last.distance <= 0.02 and record.last.turn <= 0.1
     assert record.shapes == ("t",) and record.bodies.pushable == (0,)
     (judged,) = scene_records(PUSH_T, "planar", outcome, (Tolerance(0.02, 0.1),))
     assert judged.success and judged.heading_tolerance == 0.1 and judged.mid_errors == ()
@@ -83,8 +83,8 @@ def test_what_is_left_of_each_pose_is_in_the_reason():
 def test_a_controller_for_targets_refuses_poses():
     outcome = play(PUSH_T, "straight")
     assert outcome.failure == (
-        "NoPushError: the controller straight brings a target to a place, and the goal is poses;"
-        " choose random, planar or another model"
+        "NoPushError: the controller straight brings a target to a place, and the goal asks"
+        " for more; choose random, planar or another model"
     )
 
 
@@ -98,7 +98,7 @@ class Fixed(Decider):
 def test_a_body_that_was_pushed_off_the_table_is_the_reason():
     disks = make_scene(np.array([[0.25, 0.0]]), np.full(1, 8.0), np.full(1, 0.09), np.full(1, pi))
     case = ScenarioScene(
-        "test", 0, disks, 0.12, ("square",), PoseGoal((BodyPose(0, 0.5, 0.0, 0.0),)), 5
+        "test", 0, disks, 0.12, ("square",), Goal((BodyPose(0, 0.5, 0.0, 0.0),)), 5
     )
     outcome = run_episode(case, Agent(Fixed(), AgentConfig()), 0.02)
     assert (
@@ -188,5 +188,5 @@ def test_too_many_bodies_are_refused():
 def test_a_goal_that_is_reached_already_needs_no_push():
     x, y = PUSH_T.disks[0, POSITION]
     pose = BodyPose(0, float(x), float(y), float(PUSH_T.disks[0, 2]))
-    outcome = play(replace(PUSH_T, goal=PoseGoal((pose,))))
+    outcome = play(replace(PUSH_T, goal=Goal((pose,))))
     assert outcome.failure == "" and outcome.record.pushes == ()

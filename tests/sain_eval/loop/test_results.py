@@ -29,6 +29,7 @@ from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.tolerance import Tolerance, tightest
 
 CASE = SCENARIOS["paper"].scene(0)
+PLACES = ("paper", "paper_shift", "paper_cube", "anywhere", "anywhere_cube", "box", "blocked")
 SETTINGS = {"tolerances": (0.05, 0.005)}
 
 
@@ -200,7 +201,7 @@ def keep_a_table(records, tmp_path):
             replace(
                 records[0], scenario=job.scenario, seed=job.seed, controller=job.controller,
                 tolerance=one.distance, heading_tolerance=one.turn, success=not lost, failure=why,
-                shapes=("t",), **streak,
+                has_heading=job.scenario not in PLACES, shapes=("t",), **streak,
             )
             for one in job.tolerances
         ]  # fmt: skip
@@ -296,7 +297,7 @@ def test_a_mistake_on_the_command_line_is_told_in_one_line(tmp_path, capsys):
 
 POSE_RECORD = SceneRecord(
     "shapes", 7, "planar", 0.02, True, 4, 0.012, 0.3, (0.004, 0.006), (), 1, "",
-    heading_tolerance=0.1, final_turn=0.05, turn_errors=(0.02, 0.04),
+    heading_tolerance=0.1, has_heading=True, final_turn=0.05, turn_errors=(0.02, 0.04),
     plan_seconds=(0.2, 0.4), shapes=("butter",),
 )  # fmt: skip
 

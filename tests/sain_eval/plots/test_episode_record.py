@@ -11,7 +11,7 @@ def test_it_knows_when_each_tolerance_was_met(episode):
     assert episode.pushes_to(0.05) == 1
     assert episode.pushes_to(0.02) == 2
     assert episode.pushes_to(0.005) is None
-    assert episode.final_distance == pytest.approx(0.008)
+    assert episode.last.distance == pytest.approx(0.008)
 
 
 def test_a_scene_that_moves_or_lost_a_disk_meets_nothing(episode):

@@ -69,7 +69,7 @@ def test_the_heading_says_how_it_ended(episode):
     figure = draw_episode(replace(episode, title="paper 4"))
     assert figure.get_suptitle() == "paper 4, tolerance 20 mm"
     assert figure.axes[0].get_title("left") == describe_result(episode)
-    missed = draw_episode(replace(episode, tolerance=0.005))
+    missed = draw_episode(replace(episode, goal=episode.goal.within(0.005, 1.0)))
     colours = [f.axes[0].title.axes._left_title.get_color() for f in (figure, missed)]
     assert colours == [PALETTE.success, PALETTE.alarm]
 
@@ -81,7 +81,7 @@ def test_every_axis_has_a_name_and_a_unit(episode):
         ("x [m]", "y [m]"),
         ("pushes", "distance [mm]"),
         ("x [mm]", "y [mm]"),
-        ("push", "of the target [mm]"),
+        ("push", "of body 1 [mm]"),
     ]
 
 
@@ -89,7 +89,7 @@ def test_the_legend_names_all_that_is_drawn_in_the_order_of_the_page(episode):
     physics = tuple(replace(push, physics=push.before) for push in episode.pushes)
     names = legend(draw_episode(replace(episode, pushes=physics)))
     assert names == [
-        "table", "reachable area", "mid disk", "target", "start", "goal and tolerance", "push",
+        "table", "reachable area", "body 0", "body 1", "start", "goal and tolerance", "push",
         "predicted by physics", "predicted by the planner",
     ]  # fmt: skip
     assert names == [name for name in MARKS if name in names]
@@ -148,7 +148,7 @@ def test_bars_are_the_errors_physics_first(episode):
 def test_distances_are_those_after_each_push(episode):
     (line, *_) = [
         line
-        for line in panel(draw_episode(episode), "Target to goal").lines
+        for line in panel(draw_episode(episode), "Bodies to poses").lines
         if line.get_color() == PALETTE.target
     ]
     np.testing.assert_allclose(line.get_ydata(), [200.0, 40.0, 8.0])
@@ -157,7 +157,7 @@ def test_distances_are_those_after_each_push(episode):
 
 def test_nothing_is_cut_off_and_no_text_lies_on_another(episode):
     long = replace(episode, title="clutter_cube, scene 12, sain_history")
-    named = replace(episode, title="clutter_cube 12", tolerance=0.005)
+    named = replace(episode, title="clutter_cube 12", goal=episode.goal.within(0.005, 1.0))
     for figure in (draw_episode(long), draw_overview([named] * 4), draw_overview([named] * 3)):
         figure.canvas.draw()
         width, height = figure.canvas.get_width_height()

@@ -7,6 +7,7 @@ from PIL import Image
 
 from sain_core.drawing.figures import DOTS_PER_INCH, new_figure
 from sain_core.dynamics import as_rollout
+from sain_core.goal import BodyPose, Goal
 from sain_core.scene import POSITION, THETA, make_scene
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
@@ -14,7 +15,6 @@ from sain_eval.plots.plan_picture import draw_plan, draw_plan_legend
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.poses import BodyPose, PoseGoal
 from sain_mppi.search.problem import Problem
 
 BLUE, GREEN = (47, 111, 168), (26, 158, 102)
@@ -51,9 +51,9 @@ def picture_of(scene, goal, bodies=PAPER_DISKS):
 def test_a_body_that_is_no_disk_has_its_outline():
     scene = scene_of(1)
     bodies = Bodies.named(("t",), ("pushable",))
-    goal = PoseGoal((BodyPose(0, 0.40, 0.30, 0.5),))
+    goal = Goal((BodyPose(0, 0.40, 0.30, 0.5),))
     plan, shown, colour, axes = picture_of(scene, goal, bodies)
-    assert "body 0" in shown and "goal pose" in shown and "mid disk" not in shown
+    assert "body 0" in shown and "goal and tolerance" in shown
     outlines = [
         patch.get_xy()[:-1] for patch in axes.patches if hasattr(patch, "get_xy")
         and np.shape(patch.get_xy()) == (9, 2)
@@ -70,10 +70,10 @@ def test_a_body_that_is_no_disk_has_its_outline():
 
 
 def test_bodies_with_poses_have_their_own_colours_and_outlines_to_reach():
-    goal = PoseGoal((BodyPose(0, 0.40, -0.2, 0.5), BodyPose(1, 0.60, 0.2, 1.0)))
+    goal = Goal((BodyPose(0, 0.40, -0.2, 0.5), BodyPose(1, 0.60, 0.2, 1.0)))
     bodies = Bodies.named(("l", "box_2x1", "star"), ("pushable", "pushable", "fixed"))
     _, shown, colour, axes = picture_of(scene_of(3), goal, bodies)
-    assert {"body 0", "body 1", "body 2"} < set(shown) and "target" not in shown
+    assert {"body 0", "body 1", "other body"} < set(shown)
     red, _, blue = colour((0.665, 0.015))
     assert red > blue + 30  # orange
     hatched = [patch for patch in axes.patches if patch.get_hatch()]
@@ -81,18 +81,18 @@ def test_bodies_with_poses_have_their_own_colours_and_outlines_to_reach():
 
 
 def test_without_bodies_all_are_disks():
-    scene, goal = scene_of(2), np.array([0.65, 0.2])
+    scene, goal = scene_of(2), Goal.place(0.65, 0.2)
     _, shown, colour, _ = picture_of(scene, goal)
-    assert {"mid disk", "target", "goal"} < set(shown)
+    assert {"body 0", "body 1", "goal and tolerance"} < set(shown)
     for corner in (scene[0, POSITION] + 0.05, scene[0, POSITION] - 0.05):
         assert np.abs(colour(corner) - BLUE).sum() < 300
-    assert np.abs(colour(goal) - GREEN).sum() < 60
+    assert np.abs(colour((0.65, 0.22)) - GREEN).sum() < 60
 
 
 def test_the_push_begins_at_the_outline():
     """The arrow of a T starts beside the T, not on the circle about it."""
     bodies = Bodies.named(("t",), ("pushable",))
-    goal = PoseGoal((BodyPose(0, 0.40, 0.30, 0.5),))
+    goal = Goal((BodyPose(0, 0.40, 0.30, 0.5),))
     *_, axes = picture_of(scene_of(1), goal, bodies)
     (arrow,) = (patch for patch in axes.patches if hasattr(patch, "get_arrowstyle"))
     start = np.array(arrow._posA_posB[0])

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from sain_core.goal import Goal
 from sain_core.scene import DISK_HEIGHT, RADIUS, make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_live.aims import Aim
 from sain_live.page.goals import HANDLE
 from sain_live.page.live_page import LivePage
 from sain_live.page.serving import CAMERA, FIELD_OF_VIEW, LOOK_AT
@@ -164,7 +164,7 @@ def test_the_bodies_lie_in_the_middle_of_a_table_before_a_soft_sky(browser, page
     )
     known.update(
         bodies=Bodies.disks(2),
-        aim=Aim(np.array([0.42, 0.25])),
+        aim=Goal.place(0.42, 0.25),
         arm=LiveArm(describe_arm(0.012, 0.22)),
         joints=dict(zip(JOINTS, RAISED, strict=True)),
     )

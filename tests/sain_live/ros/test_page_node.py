@@ -80,9 +80,7 @@ def test_the_loop_is_started_and_ends_at_the_goal(graph, whole):
     graph.wait(lambda: known.curves.distance[-1] == left, "the distance after the last push")
     assert known.result.push_id == graph.heard["push_result"][-1].push_id
     distance = pytest.approx(end.goal_distance)
-    graph.wait(
-        lambda: known.aim.errors(known.scene.disks, known.bodies)[0] == distance, "the last scene"
-    )
+    graph.wait(lambda: known.judge(known.scene.disks).distance == distance, "the last scene")
 
 
 def test_a_goal_that_is_dragged_while_the_loop_runs_is_followed(graph, whole):

@@ -17,7 +17,7 @@ from tests.sain_bags.driven import Drive, Parts
 def distances(chapter):
     """Return the distance from the goal [m] at the start and after each push."""
     values = [chapter.at(time).values for time in chapter.rests]
-    return [one["aim"].errors(one["scene"].disks, one["bodies"])[0] for one in values]
+    return [one["aim"].judge(*2 * [one["scene"].disks], one["bodies"]).distance for one in values]
 
 
 def test_it_has_the_episodes_pushes_and_distances_of_the_report(episode_bag):

@@ -9,6 +9,7 @@ import pytest
 from sain_core.dynamics import IdentityPrior, StepwiseRollout
 from sain_core.errors import ModelUnavailableError, NoPushError
 from sain_core.feasibility import Feasibility, Reach
+from sain_core.goal import Goal
 from sain_core.push import LENGTH, LOCATION
 from sain_core.scene import MASS, make_scene, unit
 from sain_core.seeding import generator
@@ -18,7 +19,7 @@ from sain_mppi.search.config import EXHAUSTIVE, MPPI, MPPI_ROUNDS, PlannerConfig
 from sain_mppi.search.cost_weights import CostWeights
 from sain_mppi.search.problem import Problem
 
-GOAL = np.array([0.68, 0.05])
+GOAL = Goal.place(0.68, 0.05)
 CONFIG = PlannerConfig(samples=192)
 WEIGHTLESS = CostWeights(
     **{

@@ -6,18 +6,18 @@ from time import monotonic
 import numpy as np
 
 from sain_core.dynamics import as_rollout
+from sain_core.goal import BodyPose, Goal
 from sain_core.scene import make_scene
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import Bodies
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import BeamConfig, PlannerConfig
-from sain_mppi.search.poses import BodyPose, PoseGoal
 from sain_mppi.search.problem import Problem
 
 BODIES = Bodies.named(["t"])
 SCENE = make_scene(np.array([[0.45, -0.05]]), np.array([8.0]), np.array([0.10]))
-GOAL = PoseGoal((BodyPose(0, 0.55, 0.12, 1.5, 0.005, 0.03),))
+GOAL = Goal((BodyPose(0, 0.55, 0.12, 1.5, 0.005, 0.03),))
 CONFIG = PlannerConfig(samples=64)
 
 

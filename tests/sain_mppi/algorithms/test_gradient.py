@@ -7,18 +7,21 @@ import pytest
 
 from sain_core.dynamics import IdentityPrior, StepwiseRollout
 from sain_core.feasibility import Feasibility
+from sain_core.goal import Goal
 from sain_core.push import LENGTH, push_direction
 from sain_core.scene import POSITION, unit
 from sain_core.seeding import generator
+from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import Pushes, PushSequences, Scalars, Scenes
 from sain_mppi.algorithms.gradient import gradient
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import GRADIENT, GradientConfig, PlannerConfig
-from sain_mppi.search.objective import TargetObjective
+from sain_mppi.search.objective import Objective
 from sain_mppi.search.problem import Problem
 from sain_mppi.search.search import Search
 
-GOAL = np.array([0.62, 0.07])
+PLACE = np.array([0.62, 0.07])
+GOAL = Goal.place(*PLACE)
 CONFIG = PlannerConfig(algorithm=GRADIENT, samples=64, horizon=3)
 NOTHING = np.empty((0, CONFIG.horizon, 3))
 
@@ -37,7 +40,7 @@ class Recorded(Search):
     """A search that remembers what it was asked."""
 
     def __init__(self, dynamics, config, scene):
-        objective = TargetObjective(GOAL, config.weights, Feasibility())
+        objective = Objective(GOAL, scene, config.weights, Feasibility(), PAPER_DISKS)
         super().__init__(StepwiseRollout(dynamics), config, Feasibility(), scene, objective)
         self.drawn: list[Scalars] = []
         self.probed: list[PushSequences] = []
@@ -58,7 +61,7 @@ def test_it_gets_far_below_its_starts_on_a_smooth_model(scene, seed):
     predicted = search.result().predicted[-1, 1, POSITION]
     drawn = min(costs.min() for costs in search.drawn)
     assert search.elites.cost < 0.8 * drawn
-    assert np.linalg.norm(predicted - GOAL) < 0.002
+    assert np.linalg.norm(predicted - PLACE) < 0.002
 
 
 def test_more_steps_lead_further_down(scene):

@@ -8,12 +8,13 @@ import pytest
 from sain_core.dynamics import StepwiseRollout
 from sain_core.errors import ConfigError
 from sain_core.feasibility import Feasibility
+from sain_core.goal import Goal
 from sain_core.seeding import generator
 from sain_mppi.loop.decision import Decider, PlanJob, Task, View
 from sain_mppi.loop.planning import PlanningDecider
 from sain_mppi.search.config import PlannerConfig
 
-TASK = Task(1, 0, np.array([0.68, 0.05]), 0.01, 0)
+TASK = Task(1, 0, Goal.place(0.68, 0.05, 0.01), 0)
 FEW = PlannerConfig(samples=48, rounds=2, horizon=3)
 CHANGES = (
     {"samples": 20},

@@ -8,6 +8,7 @@ import pytest
 
 from sain_core.dynamics import StepwiseRollout
 from sain_core.errors import ErrorCode, ModelUnavailableError
+from sain_core.goal import Goal
 from sain_core.history import PushHistory
 from sain_core.scene import POSITION, TARGET
 from sain_core.shapes.bodies import PAPER_DISKS
@@ -26,7 +27,8 @@ from sain_mppi.loop.events import (
 from sain_mppi.search.config import PlannerConfig
 
 CONFIG = AgentConfig(planner=PlannerConfig(samples=32, rounds=2, horizon=2))
-TASK = Task(1, 0, np.array([0.70, 0.05]), 0.01, 0)
+PLACE = np.array([0.70, 0.05])
+TASK = Task(1, 0, Goal.place(*PLACE, 0.01), 0)
 PUSH = np.array([0.0, 0.1, 0.05])
 SOMEBODY = 9  # else's push
 
@@ -94,7 +96,7 @@ def test_it_brings_the_target_to_the_goal_and_stops(agent, scene, dynamics):
         act(agent, PushExecuted(decision.push_id, 1, scene, decision.push, after))
         scene = after
     assert (decision.reason, decision.failure) == (StopReason.REACHED, "")
-    assert np.linalg.norm(scene[TARGET, POSITION] - TASK.goal) <= 0.01
+    assert np.linalg.norm(scene[TARGET, POSITION] - PLACE) <= 0.01
     assert 1 <= agent.pushes == number - 1
 
 
@@ -106,10 +108,12 @@ def test_goal_and_scene_come_in_any_order_and_an_unsettled_scene_is_not_decided_
 
 
 def test_a_goal_that_cannot_be_served_is_a_stop(agent, scene):
-    goal = GoalGiven(replace(TASK, goal=np.array([3.0, 0.0])))
+    goal = GoalGiven(replace(TASK, goal=Goal.place(3.0, 0.0)))
     stop = stopped(act(agent, SceneSeen(scene, 1, 1), goal))
     assert (stop.reason, stop.error.code) == (StopReason.FAILED, ErrorCode.OFF_TABLE)
-    assert stop.failure.startswith("OffTableError: the goal (3.000, 0.000) m is off the table")
+    assert stop.failure.startswith(
+        "OffTableError: the goal (3.000, 0.000) m of body 1 is off the table"
+    )
     assert act(agent, TimePassed()) is None
 
 
@@ -158,7 +162,7 @@ def test_random_streams_depend_on_seed_goal_and_scene_and_on_no_id_from_the_wire
         np.testing.assert_allclose(same, usual, rtol=0.0, atol=1e-6)
     others = (
         first_push(scene, config=replace(CONFIG, seed=1)),
-        first_push(scene, task=replace(TASK, goal=TASK.goal + 1e-4)),
+        first_push(scene, task=replace(TASK, goal=Goal.place(*PLACE + 1e-4, 0.01))),
         first_push(scene + np.array([1e-4, 0, 0, 0, 0, 0, 0, 0])),
     )
     for other in others:
@@ -178,7 +182,7 @@ def test_each_push_and_each_refusal_has_a_stream_of_its_own(scene):
 
 def test_the_same_goal_sent_again_begins_anew(agent, scene):
     for _ in range(2):  # same numbers, but another task
-        assert pushed(begun(agent, scene, replace(TASK, goal=TASK.goal.copy()))).last is None
+        assert pushed(begun(agent, scene, replace(TASK, goal=replace(TASK.goal)))).last is None
 
 
 @pytest.mark.parametrize("history", [True, False])
@@ -245,7 +249,7 @@ def test_work_that_raised_is_a_stop_and_what_the_push_need_not_wait_for_is_not(a
 def test_nothing_is_decided_before_the_latest_plan_is_complete(agent, scene):
     decided = work(agent, GoalGiven(TASK), SceneSeen(scene, 1, 1)).run()
     sent, complete, _ = agent.update(decided)
-    scene[TARGET, POSITION] = TASK.goal
+    scene[TARGET, POSITION] = PLACE
     ended = PushEnded(sent.push_id, ErrorCode.OK)
     assert agent.update(ended) == agent.update(SceneSeen(scene, 1, 2)) == ()
     [stop] = agent.update(complete.run())

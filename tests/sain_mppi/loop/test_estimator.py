@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ErrorCode, OutOfRangeError
+from sain_core.goal import Goal
 from sain_core.scene import POSE, POSITION, TARGET, VELOCITY, VX, is_settled
 from sain_mppi.loop.decision import PlanJob, PushDecision, Task, View
 from sain_mppi.loop.estimate import Estimate, EstimatorConfig, fuse, in_motion
@@ -114,7 +115,7 @@ def job(scene, std, tolerance):
     sure = Uncertainty(np.full(2, std), np.full(2, 0.01), 0.95)
     view = View(scene, 1, 1, True, 0.0, sure=sure)
     goal = scene[TARGET, POSITION] + [0.008, 0.0]
-    return PlanJob(Task(1, 0, goal, tolerance, 0), view, scene, 1, 0)
+    return PlanJob(Task(1, 0, Goal.place(*goal, tolerance), 0), view, scene, 1, 0)
 
 
 def test_a_goal_is_reached_with_the_wanted_probability(scene):
@@ -133,7 +134,7 @@ def test_an_own_push_is_learned_from_with_the_noise_of_both_scenes(estimator, sc
     feed(estimator, noisy(scene, 25))
     view = estimator.estimate()
     made = PushDecision(
-        PlanJob(Task(1, 0, np.zeros(2), 0.01, 0), view, scene, 1, 0), np.ones(3), push_id=7
+        PlanJob(Task(1, 0, Goal.place(0.0, 0.0), 0), view, scene, 1, 0), np.ones(3), push_id=7
     )
     estimator.sent(made)
     estimator.completed(made)

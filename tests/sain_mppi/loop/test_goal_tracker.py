@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ErrorCode, OffTableError
+from sain_core.goal import Goal
 from sain_core.scene import Table, make_scene
 from sain_mppi.loop.decision import PlanJob, StopReason, Task, View
 from sain_mppi.loop.goal_tracker import GoalTracker, GoalTrackerConfig
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.55, 0.0)]), np.full(2, 8.0), np.array([0.08, 0.06]))
 PUSH = np.array([0.0, 0.1, 0.05])
-TASK = Task(1, 0, np.array([0.7, 0.0]), 0.01, 0)
+TASK = Task(1, 0, Goal.place(0.7, 0.0, 0.01), 0)
 
 
 class Clock:
@@ -72,7 +73,7 @@ def test_a_goal_of_one_episode_waits_for_it(tracker: GoalTracker) -> None:
 def test_a_goal_that_cannot_be_served_leaves_none(tracker: GoalTracker) -> None:
     tracker.aim(TASK)
     with pytest.raises(OffTableError):
-        tracker.aim(replace(TASK, goal=np.array([9.0, 0.0])))
+        tracker.aim(replace(TASK, goal=Goal.place(9.0, 0.0)))
     tracker.see(view())
     assert tracker.next_job() is None
 
@@ -102,8 +103,8 @@ def test_a_job_at_the_goal_without_pushes_left_or_refused_too_often_is_a_stop(
     tracker.sent(7, PUSH)
     exhausted = tracker.stop(job)
     assert exhausted is not None and exhausted.reason is StopReason.EXHAUSTED
-    assert exhausted.failure == "1 pushes left the target 150 mm from the goal"
-    there = tracker.stop(replace(job, task=replace(job.task, goal=SCENE[1, :2])))
+    assert exhausted.failure == "1 pushes left body 1 150.0 mm and 0.000 rad from its pose"
+    there = tracker.stop(replace(job, task=replace(job.task, goal=Goal.place(*SCENE[1, :2]))))
     assert there is not None and (there.reason, there.failure) == (StopReason.REACHED, "")
 
 

@@ -8,6 +8,7 @@ import pytest
 from sain_core.dynamics import IdentityPrior, StepwiseRollout
 from sain_core.errors import NoProgressError
 from sain_core.feasibility import Feasibility
+from sain_core.goal import Goal
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.seeding import generator
 from sain_mppi.loop.decision import PlanJob, Task, View
@@ -15,7 +16,7 @@ from sain_mppi.loop.planning import PlanningDecider
 from sain_mppi.loop.progress_monitor import ProgressMonitor
 from sain_mppi.search.config import PlannerConfig, ProgressConfig
 
-TASK = Task(1, 0, np.array([0.68, 0.05]), 0.01, 0)
+TASK = Task(1, 0, Goal.place(0.68, 0.05, 0.01), 0)
 CONFIG = PlannerConfig(samples=96, rounds=2)
 
 

@@ -7,6 +7,8 @@ from visualization_msgs.msg import Marker
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
+from sain_core.goal import BodyPose
+from sain_core.goal import Goal as CoreGoal
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED
 from sain_core.scene import make_scene
@@ -15,7 +17,6 @@ from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Goal, GoalPose, Plan
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.ros.mppi_node import MOST_SHAPES, MppiNode
-from sain_mppi.search.poses import BodyPose, PoseGoal
 from tests.rviz import shown
 from tests.sain_mppi.ros.straw import SMALL, nth_push, plan
 
@@ -23,7 +24,7 @@ SCENE = make_scene(
     np.array([(0.45, 0.0), (0.60, 0.25)]), np.full(2, 8.0), np.array([0.09, 0.05]), np.zeros(2)
 )
 TEE = Bodies.named(["t", "disk"], ["pushable", "fixed"])
-TURN = PoseGoal((BodyPose(0, 0.50, 0.0, 0.3, 0.01, 0.05),))
+TURN = CoreGoal((BodyPose(0, 0.50, 0.0, 0.3, 0.01, 0.05),))
 
 
 @pytest.fixture

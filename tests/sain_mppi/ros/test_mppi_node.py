@@ -162,11 +162,16 @@ def test_at_the_goal_there_is_nothing_to_push(graph, straw, planner):
 @pytest.mark.parametrize(
     ("goal", "tolerance", "code", "text"),
     [
-        ((3.0, 0.0), 0.01, ErrorCode.OFF_TABLE, "(3.000, 0.000) m is off the table"),
+        ((3.0, 0.0), 0.01, ErrorCode.OFF_TABLE, "(3.000, 0.000) m of body 1 is off the table"),
         ((np.nan, 0.0), 0.01, ErrorCode.INVALID, "must be finite"),
-        ((0.7, 0.0), -0.01, ErrorCode.OUT_OF_RANGE, "the tolerance is -0.01 m"),
-        ((0.7, 0.0), np.nan, ErrorCode.OUT_OF_RANGE, "the tolerance is nan m"),
-        ((0.7, 0.0), 1e308, ErrorCode.OUT_OF_RANGE, "the tolerance is 1e+308 m; allowed: above 0"),
+        ((0.7, 0.0), -0.01, ErrorCode.OUT_OF_RANGE, "tolerance of body 1 is -0.01 m"),
+        ((0.7, 0.0), np.nan, ErrorCode.OUT_OF_RANGE, "tolerance of body 1 is nan m"),
+        (
+            (0.7, 0.0),
+            1e308,
+            ErrorCode.OUT_OF_RANGE,
+            "tolerance of body 1 is 1e+308 m; allowed:",
+        ),
     ],
 )
 def test_a_goal_that_cannot_be_served_gets_no_push(

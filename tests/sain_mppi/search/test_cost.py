@@ -7,12 +7,14 @@ import pytest
 
 from sain_core.dynamics import StepwiseRollout
 from sain_core.feasibility import Feasibility
+from sain_core.goal import BodyPose, Goal
 from sain_core.push import LENGTH, rotate_pushes
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, rotate_scenes, unit
 from sain_core.seeding import generator
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.cost import cost_terms, make_rollout, total_cost
+from sain_mppi.search.cost import Rollout, cost_terms, pose_distance, total_cost
 from sain_mppi.search.cost_weights import CostWeights
 from sain_mppi.search.problem import Problem
 from sain_mppi.search.sampling import uniform_sequences
@@ -22,9 +24,14 @@ WEIGHTS = CostWeights()
 TURNING = ("position", "distance", "alignment", "approach", "clearance", "effort", "pushes")
 
 
+def terms_of(scene, pushes, predicted, goal, weights=WEIGHTS, regions=None):
+    rollout = Rollout.of(scene, pushes, predicted, regions)
+    return cost_terms(Goal.place(*goal), rollout, weights, FEASIBILITY, PAPER_DISKS, scene)
+
+
 def rest_terms(scene, goal, **weights):
-    rollout = make_rollout(scene, np.zeros((1, 2, 3)), np.stack([[scene, scene]]), goal)
-    terms = cost_terms(rollout, replace(WEIGHTS, **weights), FEASIBILITY)
+    rest, weights = np.stack([[scene, scene]]), replace(WEIGHTS, **weights)
+    terms = terms_of(scene, np.zeros((1, 2, 3)), rest, goal, weights)
     return {name: float(value[0]) for name, value in terms.items()}
 
 
@@ -33,18 +40,14 @@ def test_turning_scene_pushes_and_goal_together_changes_no_cost(scene, dynamics,
     goal = np.array([0.5, 0.25])
     pushes = uniform_sequences(FEASIBILITY.limits, generator(0), 64, 4)
     predicted = StepwiseRollout(dynamics).rollout(scene, pushes)
-    terms = cost_terms(make_rollout(scene, pushes, predicted, goal), WEIGHTS, FEASIBILITY)
+    terms = terms_of(scene, pushes, predicted, goal)
     c, s = np.cos(angle), np.sin(angle)
     turned_goal = np.array([[c, -s], [s, c]]) @ goal
-    turned = cost_terms(
-        make_rollout(
-            rotate_scenes(scene, angle),
-            rotate_pushes(pushes, angle),
-            rotate_scenes(predicted, angle),
-            turned_goal,
-        ),
-        WEIGHTS,
-        FEASIBILITY,
+    turned = terms_of(
+        rotate_scenes(scene, angle),
+        rotate_pushes(pushes, angle),
+        rotate_scenes(predicted, angle),
+        turned_goal,
     )
     for name in TURNING:
         np.testing.assert_allclose(turned[name], terms[name], atol=1e-9, err_msg=name)
@@ -90,8 +93,7 @@ def test_a_disk_whose_rim_gets_to_the_edge_of_the_table_costs(scene, y, out):
     after = scene.copy()
     after[MID, POSITION], after[MID, RADIUS] = [0.4, y], 0.08  # the edge: 0.6
     pushes = np.zeros((1, 1, 3))
-    rollout = make_rollout(scene, pushes, after[None, None], np.array([0.5, 0.2]))
-    terms = cost_terms(rollout, WEIGHTS, FEASIBILITY)
+    terms = terms_of(scene, pushes, after[None, None], (0.5, 0.2))
     start = scene[MID, RADIUS] - 0.08  # circles are as large as at the start
     expected = WEIGHTS.overhang * max(out + start, 0.0)
     assert terms["overhang"][0] == pytest.approx(expected, abs=1e-9)
@@ -101,8 +103,8 @@ def test_a_mid_disk_that_the_tool_can_only_push_further_away_costs_unless_the_go
     def around(away, goal):
         after = scene.copy()
         after[MID, POSITION] = away * unit(np.asarray(0.3))
-        rollout = make_rollout(scene, np.zeros((1, 1, 3)), after[None, None], np.array(goal))
-        return float(cost_terms(rollout, WEIGHTS, FEASIBILITY)["around"][0])
+        terms = terms_of(scene, np.zeros((1, 1, 3)), after[None, None], goal)
+        return float(terms["around"][0])
 
     limits, reach = FEASIBILITY.limits, FEASIBILITY.reach
     beside = scene[MID, RADIUS] + limits.tool_radius + limits.clearance
@@ -120,8 +122,7 @@ def test_a_mid_disk_that_the_tool_can_only_push_further_away_costs_unless_the_go
 def test_a_later_push_that_is_blocked_costs(scene):
     pushes = np.zeros((1, 2, 3))
     pushes[0, 1] = [np.pi, 0.0, 0.1]  # the tool would start inside the target
-    rollout = make_rollout(scene, pushes, np.stack([[scene, scene]]), np.array([0.5, 0.2]))
-    terms = cost_terms(rollout, WEIGHTS, FEASIBILITY)
+    terms = terms_of(scene, pushes, np.stack([[scene, scene]]), (0.5, 0.2))
     assert terms["blocked"][0] == WEIGHTS.blocked
     assert terms["clearance"][0] > 0.0
 
@@ -131,18 +132,14 @@ def test_where_overshooting_is_for_good_the_last_millimetres_cost(scene):
     after[TARGET, POSITION] += [0.1, 0.0]
     near, far = after[TARGET, POSITION].copy(), after[TARGET, POSITION] + [0.02, 0.0]
     pushes = np.array([[[0.0, 0.0, 0.1]]])
-    costs = [
-        cost_terms(make_rollout(scene, pushes, after[None, None], goal), WEIGHTS, FEASIBILITY)
-        for goal in (near, far)
-    ]
+    costs = [terms_of(scene, pushes, after[None, None], goal) for goal in (near, far)]
     assert costs[0]["caution"][0] > 0.0 == costs[1]["caution"][0]
 
 
 def test_predictions_that_are_not_finite_cost_infinitely(scene):
     predicted = np.stack([[scene], [scene]])
     predicted[1, 0, TARGET, 0] = np.nan
-    rollout = make_rollout(scene, np.zeros((2, 1, 3)), predicted, np.array([0.5, 0.2]))
-    costs = total_cost(cost_terms(rollout, WEIGHTS, FEASIBILITY))
+    costs = total_cost(terms_of(scene, np.zeros((2, 1, 3)), predicted, (0.5, 0.2)))
     assert np.isfinite(costs[0]) and costs[1] == np.inf
 
 
@@ -153,8 +150,8 @@ def test_risk_is_what_the_model_is_not_sure_of_about_the_target(scene, dynamics)
     weights = replace(WEIGHTS, risk=3.0)
     goal = np.array([0.7, 0.0])
     for known, risk in ((regions, 3.0 * regions[:, :, TARGET].sum(axis=1)), (None, np.zeros(5))):
-        rollout = make_rollout(scene, pushes, predicted, goal, known)
-        np.testing.assert_allclose(cost_terms(rollout, weights, FEASIBILITY)["risk"], risk)
+        terms = terms_of(scene, pushes, predicted, goal, weights, known)
+        np.testing.assert_allclose(terms["risk"], risk)
 
 
 def test_a_sure_sequence_is_preferred_when_risk_has_a_price(scene, dynamics):
@@ -164,7 +161,7 @@ def test_a_sure_sequence_is_preferred_when_risk_has_a_price(scene, dynamics):
         def regions(self, scene, pushes, predicted):
             return np.repeat(pushes[..., LENGTH, None] > 0.06, 2, axis=-1).astype(float)
 
-    goal = np.array([0.68, 0.05])
+    goal = Goal.place(0.68, 0.05)
     lengths = []
     for risk in (0.0, 50.0):
         config = PlannerConfig(samples=192, weights=CostWeights(risk=risk))
@@ -174,3 +171,27 @@ def test_a_sure_sequence_is_preferred_when_risk_has_a_price(scene, dynamics):
         lengths.append(plan.pushes[:, LENGTH].max())
         assert plan.regions.shape == (config.horizon, 2)
     assert lengths[0] > 0.06 > lengths[1]
+
+
+def test_the_distance_is_that_of_points_about_the_body(scene):
+    wanted, bodies = Goal((BodyPose(0, 0.5, 0.1, 1.0),)), Bodies.named(("t", "disk"), ())
+
+    def distance(x, y, heading):
+        after = scene.copy()
+        after[0, [0, 1, 2, RADIUS]] = x, y, heading, 0.06
+        return pose_distance(wanted, after, bodies, 1.0)[0]
+
+    assert distance(0.53, 0.14, 1.0) == pytest.approx(0.05)
+    half = distance(0.5, 0.1, 1.0 + np.pi)
+    assert half == pytest.approx(2 * 0.06)  # points on the circumscribed circle, opposite
+
+
+def test_any_body_that_the_tool_may_not_touch_is_pushed_by_another(scene):
+    roles = ("movable", "pushable")
+    swapped, goal = Bodies.named(("disk", "disk"), roles), Goal.place(0.5, 0.2, body=0)
+    pushes, after = np.zeros((1, 1, 3)), scene[None, None]
+    terms = terms_of(scene, pushes, after, (0.5, 0.2))
+    rollout = Rollout.of(scene[::-1], np.zeros((1, 1, 4)), after[..., ::-1, :])
+    mirrored = cost_terms(goal, rollout, WEIGHTS, FEASIBILITY, swapped, scene[::-1])
+    for name in ("position", "distance", "alignment", "approach", "caution", "reach"):
+        np.testing.assert_allclose(mirrored[name], terms[name], err_msg=name)

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from sain_core.feasibility import Feasibility
+from sain_core.goal import BodyPose, Goal
 from sain_core.push import ANGLE, BODY, LENGTH, strokes
 from sain_core.scene import POSITION, make_scene, wrap_angle
-from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.shapes.bodies import Bodies
 from sain_mppi.search.cost_weights import CostWeights
-from sain_mppi.search.objective import PoseObjective, TargetObjective, make_objective
-from sain_mppi.search.poses import BodyPose, PoseGoal
+from sain_mppi.search.objective import Objective
 from sain_mppi.search.sampling import inside_limits, weighted_mean
 
 FEASIBILITY = Feasibility()
@@ -15,11 +15,11 @@ PAIR = Bodies.named(("bar", "disk"), ("pushable", "pushable"))
 SCENE = make_scene(
     np.array([[0.45, -0.15], [0.5, 0.15]]), np.full(2, 8.0), np.full(2, 0.06), np.array([0.4, 0.0])
 )
-GOAL = PoseGoal((BodyPose(0, 0.6, -0.1, 0.0), BodyPose(1, 0.35, 0.2)))
+GOAL = Goal((BodyPose(0, 0.6, -0.1, 0.0), BodyPose(1, 0.35, 0.2)))
 
 
-def objective(bodies: Bodies = PAIR) -> PoseObjective:
-    return PoseObjective(GOAL, SCENE, CostWeights(), FEASIBILITY, bodies)
+def objective(bodies: Bodies = PAIR) -> Objective:
+    return Objective(GOAL, SCENE, CostWeights(), FEASIBILITY, bodies)
 
 
 def test_uniform_draws_are_even_along_all_outlines_together():
@@ -57,10 +57,10 @@ def test_rest_costs_more_the_farther_the_bodies_are():
 
 
 def test_moving_a_body_that_is_to_be_kept_costs():
-    kept = PoseGoal((BodyPose(0, 0.6, -0.1, 0.0),), keep=(1,))
+    kept = Goal((BodyPose(0, 0.6, -0.1, 0.0),), keep=(1,))
     after = SCENE.copy()
     after[1, 0] += 0.02
-    terms = PoseObjective(kept, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
+    terms = Objective(kept, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
         SCENE, np.zeros((1, 1, 4)), after[None, None]
     )
     assert terms["keep"][0] == pytest.approx(CostWeights().keep * 0.02)
@@ -71,25 +71,25 @@ def test_a_shape_that_gets_over_the_edge_of_the_table_costs(x: float, out: float
     after = SCENE.copy()
     after[0, POSITION] = x, 0.0  # a circle of 6 cm and 2 cm of room; the edge is at 16 cm
     after[1, POSITION] = 0.5, 0.3
-    for goal in (GOAL, np.array([0.4, 0.0])):
-        terms = make_objective(goal, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
+    for goal in (GOAL, Goal.place(0.4, 0.0)):
+        terms = Objective(goal, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
             SCENE, np.zeros((1, 1, 4)), after[None, None]
         )
         assert terms["overhang"][0] == pytest.approx(CostWeights().overhang * out)
 
 
 def test_a_shape_may_be_near_the_edge_where_its_goal_is_or_where_it_is_left():
-    near = PoseGoal((BodyPose(0, 0.19, 0.0),))
+    near = Goal((BodyPose(0, 0.19, 0.0),))
     after = near.placed(SCENE)
 
-    def overhang(goal: PoseGoal | np.ndarray, start: np.ndarray) -> float:
-        terms = make_objective(goal, start, CostWeights(), FEASIBILITY, PAIR).terms(
+    def overhang(goal: Goal, start: np.ndarray) -> float:
+        terms = Objective(goal, start, CostWeights(), FEASIBILITY, PAIR).terms(
             start, np.zeros((1, 1, 4)), after[None, None]
         )
         return float(terms["overhang"][0])
 
     assert overhang(near, SCENE) == 0.0
-    assert overhang(np.array([0.4, 0.0]), after) == 0.0
+    assert overhang(Goal.place(0.4, 0.0), after) == 0.0
     assert overhang(GOAL, after) == pytest.approx(5.0)  # it has a goal elsewhere
 
 
@@ -101,8 +101,14 @@ def test_the_mean_of_pushes_is_one_against_the_body_with_most_weight():
     assert (inside_limits(mean[None], FEASIBILITY.limits)[..., BODY] == 1).all()
 
 
-def test_a_place_is_the_paper_s_goal_and_poses_are_for_bodies():
-    place = make_objective(np.array([0.6, 0.0]), SCENE, CostWeights(), FEASIBILITY, PAPER_DISKS)
-    assert isinstance(place, TargetObjective) and place.push_size == 3
-    poses = make_objective(GOAL, SCENE, CostWeights(), FEASIBILITY, PAIR)
-    assert isinstance(poses, PoseObjective) and poses.push_size == 4
+def test_candidates_push_through_another_body_what_the_tool_may_not_touch():
+    bodies = Bodies.named(("bar", "disk", "disk"), ("pushable", "pushable", "movable"))
+    scene = np.concatenate([SCENE, SCENE[1:]])
+    scene[2, POSITION] = 0.6, 0.0
+    goal = Goal((BodyPose(0, 0.6, -0.2), BodyPose(2, 0.7, 0.1)))
+    search = Objective(goal, scene, CostWeights(), FEASIBILITY, bodies)
+    drawn = search.candidates(scene, np.random.default_rng(0), 200, 3)
+    assert drawn.shape == (200, 3, 4) and {0.0, 1.0} == set(drawn[..., BODY].ravel())
+    assert {"alignment", "approach"} <= set(
+        search.terms(scene, drawn[:1], scene[None, None] + np.zeros((1, 3, 1, 1)))
+    )

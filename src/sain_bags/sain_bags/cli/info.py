@@ -69,8 +69,8 @@ def episode_table(episodes: tuple[Episode, ...]) -> FittingTable:
             str(len(episode.start)),
             str(len(episode.executed)),
             str(len(episode.pushes) - len(episode.executed)),
-            _millimetres(episode.final_distance),
-            _millimetres(episode.tolerance),
+            _millimetres(episode.distance(episode.final)),
+            _millimetres(episode.goal.tolerance) if episode.goal else "-",
             f"{1e3 * float(np.median(times)):.0f} ms" if times else "-",
             "none" if episode.goal is None else reached,
         )

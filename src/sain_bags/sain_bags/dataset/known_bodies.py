@@ -2,19 +2,19 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.asked_poses import kept_bodies
 from sain_bags.transitions.message_fields import BODIES, GOAL, GOAL_ID, parent_of
 from sain_bags.transitions.sources import Source
 from sain_core.dataset import POSED, SHAPED, Column, Columns, describe_bodies
 from sain_core.errors import DatasetError, SainError
+from sain_core.scene import THETA, X, Y
 from sain_core.shapes.bodies import MOST_BODIES, PAPER_DISKS, Bodies
 from sain_core.shapes.received import decode_bodies
-from sain_core.wire import decode_goal_poses
+from sain_core.wire import decode_goal
 
 POSE: Final = 3  # numbers: x, y, heading
 Key = tuple[str, int]  # a bag, and an id of an episode or of a goal in it
@@ -99,17 +99,19 @@ class KnownBodies:
                     f" {_names(self._bodies[key])}, then {_names(bodies)}"
                 )
 
-    def _goal(self, sha256: str, message: object) -> None:
-        bodies, values = decode_goal_poses(message)
-        if not len(bodies):
+    def _goal(self, sha256: str, message: Any) -> None:
+        if not len(getattr(message, "poses", ())):  # columns of their own have its place
             return
-        keep, tolerance = kept_bodies(message)
-        largest = max(*bodies.tolist(), *keep, -1)
+        goal = decode_goal(message)
+        largest = max((*goal.wanted, *goal.keep))
         if largest >= MOST_BODIES:
             raise DatasetError(f"a goal is given for body {largest}; at most {MOST_BODIES}")
         poses = np.full((MOST_BODIES, POSE + 3), np.nan)
-        poses[bodies, :-1] = values
-        poses[list(keep), -1] = tolerance
+        for pose in goal.poses:
+            poses[pose.body, [X, Y, POSE]] = pose.x, pose.y, pose.tolerance
+            if pose.heading is not None:
+                poses[pose.body, [THETA, POSE + 1]] = pose.heading, pose.heading_tolerance
+        poses[list(goal.keep), -1] = goal.keep_tolerance
         self._poses[sha256, int(getattr(message, GOAL_ID))] = poses
 
 

@@ -146,12 +146,8 @@ def _view(found: Sequence[Gathered]) -> list[float]:
         for scene in scenes:
             points += [scene[:, :2] - scene[:, 7:], scene[:, :2] + scene[:, 7:]]
         if one.episode.goal is not None:
-            goals = (
-                one.episode.goal[None]
-                if one.episode.poses is None
-                else one.episode.poses.values[:, :2]
-            )
-            points += [goals - 0.03, goals + 0.03]
+            places = one.episode.goal.places
+            points += [places - 0.03, places + 0.03]
     every = np.clip(np.concatenate(points), -5.0, 5.0)
     (left, bottom), (right, top) = every.min(axis=0) - 0.05, every.max(axis=0) + 0.05
     return [round(float(value), 3) for value in (left, right, bottom, top)]

@@ -37,16 +37,15 @@ def describe_episode(gathered: Gathered, title: str, start: int) -> dict[str, An
         "number": episode.episode_id,
         "title": title,
         "outcome": outcome(episode),
-        "goal": None if episode.goal is None else [rounded(value) for value in episode.goal],
         "aimed": episode.aimed,
         "poses": _poses(episode),
         "keep": _keep(episode),
-        "tolerance": rounded(episode.tolerance),
-        "distance": rounded(episode.final_distance),
+        "tolerance": rounded(episode.goal.tolerance if episode.goal else None),
+        "distance": rounded(episode.distance(episode.final)),
         "maxPushes": episode.max_pushes,
         "start": rounded(1e-9 * (episode.interval[0] - start), 3),
         "end": rounded(1e-9 * (episode.interval[1] - start), 3),
-        "turn": rounded(episode.poses.turns(episode.final).max()) if episode.poses else None,
+        "turn": _turn(episode),
         "disks": _disks(frames[0].scene if frames else episode.start, gathered),
         "frames": _frames(frames, gathered, replaced, len(pushes) > len(shown)),
         "pushes": shown,
@@ -63,26 +62,36 @@ def outcome(episode: Episode) -> str:
     return "reached" if episode.success else "not reached"
 
 
+def _turn(episode: Episode) -> float | None:
+    """Return the largest turn [rad] from a heading at the end; None: none is asked for."""
+    judged = episode.judge(episode.final)
+    return rounded(judged.turn) if judged is not None and judged.goal.has_heading else None
+
+
 def _poses(episode: Episode) -> list[dict[str, Any]]:
     """Return the poses that bodies should come to; the heading is null where any will do."""
-    names, poses = ("x", "y", "heading", "tolerance", "turn"), episode.poses
-    if poses is None:
-        return []
     return [
-        {"body": body, **dict(zip(names, map(rounded, pose.tolist()), strict=True))}
-        for body, pose in zip(poses.bodies, poses.values, strict=True)
+        {
+            "body": pose.body,
+            "x": rounded(pose.x),
+            "y": rounded(pose.y),
+            "heading": None if pose.heading is None else rounded(pose.heading),
+            "tolerance": rounded(pose.tolerance),
+            "turn": None if pose.heading is None else rounded(pose.heading_tolerance),
+        }
+        for pose in (episode.goal.poses if episode.goal else ())
     ]
 
 
 def _keep(episode: Episode) -> list[dict[str, Any]]:
     """Return the bodies to be kept, by how far they may be moved and were [m]."""
-    poses = episode.poses
-    if poses is None:
+    judged = episode.judge(episode.final)
+    if judged is None:
         return []
-    moved = poses.moved(episode.final, episode.start).tolist()
+    tolerance = rounded(judged.goal.keep_tolerance)
     return [
-        {"body": body, "tolerance": rounded(poses.keep_tolerance), "moved": rounded(way)}
-        for body, way in zip(poses.keep, moved, strict=False)
+        {"body": body, "tolerance": tolerance, "moved": rounded(way)}
+        for body, way in zip(judged.goal.keep, judged.ways.tolist(), strict=False)
     ]
 
 

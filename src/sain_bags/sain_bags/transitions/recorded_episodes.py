@@ -9,7 +9,6 @@ from operator import attrgetter
 from typing import Any
 
 from sain_bags.reading.reader import Bag, Received
-from sain_bags.transitions.asked_poses import AskedPoses, asked_poses
 from sain_bags.transitions.message_fields import (
     BODIES,
     EPISODE_TYPES,
@@ -27,12 +26,13 @@ from sain_bags.transitions.recorded_pushes import (
     recorded_plan,
     recorded_push,
 )
-from sain_core.errors import DatasetError, InvalidInputError, SainError
+from sain_core.errors import DatasetError, InvalidInputError, OutOfRangeError, SainError
+from sain_core.goal import Goal, Judgement
 from sain_core.push_record import PushRecord
-from sain_core.scene import POSITION, TARGET, Table, target_distance
+from sain_core.scene import TARGET
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.received import decode_bodies
-from sain_core.types import Points, Scene
+from sain_core.types import Scene
 from sain_core.wire import decode_disks, decode_goal
 
 
@@ -43,14 +43,12 @@ class Episode:
     episode_id: int
     start: Scene  # (N, 8), as the reset left it
     final: Scene  # (N, 8), the last settled one
-    goal: Points | None  # (2,), None: none was given; of poses the first one's place
-    tolerance: float  # [m], of that
+    goal: Goal | None  # None: none was given
     max_pushes: int  # 0: no limit
     pushes: tuple[RecordedPush, ...]
     plans: tuple[PlanRecord, ...]
     interval: tuple[int, int]  # [ns since the epoch], first and last message received
     bodies: Bodies = PAPER_DISKS
-    poses: AskedPoses | None = None  # of the goal; None: it is a place for the target
     parts: tuple["Episode", ...] = ()  # towards each goal in order, where there were several
 
     @property
@@ -66,8 +64,8 @@ class Episode:
 
     @property
     def aimed(self) -> int:
-        """The body that the goal is for: the target, or the first that has a pose."""
-        return self.poses.bodies[0] if self.poses else min(TARGET, len(self.final) - 1)
+        """The first body that the goal is for; without a goal the target."""
+        return self.goal.wanted[0] if self.goal else min(TARGET, len(self.final) - 1)
 
     @property
     def executed(self) -> tuple[RecordedPush, ...]:
@@ -79,26 +77,21 @@ class Episode:
         """The records of the pushes that were executed and have both scenes."""
         return tuple(push.record for push in self.pushes if push.record is not None)
 
-    @property
-    def final_distance(self) -> float:
-        """Distance from the target to the goal at the end [m], NaN without a goal."""
-        return self.distance(self.final)
+    def judge(self, scene: Scene) -> Judgement | None:
+        """Judge a scene (N, 8); None: there is no goal."""
+        bodies = self.bodies.fitted(len(scene))
+        return None if self.goal is None else self.goal.judge(scene, self.start, bodies)
 
     def distance(self, scene: Scene) -> float:
-        """Return the distance [m] from the target to the goal, or the largest to a pose; or NaN."""
-        if self.poses is not None:
-            return float(self.poses.distances(scene).max())
-        if self.goal is None:
-            return float("nan")
-        return float(target_distance(scene, self.goal))
+        """Return the largest distance [m] of a body from its pose; NaN without a goal."""
+        judged = self.judge(scene)
+        return float("nan") if judged is None else judged.distance
 
     @property
     def success(self) -> bool:
-        """Whether the target came to rest within the tolerance with every disk on the table."""
-        on_table = bool(Table().contains(self.final[:, POSITION]).all())
-        if self.poses is not None:
-            return on_table and self.poses.reached(self.final, self.start)
-        return on_table and self.final_distance <= self.tolerance
+        """Whether the last scene, which was settled, meets the goal."""
+        judged = self.judge(self.final)
+        return judged is not None and judged.met
 
 
 @dataclass
@@ -222,21 +215,24 @@ def _episode(number: int, draft: _Draft, goal: Any, physics: dict[int, Any]) -> 
     before = [push.before for push in pushes if push.before is not None]
     after = [push.after for push in pushes if push.after is not None]
     scenes = draft.scenes or before
-    poses = asked_poses(goal, draft.bodies) if goal else None
-    place = decode_goal(goal) if goal else None
     return Episode(
         episode_id=number,
         start=scenes[0],
         final=(after or scenes)[-1],
-        goal=poses.values[0, :2] if poses else place,
-        tolerance=float(poses.values[0, 3] if poses else goal.tolerance) if goal else float("nan"),
+        goal=_goal(goal, len(scenes[0])) if goal else None,
         max_pushes=int(goal.max_pushes) if goal else 0,
         pushes=pushes,
         plans=tuple(draft.plans),
         interval=(draft.first, draft.last),
         bodies=draft.bodies,
-        poses=poses,
     )
+
+
+def _goal(message: Any, count: int) -> Goal | None:
+    try:
+        return decode_goal(message).fitted(count)
+    except OutOfRangeError:  # the planner refused it, and followed none
+        return None
 
 
 def _bodies(message: Any) -> Bodies:

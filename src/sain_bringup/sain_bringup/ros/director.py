@@ -24,10 +24,9 @@ from sain_core.ros.peers import refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.steady import SIMULATED
 from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.tolerance import Tolerance
 from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult
 from sain_interfaces.srv import ResetScene
-from sain_mppi.ros.goal_message import encode_pose_goal
-from sain_mppi.search.poses import PoseGoal
 
 SPIN: Final = 0.02  # [s], also how soon a signal or a dead process is noticed
 LOOK: Final = 0.1  # [s] between looks at the graph: each costs some ms
@@ -126,7 +125,7 @@ class Director(Node):
     def play(self, case: ScenarioScene, tolerance: float, view: EpisodeView) -> None:
         """Play one episode until all goals are reached in a row, or no push follows.
 
-        The tolerance [m] is that of a goal of the target; poses have their own.
+        The tolerance [m] is that of places; headings have 5 rad for each metre of it.
 
         Raises:
             SainError: the simulator refused the scene, or nothing happened any more.
@@ -135,9 +134,9 @@ class Director(Node):
         episode_id = self._reset(case, view)
         self._events.clear()
         progress = Progress(view)
-        for goal in case.goals:
+        for goal in map(Tolerance(tolerance).apply, case.goals):
             view.begin(len(case.goals))
-            self._pursue(replace(case, goal=goal, further=()), episode_id, tolerance, progress)
+            self._pursue(replace(case, goal=goal, further=()), episode_id, progress)
             if not view.reached:
                 break
         self._wait_for_predictions(episode_id, progress)
@@ -153,14 +152,12 @@ class Director(Node):
         """The time [s] when the last process came back that had crashed; never, if one is not."""
         return -inf if self._supervisor is None else self._supervisor.back_at
 
-    def _pursue(
-        self, case: ScenarioScene, episode_id: int, tolerance: float, progress: Progress
-    ) -> None:
+    def _pursue(self, case: ScenarioScene, episode_id: int, progress: Progress) -> None:
         """Give the goal of a case, and follow what happens until the planner is done with it.
 
         Where a crash may have swallowed the last news of the goal, it is given again.
         """
-        goal = self._give_goal(case, episode_id, tolerance)
+        goal = self._give_goal(case, episode_id)
         progress.begin(goal.goal_id, case)
         given = time.monotonic()
 
@@ -251,14 +248,11 @@ class Director(Node):
         view.at(distance(case, scene))
         return int(scene.episode_id)
 
-    def _give_goal(self, case: ScenarioScene, episode_id: int, tolerance: float) -> Goal:
+    def _give_goal(self, case: ScenarioScene, episode_id: int) -> Goal:
         self._goals += 1
         named = {"goal_id": self._goals, "episode_id": episode_id, "max_pushes": case.max_pushes}
         stamp = self.get_clock().now().to_msg()
-        if isinstance(case.goal, PoseGoal):
-            message = encode_pose_goal(case.goal, stamp=stamp, **named)
-        else:
-            message = encode_goal(case.goal, stamp=stamp, tolerance=tolerance, **named)
+        message = encode_goal(case.goal, stamp=stamp, **named)
         self._goal.publish(message)
         return message
 

@@ -7,12 +7,10 @@ from typing import Final
 
 from sain_bringup.display import EpisodeView
 from sain_core.errors import ErrorCode
-from sain_core.scene import target_distance
 from sain_core.shapes.bodies import Bodies
 from sain_core.wire import decode_disks
 from sain_eval.scenes.scenarios import ScenarioScene
 from sain_interfaces.msg import Plan, PushPrediction, PushResult, Scene
-from sain_mppi.search.poses import PoseGoal
 
 LOST: Final = 5.0  # [s] after which what was not heard has got lost, where a process has crashed
 
@@ -99,9 +97,7 @@ class Progress:
 
 
 def distance(case: ScenarioScene, message: Scene) -> float:
-    """Return the distance [m] from the target to the goal, or the largest of bodies to poses."""
+    """Return the largest distance [m] of a body to its pose."""
     scene = decode_disks(message.disks)
-    if not isinstance(case.goal, PoseGoal):
-        return float(target_distance(scene, case.goal))
     bodies = Bodies.named(case.shapes, case.roles)
-    return float(case.goal.errors(scene, bodies)[0].max())
+    return case.goal.judge(scene, scene, bodies).distance

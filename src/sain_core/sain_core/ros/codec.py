@@ -14,14 +14,16 @@ from geometry_msgs.msg import Point, Point32, Polygon, Pose, PoseWithCovariance,
 from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import Header
 
+from sain_core.goal import BodyPose, Goal
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH, PUSH_NAMES, PUSH_SIZE, pushed_bodies
 from sain_core.scene import DISK_HEIGHT, STATE_NAMES, THETA, X, Y
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Shape, Solid
-from sain_core.types import Points, PushArray, Pushes, PushSequences, Scalars, Scene, Scenes
+from sain_core.types import PushArray, Pushes, PushSequences, Scalars, Scene, Scenes
 from sain_interfaces.msg import Bodies as BodiesMessage
-from sain_interfaces.msg import Body, DiskState, Goal, Plan, Push
+from sain_interfaces.msg import Body, DiskState, GoalPose, Plan, Push
+from sain_interfaces.msg import Goal as GoalMessage
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import PredictResidual, Rollout
 
@@ -146,24 +148,37 @@ def encode_push(
 
 
 def encode_goal(
-    goal: Points,
-    *,
-    stamp: Time,
-    goal_id: int,
-    episode_id: int = 0,
-    tolerance: float,
-    max_pushes: int = 0,
-) -> Goal:
-    """Return a goal (2,) [m]; episode 0 is any, 0 pushes is no limit."""
-    x, y = goal.tolist()
-    return Goal(
+    goal: Goal, *, stamp: Time, goal_id: int, episode_id: int = 0, max_pushes: int = 0
+) -> GoalMessage:
+    """Return a goal; episode 0 is any, 0 pushes is no limit.
+
+    A place for the target needs no poses. Of others, x, y and tolerance are the first pose's.
+    """
+    first = goal.poses[0]
+    message = GoalMessage(
         header=header(stamp),
         goal_id=goal_id,
         episode_id=episode_id,
-        x=x,
-        y=y,
-        tolerance=tolerance,
+        x=first.x,
+        y=first.y,
+        tolerance=first.tolerance,
         max_pushes=max_pushes,
+    )
+    if not goal.is_place:
+        message.poses = [_goal_pose(pose) for pose in goal.poses]
+        message.keep, message.keep_tolerance = list(goal.keep), goal.keep_tolerance
+    return message
+
+
+def _goal_pose(pose: BodyPose) -> GoalPose:
+    return GoalPose(
+        body=pose.body,
+        x=pose.x,
+        y=pose.y,
+        heading=pose.heading or 0.0,
+        has_heading=pose.heading is not None,
+        tolerance=pose.tolerance,
+        heading_tolerance=pose.heading_tolerance,
     )
 
 

@@ -9,6 +9,7 @@ import tyro
 
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
+from sain_core.goal import MOST_TOLERANCE, MOST_TURN
 from sain_core.observation import observation_settings
 from sain_core.workers.options import WorkerOptions
 from sain_eval.cli.table_parts import TABLE_PARTS, TablePart
@@ -17,7 +18,6 @@ from sain_eval.tolerance import Tolerance
 from sain_mppi.loop.agent import AgentConfig
 from sain_mppi.loop.estimate import EstimatorConfig
 from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.goal import MOST_TOLERANCE, MOST_TURN
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.camera import WorldCameraConfig
 

@@ -49,7 +49,7 @@ def run_episode(
     config, parameters = world_config or WorldConfig(), case.parameters()
     within = Tolerance.of(tolerance)
     tasks = [
-        Task(number, 0, within.apply(goal), within.distance, case.max_pushes)
+        Task(number, 0, within.apply(goal), case.max_pushes)
         for number, goal in enumerate(case.goals, start=1)
     ]
     with open_world(parameters, config, engine=case.truth.engine) as world:
@@ -58,7 +58,6 @@ def run_episode(
     *earlier, last = (
         EpisodeRecord(
             one.task.goal,
-            one.task.tolerance,
             one.pushes,
             one.start,
             case.shapes,

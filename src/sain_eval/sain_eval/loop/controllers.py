@@ -19,7 +19,6 @@ from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_mppi.loop.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.loop.decision import Decider, PlanJob, PushDecision
 from sain_mppi.search.feasible_mask import permitted
-from sain_mppi.search.poses import PoseGoal
 
 ORACLE: Final = "oracle"
 RANDOM_DRAWS: Final = 256
@@ -44,17 +43,17 @@ class StraightDecider(Decider):
         """Push along the line from mid disk to goal by the distance left for the target.
 
         Raises:
-            NoPushError: this push was refused, or the goal is poses.
+            NoPushError: this push was refused, or the goal is more than a place.
         """
-        if isinstance(job.goal, PoseGoal):
+        if not job.goal.is_place:
             raise NoPushError(
-                "the controller straight brings a target to a place, and the goal is poses;"
+                "the controller straight brings a target to a place, and the goal asks for more;"
                 " choose random, planar or another model"
             )
         if job.refused:
             location = job.refused[-1][LOCATION]
             raise NoPushError(f"the straight push at {location:.2f} rad was refused")
-        scene, goal = job.view.scene, job.goal
+        scene, goal = job.view.scene, job.goal.places[0]
         way = goal - scene[MID, POSITION]
         left = float(np.linalg.norm(goal - scene[TARGET, POSITION]))
         length = min(self._limits.clearance + left, self._limits.max_length)

@@ -14,7 +14,7 @@ import numpy as np
 from sain_core.dataset import MOVED
 from sain_core.provenance import git_commit, processor, system, versions
 from sain_core.push_record import PushRecord
-from sain_core.scene import POSITION, THETA, wrap_angle
+from sain_core.scene import MID, POSITION, THETA, wrap_angle
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
 from sain_core.types import Scene
@@ -24,7 +24,6 @@ from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.tolerance import Tolerance
-from sain_mppi.search.poses import PoseGoal
 
 TURNED: Final = 0.02  # [rad], as little as `MOVED` at the rim of a body of 0.1 m
 SCHEMA: Final = "sain-results-1"
@@ -42,16 +41,17 @@ class SceneRecord:
     tolerance: float  # [m]
     success: bool  # settled within the tolerance, everything on the table, in time
     pushes: int  # until then, or all that were made
-    final_distance: float  # [m], target to goal then, or at the end; of poses the largest
+    final_distance: float  # [m], then or at the end; of several poses the largest
     planning_seconds: float  # mean of the pushes
     target_errors: tuple[float, ...]  # [m], of the model's prediction, one for each push
-    mid_errors: tuple[float, ...]  # [m]; none for poses
+    mid_errors: tuple[float, ...]  # [m]; none where it has a pose itself
     refusals: int
     failure: str  # empty for a success
     fallbacks: int = 0  # pushes that physics planned because the model failed
-    heading_tolerance: float = 0.0  # [rad]; 0: the goal is a place
+    heading_tolerance: float = 0.0  # [rad]
+    has_heading: bool = False  # whether the goal asks for one
     final_turn: float = 0.0  # [rad], as the distance
-    turn_errors: tuple[float, ...] = ()  # [rad], of the model's prediction; none for places
+    turn_errors: tuple[float, ...] = ()  # [rad], of the model's prediction
     plan_seconds: tuple[float, ...] = ()  # of each push
     shapes: tuple[str, ...] = ()  # of the bodies
     goals: int = 1  # reached in a row, where a scene has several
@@ -87,20 +87,20 @@ def _judge(
     case: ScenarioScene, controller: str, outcome: EpisodeOutcome, tolerance: Tolerance
 ) -> SceneRecord:
     made: list[PushRecord] = []
-    goals, left = 0, (0.0, 0.0)
+    goals, judged = 0, outcome.records[0].judge(outcome.records[0].start)
     for episode in outcome.records:
         reached = episode.pushes_to(tolerance)
         count = len(episode.pushes) if reached is None else reached
         made += episode.pushes[:count]
-        left = episode.left(episode.scenes[count])
+        judged = episode.judge(episode.scenes[count])
         if reached is None:
             break
         goals += 1
     success = goals == len(case.goals)
-    times, poses = [push.planning_time for push in made], isinstance(case.goal, PoseGoal)
+    times = [push.planning_time for push in made]
     errors = [_prediction_error(push, outcome.record) for push in made]
     known = [error for error in errors if error is not None]
-    mid = [] if poses else [e for push in made if (e := push.mid_error) is not None]
+    mid = [e for push in made if (e := push.mid_error) is not None]
     return SceneRecord(
         scenario=case.scenario,
         seed=case.seed,
@@ -108,16 +108,17 @@ def _judge(
         tolerance=tolerance.distance,
         success=success,
         pushes=len(made),
-        final_distance=left[0],
+        final_distance=judged.distance,
         planning_seconds=float(np.mean(times)) if times else 0.0,
         target_errors=tuple(distance for distance, _ in known),
-        mid_errors=tuple(mid),
+        mid_errors=() if MID in case.goal.wanted else tuple(mid),
         refusals=outcome.refusals,
         failure="" if success else outcome.failure or "not within this tolerance",
         fallbacks=outcome.fallbacks,
-        heading_tolerance=tolerance.turn if poses else 0.0,
-        final_turn=left[1],
-        turn_errors=tuple(turn for _, turn in known) if poses else (),
+        heading_tolerance=tolerance.turn,
+        has_heading=case.goal.has_heading,
+        final_turn=judged.turn,
+        turn_errors=tuple(turn for _, turn in known),
         plan_seconds=tuple(times),
         shapes=case.shapes,
         goals=goals,
@@ -144,7 +145,7 @@ def _apart(one: Scene, other: Scene, episode: EpisodeRecord) -> tuple[float, flo
 
     The turn of a disk shows nowhere and does not count.
     """
-    rows = list(episode.wanted)
+    rows = list(episode.goal.wanted)
     off = one[rows] - other[rows]
     turned = [not episode.bodies.shapes[body].is_round for body in rows]
     turns = np.where(turned, np.abs(wrap_angle(off[:, THETA])), 0.0)
@@ -162,7 +163,7 @@ def summarise(records: Sequence[SceneRecord]) -> list[dict[str, Any]]:
 
 def _row(records: list[SceneRecord]) -> dict[str, Any]:
     solved = [record for record in records if record.success]
-    first = records[0]
+    first, turned = records[0], any(record.has_heading for record in records)
     random = generator(0, "bootstrap", *map(str, first.group))
     errors = [error for record in records for error in record.target_errors]
     mid_errors = [error for record in records for error in record.mid_errors]
@@ -171,7 +172,7 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
         "scenario": first.scenario,
         "controller": first.controller,
         "tolerance": first.tolerance,
-        "heading_tolerance": first.heading_tolerance,
+        "heading_tolerance": first.heading_tolerance if turned else 0.0,
         "scenes": len(records),
         "successes": len(solved),
         "rate": interval_row(wilson_interval(len(solved), len(records))),
@@ -182,7 +183,7 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
         "planning_median": _quantile(times, 0.5),
         "planning_p95": _quantile(times, 0.95),
         "target_error": _mean(errors),
-        "turn_error": _mean([error for record in records for error in record.turn_errors]),
+        "turn_error": _mean([e for r in records if turned for e in r.turn_errors]),
         "mid_error": _mean(mid_errors),
         "refusals": sum(record.refusals for record in records),
         "fallbacks": sum(record.fallbacks for record in records),

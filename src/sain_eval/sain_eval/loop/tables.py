@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import groupby
 from typing import Any, Final
 
+from sain_core.shapes.disk import DISK
 from sain_eval.loop.controllers import BASELINES
 from sain_eval.loop.results import SceneRecord, summarise
 from sain_model.evaluation.markdown import markdown_table
@@ -92,10 +93,10 @@ def _name(record: SceneRecord) -> tuple[str, int, str]:
 
 def failure_line(record: SceneRecord) -> str:
     """Return which episode failed, at which tolerance, why, and how it ended."""
-    bodies = f" ({', '.join(record.shapes)})" if record.heading_tolerance else ""
-    within = tolerance_text(record.tolerance, record.heading_tolerance)
+    bodies = f" ({', '.join(record.shapes)})" if {*record.shapes} - {DISK} else ""
+    within = tolerance_text(record.tolerance, record.has_heading * record.heading_tolerance)
     end = f"{1e3 * record.final_distance:.1f} mm"
-    end += f", {record.final_turn:.3f} rad" if record.heading_tolerance else ""
+    end += f", {record.final_turn:.3f} rad" if record.has_heading else ""
     several = record.most_goals > 1 or record.goals > 1
     goals = f" after {record.goals} goals in a row" if several else ""
     return (

@@ -10,12 +10,11 @@ from matplotlib.patches import Circle, Patch, Polygon
 from numpy import ndarray
 
 from sain_core.drawing.palette import PALETTE, rgba
-from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, unit
+from sain_core.goal import BodyPose, Goal
+from sain_core.scene import POSITION, RADIUS, THETA, unit
 from sain_core.shapes.bodies import MOST_BODIES, Bodies
 from sain_core.shapes.shape import Shape
 from sain_core.types import Points, Scene
-from sain_mppi.search.goal import Goal
-from sain_mppi.search.poses import BodyPose, PoseGoal
 
 _COLOURS: Final = (
     PALETTE.mid,
@@ -43,8 +42,8 @@ class Depicted(Protocol):
         """The first scene (N, 8)."""
 
     @property
-    def goal(self) -> Goal | PoseGoal:
-        """A place (2,) for the target, or poses."""
+    def goal(self) -> Goal:
+        """What bodies should come to."""
 
     @property
     def bodies(self) -> Bodies:
@@ -53,18 +52,18 @@ class Depicted(Protocol):
 
 def body_names(record: Depicted) -> list[str]:
     """Return what of `sain_eval.legend.MARKS` stands for the bodies and their goal."""
-    count = len(record.start)
-    if isinstance(record.goal, PoseGoal):
-        return [*(f"body {body}" for body in range(count)), "goal pose"]
-    round_ = [shape.is_round for shape in record.bodies.shapes]
-    names = ["mid disk" if round_[MID] else "pushing body", "target", "goal and tolerance"]
-    others = ["other disk" if all(round_[TARGET + 1 :]) else "other body"]
-    return names + others * (count > TARGET + 1)
+    numbered = _numbered(record)
+    others = ["other body"] * (len(numbered) < len(record.start))
+    return [*(f"body {body}" for body in numbered), *others, "goal and tolerance"]
 
 
 def body_colour(record: Depicted, body: int) -> str:
-    """Return the colour of a body: its own where bodies have poses, otherwise by its task."""
-    return BODY_COLOURS[body] if isinstance(record.goal, PoseGoal) else PALETTE.disk(body)
+    """Return the colour of a body: its own if it has a pose or may be pushed."""
+    return BODY_COLOURS[body] if body in _numbered(record) else PALETTE.other
+
+
+def _numbered(record: Depicted) -> list[int]:
+    return sorted({*record.goal.wanted, *record.bodies.fitted(len(record.start)).pushable})
 
 
 def outline_patch(state: Float[ndarray, "8"], shape: Shape, **style: Any) -> Patch:
@@ -88,7 +87,7 @@ def draw_body(
 def draw_pose(axes: Axes, record: Depicted, pose: BodyPose) -> None:
     """Draw where a body should come to rest: its outline, and its heading if that counts.
 
-    Cross and heading have the body's colour. Without a heading: the circle of its tolerance.
+    The cross is in the middle of the tolerance. Cross and heading have the body's colour.
     """
     shape, colour = record.bodies.shapes[pose.body], body_colour(record, pose.body)
     state = record.start[pose.body].copy()
@@ -101,8 +100,13 @@ def draw_pose(axes: Axes, record: Depicted, pose: BodyPose) -> None:
         draw_heading(axes, state, shape, colour, zorder=9)
     if pose.heading is not None or shape.is_round:
         axes.add_patch(outline_patch(state, shape, linestyle=DASHED, **style))
-    else:
-        axes.add_patch(Circle((pose.x, pose.y), pose.tolerance, **style))
+    draw_tolerance(axes, state[POSITION], pose.tolerance)
+
+
+def draw_tolerance(axes: Axes, place: Points, tolerance: float) -> None:
+    """Draw the circle of a tolerance about a place (2,), in the units of the axes."""
+    style = {"facecolor": rgba(PALETTE.goal, 0.16), "edgecolor": PALETTE.goal, "linewidth": 1.2}
+    axes.add_patch(Circle(tuple(place), tolerance, zorder=5, **style))
 
 
 def draw_heading(

@@ -14,19 +14,17 @@ from matplotlib.ticker import MaxNLocator
 from sain_core.drawing.figures import TEXT, new_figure, style_axes
 from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
-from sain_core.scene import POSITION, TARGET
-from sain_core.types import Points, Scene
-from sain_eval.plots.body_marks import draw_error
+from sain_core.scene import POSITION
+from sain_core.types import Scene
+from sain_eval.plots.body_marks import body_colour, draw_error, draw_tolerance
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.plots.legend import draw_legend
 from sain_eval.plots.pose_panels import draw_pose_distance, draw_pose_turn
-from sain_eval.plots.top_view import draw_goal, draw_top_view
-from sain_mppi.search.poses import PoseGoal
+from sain_eval.plots.top_view import draw_top_view
 
 SIZE: Final = (6.6, 7.4)  # [inch]
 ASPECT: Final = 1.4  # of the top view
 ZOOM: Final = 2.2  # half the width of the view round the goal, in tolerances
-LEAST: Final = 0.1  # [mm], a distance is drawn no smaller
 COLUMNS: Final = 2  # of an overview
 TILE: Final = (3.5, 3.5)  # [inch], of an episode in it
 LEGEND: Final = 0.8  # [inch]
@@ -37,59 +35,44 @@ def draw_episode(
 ) -> Figure:
     """Draw an episode: top view, distance to the goal, the arrival, prediction errors.
 
-    For poses there are the errors of the headings in place of the arrival. Without a title the
+    For headings there are their errors in place of the arrival. Without a title the
     record's own is written; table and reach are the defaults if not given.
     """
     figure = new_figure(*SIZE)
-    axes = figure.subplot_mosaic(_panels(record), height_ratios=(2.7, 1.0))
+    axes = figure.subplot_mosaic("vvv;dte", height_ratios=(2.7, 1.0))
     heading = describe_task(record, title)
     figure.suptitle(heading, x=0.02, ha="left", fontsize=13, fontweight="bold", color=PALETTE.ink)
     names = draw_top_view(axes["v"], record, feasibility, ASPECT)
     axes["v"].set_title(
         describe_result(record), fontsize=TEXT + 1, loc="left", color=result_colour(record)
     )
-    if isinstance(record.goal, PoseGoal):
-        draw_pose_distance(axes["d"], record)
-        if record.has_heading:
-            draw_pose_turn(axes["t"], record)
+    draw_pose_distance(axes["d"], record)
+    if record.goal.has_heading:
+        draw_pose_turn(axes["t"], record)
     else:
-        _draw_distance(axes["d"], record)
-        _draw_arrival(axes["a"], record, record.goal)
+        _draw_arrival(axes["t"], record)
     names += _draw_errors(axes["e"], record)
     draw_legend(figure, names, columns=3)
     return figure
-
-
-def _panels(record: EpisodeRecord) -> str:
-    """Return what stands where: the top view above distance, turn or arrival, and errors."""
-    if not isinstance(record.goal, PoseGoal):
-        return "vvv;dae"
-    return "vvv;dte" if record.has_heading else "vvv;dde"
 
 
 def describe_result(record: EpisodeRecord) -> str:
     """Return in words how an episode ended."""
     count = len(record.pushes)
     pushes = f"{count} push" if count == 1 else f"{count} pushes"
-    left = _millimetres(record.final_distance)
-    left += f" and {record.final_turn:.3f} rad" if record.has_heading else ""
-    word = "reached" if _is_near(record) else "not reached"
+    left = _millimetres(record.last.distance)
+    left += f" and {record.last.turn:.3f} rad" if record.goal.has_heading else ""
+    word = "reached" if record.last.reached else "not reached"
     return f"{word} in {pushes}, {left} from the goal"
 
 
 def describe_task(record: EpisodeRecord, title: str = "") -> str:
     """Return what an episode is called, and its tolerance."""
     name = title or record.title or "Episode"
-    text = f"{name}, tolerance {1e3 * record.tolerance:g} mm"
-    if isinstance(record.goal, PoseGoal) and record.has_heading:
-        text += f", {max(pose.heading_tolerance for pose in record.goal.poses):g} rad"
+    text = f"{name}, tolerance {1e3 * record.goal.tolerance:g} mm"
+    if record.goal.has_heading:
+        text += f", {record.goal.heading_tolerance:g} rad"
     return text
-
-
-def _is_near(record: EpisodeRecord) -> bool:
-    if isinstance(record.goal, PoseGoal):
-        return record.is_reached(record.scenes[-1])
-    return record.final_distance <= record.tolerance
 
 
 def _millimetres(distance: float) -> str:
@@ -98,45 +81,31 @@ def _millimetres(distance: float) -> str:
 
 def result_colour(record: EpisodeRecord) -> str:
     """Return the colour of an episode's result: whether it reached the goal."""
-    return PALETTE.success if _is_near(record) else PALETTE.alarm
+    return PALETTE.success if record.last.reached else PALETTE.alarm
 
 
-def _draw_distance(axes: Axes, record: EpisodeRecord) -> None:
-    style_axes(axes, "Target to goal", grid=None, xlabel="pushes", ylabel="distance [mm]")
-    distance = [1e3 * record.left(scene)[0] for scene in record.scenes]
-    tolerance = 1e3 * record.tolerance
-    axes.set_yscale("log")
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.axhspan(1e-3, tolerance, color=PALETTE.goal, alpha=0.13, linewidth=0)
-    axes.axhline(tolerance, color=PALETTE.goal, linewidth=1.2)
-    shown = np.maximum(distance, LEAST)
-    axes.plot(shown, "o-", color=PALETTE.target, linewidth=1.8, markersize=4.5)
-    axes.set_ylim(min(shown.min(), tolerance) / 2, max(shown.max(), tolerance) * 1.8)
-    axes.set_xlim(-0.3, max(len(distance) - 1, 1) + 0.3)
-    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-
-
-def _draw_arrival(axes: Axes, record: EpisodeRecord, goal: Points) -> None:
-    """Draw where the target came to rest about the goal, in millimetres."""
-    style_axes(axes, "Target at the goal", grid=None, xlabel="x [mm]", ylabel="y [mm]")
-    tolerance = 1e3 * record.tolerance
-    draw_goal(axes, np.zeros(2), tolerance, size=9.0)
-    trail = np.array([1e3 * (scene[TARGET, POSITION] - goal) for scene in record.scenes])
-    axes.plot(*trail.T, "o-", color=PALETTE.target, linewidth=1.6, markersize=4.5)
-    for push, end in zip(record.pushes, trail[1:], strict=True):
-        if push.predicted is not None:
-            draw_error(axes, 1e3 * (push.predicted[TARGET, POSITION] - goal), end)
-    half = ZOOM * tolerance
+def _draw_arrival(axes: Axes, record: EpisodeRecord) -> None:
+    """Draw where each body came to rest about its place, in millimetres."""
+    style_axes(axes, "Bodies at the goal", grid=None, xlabel="x [mm]", ylabel="y [mm]")
+    for pose, place in zip(record.goal.poses, record.goal.places, strict=True):
+        colour, body = body_colour(record, pose.body), pose.body
+        draw_tolerance(axes, np.zeros(2), 1e3 * pose.tolerance)
+        trail = np.array([1e3 * (scene[body, POSITION] - place) for scene in record.scenes])
+        axes.plot(*trail.T, "o-", color=colour, linewidth=1.6, markersize=4.5)
+        for push, end in zip(record.pushes, trail[1:], strict=True):
+            if push.predicted is not None:
+                draw_error(axes, 1e3 * (push.predicted[body, POSITION] - place), end)
+    half = ZOOM * 1e3 * record.goal.tolerance
     axes.set(xlim=(-half, half), ylim=(-half, half))
     axes.set_aspect("equal", adjustable="box")
 
 
 def _draw_errors(axes: Axes, record: EpisodeRecord) -> list[str]:
-    """Draw how far from each prediction the target came to rest; return the series' names."""
-    what = "of the bodies [mm]" if len(record.wanted) > 1 else "of the target [mm]"
-    what = "of the body [mm]" if record.wanted == (0,) else what
+    """Draw how far from each prediction bodies came to rest; return the series' names."""
+    wanted = record.goal.wanted
+    what = "of the bodies [mm]" if len(wanted) > 1 else f"of body {wanted[0]} [mm]"
     style_axes(axes, "Prediction error", xlabel="push", ylabel=what)
-    pushes, bodies = record.pushes, record.wanted
+    pushes, bodies = record.pushes, wanted
     physics = [_error(push.physics, push.after, bodies) for push in pushes]
     planner = [_error(push.predicted, push.after, bodies) for push in pushes]
     series = {

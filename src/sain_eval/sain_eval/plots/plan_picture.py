@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,15 +13,14 @@ from matplotlib.patches import Circle
 
 from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
-from sain_core.push import tool_end, tool_start
-from sain_core.scene import MID, POSITION, RADIUS, TARGET
+from sain_core.goal import Goal
+from sain_core.push import pushed_bodies, tool_end, tool_start
+from sain_core.scene import POSITION, RADIUS
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Points, Scene
 from sain_eval.plots.body_marks import body_colour, body_names, draw_body, draw_pose
 from sain_eval.plots.legend import draw_legend
 from sain_eval.plots.top_view import draw_arrow, draw_table, frame_view
-from sain_mppi.search.goal import Goal
-from sain_mppi.search.poses import PoseGoal
 from sain_mppi.search.result import PlanResult
 
 MOVED: Final = 1e-3  # [m], a body that should move less has no way
@@ -35,33 +34,25 @@ class _Planned:
     """What a plan is about, as `Depicted`."""
 
     start: Scene  # (N, 8)
-    goal: Goal | PoseGoal
+    goal: Goal
     bodies: Bodies
 
-    @property
-    def wanted(self) -> tuple[int, ...]:
-        """The bodies that the goal is for."""
-        if isinstance(self.goal, PoseGoal):
-            return tuple(pose.body for pose in self.goal.poses)
-        return (TARGET,)
-
     def followed(self, plan: PlanResult) -> tuple[int, ...]:
-        """Return the bodies whose ways are drawn: those wanted, the mid disk, those moved."""
+        """Return the bodies whose ways are drawn: those wanted, pushed or moved."""
         moves = np.linalg.norm(plan.predicted[..., POSITION] - self.start[:, POSITION], axis=-1)
-        pushing = () if isinstance(self.goal, PoseGoal) else (MID,)
         moved = np.flatnonzero(moves.max(axis=0, initial=0.0) > MOVED).tolist()
-        return tuple(sorted({*self.wanted, *pushing, *moved}))
+        return tuple(sorted({*self.goal.wanted, *pushed_bodies(plan.pushes).tolist(), *moved}))
 
 
 def draw_plan(
     axes: Axes,
     scene: Scene,
-    goal: Goal | PoseGoal,
+    goal: Goal,
     plan: PlanResult,
     feasibility: Feasibility | None = None,
     bodies: Bodies = PAPER_DISKS,
 ) -> list[str]:
-    """Draw a plan from a scene (N, 8) towards a goal, a place (2,) or poses, into axes, in metres.
+    """Draw a plan from a scene (N, 8) towards a goal into axes, in metres.
 
     Thin lines are where other sequences lead the wanted bodies, from green (cheap) to red
     (expensive); thick ones what the chosen sequence does to the bodies that it moves; faint
@@ -84,7 +75,8 @@ def draw_plan(
     start = tool_start(scene, plan.push, feasibility.limits, planned.bodies)
     end = tool_end(scene, plan.push, feasibility.limits, planned.bodies)
     draw_arrow(axes, start, end)
-    _draw_goal(axes, planned)
+    for pose in goal.poses:
+        draw_pose(axes, planned, pose)
     return _names(planned, plan)
 
 
@@ -95,12 +87,8 @@ def draw_plan_legend(figure: Figure, names: Sequence[str], columns: int = 3) -> 
 
 def _extent(planned: _Planned, plan: PlanResult, followed: Sequence[int]) -> Points:
     """Return points (M, 2) that all have to be in view."""
-    scenes = [planned.start, *plan.predicted]
+    scenes = [planned.start, *plan.predicted, planned.goal.placed(planned.start)]
     points = []
-    if isinstance(planned.goal, PoseGoal):
-        scenes.append(planned.goal.placed(planned.start))
-    else:
-        points.append(planned.goal[None])
     for body in followed:
         size = planned.bodies.shapes[body].circumradius * planned.start[body, RADIUS]
         places = np.array([scene[body, POSITION] for scene in scenes])
@@ -111,7 +99,7 @@ def _extent(planned: _Planned, plan: PlanResult, followed: Sequence[int]) -> Poi
 def _draw_others(axes: Axes, planned: _Planned, plan: PlanResult) -> None:
     count = len(plan.others.costs)
     colours = COSTS(np.linspace(0.0, 1.0, count))
-    for body in planned.wanted if count else ():
+    for body in planned.goal.wanted if count else ():
         ways = plan.others.ways(planned.start, body)
         lines = LineCollection(list(ways[::-1]), colors=colours[::-1], linewidths=0.8, zorder=5)
         axes.add_collection(lines)
@@ -129,23 +117,8 @@ def _draw_way(axes: Axes, planned: _Planned, plan: PlanResult, body: int) -> Non
         axes.add_patch(region)
 
 
-def _draw_goal(axes: Axes, planned: _Planned) -> None:
-    if not isinstance(planned.goal, PoseGoal):
-        style: dict[str, Any] = {
-            "color": PALETTE.goal,
-            "markersize": 13,
-            "markeredgewidth": 2.4,
-            "zorder": 9,
-        }
-        axes.plot(*planned.goal, "+", **style)
-        return
-    for pose in planned.goal.poses:
-        draw_pose(axes, planned, pose)
-
-
 def _names(planned: _Planned, plan: PlanResult) -> list[str]:
-    bodies = [name.removesuffix(" and tolerance") for name in body_names(planned)]
-    names = ["table", "reachable area", *bodies, "push"]
+    names = ["table", "reachable area", *body_names(planned), "push"]
     names += ["90 % region"] * (plan.regions is not None)
     others = ["other sequence, cheapest", "other sequence, dearest"]
     return names + others * bool(len(plan.others.costs))

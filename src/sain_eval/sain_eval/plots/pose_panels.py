@@ -11,7 +11,6 @@ from sain_core.drawing.palette import PALETTE
 from sain_core.types import Scalars
 from sain_eval.plots.body_marks import body_colour
 from sain_eval.plots.episode_record import EpisodeRecord
-from sain_mppi.search.poses import PoseGoal
 
 LEAST_DISTANCE: Final = 0.1  # [mm], one is drawn no smaller
 LEAST_TURN: Final = 1e-3  # [rad], one is drawn no smaller
@@ -20,12 +19,12 @@ LEAST_TURN: Final = 1e-3  # [rad], one is drawn no smaller
 def draw_pose_distance(axes: Axes, record: EpisodeRecord) -> None:
     """Draw the distance of each body to its pose after each push, over the tolerance."""
     style_axes(axes, "Bodies to poses", grid=None, xlabel="pushes", ylabel="distance [mm]")
-    goal = _goal(record)
+    goal = record.goal
     _draw_lines(
         axes,
         record,
         1e3 * goal.errors(np.stack(record.scenes), record.bodies)[0],
-        1e3 * max(pose.tolerance for pose in goal.poses),
+        1e3 * goal.tolerance,
         LEAST_DISTANCE,
     )
 
@@ -33,15 +32,10 @@ def draw_pose_distance(axes: Axes, record: EpisodeRecord) -> None:
 def draw_pose_turn(axes: Axes, record: EpisodeRecord) -> None:
     """Draw the turn of each body to its heading after each push, over the tolerance."""
     style_axes(axes, "Headings", grid=None, xlabel="pushes", ylabel="turn [rad]")
-    goal = _goal(record)
+    goal = record.goal
     turns = np.abs(goal.errors(np.stack(record.scenes), record.bodies)[1])
     turns[:, [pose.heading is None for pose in goal.poses]] = np.nan
-    _draw_lines(axes, record, turns, max(pose.heading_tolerance for pose in goal.poses), LEAST_TURN)
-
-
-def _goal(record: EpisodeRecord) -> PoseGoal:
-    assert isinstance(record.goal, PoseGoal)
-    return record.goal
+    _draw_lines(axes, record, turns, goal.heading_tolerance, LEAST_TURN)
 
 
 def _draw_lines(
@@ -54,7 +48,7 @@ def _draw_lines(
     axes.axhspan(1e-9, tolerance, color=PALETTE.goal, alpha=0.13, linewidth=0)
     axes.axhline(tolerance, color=PALETTE.goal, linewidth=1.2)
     shown = np.maximum(errors, least)
-    for pose, line in zip(_goal(record).poses, shown.T, strict=True):
+    for pose, line in zip(record.goal.poses, shown.T, strict=True):
         colour = body_colour(record, pose.body)
         axes.plot(line, "o-", color=colour, linewidth=1.8, markersize=4.0)
     axes.set_ylim(min(np.nanmin(shown), tolerance) / 2, max(np.nanmax(shown), tolerance) * 1.8)

@@ -9,7 +9,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MultipleLocator
 
 from sain_core.drawing.figures import style_axes
-from sain_core.drawing.palette import PALETTE, rgba
+from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.push import LENGTH, strokes
 from sain_core.push_record import PushRecord
@@ -25,7 +25,6 @@ from sain_eval.plots.body_marks import (
     draw_pose,
 )
 from sain_eval.plots.episode_record import EpisodeRecord
-from sain_mppi.search.poses import PoseGoal
 
 SHOWN_MOVE: Final = 0.01  # [m], a disk that moved less is not drawn again
 SHOWN_TURN: Final = 0.1  # [rad], a body that moved and turned less has no ghost
@@ -35,6 +34,7 @@ SHOWN_TRAIL: Final = 1e-3  # [m], a disk that moved less has no trail
 VIEW_MARGIN: Final = 0.06  # [m]
 BASE_RADIUS: Final = 0.055  # [m], of the arm's foot as drawn
 TICK: Final = 0.2  # [m]
+DOTTED: Final = (0, (1, 1.3))  # outlines at the start; those at the goal are dashed
 
 
 def draw_top_view(
@@ -54,7 +54,7 @@ def draw_top_view(
     scenes = record.scenes
     for disk in range(len(scenes[0])):
         _draw_trail(axes, record, disk)
-        start = {"linestyle": _start_line(record), "linewidth": 1.1, "edge": 0.8}
+        start = {"linestyle": DOTTED, "linewidth": 1.1, "edge": 0.8}
         draw_body(axes, record, scenes[0], disk, 0.0, zorder=3, **start)
         draw_body(axes, record, scenes[-1], disk, 0.38, zorder=4, linewidth=1.8)
     _draw_goals(axes, record)
@@ -68,16 +68,8 @@ def draw_top_view(
     return names + ["predicted by the planner"] * predicted
 
 
-def _start_line(record: EpisodeRecord) -> tuple[float, tuple[float, float]]:
-    """Return how outlines at the start are drawn: dotted where those at the goal are dashed."""
-    return 0, (1, 1.3) if isinstance(record.goal, PoseGoal) else (3, 2.5)
-
-
 def _draw_goals(axes: Axes, record: EpisodeRecord) -> None:
     """Draw the goal, and marks of the headings where they count."""
-    if not isinstance(record.goal, PoseGoal):
-        draw_goal(axes, record.goal, record.tolerance)
-        return
     for pose in record.goal.poses:
         draw_pose(axes, record, pose)
         if pose.heading is not None:
@@ -88,11 +80,7 @@ def _draw_goals(axes: Axes, record: EpisodeRecord) -> None:
 def _extent(record: EpisodeRecord, feasibility: Feasibility) -> Points:
     """Return points (M, 2) that all have to be in view."""
     points = [np.array([[-BASE_RADIUS, 0.0]])]
-    scenes, goal = record.scenes, record.goal
-    if isinstance(goal, PoseGoal):
-        scenes = (*scenes, goal.placed(record.start))
-    else:
-        points += [goal[None] - record.tolerance, goal[None] + record.tolerance]
+    scenes = (*record.scenes, record.goal.placed(record.start))
     ratios = np.array([shape.circumradius for shape in record.bodies.shapes])
     for scene in scenes:
         radius = (ratios * scene[:, RADIUS])[:, None]
@@ -101,16 +89,6 @@ def _extent(record: EpisodeRecord, feasibility: Feasibility) -> Points:
         start = strokes(push.before, push.push, feasibility.limits, record.bodies)[0]
         points.append(start[None])
     return np.concatenate(points)
-
-
-def draw_goal(axes: Axes, place: Points, tolerance: float, size: float = 11.0) -> None:
-    """Draw a goal (2,) with its tolerance, in the units of the axes."""
-    face, edge = rgba(PALETTE.goal, 0.16), PALETTE.goal
-    axes.add_patch(Circle(tuple(place), tolerance, facecolor=face, linewidth=0, zorder=5))
-    axes.add_patch(
-        Circle(tuple(place), tolerance, fill=False, edgecolor=edge, linewidth=1.6, zorder=9)
-    )
-    axes.plot(*place, "+", color=edge, markersize=size, markeredgewidth=2.0, zorder=9)
 
 
 def _draw_trail(axes: Axes, record: EpisodeRecord, disk: int) -> None:
@@ -132,7 +110,7 @@ def _draw_prediction(axes: Axes, record: EpisodeRecord, push: PushRecord) -> Non
     """Draw where bodies were expected that moved; in outline where that was visibly elsewhere."""
     if push.predicted is None:
         return
-    for body in record.wanted:
+    for body in record.goal.wanted:
         straight = record.bodies.shapes[body].is_round  # a disk's heading shows nowhere
         moved = _difference(push.before, push.after, body)
         if moved[0] < SHOWN_MOVE and (straight or moved[1] < SHOWN_TURN):

@@ -12,12 +12,12 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_core.goal import BodyPose, Goal
 from sain_core.scene import RADIUS, THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.polygon import Compound, centroid
 from sain_core.shapes.shape import Vector
 from sain_core.types import Points, Scene
-from sain_mppi.search.poses import BodyPose, PoseGoal
 
 PIXEL: Final = 1e-3  # [m]
 SIZE: Final = 512  # [pixels], of the square; targets of the agent lie in it
@@ -90,7 +90,7 @@ def pixels(places: Points) -> Points:
     return np.asarray(places / PIXEL * [1.0, -1.0] + [0.0, SIZE])
 
 
-def goal_of(pose: Pose, distance: float, turn: float) -> PoseGoal:
+def goal_of(pose: Pose, distance: float, turn: float) -> Goal:
     """Return the goal that a pose (3,) of gym-pusht is, with tolerances [m] and [rad]."""
     x, y, heading = (float(scene_of(pose)[0, column]) for column in (0, 1, THETA))
-    return PoseGoal((BodyPose(0, x, y, heading, distance, turn),))
+    return Goal((BodyPose(0, x, y, heading, distance, turn),))

@@ -50,7 +50,7 @@ class PushtRecord:
 def play_pusht(seed: int, agent: Agent, world: PushtWorld) -> tuple[PushtRecord, PlayOutcome]:
     """Play the episode of a seed until gym-pusht ends it, or the agent stops."""
     world.reset(seed)
-    task = Task(1, 0, goal_of(world.goal, NEAR, TURNED), NEAR, 0)
+    task = Task(1, 0, goal_of(world.goal, NEAR, TURNED), 0)
     episode = play(agent, world, [task], world.bodies, lambda: world.over)
     pushes = episode.pursuits[0].pushes
     mm, deg = np.array([_errors(push) for push in pushes]).reshape(-1, 2).T.tolist()

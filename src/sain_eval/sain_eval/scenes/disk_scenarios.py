@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from sain_core.feasibility import Feasibility
+from sain_core.goal import Goal
 from sain_core.scene import POSITION, TARGET, THETA, check_scene, unit
 from sain_core.seeding import generator
 from sain_core.shapes.disk import DISK
@@ -48,7 +49,7 @@ class PaperScenario:
         goal = np.array(self.goal) + self.shift * random.choice([-1.0, 1.0], 2)
         disks = drawn.scene(np.stack([mid, target]))
         shapes = (DISK, self.target_shape)
-        return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, goal)
+        return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, Goal.place(*goal))
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ class AnywhereScenario:
             positions = np.concatenate([pair[:, POSITION], extra])
             headings = np.append(pair[:, THETA], np.zeros(count - 2))
             disks = check_scene(drawn.scene(positions, headings), feasibility.table)
-            return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, goal)
+            return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, Goal.place(*goal))
 
     def _draw_pair(self, random: np.random.Generator, drawn: WorldParameters) -> Scene:
         """Return mid disk and target (2, 8), touching at a uniform bearing."""

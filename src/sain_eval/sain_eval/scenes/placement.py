@@ -6,8 +6,7 @@ import numpy as np
 
 from sain_core.feasibility import Feasibility, reachable
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, make_scene, unit
-from sain_core.types import Angles, Points, Scene
-from sain_mppi.search.goal import Goal
+from sain_core.types import Angles, Place, Points, Scene
 
 GOAL_TRIES = 20  # before the disks are placed anew
 DISK_TRIES = 200
@@ -27,7 +26,7 @@ def draw_goal(
     distance: tuple[float, float],
     feasibility: Feasibility,
     random: np.random.Generator,
-) -> Goal | None:
+) -> Place | None:
     """Draw a goal (2,) that a straight push from behind can reach; None when none is found."""
     target = pair[TARGET, POSITION]
     for _ in range(GOAL_TRIES):
@@ -52,7 +51,7 @@ def _can_be_pushed(pair: Scene, heading: Angles, way: float, feasibility: Feasib
     return room and bool(reachable(behind, stroke, feasibility.limits, feasibility.reach))
 
 
-def has_room(point: Goal, radius: float, table: Table) -> bool:
+def has_room(point: Place, radius: float, table: Table) -> bool:
     """Tell whether a disk at a point (2,) lies on the table with some room to the edge."""
     margin = radius + EDGE_ROOM
     corners = point + margin * np.array([[-1, -1], [1, 1]])
@@ -61,7 +60,7 @@ def has_room(point: Goal, radius: float, table: Table) -> bool:
 
 def draw_extra_disks(
     pair: Scene,
-    goal: Goal,
+    goal: Place,
     radii: tuple[float, ...],
     feasibility: Feasibility,
     random: np.random.Generator,
@@ -92,7 +91,7 @@ def draw_extra_disks(
 
 
 def _leaves_way_open(
-    place: Goal, radius: float, pair: Scene, goal: Goal, feasibility: Feasibility
+    place: Place, radius: float, pair: Scene, goal: Place, feasibility: Feasibility
 ) -> bool:
     target = pair[TARGET, POSITION]
     way = (goal - target) / np.linalg.norm(goal - target)
@@ -111,7 +110,7 @@ def _leaves_way_open(
     )
 
 
-def _segment_distance(point: Goal, start: Goal, end: Goal) -> float:
+def _segment_distance(point: Place, start: Place, end: Place) -> float:
     way = end - start
     share = np.clip((point - start) @ way / (way @ way), 0.0, 1.0)
     return float(np.linalg.norm(start + share * way - point))

@@ -3,11 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import Final
 
+from sain_core.goal import Goal
 from sain_core.shapes.disk import THREE_FEET
 from sain_core.shapes.registry import built_shapes
 from sain_core.types import Scene
-from sain_mppi.search.goal import Goal
-from sain_mppi.search.poses import PoseGoal
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.parameters import WorldParameters
 
@@ -24,7 +23,7 @@ class ScenarioScene:
         disks: (N, 8), the bodies at rest.
         friction: between bodies and table; hidden from all controllers but the oracle.
         shapes: a footprint for each body, as `sain_core.shapes` names them.
-        goal: (2,) [m] of the target, or poses of bodies.
+        goal: what bodies should come to.
         max_pushes: for each goal.
         truth: the world that it plays in.
         roles: of each body; none: the paper's.
@@ -36,14 +35,14 @@ class ScenarioScene:
     disks: Scene
     friction: float
     shapes: tuple[str, ...]
-    goal: Goal | PoseGoal
+    goal: Goal
     max_pushes: int = MAX_PUSHES
     truth: TruthConfig = RANDOMISED_TRUTH
     roles: tuple[str, ...] = ()
-    further: tuple[PoseGoal, ...] = ()
+    further: tuple[Goal, ...] = ()
 
     @property
-    def goals(self) -> tuple[Goal | PoseGoal, ...]:
+    def goals(self) -> tuple[Goal, ...]:
         """All goals, in order."""
         return (self.goal, *self.further)
 

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from sain_core.feasibility import Feasibility
+from sain_core.goal import BodyPose, Goal
 from sain_core.scene import POSITION, RADIUS, TARGET, make_scene
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import Role
@@ -24,7 +25,6 @@ from sain_eval.scenes.disk_scenarios import AnywhereScenario
 from sain_eval.scenes.placement import draw_goal
 from sain_eval.scenes.scenario_scene import MAX_PUSHES, ScenarioScene
 from sain_eval.scenes.tool_room import draw_blockers, draw_places, has_tool_room
-from sain_mppi.search.poses import BodyPose, PoseGoal
 from sain_sim.world.parameters import FRICTION_RANGE, MASS_RANGE
 
 LIBRARY_SHAPES: Final = 33  # of the library, that are used
@@ -105,7 +105,7 @@ class StreakScenario:
         places, goals = disks[:, POSITION], []
         for _ in range(self.goals):
             goals.append(draw_poses(drawn.sizes, shapes, places, random))
-            places = np.array([(pose.x, pose.y) for pose in goals[-1].poses])
+            places = goals[-1].places
         return ScenarioScene(
             self.name,
             seed,
@@ -144,9 +144,10 @@ class IndirectScenario:
                 continue
             circles = disks.copy()
             circles[:, RADIUS] = drawn.sizes
-            goal = draw_goal(circles, self.goal_distance, feasibility, random)
-            if goal is None or not has_tool_room(goal, drawn.sizes[TARGET], feasibility):
+            place = draw_goal(circles, self.goal_distance, feasibility, random)
+            if place is None or not has_tool_room(place, drawn.sizes[TARGET], feasibility):
                 continue
+            goal = Goal.place(*place)
             return ScenarioScene(self.name, seed, disks, drawn.friction, shapes, goal, MAX_PUSHES)
 
 
@@ -165,9 +166,7 @@ class BlockedScenario:
         base = AnywhereScenario(self.name, goal_distance=BLOCKED_DISTANCE)
         while True:
             case = base.draw(random, seed)
-            goal = case.goal
-            assert isinstance(goal, np.ndarray)
-            places = draw_blockers(case.disks, goal, blockers.sizes, random)
+            places = draw_blockers(case.disks, case.goal.places[0], blockers.sizes, random)
             if places is not None:
                 break
         return ScenarioScene(
@@ -176,7 +175,7 @@ class BlockedScenario:
             np.concatenate([case.disks, blockers.at(places, random)]),
             case.friction,
             (*case.shapes, *shapes),
-            goal,
+            case.goal,
             max_pushes=POSE_PUSHES,
             roles=(Role.PUSHABLE, Role.MOVABLE, *(Role.PUSHABLE,) * count),
         )
@@ -208,11 +207,11 @@ class _Drawn:
 
 def draw_poses(
     sizes: np.ndarray, shapes: Sequence[str], starts: Points, random: np.random.Generator
-) -> PoseGoal:
+) -> Goal:
     """Draw a pose for each body with circumscribed radii (N,), away from its start (N, 2)."""
     places = draw_places(sizes, random, starts, LEAST_WAY)
     headings = random.uniform(-pi, pi, len(sizes)).tolist()
-    return PoseGoal(
+    return Goal(
         tuple(
             BodyPose(body, x, y, None if get_shape(shapes[body]).is_round else headings[body])
             for body, (x, y) in enumerate(places.tolist())

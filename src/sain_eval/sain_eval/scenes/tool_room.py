@@ -4,9 +4,8 @@ import numpy as np
 
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION, RADIUS, TARGET
-from sain_core.types import Mask, Points, Scalars, Scene
+from sain_core.types import Mask, Place, Points, Scalars, Scene
 from sain_eval.scenes.placement import EDGE_ROOM
-from sain_mppi.search.goal import Goal
 
 TRIES = 200  # for one body, before all are placed anew
 BODY_GAP = 0.03  # [m], between circumscribed circles: the tool fits in between
@@ -62,7 +61,7 @@ def draw_places(
 
 def draw_blockers(
     pair: Scene,
-    goal: Goal,
+    goal: Place,
     sizes: Scalars,
     random: np.random.Generator,
     feasibility: Feasibility = Feasibility(),

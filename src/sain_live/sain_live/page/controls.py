@@ -191,9 +191,8 @@ def status_text(known: LiveState) -> str:
 
 def distance_text(known: LiveState) -> str:
     """Return how far the bodies are from the goal; "": there is none, or it is of another scene."""
-    errors = None if known.scene is None else known.errors(known.scene.disks)
-    if errors is None or known.aim is None:
+    judged = None if known.scene is None else known.judge(known.scene.disks)
+    if judged is None:
         return ""
-    apart, turn = errors
-    turns = any(pose.heading is not None for pose in known.aim.poses)
-    return f"{1e3 * apart:.0f} mm" + (f", {57.29578 * turn:.0f}°" if turns else "")
+    turn = f", {57.29578 * judged.turn:.0f}°" if judged.goal.has_heading else ""
+    return f"{1e3 * judged.distance:.0f} mm{turn}"

@@ -7,14 +7,14 @@ import viser
 
 from sain_core.drawing.palette import PALETTE
 from sain_core.errors import SainError
+from sain_core.goal import BodyPose, Goal
 from sain_core.scene import DISK_HEIGHT, RADIUS
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
-from sain_live.aims import Aim, check_aim
+from sain_live.aims import check_aim
 from sain_live.orders import Orders
 from sain_live.page.geometry import circle, heading_of, line, mesh, rgb, ring, upright
 from sain_live.state import Kind, LiveState
-from sain_mppi.search.poses import BodyPose
 
 HANDLE: Final = 0.11  # [m], length of the arrows
 LOW: Final = 0.0025  # [m], height over the table
@@ -34,7 +34,7 @@ class GoalsView:
         self._orders = orders
         self._handles: dict[int, Any] = {}
         self._made: tuple[Any, ...] | None = None
-        self._shown: Aim | None = None
+        self._shown: Goal | None = None
         self._dragged: dict[int, int] = {}  # bodies, by the viewer who drags
 
     def show(self, known: LiveState) -> None:
@@ -129,7 +129,7 @@ class GoalsView:
             self._snap_back(body, "the viewer who dragged it left; it is where it was")
             return
         try:
-            moved = aim.moved(body, float(position[0]), float(position[1]), heading_of(turn))
+            moved = aim.with_pose(body, float(position[0]), float(position[1]), heading_of(turn))
             check_aim(moved, seen.disks, bodies)
         except (SainError, IndexError, TypeError, ValueError) as error:  # viewers send anything
             self._snap_back(body, f"{error}")

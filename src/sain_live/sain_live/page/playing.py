@@ -90,9 +90,9 @@ def distance_text(known: LiveState) -> str:
     """Return how far the bodies are from the goal, as on the report page; "": there is none."""
     if known.aim is None or known.scene is None:
         return ""
-    apart, turn = known.aim.errors(known.scene.disks, known.bodies)
-    turns = any(pose.heading is not None for pose in known.aim.poses)
-    return f"{1e3 * apart:.1f} mm" + (f", {np.degrees(turn):.1f}°" if turns else "")
+    judged = known.aim.judge(known.scene.disks, known.scene.disks, known.bodies)
+    turn = f", {np.degrees(judged.turn):.1f}°" if judged.goal.has_heading else ""
+    return f"{1e3 * judged.distance:.1f} mm{turn}"
 
 
 def playing_text(player: RecordingPlayer, known: LiveState) -> str:

@@ -9,18 +9,16 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 
 from sain_core.errors import ErrorCode
+from sain_core.goal import Goal
 from sain_core.ros.codec import encode_disks, encode_goal
 from sain_core.ros.steady import steady_timer
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_interfaces.action import Reach
-from sain_interfaces.msg import Goal, Plan
+from sain_interfaces.msg import Plan
 from sain_interfaces.srv import ResetScene
-from sain_live.aims import Aim
 from sain_live.orders import Reset
 from sain_live.ros.tuning import Tuning
 from sain_live.state import Kind, LiveState, Phase
-from sain_mppi.ros.goal_message import encode_pose_goal
-from sain_mppi.search.poses import PoseGoal
 
 AGAIN: Final = 0.1  # [s] between attempts to reset while a push is under way
 PATIENCE: Final = 60.0  # [s] for that push
@@ -61,7 +59,7 @@ class Asking:
         """Follow no goal any more."""
         self._put(self._pause)
 
-    def aim(self, aim: Aim) -> None:
+    def aim(self, aim: Goal) -> None:
         """Take a goal that was dragged: follow it, unless the loop is paused."""
         self._put(self._take_aim)
 
@@ -110,7 +108,8 @@ class Asking:
         known.update(followed=most == 0)
         self._goal += 1
         number = self._goal
-        goal = goal_message(known.aim, known.scene.episode_id, most, self._stamp())
+        about = {"episode_id": known.scene.episode_id, "max_pushes": most}
+        goal = encode_goal(known.aim, stamp=self._stamp(), goal_id=0, **about)
         sent = self._reach.send_goal_async(Reach.Goal(goal=goal))
         sent.add_done_callback(lambda done: self._on_accepted(number, done))
 
@@ -168,7 +167,7 @@ class Asking:
             elif reply.error_code != ErrorCode.OK:
                 self._refuse(f"reset: {reply.error_message}")
             else:
-                known.update(aim=Aim(case.goal), phase=Phase.PAUSED, why="", pushes=0)
+                known.update(aim=case.goal, phase=Phase.PAUSED, why="", pushes=0)
                 known.tell(Kind.NOTE, f"{case.scenario}, seed {case.seed}")
 
         self._retry = None
@@ -180,11 +179,3 @@ class Asking:
 
     def _stamp(self) -> Any:
         return self._node.get_clock().now().to_msg()
-
-
-def goal_message(aim: Aim, episode_id: int, most: int, stamp: Any) -> Goal:
-    """Return a goal for so many pushes; 0: no limit."""
-    named = {"goal_id": 0, "episode_id": episode_id, "max_pushes": most}
-    if isinstance(aim.goal, PoseGoal):
-        return encode_pose_goal(aim.goal, stamp=stamp, **named)
-    return encode_goal(aim.goal, stamp=stamp, tolerance=aim.tolerance, **named)

@@ -24,11 +24,10 @@ from sain_interfaces.msg import (
     Scene,
     WorldParameters,
 )
-from sain_live.aims import Aim, first_aim
+from sain_live.aims import first_aim
 from sain_live.ros.health import Health
 from sain_live.ros.pushes import Stories
 from sain_live.state import Kind, LiveArm, LivePlan, LiveScene, LiveState, Phase
-from sain_mppi.ros.goal_message import decode_task
 
 MOST_SHAPES: Final = 16  # episodes whose shapes are kept until their scenes come
 Take = Callable[[Any], None]
@@ -104,10 +103,10 @@ class Hearing:
         if seen.settled:
             self._settled = seen
         known.update(scene=seen)
-        aim = None if known.aim is None else known.aim.among(len(seen.disks))
+        aim = None if known.aim is None else known.aim.fitted(len(seen.disks))
         if aim is None or any(pose.body >= len(seen.disks) for pose in aim.poses):
             aim = first_aim(seen.disks, known.bodies) if self._offers_goal else None
-        if aim is not known.aim and not (aim is not None and aim.same(known.aim)):
+        if aim != known.aim:
             known.update(aim=aim)
         if known.phase is Phase.WAITING:
             known.update(phase=Phase.PAUSED)
@@ -158,12 +157,11 @@ class Hearing:
                 return
 
     def _on_goal(self, message: Goal) -> None:
-        task, known = decode_task(message), self._known
+        known = self._known
+        aim = wire.decode_goal(message).fitted(len(known.bodies))
         self._goal_of = message.episode_id
-        aim = Aim(task.goal, task.tolerance)
-        aim = aim.among(len(known.bodies))
-        again = aim.same(known.aim) and message.goal_id == self._goal_id
-        if not aim.same(known.aim):
+        again = aim == known.aim and message.goal_id == self._goal_id
+        if aim != known.aim:
             known.update(aim=aim)
         if again:  # heard twice, perhaps after its first plan
             return
@@ -231,8 +229,8 @@ class Hearing:
             return
         story = self._stories.of(message.push_id)
         story.before, _, story.after = wire.decode_result(message)
-        if (errors := known.errors(story.after)) is not None:
-            story.left = 1e3 * errors[0]
+        if (judged := known.judge(story.after)) is not None:
+            story.left = 1e3 * judged.distance
         known.update(result=self._stories.result(message.push_id), curves=self._stories.curves())
         if known.phase is Phase.PUSHING:
             known.update(phase=Phase.PLANNING)

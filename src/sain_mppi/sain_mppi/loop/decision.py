@@ -9,15 +9,14 @@ from threading import Event
 import numpy as np
 
 from sain_core.errors import ConfigError, SainError
+from sain_core.goal import Goal, Judgement
 from sain_core.history import PushHistory
-from sain_core.scene import MASS, POSITION, RADIUS, Table, target_distance
+from sain_core.scene import MASS, POSITION, RADIUS, Table
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scene
 from sain_mppi.loop.progress_monitor import LastPush
 from sain_mppi.loop.uncertainty import Uncertainty
 from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.goal import Goal, goal_reached
-from sain_mppi.search.poses import Errors, PoseGoal, goal_among
 from sain_mppi.search.problem import Problem
 from sain_mppi.search.result import PlanResult
 
@@ -31,8 +30,7 @@ class Task:
 
     goal_id: int
     episode_id: int
-    goal: Goal | PoseGoal
-    tolerance: float  # [m], of a goal of the target; poses have their own
+    goal: Goal
     max_pushes: int
 
 
@@ -94,9 +92,9 @@ class PlanJob:
         return self.bodies.fitted(len(self.view.scene))
 
     @property
-    def goal(self) -> Goal | PoseGoal:
+    def goal(self) -> Goal:
         """The goal of the task, in this scene."""
-        return goal_among(self.task.goal, self.task.tolerance, len(self.view.scene))
+        return self.task.goal.fitted(len(self.view.scene))
 
     @cached_property
     def problem(self) -> Problem:
@@ -116,57 +114,36 @@ class PlanJob:
         """
         goal = self.problem.goal
         if self.view.sure is not None:
-            self.view.sure.check_tolerance(goal, self.task.tolerance)
+            self.view.sure.check_tolerance(goal)
 
-    @property
-    def distance(self) -> float:
-        """The distance [m] from the target to the goal, or the largest of bodies to their poses."""
-        return float(self._errors[0].max())
-
-    @property
-    def turn(self) -> float:
-        """The largest turn [rad] of a body from the heading asked for; 0: none is."""
-        return float(np.abs(self._errors[1]).max())
+    @cached_property
+    def judgement(self) -> Judgement:
+        """How far the scene is from the goal."""
+        return self.goal.judge(self.view.scene, self.start, self.known_bodies, self.table)
 
     @property
     def left(self) -> str:
         """What is left to do, for messages."""
-        goal = self.goal
-        if not isinstance(goal, PoseGoal):
-            return f"the target {1e3 * self.distance:.0f} mm from the goal"
+        judged = self.judgement
         return ", ".join(
-            f"body {pose.body} {1e3 * away:.1f} mm and {abs(turn):.3f} rad from its pose"
-            for pose, away, turn in zip(goal.poses, *self._errors, strict=True)
-            if away > pose.tolerance or abs(turn) > pose.heading_tolerance
+            f"body {judged.goal.poses[number].body} {1e3 * judged.distances[number]:.1f} mm and"
+            f" {judged.turns[number]:.3f} rad from its pose"
+            for number in judged.missed
         )
 
     @property
-    def _errors(self) -> tuple[Errors, Errors]:
-        """Distances [m] and turns [rad] of the bodies to the goal."""
-        goal, scene = self.goal, self.view.scene
-        if isinstance(goal, PoseGoal):
-            return goal.errors(scene, self.known_bodies)
-        return np.atleast_1d(target_distance(scene, goal)), np.zeros(1)
-
-    @property
     def reached(self) -> bool:
-        """Whether the scene is settled and the goal reached."""
-        goal, scene, sure = self.goal, self.view.scene, self.view.sure
-        if sure is not None:
-            within = sure.reached(goal, self.task.tolerance, *self._errors)
-            return within >= sure.confidence and self.moved is None
-        if isinstance(goal, PoseGoal):
-            return goal.reached(scene, self.start, self.known_bodies)
-        return goal_reached(scene, goal, self.task.tolerance)
+        """Whether the goal is reached; where poses are uncertain, with enough probability."""
+        sure = self.view.sure
+        if sure is None:
+            return self.judgement.reached
+        return sure.reached(self.judgement) >= sure.confidence and self.moved is None
 
     @property
     def moved(self) -> int | None:
         """The first body that was to be kept and was moved, if any."""
-        goal, sure = self.goal, self.view.sure
-        if not isinstance(goal, PoseGoal):
-            return None
-        slack = 0.0 if sure is None else SLACK * float(sure.places.max())
-        return goal.moved(self.view.scene, self.start, slack)
+        sure = self.view.sure
+        return self.judgement.moved(0.0 if sure is None else SLACK * float(sure.places.max()))
 
     @property
     def stream(self) -> tuple[str, int, int]:
@@ -176,9 +153,7 @@ class PlanJob:
         refusals since. It holds no id from the wire: whoever plays the same episode draws the same.
         """
         disks = self.start[:, [*range(POSITION.stop), MASS, RADIUS]]
-        goal = self.goal
-        numbers = goal.numbers if isinstance(goal, PoseGoal) else goal
-        words = np.concatenate([numbers, disks.ravel()]).round(STREAM_DECIMALS) + 0.0
+        words = np.concatenate([self.goal.numbers, disks.ravel()]).round(STREAM_DECIMALS) + 0.0
         return words.tobytes().hex(), self.pushes, len(self.refused)
 
 

@@ -13,8 +13,6 @@ from sain_core.errors import ErrorCode, GoalLostError, NoPushError
 from sain_core.scene import Table
 from sain_core.types import PushArray
 from sain_mppi.loop.decision import PlanJob, Stop, StopReason, Task, View
-from sain_mppi.search.goal import check_goal, check_tolerance
-from sain_mppi.search.poses import PoseGoal
 
 LOOK_AGAIN: Final = (ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE)
 """Refusals that say that the scene was not the current one: the next scene to arrive is."""
@@ -77,9 +75,7 @@ class GoalTracker:
         self.task, self.pushes, self._refused, self._start = None, pushes, (), None
         self._decided, self._awaited, self._latest = None, None, None
         self._unanswered.clear()
-        if not isinstance(task.goal, PoseGoal):  # poses need the bodies: the planner checks them
-            check_goal(task.goal, self._table)
-            check_tolerance(task.tolerance)
+        task.goal.check_places(self._table)  # all else needs the bodies: the planner checks it
         self.task = task
 
     def see(self, view: View) -> None:

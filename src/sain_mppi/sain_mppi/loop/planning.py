@@ -14,7 +14,7 @@ from sain_mppi.loop.fallback import FallbackRollout
 from sain_mppi.loop.progress_monitor import ProgressMonitor
 from sain_mppi.planner import Planner
 from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.objective import make_objective
+from sain_mppi.search.objective import Objective
 from sain_mppi.search.proposals import RESET
 
 SHORTEST: Final = 4.0  # standard deviations of places: a shorter way of a body is lost in noise
@@ -79,13 +79,13 @@ class PlanningDecider(Decider):
         """Compare the scene with what was expected; raise when it is no use going on."""
         scene, monitor = job.view.scene, self._monitor
         weights = self._planner.config.weights
-        goal = make_objective(job.goal, job.start, weights, self._feasibility, job.bodies)
+        goal = Objective(job.goal, job.start, weights, self._feasibility, job.bodies)
         sure = job.view.sure
         monitor.look(scene, goal.rest_cost(scene), None if sure is None else 3.0 * sure.places)
         if monitor.hopeless:
             raise NoProgressError(
                 f"{monitor.without} pushes in a row brought nothing, the distance is"
-                f" {1e3 * job.distance:.0f} mm; choose another goal, move a body,"
+                f" {1e3 * job.judgement.distance:.0f} mm; choose another goal, move a body,"
                 f" send the goal again, or {RESET}"
             )
 

@@ -7,10 +7,8 @@ from typing import Final
 import numpy as np
 
 from sain_core.errors import OutOfRangeError
-from sain_core.scene import TARGET
+from sain_core.goal import Goal, Judgement
 from sain_core.types import Scalars
-from sain_mppi.search.goal import Goal
-from sain_mppi.search.poses import Errors, PoseGoal
 
 POINTS: Final = 201  # of the integral of a probability
 
@@ -50,34 +48,26 @@ class Uncertainty:
         high, low = ((end - turn) / (std * sqrt(2.0)) for end in (tolerance, -tolerance))
         return 0.5 * (erf(high) - erf(low))
 
-    def reached(
-        self, goal: Goal | PoseGoal, tolerance: float, apart: Errors, turns: Errors
-    ) -> float:
-        """Return the probability that a goal is reached.
-
-        Args:
-            goal: of the target, or poses of P bodies.
-            tolerance: [m], of a goal of the target; poses have their own.
-            apart: (P,) [m], how far off the bodies are seen.
-            turns: (P,) [rad], the same of their headings.
-        """
-        if not isinstance(goal, PoseGoal):
-            return self.within(TARGET, float(apart[0]), tolerance)
+    def reached(self, judged: Judgement) -> float:
+        """Return the probability that all poses of a goal are met within their tolerances."""
         probability = 1.0
-        for pose, distance, turn in zip(goal.poses, apart, turns, strict=True):
+        for pose, distance, turn in zip(
+            judged.goal.poses, judged.distances, judged.turns, strict=True
+        ):
             probability *= self.within(pose.body, float(distance), pose.tolerance)
             if pose.heading is not None:
                 probability *= self.turned_within(pose.body, float(turn), pose.heading_tolerance)
         return probability
 
-    def check_tolerance(self, goal: Goal | PoseGoal, tolerance: float) -> None:
+    def check_tolerance(self, goal: Goal) -> None:
         """Check that a goal counts as reached where the bodies are seen exactly at it.
 
         Raises:
             OutOfRangeError: its tolerances are too small for that.
         """
-        nothing = np.zeros(len(goal.poses) if isinstance(goal, PoseGoal) else 1)
-        if self.reached(goal, tolerance, nothing, nothing) < self.confidence:
+        nothing = np.zeros(len(goal.poses))
+        there = Judgement(goal, nothing, nothing, np.zeros(0), at_rest=True, on_table=True)
+        if self.reached(there) < self.confidence:
             raise OutOfRangeError(
                 "the tolerances are too small for what is observed: poses have standard deviations"
                 f" of {1e3 * self.places.max():.1f} mm and {self.turns.max():.3f} rad, and bodies"

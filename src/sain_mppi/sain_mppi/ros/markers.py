@@ -16,10 +16,9 @@ from visualization_msgs.msg import Marker
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.push import pushed_bodies
 from sain_core.ros.markers import MarkerBoard, body_marker, line_marker, make_marker, make_pose
-from sain_core.scene import DISK_HEIGHT, TARGET, X, Y
+from sain_core.scene import DISK_HEIGHT, X, Y
 from sain_core.types import Scene
 from sain_mppi.loop.decision import PlanJob, PushDecision
-from sain_mppi.search.poses import PoseGoal
 from sain_mppi.search.result import Shown
 
 LINE_WIDTH: Final = 0.006  # [m]
@@ -62,7 +61,7 @@ def plan_markers(decision: PushDecision, stamp: Time) -> list[Marker]:
     if result is None:
         return markers
     scene, bodies = job.view.scene, job.known_bodies
-    markers += _others(scene, result.others, aimed_body(job), stamp)
+    markers += _others(scene, result.others, job.goal.wanted[0], stamp)
     for body in shown_bodies(decision):
         colour, after = rgba(PALETTE.disk(body), 0.9), result.predicted[0, body]
         way = result.way(scene, body)
@@ -77,30 +76,17 @@ def plan_markers(decision: PushDecision, stamp: Time) -> list[Marker]:
 
 
 def shown_bodies(decision: PushDecision) -> tuple[int, ...]:
-    """Return the bodies whose ways are drawn: the paper's two; or those pushed or with a pose."""
-    goal, count = decision.job.goal, len(decision.job.view.scene)
-    if not isinstance(goal, PoseGoal):
-        return tuple(range(min(count, TARGET + 1)))
+    """Return the bodies whose ways are drawn: those pushed or with a pose."""
     pushes = decision.push[None] if decision.plan is None else decision.plan.pushes
-    pushed = pushed_bodies(pushes).tolist()
-    return tuple(sorted({*pushed, *(pose.body for pose in goal.poses)}))
-
-
-def aimed_body(job: PlanJob) -> int:
-    """Return the body of the goal: the target, or that of the first pose."""
-    goal = job.goal
-    return goal.poses[0].body if isinstance(goal, PoseGoal) else TARGET
+    return tuple(sorted({*pushed_bodies(pushes).tolist(), *decision.job.goal.wanted}))
 
 
 def goal_markers(job: PlanJob, stamp: Time) -> list[Marker]:
-    """Return the goal: a flat disk as wide as the tolerance, or outlines in their poses.
+    """Return the goal: outlines in their poses.
 
-    A pose without a heading is a flat disk, too.
+    A pose without a heading is a flat disk as wide as the tolerance.
     """
     goal, scene, bodies = job.goal, job.view.scene, job.known_bodies
-    if not isinstance(goal, PoseGoal):
-        x, y = goal.tolist()
-        return [_goal_disk(0, x, y, job.task.tolerance, stamp)]
     markers = []
     for pose in goal.poses:
         if pose.heading is None:

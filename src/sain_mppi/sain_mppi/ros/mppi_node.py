@@ -32,7 +32,7 @@ from sain_core.shapes.received import check_unchanged, decode_bodies
 from sain_interfaces.msg import Bodies, Goal, Plan, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_mppi.loop.agent import SERVICE, MppiConfig, planning_agent
-from sain_mppi.loop.decision import PushDecision, Stop
+from sain_mppi.loop.decision import PushDecision, Stop, Task
 from sain_mppi.loop.events import (
     Action,
     Completed,
@@ -46,7 +46,6 @@ from sain_mppi.loop.events import (
     SceneSeen,
     TimePassed,
 )
-from sain_mppi.ros.goal_message import decode_task
 from sain_mppi.ros.goals import Aims, Goals
 from sain_mppi.ros.markers import PlanMarkers
 from sain_mppi.ros.plan_message import (
@@ -133,7 +132,7 @@ class MppiNode(Node):
         for result in notes.results:
             self._learn(result)
         if notes.goal is not None:
-            self._update(GoalGiven(decode_task(notes.goal), notes.pushes))
+            self._update(GoalGiven(_task(notes.goal), notes.pushes))
             self.get_logger().warning(
                 f"goes on with goal {notes.goal.goal_id}, after {notes.pushes} pushes"
             )
@@ -165,7 +164,7 @@ class MppiNode(Node):
         self.get_logger().info("the next plan is made with the parameters as they are now")
 
     def _on_goal(self, message: Goal) -> None:
-        task = decode_task(message)
+        task = _task(message)
         self.notes.aimed(message, self.goals.seen)
         self._update(GoalGiven(task))
 
@@ -334,3 +333,9 @@ class MppiNode(Node):
         self.worker.close()
         super().destroy_node()
         self.ownership.release()
+
+
+def _task(message: Goal) -> Task:
+    """Return the task that a message gives; raise `SainError` if its goal cannot be one."""
+    ids = message.goal_id, message.episode_id
+    return Task(*ids, wire.decode_goal(message), message.max_pushes)

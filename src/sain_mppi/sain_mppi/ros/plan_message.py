@@ -86,8 +86,8 @@ def _empty_plan(task: Task, status: int, error: BaseException | None) -> Plan:
 def _fill_job(plan: Plan, job: PlanJob) -> None:
     plan.episode_id, plan.scene_id = job.view.key
     plan.disks = len(job.view.scene)
-    plan.goal_distance = job.distance
-    plan.goal_turn = job.turn
+    plan.goal_distance = job.judgement.distance
+    plan.goal_turn = job.judgement.turn
     plan.planning_time = monotonic() - job.view.received
     sure = job.view.sure
     if sure is not None:

@@ -10,8 +10,7 @@ from numpy import ndarray
 
 from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, PushLimits
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, unit
-from sain_core.types import Points, PushSequences, Scalars, Scene
-from sain_mppi.search.goal import Goal
+from sain_core.types import Place, Points, PushSequences, Scalars, Scene
 from sain_mppi.search.sampling import inside_limits
 
 BEARING_SCATTER = 0.15  # [rad], of the direction in which the target is pushed
@@ -22,7 +21,7 @@ WIDEST_DETOUR = 1.6  # radius of the way round the target, in touching distances
 
 def straight_sequences(
     scene: Scene,
-    goal: Goal,
+    goal: Place,
     limits: PushLimits,
     generator: np.random.Generator,
     count: int,
@@ -41,7 +40,7 @@ def straight_sequences(
 
 def go_around_sequences(
     scene: Scene,
-    goal: Goal,
+    goal: Place,
     limits: PushLimits,
     generator: np.random.Generator,
     count: int,
@@ -84,7 +83,7 @@ def _arc(
 
 
 def _bearing_to_goal(
-    scene: Scene, goal: Goal, generator: np.random.Generator, count: int
+    scene: Scene, goal: Place, generator: np.random.Generator, count: int
 ) -> Scalars:
     way = goal - scene[TARGET, POSITION]
     scatter = BEARING_SCATTER * generator.standard_normal(count)

@@ -1,4 +1,4 @@
-"""The settings of the cost terms in `sain_mppi.search.cost` and `sain_mppi.search.pose_costs`."""
+"""The settings of the cost terms in `sain_mppi.search.cost`."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -17,25 +17,24 @@ class CostWeights(Config):
     """The weights of the cost terms and the distances at which they set in."""
 
     position: tuple[float, float] = option(
-        (100.0, 100.0), "Q for x and y of the target, paper eq. 6", unit="1/m^2", minimum=0.0
+        (100.0, 100.0), "Q for x and y of bodies with poses, paper eq. 6", unit="1/m^2", minimum=0.0
     )
-    orientation: float = option(0.0, "Q for the target's heading, towards 0", minimum=0.0)
     running: float = option(0.5, "share of Q after every push but the last", minimum=0.0)
     terminal: float = option(1.0, "share of Q after the last push", minimum=0.0)
     distance: float = option(
         50.0,
-        "weight of the distance from target to goal after the last push, not squared",
+        "weight of the distances of bodies to their poses after the last push, not squared",
         unit="1/m",
         minimum=0.0,
     )
     alignment: float = option(
         1.0,
-        "weight of the angle between the lines mid disk to target and target to goal",
+        "weight of the angle between the lines pushing body to target and target to goal",
         minimum=0.0,
     )
     approach: float = option(
         2.0,
-        "weight of the mid disk's distance from the point behind the target",
+        "weight of the pushing body's distance from the point behind the target",
         unit="1/m",
         minimum=0.0,
     )
@@ -55,13 +54,13 @@ class CostWeights(Config):
         0.1, "assumed overshoot, as a share of the target's path", minimum=0.0, maximum=1.0
     )
     clearance: float = option(
-        2.0, "weight of a gap below `tool_gap` between tool and another disk", minimum=0.0
+        2.0, "weight of a gap below `tool_gap` between tool and another body", minimum=0.0
     )
     tool_gap: float = option(
         0.01, "gap below which the clearance cost begins", unit="m", minimum=0.001
     )
     reach: float = option(
-        3.0, "weight of mid disk or target near the limits of the reach", minimum=0.0
+        3.0, "weight of pushing body or target near the limits of the reach", minimum=0.0
     )
     reach_margin: float = option(
         0.10, "distance to the limits below which the reach cost begins", unit="m", minimum=0.001
@@ -78,7 +77,7 @@ class CostWeights(Config):
     blocked: float = option(3.0, "cost of each later push that is not feasible", minimum=0.0)
     risk: float = option(
         0.0,
-        "weight of the summed radii of the target's prediction regions; slower",
+        "weight of the summed prediction regions of bodies with poses; slower",
         unit="1/m",
         minimum=0.0,
     )
@@ -86,13 +85,13 @@ class CostWeights(Config):
     pushes: float = option(0.01, "cost of each push of non-zero length", minimum=0.0)
     lever: float = option(
         1.0,
-        "pose goals: weight of a heading, as the distance of points from a body's middle, in"
+        "weight of a heading, as the distance of points from a body's middle, in"
         " circumscribed radii",
         minimum=0.0,
     )
-    running_pose: float = option(
+    running_distance: float = option(
         5.0,
-        "pose goals: weight of the distances after all pushes but the last",
+        "weight of the distances after all pushes but the last",
         unit="1/m",
         minimum=0.0,
     )
@@ -110,13 +109,13 @@ class CostWeights(Config):
     )
     stranded: float = option(
         20.0,
-        "shapes: weight of lacking room for body 0 and the tool behind the target",
+        "shapes: weight of lacking room for pushing body and tool behind the target",
         unit="1/m",
         minimum=0.0,
     )
     more: str = option("", "further terms that installed packages offer, with commas: NAME:WEIGHT")
     keep: float = option(
-        200.0, "pose goals: weight of moving a body that is to be kept", unit="1/m", minimum=0.0
+        200.0, "weight of moving a body that is to be kept", unit="1/m", minimum=0.0
     )
 
     def __post_init__(self) -> None:

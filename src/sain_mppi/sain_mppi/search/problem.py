@@ -6,6 +6,7 @@ from typing import Final, Self
 import numpy as np
 
 from sain_core.errors import InvalidInputError
+from sain_core.goal import Goal
 from sain_core.scene import (
     OVERLAP_TOLERANCE,
     Table,
@@ -16,8 +17,6 @@ from sain_core.scene import (
 )
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_bodies
 from sain_core.types import Scene
-from sain_mppi.search.goal import Goal, check_goal
-from sain_mppi.search.poses import PoseGoal
 
 SEEN_OVERLAP: Final = 0.02  # [m], deepest that disks may seem to overlap
 
@@ -28,13 +27,13 @@ class Problem:
 
     Attributes:
         scene: (N, 8); disks that seemed to overlap a little just touch.
-        goal: (2,) [m] of the target, or poses of bodies.
+        goal: poses of bodies.
         bodies: shapes and roles, of N bodies.
         start: (N, 8), the scene in which the goal was given.
     """
 
     scene: Scene
-    goal: Goal | PoseGoal
+    goal: Goal
     bodies: Bodies
     start: Scene
 
@@ -42,7 +41,7 @@ class Problem:
     def of(
         cls,
         scene: Scene,
-        goal: Goal | PoseGoal,
+        goal: Goal,
         bodies: Bodies = PAPER_DISKS,
         start: Scene | None = None,
         table: Table = Table(),
@@ -64,10 +63,7 @@ class Problem:
                 scene = _parted(scene)
         else:
             check_bodies(scene, bodies, table, SEEN_OVERLAP)
-        if isinstance(goal, PoseGoal):
-            goal.check(scene, bodies, table)
-        else:
-            check_goal(goal, table)
+        goal.check(scene, bodies, table)
         return cls(scene, goal, bodies, first)
 
     def after(self, scene: Scene) -> "Problem":

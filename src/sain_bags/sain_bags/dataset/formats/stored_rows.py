@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from sain_core.dataset import MOVED, Column, Columns, as_scenes, centres, row_bodies
-from sain_core.scene import POSITION, TARGET, THETA
+from sain_core.goal import TOLERANCE, BodyPose, Goal, Judgement
 from sain_core.storage import read_arrays
 
 
@@ -56,45 +57,42 @@ class StoredRows:
 
 
 def goal_distance(columns: Columns) -> ndarray:
-    """Return how far from its goal each push left the target (M,) [m]; NaN: there is no goal.
-
-    Of a goal of poses: the body that is farthest from its pose.
-    """
-    ends = centres(columns[Column.NEXT_STATE])
-    apart = np.linalg.norm(ends[:, min(TARGET, ends.shape[1] - 1)] - columns[Column.GOAL], axis=-1)
-    if Column.GOAL_POSES not in columns:
-        return np.asarray(apart)
-    far, asked = _pose_errors(columns)[0], _asked(columns)
-    return np.where(asked.any(axis=1), np.where(asked, far, 0.0).max(axis=1), apart)
+    """Return how far from its goal each push left the bodies (M,) [m]; NaN: there is no goal."""
+    return np.array([np.nan if judged is None else judged.distance for judged in _judge(columns)])
 
 
 def reached(columns: Columns) -> ndarray:
-    """Return which pushes (M,) left the target, or all posed bodies, within the tolerances."""
-    at_place = goal_distance(columns) <= columns[Column.TOLERANCE]
+    """Return which pushes (M,) left all bodies of the goal within the tolerances."""
+    return np.array([judged is not None and not judged.missed for judged in _judge(columns)])
+
+
+def _judge(columns: Columns) -> list[Judgement | None]:
+    """Judge the scene after each push; None: there is no goal."""
+    scenes = as_scenes(columns[Column.NEXT_STATE])
+    goals = [_goal(columns, row, scenes.shape[1]) for row in range(len(scenes))]
+    return [
+        None if goal is None else goal.judge(scene, scene, bodies)
+        for goal, scene, bodies in zip(goals, scenes, row_bodies(columns), strict=True)
+    ]
+
+
+def _goal(columns: Columns, row: int, count: int) -> Goal | None:
+    """Return the goal of a row with so many bodies, without those that are to be kept."""
+    place, tolerance = columns[Column.GOAL][row], columns[Column.TOLERANCE][row]
+    if np.isfinite(place).all():
+        return Goal.place(place[0], place[1], float(tolerance) or TOLERANCE).fitted(count)
     if Column.GOAL_POSES not in columns:
-        return np.asarray(at_place)
-    far, turned = _pose_errors(columns)
-    asked = _asked(columns)
-    allowed = columns[Column.GOAL_TOLERANCES].reshape(*asked.shape, 2)
-    in_place = (far <= allowed[..., 0]) & ((turned <= allowed[..., 1]) | np.isnan(turned))
-    return np.where(asked.any(axis=1), (in_place | ~asked).all(axis=1), at_place)
-
-
-def _asked(columns: Columns) -> ndarray:
-    """Return which bodies (M, N) have a pose to come to."""
-    poses = columns[Column.GOAL_POSES]
-    return np.asarray(np.isfinite(poses.reshape(len(poses), -1, 3)[..., 0]))
-
-
-def _pose_errors(columns: Columns) -> tuple[ndarray, ndarray]:
-    """Return distances [m] and turns [rad] (M, N) from poses; NaN where none is asked for."""
-    scenes, poses = as_scenes(columns[Column.NEXT_STATE]), columns[Column.GOAL_POSES]
-    poses = poses.reshape(len(poses), -1, 3)
-    turns = np.array([[s.symmetry for s in bodies.shapes] for bodies in row_bodies(columns)])
-    turns = np.where(turns > 0.0, turns, 2 * np.pi)
-    apart = scenes[..., THETA] - poses[..., 2]
-    turned = np.abs(np.mod(apart + turns / 2, turns) - turns / 2)
-    return np.linalg.norm(scenes[..., POSITION] - poses[..., :2], axis=-1), turned
+        return None
+    poses = columns[Column.GOAL_POSES][row].reshape(count, 3).tolist()
+    allowed = columns[Column.GOAL_TOLERANCES][row].reshape(count, 2).tolist()
+    wanted = tuple(
+        BodyPose(body, x, y, tolerance=near)
+        if isnan(heading)
+        else BodyPose(body, x, y, heading, near, turn)
+        for body, ((x, y, heading), (near, turn)) in enumerate(zip(poses, allowed, strict=True))
+        if not isnan(x)
+    )
+    return Goal(wanted) if wanted else None
 
 
 def _begins(before: Columns | None, chunk: Columns) -> ndarray:

@@ -2,7 +2,7 @@
 
 import { draw } from "./elements.js";
 import { counted, fineMillimetres, milliseconds, tickText, ticks } from "./figures.js";
-import { goalDistance, size } from "./geometry.js";
+import { goalDistance, size, wantedName } from "./geometry.js";
 
 const NAMES = { physics: "physics", expected: "planner" };
 const LEFT = 34, BOTTOM = 22, TOP = 12;
@@ -54,7 +54,7 @@ function drawErrors(box, width, pushes, choose) {
 
 // The target's way to the goal, over the recorded scenes: it shares its axis with the slider.
 function drawDistance(box, width, episode) {
-  const height = 74, { poses } = episode.frames, what = episode.poses.length ? "bodies" : "target";
+  const height = 74, { poses } = episode.frames, what = wantedName(episode);
   const values = poses.map((pose) => goalDistance(episode, pose));
   const highest = Math.max(...values, 1000 * episode.tolerance, 1), floor = height - 4;
   const x = (index) => (poses.length > 1 ? (index / (poses.length - 1)) * width : width / 2);

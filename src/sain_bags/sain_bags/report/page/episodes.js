@@ -3,7 +3,7 @@
 import { drawDistance, drawErrors } from "./charts.js";
 import { find, make, onWidth } from "./elements.js";
 import { counted, degrees, fineMillimetres, fixed, millimetres } from "./figures.js";
-import { goalDistance } from "./geometry.js";
+import { goalDistance, wantedName } from "./geometry.js";
 import { seriesLegend, topViewLegend } from "./legend.js";
 import { Player } from "./player.js";
 import { pushFacts, pushRows, shownText, verdictText } from "./pushes.js";
@@ -22,8 +22,7 @@ class Episodes {
     find("more").hidden = !more.length;
     find("more").textContent = more.join(" ");
     const others = data.episodes.some((episode) => episode.disks.length > 2);
-    const named = data.episodes.some((episode) => episode.disks.some((disk) => disk.name));
-    find("legend").replaceChildren(...topViewLegend(others, named, (name, on) => this.toggle(name, on)));
+    find("legend").replaceChildren(...topViewLegend(others, (name, on) => this.toggle(name, on)));
     onWidth(find("distance"), () => this.drawCharts());
     onWidth(find("errors"), () => this.drawCharts());
     this.choose(Math.max(data.episodes.findIndex((episode) => episode.pushes.length), 0));
@@ -48,7 +47,7 @@ class Episodes {
     const turn = episode.turn === null ? "" : `, ${degrees(episode.turn)} from the heading`;
     const keep = episode.keep.map(({ body, tolerance, moved }) =>
       `, body ${body} to be kept within ${fineMillimetres(tolerance)} was moved by ${fineMillimetres(moved)}`).join("");
-    const goal = episode.goal ? `, goal ${episode.outcome} (tolerance ${millimetres(episode.tolerance)}${turn}${keep})` : ", without a goal";
+    const goal = episode.poses.length ? `, goal ${episode.outcome} (tolerance ${millimetres(episode.tolerance)}${turn}${keep})` : ", without a goal";
     find("episode-title").textContent = `${episode.title}: ${counted(episode.counts.executed, "push", "pushes")}${refused}${goal}`;
     find("shown").textContent = shownText(episode);
     find("verdict").textContent = verdictText(episode);
@@ -63,8 +62,8 @@ class Episodes {
   drawCharts() {
     const { episode } = this, distance = find("distance"), errors = find("errors");
     if (!episode) return;
-    distance.hidden = !episode.goal;
-    if (episode.goal && distance.clientWidth) this.moveCursor = drawDistance(distance, distance.clientWidth, episode);
+    distance.hidden = !episode.poses.length;
+    if (episode.poses.length && distance.clientWidth) this.moveCursor = drawDistance(distance, distance.clientWidth, episode);
     else this.moveCursor = () => {};
     if (this.player.times) this.moveCursor(this.player.index);
     find("errors-card").hidden = !episode.pushes.some((push) => (push.expectedError ?? push.physicsError) !== null);
@@ -98,7 +97,7 @@ class Episodes {
     this.view.moveTo(index);
     this.moveCursor(index);
     const time = fixed(episode.frames.time[index], 2, "s");
-    const distance = episode.goal ? ` · ${episode.poses.length ? "bodies" : "target"} ${fineMillimetres(goalDistance(episode, episode.frames.poses[index]) / 1000)} from the goal` : "";
+    const distance = episode.poses.length ? ` · ${wantedName(episode)} ${fineMillimetres(goalDistance(episode, episode.frames.poses[index]) / 1000)} from the goal` : "";
     find("moment").textContent = `${time}${distance}`;
     find("slider").setAttribute("aria-valuetext", `${time}${number < 0 ? "" : `, push ${number + 1} of ${episode.pushes.length}`}${distance}`);
     if (number !== this.push) this.showPush(number);

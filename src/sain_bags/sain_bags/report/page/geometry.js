@@ -33,10 +33,19 @@ function apart(one, other) {
   return 1000 * Math.hypot(one[0] - other[0], one[1] - other[1]);
 }
 
-// The distance from the target to its goal, or the largest of bodies to their poses [mm].
+// Whether bodies are called by their shapes.
+function named(episode) {
+  return episode.disks.some((disk) => disk.name);
+}
+
+// What the goal is about.
+function wantedName(episode) {
+  return named(episode) ? "bodies" : "target";
+}
+
+// The largest distance of a body from its pose [mm].
 function goalDistance(episode, poses) {
-  const wanted = episode.poses.length ? episode.poses : [{ body: episode.aimed, x: episode.goal[0], y: episode.goal[1] }];
-  return Math.max(...wanted.map(({ body, x, y }) => (poses[body] ? apart(poses[body], [x, y]) : 0)));
+  return Math.max(...episode.poses.map(({ body, x, y }) => (poses[body] ? apart(poses[body], [x, y]) : 0)));
 }
 
 function wayLength(poses, number) {
@@ -51,4 +60,4 @@ function sector(inner, outer, bearing) {
     `L${inner * c} ${inner * s}A${inner} ${inner} 0 ${large} 0 ${inner * c} ${-inner * s}Z`;
 }
 
-export { apart, diskClass, goalDistance, outline, place, sector, size, turn, wayLength };
+export { apart, diskClass, goalDistance, named, outline, place, sector, size, turn, wantedName, wayLength };

@@ -11,7 +11,7 @@ function mark(shape) {
 }
 
 // The legend of the top view; three kinds of marks can be switched off.
-function topViewLegend(others, named, onToggle) {
+function topViewLegend(others, onToggle) {
   const entry = (shape, text) => make("span", {}, mark(shape), text);
   const toggle = (name, shape, text) => {
     const box = make("input", { type: "checkbox" });
@@ -21,8 +21,8 @@ function topViewLegend(others, named, onToggle) {
   };
   return [
     entry(square("top"), "table"), entry(square("reach"), "reachable area"),
-    entry(circle("disk mid"), named ? "body 0" : "mid disk"), entry(circle("disk target"), named ? "body 1" : "target"),
-    ...(others ? [entry(circle("disk other"), named ? "other body" : "other disk")] : []),
+    entry(circle("disk mid"), "body 0"), entry(circle("disk target"), "body 1"),
+    ...(others ? [entry(circle("disk other"), "other body")] : []),
     entry(circle("start other"), "start"), entry(circle("ring"), "goal and tolerance"),
     entry(path("tool", "M1 7H19M14 3L19 7L14 11"), "push"),
     toggle("physics", circle("ghost physics"), "predicted by physics"),

@@ -2,6 +2,7 @@
 
 import { make } from "./elements.js";
 import { counted, degrees, fineMillimetres, milliseconds, millimetres } from "./figures.js";
+import { named } from "./geometry.js";
 
 function shownText(episode) {
   const { time, recorded, thinned, unusable, fromPushes, cut } = episode.frames;
@@ -31,17 +32,13 @@ function bodyName(episode, number) {
   return body?.name ? `${number} (${body.name})` : ["mid disk", "target"][number] ?? `disk ${number}`;
 }
 
-function named(episode) {
-  return episode.disks.some((disk) => disk.name);
-}
-
 function pushFacts(push, number, episode) {
   const aimed = named(episode) ? bodyName(episode, episode.aimed) : "Target";
   const facts = [
     ["Body", named(episode) ? bodyName(episode, push.body) : null],
     ["Tool at", degrees(push.location)], ["Direction", degrees(push.angle)], ["Travel", millimetres(push.length)],
     [`${aimed} moved`, millimetres(push.moved)],
-    [`${aimed} to goal`, episode.goal ? `${millimetres(push.distance[0])} → ${millimetres(push.distance[1])}` : null],
+    [`${aimed} to goal`, episode.poses.length ? `${millimetres(push.distance[0])} → ${millimetres(push.distance[1])}` : null],
     [`Error of ${push.physicsModel || "physics"}`, push.physicsError === null ? null : fineMillimetres(push.physicsError)],
     [`Error of ${push.model || "the planner"}`, push.expectedError === null ? null : fineMillimetres(push.expectedError)],
     ["Planning time", push.planning === null ? null : milliseconds(push.planning)],

@@ -63,9 +63,7 @@ class TopView {
   }
 
   drawGoal() {
-    if (!this.episode.goal) return;
-    const [gx, gy] = this.episode.goal, { poses, tolerance } = this.episode;
-    for (const pose of poses.length ? poses : [{ x: gx, y: gy, heading: null, tolerance }]) {
+    for (const pose of this.episode.poses) {
       const [x, y] = place([pose.x, pose.y]), arm = this.px(7), body = this.episode.disks[pose.body];
       const shape = body && pose.heading !== null ? [outline(body, [pose.x, pose.y, pose.heading], { class: "wanted" })] : [];
       this.layers.goal.append(

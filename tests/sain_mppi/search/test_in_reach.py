@@ -1,11 +1,12 @@
 """Goals that no tool gets behind."""
 
-import numpy as np
 import pytest
 
 from sain_core.errors import UnreachableError
 from sain_core.feasibility import Feasibility
-from sain_mppi.search.goal import check_in_reach
+from sain_core.goal import Goal
+from sain_core.shapes.bodies import PAPER_DISKS
+from sain_mppi.search.in_reach import check_in_reach
 
 
 @pytest.mark.parametrize(
@@ -14,7 +15,7 @@ from sain_mppi.search.goal import check_in_reach
 )
 def test_a_goal_that_no_tool_gets_behind_is_refused(scene, goal, reachable):
     if reachable:
-        check_in_reach(np.array(goal), scene, Feasibility())
+        check_in_reach(Goal.place(*goal), scene, PAPER_DISKS, Feasibility())
         return
     with pytest.raises(UnreachableError, match=rf"the goal \({goal[0]:.3f}, .*out of reach"):
-        check_in_reach(np.array(goal), scene, Feasibility())
+        check_in_reach(Goal.place(*goal), scene, PAPER_DISKS, Feasibility())
