@@ -9,7 +9,6 @@ from sain_core.errors import InvalidInputError, OffTableError
 from sain_core.scene import (
     MASS,
     OMEGA,
-    POSITION,
     RADIUS,
     THETA,
     VX,
@@ -22,7 +21,6 @@ from sain_core.scene import (
     mirror_scenes,
     rotate_scenes,
     surface_gaps,
-    target_distance,
     unit,
     wrap_angle,
 )
@@ -94,11 +92,6 @@ def test_a_scene_at_rest_is_settled_and_a_slowly_creeping_one_is_not() -> None:
     np.testing.assert_array_equal(
         is_settled(np.stack([scene, moving, turning])), [True, False, False]
     )
-
-
-def test_the_target_is_disk_one() -> None:
-    scene = random_scene(0)
-    assert target_distance(scene, scene[1, POSITION] + np.array([0.3, 0.4])) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from sain_bags.bag.metadata import TopicQos
 from sain_bags.writing.writer import BagWriter
 from sain_bringup.graph import executable
 from sain_core.ros.qos import RELIABLE
-from sain_core.scene import make_scene, target_distance
+from sain_core.scene import POSITION, TARGET, make_scene
 from sain_core.types import Scene
 from sain_core.wire import decode_plan
 from sain_interfaces.msg import Plan, Push
@@ -156,7 +156,7 @@ def test_planner_and_model_work_from_a_recording(audience: Audience, bag: Path) 
         assert (sent.episode_id, sent.scene_id) == (1, number)
         planned, predicted = decode_plan(plan)
         assert planned[0] == pytest.approx([sent.location, sent.angle, sent.length])
-        before = target_distance(scene_at(TARGETS[number - 1]), GOAL)
+        before = np.hypot(*(scene_at(TARGETS[number - 1])[TARGET, POSITION] - GOAL))
         assert plan.goal_distance == pytest.approx(float(before))
-        assert target_distance(predicted[-1], GOAL) < before
+        assert np.hypot(*(predicted[-1, TARGET, POSITION] - GOAL)) < before
     assert len(pushes) == 2, "the recorded pushes are not played"

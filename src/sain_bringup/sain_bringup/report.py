@@ -48,7 +48,7 @@ class PlayedEpisode:
             "longest_planning_time": max(times, default=None),
             "final_turn": judged.turn if judged.goal.has_heading else None,
             "model_error": _mean([push.error(aimed) for push in self.episode.records]),
-            "physics_error": _mean([push.physics_error_of(aimed) for push in self.episode.records]),
+            "physics_error": _mean([push.physics_error(aimed) for push in self.episode.records]),
         }
 
     def last_part(self) -> "PlayedEpisode":

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sain_core.scene import MID, POSITION, TARGET
+from sain_core.scene import POSITION
 from sain_core.types import PushArray, Scene
 
 
@@ -23,22 +23,7 @@ class PushRecord:
         """Return how far [m] the prediction put a disk from where it came to rest."""
         return _apart(self.predicted, self.after, disk)
 
-    @property
-    def target_error(self) -> float | None:
-        """Prediction error [m] of the target."""
-        return self.error(TARGET)
-
-    @property
-    def mid_error(self) -> float | None:
-        """Prediction error [m] of the mid disk."""
-        return self.error(MID)
-
-    @property
-    def physics_error(self) -> float | None:
-        """Prediction error [m] of the target, by physics alone."""
-        return self.physics_error_of(TARGET)
-
-    def physics_error_of(self, body: int) -> float | None:
+    def physics_error(self, body: int) -> float | None:
         """Return how far [m] physics alone put a body from where it came to rest."""
         return _apart(self.physics, self.after, body)
 

@@ -195,12 +195,6 @@ def is_settled(scenes: Scenes) -> Mask:
     return np.asarray((slow & still).all(axis=-1))
 
 
-def target_distance(scenes: Scenes, goal: Points) -> Scalars:
-    """Return the distance [m] from the centre of the target, or only body, to a goal (..., 2)."""
-    target = min(TARGET, scenes.shape[-2] - 1)
-    return np.asarray(np.linalg.norm(scenes[..., target, POSITION] - goal, axis=-1))
-
-
 def unit(angle: Angles) -> Points:
     """Return unit vectors (..., 2) that point along angles [rad]."""
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)

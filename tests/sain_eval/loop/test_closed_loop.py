@@ -8,7 +8,7 @@ import pytest
 from sain_core.dynamics import IdentityPrior
 from sain_core.errors import ConfigError, ModelUnavailableError, SainError
 from sain_core.goal import Goal
-from sain_core.scene import MID, POSITION
+from sain_core.scene import MID, POSITION, TARGET
 from sain_core.world import DivergedError
 from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.controllers import agent_maker
@@ -46,7 +46,7 @@ def test_planning_with_the_planar_prior_brings_the_target_to_the_goal(case):
     assert outcome.failure == "" and not outcome.fallen
     assert outcome.record.last.distance <= 0.02
     for push in outcome.record.pushes:
-        assert push.predicted is not None and push.target_error < 0.03
+        assert push.predicted is not None and push.error(TARGET) < 0.03
         assert push.planning_time > 0.0
     befores = [push.before for push in outcome.record.pushes[1:]]
     for push, before in zip(outcome.record.pushes, befores, strict=False):
@@ -117,7 +117,7 @@ def test_an_agent_learns_the_friction_of_its_episode_if_so_configured():
     for history in (True, False):
         agent = agent_maker("planar_axes", AgentConfig(history=history))(case)
         pushes = run_episode(case, agent, 0.001).record.pushes
-        errors[history] = [push.target_error + push.mid_error for push in pushes]
+        errors[history] = [push.error(TARGET) + push.error(MID) for push in pushes]
     assert errors[True][0] == errors[False][0]
     assert np.mean(errors[True][1:]) < 0.5 * np.mean(errors[False][1:])
 

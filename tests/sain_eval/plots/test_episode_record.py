@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from sain_core.scene import POSITION, TARGET, VX
+from sain_core.scene import MID, POSITION, TARGET, VX
 
 
 def test_it_knows_when_each_tolerance_was_met(episode):
@@ -25,9 +25,9 @@ def test_a_scene_that_moves_or_lost_a_disk_meets_nothing(episode):
 
 
 def test_prediction_errors_are_distances(episode):
-    assert episode.pushes[0].target_error == pytest.approx(0.005)
-    assert episode.pushes[0].mid_error == pytest.approx(0.0)
-    assert replace(episode.pushes[0], predicted=None).target_error is None
+    assert episode.pushes[0].error(TARGET) == pytest.approx(0.005)
+    assert episode.pushes[0].error(MID) == pytest.approx(0.0)
+    assert replace(episode.pushes[0], predicted=None).error(TARGET) is None
 
 
 def test_an_episode_without_pushes_has_its_start(episode):

@@ -100,7 +100,7 @@ def _judge(
     times = [push.planning_time for push in made]
     errors = [_prediction_error(push, outcome.record) for push in made]
     known = [error for error in errors if error is not None]
-    mid = [e for push in made if (e := push.mid_error) is not None]
+    mid = [e for push in made if (e := push.error(MID)) is not None]
     return SceneRecord(
         scenario=case.scenario,
         seed=case.seed,
