@@ -18,7 +18,7 @@ from sain_bringup.movie import Film, Moment, MovieConfig, Scenery, choose_moment
 from sain_bringup.options import EpisodePlan
 from sain_bringup.report import PlayedEpisode, summary_table
 from sain_bringup.results import choose_episode, draw_pictures
-from sain_core.goal import Goal
+from sain_core.goal import Goal, Judgement
 from sain_core.scene import make_scene
 from sain_core.types import Scene
 from sain_core.workers.processes import ProcessPool
@@ -117,9 +117,15 @@ def test_the_longest_success_of_eight_pushes_or_less_is_shown() -> None:
     assert choose_episode((failed,)) is failed
 
 
+def judged(distance: float) -> Judgement:
+    goal = Goal.place(*GOAL, 0.27)
+    return Judgement(goal, np.array([distance]), np.zeros(1), np.zeros(0), True, True)
+
+
 def moments(count: int, step: float) -> list[Moment]:
     return [
-        Moment(step * n, np.full(7, float(n)), scene(0.4), 0.3 - 0.01 * n) for n in range(count)
+        Moment(step * n, np.full(7, float(n)), scene(0.4), judged(0.3 - 0.01 * n))
+        for n in range(count)
     ]
 
 
@@ -191,7 +197,7 @@ def filmed(
     used: list[float] = []
     monkeypatch.setattr(movie, "ProcessPool", InProcess)
     monkeypatch.setattr(movie.Scenery, "renderer", lambda _: FakeRenderer(blind, used))
-    scenery = Scenery(scene(0.4), None, None, GOAL, 0.08, 0.27, "paper 4", MovieConfig())
+    scenery = Scenery(scene(0.4), None, None, GOAL, 0.08, "paper 4", MovieConfig())
     return Film(scenery, moments(5, 0.1), processes=2).frames(), used
 
 
@@ -204,7 +210,7 @@ def test_a_camera_that_hides_the_target_is_moved(monkeypatch: pytest.MonkeyPatch
 
 def test_a_film_rendered_by_several_processes_is_that_of_one() -> None:
     config = MovieConfig(width=64, height=64)
-    scenery = Scenery(scene(0.5), None, None, GOAL, 0.08, 0.27, "paper 4", config)
+    scenery = Scenery(scene(0.5), None, None, GOAL, 0.08, "paper 4", config)
     bent = np.array([0.0, 0.3, 0.0, -2.0, 0.0, 2.3, 0.8])
     shown = [replace(one, joints=bent + 0.05 * one.time) for one in moments(3, 1.0)]
     films = [Film(scenery, shown, processes) for processes in (1, 2)]

@@ -22,6 +22,7 @@ from sain_bags.transitions.message_fields import SCENE
 from sain_bags.transitions.recorded_episodes import Episode
 from sain_bringup.options import NAMESPACE_KEY
 from sain_core.config import Config, option
+from sain_core.goal import Judgement
 from sain_core.types import Points, Scene
 from sain_core.wire import decode_disks
 from sain_core.workers.processes import ProcessPool
@@ -64,7 +65,7 @@ class Moment:
     time: float  # [s], simulated
     joints: Float[ndarray, "7"]  # [rad]
     scene: Scene  # (N, 8)
-    distance: float  # [m], target to goal, or the largest of bodies to their poses
+    judged: Judgement  # how far it is from the goal
 
 
 def episode_moments(bag: Bag, episode: Episode) -> list[Moment]:
@@ -85,9 +86,9 @@ def episode_moments(bag: Bag, episode: Episode) -> list[Moment]:
         elif _is_of(message, received.log_time, episode):
             scenes[stamp] = decode_disks(message.disks)
     return [
-        Moment(1e-9 * stamp, joints[stamp], scene, episode.distance(scene))
+        Moment(1e-9 * stamp, joints[stamp], scene, judged)
         for stamp, scene in sorted(scenes.items())
-        if stamp in joints
+        if stamp in joints and (judged := episode.judge(scene)) is not None
     ]
 
 
@@ -117,7 +118,6 @@ class Scenery:
     outline: Points | None  # (C, 2) [m], of the first body in its goal; None: a ring is drawn
     goal: Points  # (2,) [m]
     ring: float  # [m], radius
-    tolerance: float  # [m]
     title: str  # on each picture
     config: MovieConfig
 
@@ -160,7 +160,7 @@ class FilmWorker:
             picture = renderer.picture(moment.joints, moment.scene, scenery.goal, scenery.ring)
             if not (part.whatever or all(renderer.pixels)):
                 return None
-            frames.append(_caption(picture, scenery.title, moment.distance, scenery.tolerance))
+            frames.append(_caption(picture, scenery.title, moment.judged))
         return frames
 
     def close(self) -> None:
@@ -240,12 +240,12 @@ def _common_palette(frames: Sequence[Image.Image], colours: int) -> Image.Image:
     return sheet.quantize(colours, method=Image.Quantize.MEDIANCUT)
 
 
-def _caption(picture: Picture, title: str, distance: float, tolerance: float) -> Image.Image:
+def _caption(picture: Picture, title: str, judged: Judgement) -> Image.Image:
     """Return a picture with the title and the distance to the goal [m] written on it."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     size = max(12, image.width // 24)
-    font, colour = ImageFont.load_default(size), GREEN if distance <= tolerance else INK
-    text = f"{title}: {1e3 * distance:.0f} mm to the goal"
+    font, colour = ImageFont.load_default(size), GREEN if judged.met else INK
+    text = f"{title}: {1e3 * judged.distance:.0f} mm to the goal"
     draw.text((image.width / 2, image.height - MARGIN), text, colour, font, anchor="ms")
     return image

@@ -97,11 +97,11 @@ def begin_film(bag: Bag, one: PlayedEpisode, config: MovieConfig = MovieConfig()
     """Begin to render one episode from its recording."""
     one = one.last_part()
     assert one.episode.goal is not None
-    place, tolerance = one.episode.goal.places[0], one.episode.goal.poses[0].tolerance
-    # The target has reached the goal when it lies wholly inside the ring.
-    ring = float(one.episode.start[one.episode.aimed, RADIUS]) + tolerance
+    place, pose = one.episode.goal.places[0], one.episode.goal.poses[0]
+    # The body has reached its place when it lies wholly inside the ring.
+    ring = float(one.episode.start[pose.body, RADIUS]) + pose.tolerance
     shapes, outline = one.record().shapes or None, _goal_outline(one)
-    scenery = Scenery(one.episode.start, shapes, outline, place, ring, tolerance, one.title, config)
+    scenery = Scenery(one.episode.start, shapes, outline, place, ring, one.title, config)
     return Film(scenery, choose_moments(episode_moments(bag, one.episode), config))
 
 
