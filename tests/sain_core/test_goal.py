@@ -33,7 +33,6 @@ def moved(body: int, x: float, y: float, heading: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("wanted", "kind", "message"),
     [
-        (goal(), InvalidInputError, "the goal has no poses"),
         (goal(BodyPose(0, 0.6, 0.25)), InvalidInputError, "body 0 overlaps fixed body 3 by"),
         (
             goal(BodyPose(0, 0.5, 0.0), BodyPose(1, 0.5, 0.0)),
@@ -88,6 +87,11 @@ def test_numbers_that_are_none_are_refused(values, kind):
 def test_a_kept_body_has_a_positive_tolerance_below_a_metre(tolerance: float):
     with pytest.raises(OutOfRangeError, match=f"keep_tolerance is {tolerance}"):
         Goal((BodyPose(0, 0.5, 0.0),), (1,), tolerance)
+
+
+def test_a_goal_has_a_pose():
+    with pytest.raises(InvalidInputError, match="the goal has no poses; give one or more"):
+        Goal(())
 
 
 def test_a_goal_without_heading_beside_another_body_is_allowed():

@@ -65,7 +65,7 @@ class Goal:
     """Poses of one or several bodies, and bodies that may not be moved.
 
     Attributes:
-        poses: at most one for each body.
+        poses: one or more, at most one for each body.
         keep: bodies that must stay where they are when the goal is given.
         keep_tolerance: [m], by which these may be moved.
     """
@@ -76,6 +76,8 @@ class Goal:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
+        if not self.poses:
+            raise InvalidInputError("the goal has no poses; give one or more")
         check_tolerance(self.keep_tolerance, "keep_tolerance")
 
     @classmethod
@@ -147,12 +149,10 @@ class Goal:
         """Check that these bodies can have these poses.
 
         Raises:
-            InvalidInputError: no pose, two for one body, a body that does not exist, a heading for
-                a disk, a pose for a fixed body, poses that overlap each other or a fixed body.
+            InvalidInputError: two poses for one body, a body that does not exist, a heading for a
+                disk, a pose for a fixed body, poses that overlap each other or a fixed body.
             OffTableError: a pose off the table.
         """
-        if not self.poses:
-            raise InvalidInputError("the goal has no poses; give one or more")
         for pose in self.poses:
             self._check_pose(pose, bodies)
         self.check_places(table)
