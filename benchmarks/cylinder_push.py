@@ -38,9 +38,9 @@ from sain_core.goal import Goal
 from sain_core.seeding import generator
 from sain_eval.loop.statistics import bootstrap_mean, wilson_interval
 from sain_model.evaluation.markdown import markdown_table
-from sain_mppi.loop.agent import Agent, act
-from sain_mppi.loop.decision import PushDecision, Task
-from sain_mppi.loop.events import Event, GoalGiven, PushEnded, PushExecuted, SceneSeen
+from sain_mppi.agent.agent import Agent, act
+from sain_mppi.agent.decision import PushDecision, Task
+from sain_mppi.agent.events import Event, GoalGiven, PushEnded, PushExecuted, SceneSeen
 
 OWN: Final = 0.3  # [m], judo's GOAL_DISTANCE_THRESHOLD
 NEAR: Final = 0.01  # [m]

@@ -9,12 +9,12 @@ import numpy as np
 from benchmarks.peer_optimizers import Numbers, PeerOptimizer, PeerSettings, PushBox, peer_optimizer
 from sain_core.dynamics import RolloutModel
 from sain_core.types import PushSequences, Scalars
-from sain_mppi.loop.agent import AgentConfig
-from sain_mppi.loop.decision import Decider, PlanJob, PushDecision
-from sain_mppi.loop.fallback import FallbackRollout
-from sain_mppi.search.objective import Objective
-from sain_mppi.search.proposals import draw_permitted, without_idle
-from sain_mppi.search.search import Search
+from sain_mppi.agent.agent import AgentConfig
+from sain_mppi.agent.decision import Decider, PlanJob, PushDecision
+from sain_mppi.agent.fallback import FallbackRollout
+from sain_mppi.algorithms.proposals import draw_permitted, without_idle
+from sain_mppi.algorithms.search import Search
+from sain_mppi.objective.objective import Objective
 
 FORBIDDEN: Final = 1e6  # cost of a sequence whose first push is not permitted
 

@@ -42,9 +42,9 @@ from sain_core.workers.work import FunctionRunner, Software, Work
 from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.results import scene_records
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_mppi.loop.agent import Agent, AgentConfig
-from sain_mppi.loop.planning import PlanningDecider
-from sain_mppi.search.config import ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
+from sain_mppi.agent.agent import Agent, AgentConfig
+from sain_mppi.agent.planning import PlanningDecider
+from sain_mppi.algorithms.config import ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
 
 TOLERANCES: Final = (0.02, 0.005)
 OURS: Final = (MPPI_ROUNDS, ICEM, MPPI)

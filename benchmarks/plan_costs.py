@@ -17,10 +17,10 @@ from sain_core.dynamics import as_rollout
 from sain_core.plugins import load_dynamics
 from sain_core.seeding import generator
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.algorithms.result import PlanResult
+from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
-from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.problem import Problem
-from sain_mppi.search.result import PlanResult
 
 HEAD = (
     "| planner | K | mean cost | 95 % | cheaper than the first planner's | rollouts | ms |\n"

@@ -42,11 +42,11 @@ from sain_core.types import Pushes, Scene
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import IDENTITY
+from sain_mppi.algorithms.config import MPPI, PlannerConfig
+from sain_mppi.algorithms.result import PlanResult
+from sain_mppi.objective.problem import Problem
+from sain_mppi.objective.sampling import NoiseConfig
 from sain_mppi.planner import Planner
-from sain_mppi.search.config import MPPI, PlannerConfig
-from sain_mppi.search.problem import Problem
-from sain_mppi.search.result import PlanResult
-from sain_mppi.search.sampling import NoiseConfig
 
 SAMPLES, HORIZON = 1024, 15
 COUNTS = (64, 256, 1024, 4096, 16384)

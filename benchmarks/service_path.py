@@ -31,9 +31,9 @@ from sain_core.plugins import load_dynamics
 from sain_core.seeding import generator
 from sain_core.types import Pushes
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
-from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.problem import Problem
 
 PATIENCE_S = 120.0
 MOST_MS = {"anywhere": 25.0, "push_t": 40.0, "rearrange_4": 80.0}  # p95 of the closed loops

@@ -9,9 +9,9 @@ from sain_core.dynamics import StepwiseRollout
 from sain_core.goal import Goal
 from sain_core.scene import make_scene
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.loop.agent import AgentConfig, act, planning_agent
-from sain_mppi.loop.decision import PushDecision, Task
-from sain_mppi.loop.events import GoalGiven, PushExecuted, SceneSeen
+from sain_mppi.agent.agent import AgentConfig, act, planning_agent
+from sain_mppi.agent.decision import PushDecision, Task
+from sain_mppi.agent.events import GoalGiven, PushExecuted, SceneSeen
 
 scene = make_scene(
     positions=np.array([[0.45, 0.0], [0.591, 0.0]]),

@@ -15,8 +15,8 @@ from sain_core.seeding import generator
 from sain_eval.plots.plan_picture import draw_plan, draw_plan_legend
 from sain_model.dynamics.load import load_sain, shipped_checkpoint
 from sain_mppi.algorithms import ALGORITHMS
+from sain_mppi.algorithms.config import PlannerConfig
 from sain_mppi.planner import Planner, Problem
-from sain_mppi.search.config import PlannerConfig
 
 scene = make_scene(
     positions=np.array([[0.45, 0.0], [0.591, 0.0]]),

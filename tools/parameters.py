@@ -11,7 +11,7 @@ from pathlib import Path
 from sain_core.config import Config, show_value
 from sain_live.settings import PageConfig
 from sain_model.serving.settings import ServingConfig
-from sain_mppi.loop.agent import MppiConfig
+from sain_mppi.agent.agent import MppiConfig
 from sain_sim.node.simulator import SimulatorConfig
 from sain_sim.perception.settings import PosesConfig
 

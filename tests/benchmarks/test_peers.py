@@ -14,10 +14,10 @@ from sain_core.errors import ConfigError
 from sain_core.push import LENGTH, PushLimits
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.loop.agent import Agent, AgentConfig, act
-from sain_mppi.loop.decision import PushDecision, Task
-from sain_mppi.loop.events import GoalGiven, SceneSeen
-from sain_mppi.search.config import MPPI, MPPI_ROUNDS, PlannerConfig
+from sain_mppi.agent.agent import Agent, AgentConfig, act
+from sain_mppi.agent.decision import PushDecision, Task
+from sain_mppi.agent.events import GoalGiven, SceneSeen
+from sain_mppi.algorithms.config import MPPI, MPPI_ROUNDS, PlannerConfig
 
 CASE = SCENARIOS["anywhere"].scene(3)
 GOAL = CASE.goal.within(0.005, 0.1)

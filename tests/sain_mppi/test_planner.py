@@ -17,9 +17,9 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSITION, TARGET, make_scene, unit
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS
+from sain_mppi.algorithms.config import ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
+from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
-from sain_mppi.search.config import ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
-from sain_mppi.search.problem import Problem
 
 CONFIG = PlannerConfig(samples=192)
 GOAL = Goal.place(0.68, 0.05)

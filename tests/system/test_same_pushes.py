@@ -14,8 +14,8 @@ from sain_core.ros import codec
 from sain_core.scene import MASS
 from sain_eval.loop.evaluation import EpisodeJob, play_job
 from sain_interfaces.msg import Plan
-from sain_mppi.loop.agent import AgentConfig
-from sain_mppi.loop.estimate import EstimatorConfig
+from sain_mppi.agent.agent import AgentConfig
+from sain_mppi.agent.estimate import EstimatorConfig
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.episodes.truth import TruthConfig
 from sain_sim.ros.sim_node import SimNode

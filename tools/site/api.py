@@ -25,7 +25,7 @@ PACKAGES: Final = {
     ),
     "sain_mppi": (
         "The agent that decides, and the planner that it asks.",
-        ("loop.agent", "loop.decision", "planner", "search.config"),
+        ("agent.agent", "agent.decision", "planner", "algorithms.config"),
     ),
     "sain_bags": (
         "Recordings without ROS.",

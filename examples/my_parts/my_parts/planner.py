@@ -3,9 +3,9 @@
 import numpy as np
 
 from sain_core.types import PushSequences
-from sain_mppi.search.proposals import draw_permitted
-from sain_mppi.search.sampling import gaussian_sequences
-from sain_mppi.search.search import Search
+from sain_mppi.algorithms.proposals import draw_permitted
+from sain_mppi.algorithms.search import Search
+from sain_mppi.objective.sampling import gaussian_sequences
 
 
 def plan(search: Search, start: PushSequences, generator: np.random.Generator) -> None:

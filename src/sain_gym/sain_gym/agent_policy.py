@@ -10,9 +10,9 @@ from sain_core.types import PushArray
 from sain_eval.loop.controllers import agent_maker
 from sain_gym.episode import PushEpisode
 from sain_gym.push_env import PushEnv
-from sain_mppi.loop.agent import AgentConfig, act
-from sain_mppi.loop.decision import PushDecision, Stop, Task
-from sain_mppi.loop.events import EpisodeBegun, GoalGiven, PushEnded, PushExecuted, SceneSeen
+from sain_mppi.agent.agent import AgentConfig, act
+from sain_mppi.agent.decision import PushDecision, Stop, Task
+from sain_mppi.agent.events import EpisodeBegun, GoalGiven, PushEnded, PushExecuted, SceneSeen
 
 Decision = PushDecision | Stop | None
 EPISODE: Final = 1  # its id; the agent is new in each

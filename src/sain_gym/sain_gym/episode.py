@@ -14,7 +14,7 @@ from sain_core.world import DivergedError
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.tolerance import Tolerance
-from sain_mppi.loop.goal_tracker import LOOK_AGAIN, GoalTrackerConfig
+from sain_mppi.agent.goal_tracker import LOOK_AGAIN, GoalTrackerConfig
 
 TABLE: Final = Feasibility().table
 MOST_REFUSALS: Final = GoalTrackerConfig().max_refusals  # from one scene, as in an evaluation

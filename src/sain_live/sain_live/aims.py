@@ -10,7 +10,7 @@ from sain_core.goal import MOST_SHARED, BodyPose, Goal
 from sain_core.scene import POSITION, TARGET, THETA, Table
 from sain_core.shapes.bodies import Bodies, Role, overlap
 from sain_core.types import Scene
-from sain_mppi.search.in_reach import check_in_reach
+from sain_mppi.objective.in_reach import check_in_reach
 
 FIRST_WAY: Final = (0.12, 0.0)  # [m], from a body to the goal that it is given first
 FEASIBILITY: Final = Feasibility()

@@ -12,7 +12,7 @@ from sain_eval.scenes.disk_scenarios import AnywhereScenario
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene, find_scenario
 from sain_eval.scenes.shape_scenarios import PoseScenario, StreakScenario
-from sain_mppi.search.config import PlannerConfig
+from sain_mppi.algorithms.config import PlannerConfig
 
 AS_DRAWN: Final = "as the scenario has it"
 PREFIX: Final = "planner."  # of its parameters

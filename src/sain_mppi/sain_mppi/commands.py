@@ -9,7 +9,7 @@ mppi_node: Final = NodeCommand(
     about="Plans one push for each settled scene until the goal is reached. Calls the"
     " model as a service, and plans with the prior when no model answers.",
     node="ros.mppi_node:MppiNode",
-    settings="loop.agent:MppiConfig",
+    settings="agent.agent:MppiConfig",
     publishes=("push", "plan", "plan_markers", "/diagnostics"),
     subscribes=("scene", "shapes", "push_result", "goal", "goal_pose", "/diagnostics"),
     actions=("reach",),

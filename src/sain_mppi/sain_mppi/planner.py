@@ -13,13 +13,13 @@ from sain_core.goal import Goal
 from sain_core.push import PUSH_SIZE
 from sain_core.types import PushArray, PushSequences, Scene
 from sain_mppi.algorithms import find_algorithm
-from sain_mppi.search.config import EXHAUSTIVE, PlannerConfig
-from sain_mppi.search.in_reach import check_in_reach
-from sain_mppi.search.objective import Objective
-from sain_mppi.search.problem import Problem
-from sain_mppi.search.result import PlanResult
-from sain_mppi.search.sampling import shift
-from sain_mppi.search.search import Search
+from sain_mppi.algorithms.config import EXHAUSTIVE, PlannerConfig
+from sain_mppi.algorithms.result import PlanResult
+from sain_mppi.algorithms.search import Search
+from sain_mppi.objective.in_reach import check_in_reach
+from sain_mppi.objective.objective import Objective
+from sain_mppi.objective.problem import Problem
+from sain_mppi.objective.sampling import shift
 
 __all__ = ["Goal", "Planner", "Problem"]
 

@@ -13,8 +13,8 @@ from sain_core.world import DivergedError
 from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_mppi.loop.agent import Agent, AgentConfig
-from sain_mppi.loop.decision import Decider, PushDecision
+from sain_mppi.agent.agent import Agent, AgentConfig
+from sain_mppi.agent.decision import Decider, PushDecision
 from sain_sim.episodes.truth import TruthConfig
 from sain_sim.world.world import World
 

@@ -18,8 +18,8 @@ from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.scenes.shape_scenarios import StreakScenario
 from sain_eval.tolerance import Tolerance
-from sain_mppi.loop.agent import Agent, AgentConfig
-from sain_mppi.loop.decision import Decider, PushDecision
+from sain_mppi.agent.agent import Agent, AgentConfig
+from sain_mppi.agent.decision import Decider, PushDecision
 
 PUSH_T = SCENARIOS["push_t"].scene(9)
 ROW = np.stack([np.full(10, 0.45), np.linspace(-0.45, 0.45, 10)], axis=-1)

@@ -13,9 +13,9 @@ from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_eval.plots.plan_picture import draw_plan, draw_plan_legend
 from sain_model.physics.planar import PlanarPrior
+from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
-from sain_mppi.search.config import PlannerConfig
-from sain_mppi.search.problem import Problem
 
 BLUE, GREEN = (47, 111, 168), (26, 158, 102)
 BARE = (230, 237, 242)  # the part of the table in reach

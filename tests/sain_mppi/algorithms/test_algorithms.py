@@ -14,10 +14,10 @@ from sain_core.push import LENGTH, LOCATION
 from sain_core.scene import MASS, make_scene, unit
 from sain_core.seeding import generator
 from sain_mppi.algorithms import ALGORITHMS
+from sain_mppi.algorithms.config import EXHAUSTIVE, MPPI, MPPI_ROUNDS, PlannerConfig
+from sain_mppi.objective.cost_weights import CostWeights
+from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
-from sain_mppi.search.config import EXHAUSTIVE, MPPI, MPPI_ROUNDS, PlannerConfig
-from sain_mppi.search.cost_weights import CostWeights
-from sain_mppi.search.problem import Problem
 
 GOAL = Goal.place(0.68, 0.05)
 CONFIG = PlannerConfig(samples=192)

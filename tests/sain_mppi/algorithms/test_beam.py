@@ -11,9 +11,9 @@ from sain_core.scene import make_scene
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import Bodies
 from sain_model.physics.planar import PlanarPrior
+from sain_mppi.algorithms.config import BeamConfig, PlannerConfig
+from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
-from sain_mppi.search.config import BeamConfig, PlannerConfig
-from sain_mppi.search.problem import Problem
 
 BODIES = Bodies.named(["t"])
 SCENE = make_scene(np.array([[0.45, -0.05]]), np.array([8.0]), np.array([0.10]))

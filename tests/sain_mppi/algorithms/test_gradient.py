@@ -13,12 +13,12 @@ from sain_core.scene import POSITION, unit
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import Pushes, PushSequences, Scalars, Scenes
+from sain_mppi.algorithms.config import GRADIENT, GradientConfig, PlannerConfig
 from sain_mppi.algorithms.gradient import gradient
+from sain_mppi.algorithms.search import Search
+from sain_mppi.objective.objective import Objective
+from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
-from sain_mppi.search.config import GRADIENT, GradientConfig, PlannerConfig
-from sain_mppi.search.objective import Objective
-from sain_mppi.search.problem import Problem
-from sain_mppi.search.search import Search
 
 PLACE = np.array([0.62, 0.07])
 GOAL = Goal.place(*PLACE)

@@ -15,9 +15,9 @@ from sain_core.workers.options import WorkerOptions
 from sain_eval.cli.table_parts import TABLE_PARTS, TablePart
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_eval.tolerance import Tolerance
-from sain_mppi.loop.agent import AgentConfig
-from sain_mppi.loop.estimate import EstimatorConfig
-from sain_mppi.search.config import PlannerConfig
+from sain_mppi.agent.agent import AgentConfig
+from sain_mppi.agent.estimate import EstimatorConfig
+from sain_mppi.algorithms.config import PlannerConfig
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.camera import WorldCameraConfig
 

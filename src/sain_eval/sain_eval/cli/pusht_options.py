@@ -9,7 +9,7 @@ import tyro
 from sain_core.config import Config, option, required
 from sain_core.workers.options import WorkerOptions
 from sain_eval.pusht.agent import PLANNER
-from sain_mppi.search.config import PlannerConfig
+from sain_mppi.algorithms.config import PlannerConfig
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from sain_eval.loop.eyes import Eyes
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.tolerance import Tolerance
-from sain_mppi.loop.agent import Agent
-from sain_mppi.loop.decision import Task
-from sain_mppi.loop.play import play
+from sain_mppi.agent.agent import Agent
+from sain_mppi.agent.decision import Task
+from sain_mppi.agent.play import play
 from sain_sim.world.camera import WorldCameraConfig
 from sain_sim.world.own import open_world
 from sain_sim.world.workcell import WorldConfig

@@ -16,9 +16,9 @@ from sain_core.push import LOCATION
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
-from sain_mppi.loop.agent import Agent, AgentConfig, planning_agent
-from sain_mppi.loop.decision import Decider, PlanJob, PushDecision
-from sain_mppi.search.feasible_mask import permitted
+from sain_mppi.agent.agent import Agent, AgentConfig, planning_agent
+from sain_mppi.agent.decision import Decider, PlanJob, PushDecision
+from sain_mppi.algorithms.feasible_mask import permitted
 
 ORACLE: Final = "oracle"
 RANDOM_DRAWS: Final = 256

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from sain_core.types import PushArray, Scene
-from sain_mppi.loop.play import Sight
+from sain_mppi.agent.play import Sight
 from sain_sim.world.camera import Camera, WorldCameraConfig
 from sain_sim.world.checked import CheckedWorld
 from sain_sim.world.outcome import Sample

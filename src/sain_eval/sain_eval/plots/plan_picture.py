@@ -21,7 +21,7 @@ from sain_core.types import Points, Scene
 from sain_eval.plots.body_marks import body_colour, body_names, draw_body, draw_pose
 from sain_eval.plots.legend import draw_legend
 from sain_eval.plots.top_view import draw_arrow, draw_table, frame_view
-from sain_mppi.search.result import PlanResult
+from sain_mppi.algorithms.result import PlanResult
 
 MOVED: Final = 1e-3  # [m], a body that should move less has no way
 COSTS: Final = LinearSegmentedColormap.from_list(

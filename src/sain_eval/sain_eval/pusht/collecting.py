@@ -15,8 +15,8 @@ from sain_eval.pusht.agent import FEASIBILITY, LIMITS
 from sain_eval.pusht.episode import play_pusht
 from sain_eval.pusht.world import PushtWorld
 from sain_model.data.dataset import Dataset
-from sain_mppi.loop.agent import Agent
-from sain_mppi.search.feasible_mask import permitted
+from sain_mppi.agent.agent import Agent
+from sain_mppi.algorithms.feasible_mask import permitted
 
 FIRST_SEED: Final = 100_000  # of episodes to learn from: far from those of evaluations
 RANDOM_PUSHES: Final = 12  # in an episode at most

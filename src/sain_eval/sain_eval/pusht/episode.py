@@ -8,9 +8,9 @@ import numpy as np
 from sain_core.push_record import PushRecord
 from sain_eval.pusht.block import goal_of
 from sain_eval.pusht.world import PushtWorld
-from sain_mppi.loop.agent import Agent
-from sain_mppi.loop.decision import Task
-from sain_mppi.loop.play import PlayOutcome, play
+from sain_mppi.agent.agent import Agent
+from sain_mppi.agent.decision import Task
+from sain_mppi.agent.play import PlayOutcome, play
 
 NEAR: Final = 0.0008  # [m]: the agent goes on until gym-pusht itself counts a success
 TURNED: Final = 0.008  # [rad]

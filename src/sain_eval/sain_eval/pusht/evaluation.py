@@ -25,7 +25,7 @@ from sain_eval.pusht.film import gif_of
 from sain_eval.pusht.model import PushtModel, load_model
 from sain_eval.pusht.motion import Pace
 from sain_eval.pusht.world import PushtWorld
-from sain_mppi.search.config import PlannerConfig
+from sain_mppi.algorithms.config import PlannerConfig
 
 PACKAGES: Final = ("gym-pusht", "pymunk", "gymnasium", "numpy", "numba", "torch")
 REALITY: Final = "gym-pusht"

@@ -3,8 +3,8 @@
 import numpy as np
 
 from sain_core.types import PushSequences
-from sain_mppi.search.proposals import draw_permitted
-from sain_mppi.search.search import Search
+from sain_mppi.algorithms.proposals import draw_permitted
+from sain_mppi.algorithms.search import Search
 
 
 def beam(search: Search, start: PushSequences, generator: np.random.Generator) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from sain_core.errors import NoPushError
 from sain_core.types import PushSequences
-from sain_mppi.search.search import Search
+from sain_mppi.algorithms.search import Search
 
 
 def exhaustive(search: Search, start: PushSequences, generator: np.random.Generator) -> None:

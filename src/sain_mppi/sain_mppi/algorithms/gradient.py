@@ -9,10 +9,10 @@ from numpy import ndarray
 
 from sain_core.push import LENGTH
 from sain_core.types import PushSequences, Scalars
-from sain_mppi.search.config import GradientConfig
-from sain_mppi.search.proposals import draw_permitted, propose, without_idle
-from sain_mppi.search.sampling import inside_limits
-from sain_mppi.search.search import Search
+from sain_mppi.algorithms.config import GradientConfig
+from sain_mppi.algorithms.proposals import draw_permitted, propose, without_idle
+from sain_mppi.algorithms.search import Search
+from sain_mppi.objective.sampling import inside_limits
 
 TINY: Final = 1e-12
 

@@ -8,16 +8,16 @@ import numpy as np
 from sain_core.push import LOCATION
 from sain_core.scene import wrap_angle
 from sain_core.types import PushSequences, Scalars
-from sain_mppi.search.config import MEAN, IcemConfig
-from sain_mppi.search.proposals import draw_permitted, propose, without_idle
-from sain_mppi.search.sampling import (
+from sain_mppi.algorithms.config import MEAN, IcemConfig
+from sain_mppi.algorithms.proposals import draw_permitted, propose, without_idle
+from sain_mppi.algorithms.search import Search
+from sain_mppi.objective.sampling import (
     Sequence,
     coloured_noise,
     inside_limits,
     stop_early,
     weighted_mean,
 )
-from sain_mppi.search.search import Search
 
 
 def icem(search: Search, start: PushSequences, generator: np.random.Generator) -> None:

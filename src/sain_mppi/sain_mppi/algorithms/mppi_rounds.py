@@ -9,10 +9,10 @@ import numpy as np
 
 from sain_core.types import PushSequences
 from sain_mppi.algorithms.beam import beam
-from sain_mppi.search.config import MEAN
-from sain_mppi.search.proposals import draw_permitted, propose
-from sain_mppi.search.sampling import Sequence, weighted_mean
-from sain_mppi.search.search import Search
+from sain_mppi.algorithms.config import MEAN
+from sain_mppi.algorithms.proposals import draw_permitted, propose
+from sain_mppi.algorithms.search import Search
+from sain_mppi.objective.sampling import Sequence, weighted_mean
 
 
 def mppi_rounds(search: Search, start: PushSequences, generator: np.random.Generator) -> None:

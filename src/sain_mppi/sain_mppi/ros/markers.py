@@ -18,8 +18,8 @@ from sain_core.push import pushed_bodies
 from sain_core.ros.markers import MarkerBoard, body_marker, line_marker, make_marker, make_pose
 from sain_core.scene import DISK_HEIGHT, X, Y
 from sain_core.types import Scene
-from sain_mppi.loop.decision import PlanJob, PushDecision
-from sain_mppi.search.result import Shown
+from sain_mppi.agent.decision import PlanJob, PushDecision
+from sain_mppi.algorithms.result import Shown
 
 LINE_WIDTH: Final = 0.006  # [m]
 GOAL_HEIGHT: Final = 0.002  # [m]

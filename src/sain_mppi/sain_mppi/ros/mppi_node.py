@@ -31,9 +31,9 @@ from sain_core.shapes.bodies import Bodies as CoreBodies
 from sain_core.shapes.received import check_unchanged, decode_bodies
 from sain_interfaces.msg import Bodies, Goal, Plan, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
-from sain_mppi.loop.agent import SERVICE, MppiConfig, planning_agent
-from sain_mppi.loop.decision import PushDecision, Stop, Task
-from sain_mppi.loop.events import (
+from sain_mppi.agent.agent import SERVICE, MppiConfig, planning_agent
+from sain_mppi.agent.decision import PushDecision, Stop, Task
+from sain_mppi.agent.events import (
     Action,
     Completed,
     Computation,

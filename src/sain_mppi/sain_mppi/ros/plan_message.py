@@ -12,8 +12,8 @@ from sain_core.ros import codec
 from sain_core.ros.limits import shortened
 from sain_core.scene import POSITION
 from sain_interfaces.msg import Goal, Plan, Push
-from sain_mppi.loop.decision import PlanJob, PushDecision, Stop, StopReason, Task
-from sain_mppi.search.result import PlanResult
+from sain_mppi.agent.decision import PlanJob, PushDecision, Stop, StopReason, Task
+from sain_mppi.algorithms.result import PlanResult
 
 STATUS: Final = {
     StopReason.REACHED: Plan.REACHED,

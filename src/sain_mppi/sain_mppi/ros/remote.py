@@ -95,7 +95,7 @@ class RemoteRollout:
         return self
 
     def until(self, moment: float | None, cancelled: Event) -> None:
-        """See `sain_mppi.loop.fallback.Impatient`; None: wait for the usual time."""
+        """See `sain_mppi.agent.fallback.Impatient`; None: wait for the usual time."""
         self._until, self._cancelled = moment, cancelled
 
     def close(self) -> None:

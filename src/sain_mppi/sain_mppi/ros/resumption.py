@@ -6,7 +6,7 @@ from rclpy.node import Node
 
 from sain_core.ros.state_file import StateFile, id_in, message_of, text_of
 from sain_interfaces.msg import Goal, Plan, PushResult
-from sain_mppi.loop.memory import MOST_PUSHES
+from sain_mppi.agent.memory import MOST_PUSHES
 
 
 class Notes:

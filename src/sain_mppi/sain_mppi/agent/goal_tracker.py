@@ -1,0 +1,181 @@
+"""What a planner has to do next: for which goal, from which scene, and when to stop.
+
+The bookkeeping of goals, scenes and refusals; no sampling and no middleware here.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from sain_core.config import Config, option
+from sain_core.errors import ErrorCode, GoalLostError, NoPushError
+from sain_core.scene import Table
+from sain_core.types import PushArray
+from sain_mppi.agent.decision import PlanJob, Stop, StopReason, Task, View
+
+LOOK_AGAIN: Final = (ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE)
+"""Refusals that say that the scene was not the current one: the next scene to arrive is."""
+
+
+@dataclass(frozen=True)
+class GoalTrackerConfig(Config):
+    """How long a planner keeps trying."""
+
+    max_refusals: int = option(
+        10, "refused pushes from one scene after which the planner stops", minimum=1
+    )
+    answer_timeout: float = option(
+        5.0,
+        "time without a result after which a push is planned again",
+        unit="s",
+        minimum=0.1,
+        maximum=3600.0,
+    )
+    result_patience: float = option(
+        0.5,
+        "longest wait for the result of the last push before the next plan",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+    )
+
+
+class GoalTracker:
+    """Follows one goal at a time. Each settled scene is decided on once, unless it is refused."""
+
+    def __init__(
+        self,
+        config: GoalTrackerConfig,
+        table: Table,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Begin without a goal."""
+        self._config = config
+        self._table = table
+        self._clock = clock
+        self.task: Task | None = None
+        self.view: View | None = None
+        self.pushes = 0
+        self._refused: tuple[PushArray, ...] = ()  # from this scene
+        self._decided: tuple[int, int] | None = None
+        self._awaited: tuple[int, float] | None = None  # push id and when it was sent
+        self._unanswered: dict[int, PushArray] = {}
+        self._latest: int | None = None  # push, of the task's
+        self._arrived: tuple[tuple[int, int], float] | None = None  # a settled scene, and when
+        self._session = 0
+        self._start: View | None = None  # of the session
+
+    def aim(self, task: Task, pushes: int = 0) -> None:
+        """Follow a new goal, for which so many pushes were sent before.
+
+        Raises:
+            SainError: a goal that cannot be served; there is none to follow then.
+        """
+        self.task, self.pushes, self._refused, self._start = None, pushes, (), None
+        self._decided, self._awaited, self._latest = None, None, None
+        self._unanswered.clear()
+        task.goal.check_places(self._table)  # all else needs the bodies: the planner checks it
+        self.task = task
+
+    def see(self, view: View) -> None:
+        """Take note of a scene."""
+        if self.view is None or view.key != self.view.key:
+            self._refused, self._awaited = (), None
+        elif self._overdue():
+            self._decided, self._awaited = None, None
+        if view.settled and (self._arrived is None or self._arrived[0] != view.key):
+            self._arrived = (view.key, self._clock())
+        self.view = view
+
+    def next_job(self) -> PlanJob | None:
+        """Return what is to be decided now, if anything; it is not returned again."""
+        task, view = self.task, self.view
+        if task is None or view is None or not view.settled or view.key == self._decided:
+            return None
+        if task.episode_id not in (0, view.episode_id) or self._result_is_under_way():
+            return None
+        self._decided = view.key
+        first = self._start
+        if (
+            first is None
+            or first.episode_id != view.episode_id
+            or len(first.scene) != len(view.scene)
+        ):
+            first = self._start = view
+            self._session += 1
+        return PlanJob(
+            task,
+            view,
+            first.scene,
+            self._session,
+            self.pushes,
+            self._refused,
+            table=self._table,
+        )
+
+    def stop(self, job: PlanJob) -> Stop | None:
+        """Return why a job needs no decision; None: it needs one."""
+        task = job.task
+        if job.reached:
+            return Stop(task, StopReason.REACHED, job)
+        if (moved := job.moved) is not None:
+            lost = GoalLostError(f"body {moved} was to be kept where it was, and was moved")
+            return Stop(task, StopReason.FAILED, job, lost)
+        if task.max_pushes and self.pushes >= task.max_pushes:
+            return Stop(task, StopReason.EXHAUSTED, job)
+        count = len(job.refused)
+        if count >= self._config.max_refusals:
+            error = NoPushError(f"{count} pushes in a row were refused from this scene")
+            return Stop(task, StopReason.FAILED, job, error)
+        return None
+
+    def is_current(self, job: PlanJob) -> bool:
+        """Tell whether a job is still about the current goal and scene."""
+        return self.task is job.task and self.view is not None and self.view.key == job.view.key
+
+    def sent(self, push_id: int, push: PushArray) -> None:
+        """Take note that a push (3,) was sent."""
+        self._awaited = (push_id, self._clock())
+        self._unanswered[push_id] = push
+        self._latest = push_id
+        self.pushes += 1
+
+    def answered(self, push_id: int, code: int) -> bool:
+        """Take note of what became of a push; tell whether it was sent for this goal and refused.
+
+        A push refused for its scene waits for the next scene to arrive, others for nothing.
+        """
+        push = self._unanswered.pop(push_id, None)
+        if push is None or code == ErrorCode.OK:
+            return False
+        self.pushes -= 1
+        awaited = self._awaited is not None and self._awaited[0] == push_id
+        if awaited:
+            self._awaited = self._decided = None
+        if awaited and code not in LOOK_AGAIN:
+            self._refused = (*self._refused, push)
+            return True
+        self._start = None  # nothing that was planned holds any more
+        if awaited:
+            self.view = None
+        return True
+
+    @property
+    def awaited_push(self) -> int | None:
+        """The id of the push whose result is waited for."""
+        return None if self._awaited is None else self._awaited[0]
+
+    def _result_is_under_way(self) -> bool:
+        """Tell whether to wait for what became of the push that led to this scene.
+
+        Scenes and results come on topics of their own, in any order. A plan that was made before
+        the result would know one push less of the episode.
+        """
+        if self._arrived is None or self._latest not in self._unanswered:
+            return False
+        return self._clock() - self._arrived[1] < self._config.result_patience
+
+    def _overdue(self) -> bool:
+        timeout = self._config.answer_timeout
+        return self._awaited is not None and self._clock() - self._awaited[1] > timeout

@@ -1,1 +1,0 @@
-"""Costs, sampling and the search over push sequences. Imports nothing of this package."""

@@ -1,0 +1,292 @@
+"""The agent, without ROS: what goes in and what comes out."""
+
+from dataclasses import replace
+from threading import Event, Thread
+
+import numpy as np
+import pytest
+
+from sain_core.dynamics import StepwiseRollout
+from sain_core.errors import ErrorCode, ModelUnavailableError
+from sain_core.goal import Goal
+from sain_core.history import PushHistory
+from sain_core.scene import POSITION, TARGET
+from sain_core.shapes.bodies import PAPER_DISKS
+from sain_mppi.agent.agent import Agent, AgentConfig, act, planning_agent
+from sain_mppi.agent.decision import Decider, PushDecision, Stop, StopReason, Task
+from sain_mppi.agent.events import (
+    Computation,
+    EpisodeBegun,
+    GoalCancelled,
+    GoalGiven,
+    PushEnded,
+    PushExecuted,
+    SceneSeen,
+    TimePassed,
+)
+from sain_mppi.algorithms.config import PlannerConfig
+
+CONFIG = AgentConfig(planner=PlannerConfig(samples=32, rounds=2, horizon=2))
+PLACE = np.array([0.70, 0.05])
+TASK = Task(1, 0, Goal.place(*PLACE, 0.01), 0)
+PUSH = np.array([0.0, 0.1, 0.05])
+SOMEBODY = 9  # else's push
+
+
+class Still:
+    """Predicts that nothing moves, and keeps how many earlier pushes it was conditioned on."""
+
+    def __init__(self):
+        self.conditioned = []
+
+    def with_history(self, history: PushHistory) -> "Still":
+        self.conditioned.append(len(history))
+        return self
+
+    def rollout(self, scene, pushes):
+        return np.broadcast_to(scene, (*pushes.shape[:2], *scene.shape)).copy()
+
+
+class Silent(Still):
+    """Never answers."""
+
+    def rollout(self, scene, pushes):
+        raise ModelUnavailableError("silent")
+
+
+class Fixed(Decider):
+    """Wants the same push whatever happens."""
+
+    def __init__(self, push):
+        self.push = np.array(push)
+
+    def decide(self, job, generator):
+        return PushDecision(job, self.push)
+
+
+@pytest.fixture
+def agent(dynamics):
+    model = StepwiseRollout(dynamics)
+    return planning_agent(model, model, CONFIG)
+
+
+def begun(agent, scene, task=TASK):
+    """Return what an agent decides on a goal and a first scene."""
+    return act(agent, GoalGiven(task), SceneSeen(scene, 1, 1))
+
+
+def pushed(decision) -> PushDecision:
+    assert isinstance(decision, PushDecision), decision
+    return decision
+
+
+def stopped(decision) -> Stop:
+    assert isinstance(decision, Stop), decision
+    return decision
+
+
+def test_it_brings_the_target_to_the_goal_and_stops(agent, scene, dynamics):
+    act(agent, GoalGiven(TASK))
+    for number in range(1, 10):
+        decision = act(agent, SceneSeen(scene, 1, number))
+        if isinstance(decision, Stop):
+            break
+        after = dynamics.step(scene[None], decision.push[None])[0]
+        np.testing.assert_allclose(decision.predicted, after)
+        act(agent, PushExecuted(decision.push_id, 1, scene, decision.push, after))
+        scene = after
+    assert (decision.reason, decision.failure) == (StopReason.REACHED, "")
+    assert np.linalg.norm(scene[TARGET, POSITION] - PLACE) <= 0.01
+    assert 1 <= agent.pushes == number - 1
+
+
+def test_goal_and_scene_come_in_any_order_and_an_unsettled_scene_is_not_decided_on(agent, scene):
+    assert act(agent, TimePassed(), GoalGiven(TASK), SceneSeen(scene, 1, 1, False)) is None
+    assert pushed(act(agent, SceneSeen(scene, 1, 2))).job.view.key == (1, 2)
+    assert act(agent, TimePassed(), SceneSeen(scene, 1, 2)) is None  # each scene once
+    assert pushed(act(agent, GoalGiven(replace(TASK, goal_id=2)))).job.task.goal_id == 2
+
+
+def test_a_goal_that_cannot_be_served_is_a_stop(agent, scene):
+    goal = GoalGiven(replace(TASK, goal=Goal.place(3.0, 0.0)))
+    stop = stopped(act(agent, SceneSeen(scene, 1, 1), goal))
+    assert (stop.reason, stop.error.code) == (StopReason.FAILED, ErrorCode.OFF_TABLE)
+    assert stop.failure.startswith(
+        "OffTableError: the goal (3.000, 0.000) m of body 1 is off the table"
+    )
+    assert act(agent, TimePassed()) is None
+
+
+def test_a_disk_off_the_table_is_a_stop(scene):
+    agent = Agent(Fixed(PUSH), CONFIG)
+    scene[TARGET, 0] = 1.5
+    assert stopped(begun(agent, scene)).error.code is ErrorCode.OFF_TABLE
+
+
+def test_a_push_outside_the_limits_is_never_sent(scene):
+    agent = Agent(Fixed([0.0, 0.0, 0.5]), CONFIG)
+    stop = stopped(begun(agent, scene))
+    assert stop.failure == "OutOfRangeError: push length is 0.5000 m; allowed: [0, 0.15] m"
+    assert agent.pushes == 0
+
+
+def test_refused_pushes_are_replaced_until_the_limit(agent, scene):
+    decision, pushes = begun(agent, scene), []
+    for _ in range(CONFIG.goal_tracker.max_refusals):
+        pushes.append(pushed(decision).push)
+        decision = act(agent, PushEnded(decision.push_id, ErrorCode.BLOCKED))
+    stop, sent = stopped(decision), agent.pushes
+    assert sent == 0
+    assert stop.failure == "NoPushError: 10 pushes in a row were refused from this scene"
+    apart = [np.abs(a - b).max() for i, a in enumerate(pushes) for b in pushes[:i]]
+    assert min(apart) > 0.02
+
+
+def test_what_happens_to_the_pushes_of_others_does_not_matter(agent, scene):
+    own = pushed(begun(agent, scene)).push_id
+    assert act(agent, PushEnded(own + 1, ErrorCode.BLOCKED)) is None
+    assert agent.pushes == 1
+
+
+def first_push(scene, config=CONFIG, task=TASK, ids=(1, 1)):
+    agent = planning_agent(Still(), Still(), config)
+    return pushed(act(agent, GoalGiven(task), SceneSeen(scene, *ids))).push
+
+
+def test_random_streams_depend_on_seed_goal_and_scene_and_on_no_id_from_the_wire(scene):
+    usual = first_push(scene)
+    for same in (
+        first_push(scene, task=replace(TASK, goal_id=7, episode_id=9), ids=(9, 314)),
+        first_push(scene + 1e-9),
+    ):
+        np.testing.assert_allclose(same, usual, rtol=0.0, atol=1e-6)
+    others = (
+        first_push(scene, config=replace(CONFIG, seed=1)),
+        first_push(scene, task=replace(TASK, goal=Goal.place(*PLACE + 1e-4, 0.01))),
+        first_push(scene + np.array([1e-4, 0, 0, 0, 0, 0, 0, 0])),
+    )
+    for other in others:
+        assert np.abs(other - usual).max() > 1e-3
+
+
+def test_each_push_and_each_refusal_has_a_stream_of_its_own(scene):
+    agent = planning_agent(Still(), Still(), CONFIG)
+    first = pushed(begun(agent, scene))
+    executed = PushExecuted(first.push_id, 1, scene, first.push, scene)
+    second = pushed(act(agent, executed, SceneSeen(scene, 1, 2)))
+    third = pushed(act(agent, PushEnded(second.push_id, ErrorCode.BLOCKED)))
+    streams = [decision.job.stream for decision in (first, second, third)]
+    assert [stream[1:] for stream in streams] == [(0, 0), (1, 0), (1, 1)]
+    assert len({stream[0] for stream in streams}) == 1
+
+
+def test_the_same_goal_sent_again_begins_anew(agent, scene):
+    for _ in range(2):  # same numbers, but another task
+        assert pushed(begun(agent, scene, replace(TASK, goal=replace(TASK.goal)))).last is None
+
+
+@pytest.mark.parametrize("history", [True, False])
+def test_a_plan_rests_on_its_own_episode_s_pushes_and_on_none_if_so_configured(scene, history):
+    model, physics = Still(), Still()
+    agent = planning_agent(model, physics, replace(CONFIG, history=history))
+    act(agent, GoalGiven(TASK), PushExecuted(SOMEBODY, 1, scene, PUSH, scene))
+    for episode in (1, 2):
+        sent = pushed(act(agent, SceneSeen(scene, episode, 1)))
+        act(agent, PushEnded(sent.push_id, ErrorCode.OK))
+    assert (model.conditioned, physics.conditioned) == ([int(history), 0], [])
+
+
+def test_what_cannot_have_happened_is_not_learned(scene, caplog):
+    model = Still()
+    agent = planning_agent(model, model, CONFIG)
+    act(agent, PushExecuted(SOMEBODY, 1, scene, PUSH, scene + 0.1))
+    assert "nothing is learned of a push: " in caplog.text
+    assert "changed a mass or radius" in caplog.text
+    begun(agent, scene)
+    assert model.conditioned == [0]
+
+
+def test_physics_takes_over_with_the_same_history_and_the_decision_says_so(scene):
+    physics = Still()
+    agent = planning_agent(Silent(), physics, CONFIG)
+    act(agent, PushExecuted(SOMEBODY, 1, scene, PUSH, scene))
+    decision = pushed(begun(agent, scene))
+    assert (physics.conditioned, str(decision.failure)) == ([1], "silent")
+    assert decision.plan.regions is None  # a model that failed is not asked for them
+
+
+def work(agent, *events) -> Computation:
+    """Return the only work that events ask for."""
+    [found] = [action for event in events for action in agent.update(event)]
+    assert isinstance(found, Computation), found
+    return found
+
+
+def test_a_decision_that_is_no_longer_wanted_is_not_sent(agent, scene):
+    first = work(agent, GoalGiven(TASK), SceneSeen(scene, 1, 1))
+    decided = first.run()
+    assert isinstance(decided.outcome, PushDecision)
+    other = GoalGiven(replace(TASK, goal_id=2))
+    assert agent.update(other) == ()  # one job at a time
+    assert decided.outcome.job.cancelled.is_set()
+    second = work(agent, decided)
+    assert agent.pushes == 0
+    assert second.run().outcome.job.task.goal_id == 2
+
+
+def test_work_that_raised_is_a_stop_and_what_the_push_need_not_wait_for_is_not(agent, scene):
+    bug = ZeroDivisionError("a bug")
+    first = work(agent, GoalGiven(TASK), SceneSeen(scene, 1, 1))
+    [stop] = agent.update(first.failed(bug))
+    assert (stop.reason, stop.error, stop.job.task) == (StopReason.FAILED, bug, TASK)
+    decision, complete, prepare = agent.update(
+        work(agent, GoalGiven(replace(TASK, goal_id=2))).run()
+    )
+    assert complete.failed(bug).decision is decision
+    assert agent.update(complete.failed(bug)) == agent.update(prepare.failed(bug)) == ()
+
+
+def test_nothing_is_decided_before_the_latest_plan_is_complete(agent, scene):
+    decided = work(agent, GoalGiven(TASK), SceneSeen(scene, 1, 1)).run()
+    sent, complete, _ = agent.update(decided)
+    scene[TARGET, POSITION] = PLACE
+    ended = PushEnded(sent.push_id, ErrorCode.OK)
+    assert agent.update(ended) == agent.update(SceneSeen(scene, 1, 2)) == ()
+    [stop] = agent.update(complete.run())
+    assert stop.reason is StopReason.REACHED
+
+
+def test_a_cancelled_goal_is_a_stop_once_and_nothing_follows(agent, scene):
+    begun(agent, scene)
+    stop = stopped(act(agent, GoalCancelled()))
+    assert stop.failure == "CancelledError: the goal was cancelled"
+    assert act(agent, GoalCancelled(), SceneSeen(scene, 1, 2)) is None
+
+
+def test_an_episode_that_begins_again_has_no_result_of_the_push_under_way(agent, scene):
+    episode = EpisodeBegun(1, PAPER_DISKS)
+    act(agent, episode)
+    pushed(begun(agent, scene))
+    assert (act(agent, episode), agent.pushes) == (None, 0)
+    pushed(act(agent, SceneSeen(scene, 1, 1)))  # the next scene to arrive is decided on
+
+
+def test_a_decision_is_cancelled_while_it_is_made(scene):
+    class Slow(Still):
+        """Answers each question when the test allows it."""
+
+        def rollout(self, scene, pushes):
+            asked.set()
+            answer.wait(10.0)
+            return super().rollout(scene, pushes)
+
+    asked, answer, decided = Event(), Event(), []
+    agent = planning_agent(Slow(), Slow(), CONFIG)
+    job = work(agent, GoalGiven(TASK), SceneSeen(scene, 1, 1))
+    worker = Thread(target=lambda: decided.append(job.run()))
+    worker.start()
+    assert asked.wait(10.0)
+    stopped(*agent.update(GoalCancelled()))
+    answer.set()
+    worker.join(10.0)
+    assert decided[0].outcome is None and agent.update(decided[0]) == ()

@@ -1,0 +1,106 @@
+"""A decider notices when pushes do not lead where they should, and when there is no way on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sain_core.dynamics import IdentityPrior, StepwiseRollout
+from sain_core.errors import NoProgressError
+from sain_core.feasibility import Feasibility
+from sain_core.goal import Goal
+from sain_core.scene import MID, POSITION, TARGET
+from sain_core.seeding import generator
+from sain_mppi.agent.decision import PlanJob, Task, View
+from sain_mppi.agent.planning import PlanningDecider
+from sain_mppi.agent.progress_monitor import ProgressMonitor
+from sain_mppi.algorithms.config import PlannerConfig, ProgressConfig
+
+TASK = Task(1, 0, Goal.place(0.68, 0.05, 0.01), 0)
+CONFIG = PlannerConfig(samples=96, rounds=2)
+
+
+def moved(scene, disk, way):
+    other = scene.copy()
+    other[disk, POSITION] += way
+    return other
+
+
+def decider_over(dynamics, config=CONFIG):
+    model = StepwiseRollout(dynamics)
+    return PlanningDecider(model, model, config, Feasibility())
+
+
+@pytest.fixture
+def decider(dynamics):
+    return decider_over(dynamics)
+
+
+def decide(decider, scene, number=0, **changes):
+    job = PlanJob(TASK, View(scene, 1, 1 + number, True, 0.0), scene, 1, number)
+    return decider.decide(replace(job, **changes), generator(number))
+
+
+def test_a_push_that_leads_where_it_should_is_no_concern(scene, decider):
+    first = decide(decider, scene)
+    then = decide(decider, first.predicted, 1)
+    assert first.last is None and first.concern == then.concern == ""
+    np.testing.assert_array_equal(then.last.errors, [0.0, 0.0])
+    way = np.linalg.norm((first.predicted - scene)[:, POSITION], axis=1)
+    np.testing.assert_allclose(then.last.expected, np.maximum(0.01, 0.3 * way))
+
+
+@pytest.mark.parametrize(("disk", "name"), [(MID, "mid disk"), (TARGET, "target")])
+def test_after_a_surprise_the_plan_is_wider_and_says_why(scene, decider, disk, name):
+    first = decide(decider, scene)
+    way = [0.06 if disk == TARGET else -0.06, 0.0]
+    then = decide(decider, moved(first.predicted, disk, way), 1)
+    assert then.concern.startswith(f"{name} 60 mm from where it should be")
+    assert then.plan.samples > first.plan.samples
+    assert then.last.errors[disk] == pytest.approx(0.06)
+
+
+def test_in_another_session_there_is_no_past_to_be_surprised_by(scene, decider):
+    first = decide(decider, scene)
+    then = decide(decider, moved(first.predicted, TARGET, [0.06, 0.0]), 1, session=2)
+    assert (then.concern, then.last) == ("", None)
+
+
+def test_an_error_inside_the_model_s_region_is_no_surprise(scene):
+    monitor = ProgressMonitor(ProgressConfig())
+    for regions, surprising in ((None, True), (np.array([0.0, 0.1]), False)):
+        monitor.expect(scene, moved(scene, TARGET, [0.02, 0.0]), regions)
+        monitor.look(moved(scene, TARGET, [0.05, 0.0]), 1.0)
+        assert monitor.last.surprising == surprising
+
+
+def test_a_refused_push_and_a_scene_of_other_disks_are_no_surprise(scene, decider):
+    first = decide(decider, scene)
+    again = decide(decider, scene, 1, refused=(first.push,))
+    more = np.concatenate([scene, moved(scene[:1], 0, [0.0, 0.3])])
+    then = decide(decider, more, 2)
+    assert again.last is None and then.last is None
+    assert again.concern == then.concern == ""
+
+
+def test_pushes_that_bring_nothing_make_plans_wider_and_at_last_none(scene):
+    settings = ProgressConfig(stalled_after=2, give_up_after=4)
+    decider = decider_over(IdentityPrior(), replace(CONFIG, progress=settings))
+    concerns = []
+    with pytest.raises(NoProgressError, match="4 pushes in a row brought nothing, the distance is"):
+        for number in range(9):
+            jolted = moved(scene, MID, [1e-4 * (number % 2), 0.0])
+            concerns.append(decide(decider, jolted, number).concern)
+    assert concerns == ["", "", "2 pushes brought nothing", "3 pushes brought nothing"]
+    assert decide(decider, scene, session=2).concern == ""
+
+
+def test_a_way_round_the_target_counts_as_progress(scene, decider):
+    """The target does not move while the mid disk is brought behind it."""
+    for step, bearing in enumerate(np.linspace(0.0, np.pi, 9)):
+        around = scene.copy()
+        around[TARGET, POSITION] = [0.50, 0.0]
+        around[MID, POSITION] = around[TARGET, POSITION] + 0.15 * np.array(
+            [np.cos(bearing), np.sin(bearing)]
+        )
+        assert "brought nothing" not in decide(decider, around, step).concern

@@ -1,0 +1,197 @@
+"""Cost terms: what they punish, and that most of them do not care which way is north."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sain_core.dynamics import StepwiseRollout
+from sain_core.feasibility import Feasibility
+from sain_core.goal import BodyPose, Goal
+from sain_core.push import LENGTH, rotate_pushes
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, rotate_scenes, unit
+from sain_core.seeding import generator
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.objective.cost import Rollout, cost_terms, pose_distance, total_cost
+from sain_mppi.objective.cost_weights import CostWeights
+from sain_mppi.objective.problem import Problem
+from sain_mppi.objective.sampling import uniform_sequences
+from sain_mppi.planner import Planner
+
+FEASIBILITY = Feasibility()
+WEIGHTS = CostWeights()
+TURNING = ("position", "distance", "alignment", "approach", "clearance", "effort", "pushes")
+
+
+def terms_of(scene, pushes, predicted, goal, weights=WEIGHTS, regions=None):
+    rollout = Rollout.of(scene, pushes, predicted, regions)
+    return cost_terms(Goal.place(*goal), rollout, weights, FEASIBILITY, PAPER_DISKS, scene)
+
+
+def rest_terms(scene, goal, **weights):
+    rest, weights = np.stack([[scene, scene]]), replace(WEIGHTS, **weights)
+    terms = terms_of(scene, np.zeros((1, 2, 3)), rest, goal, weights)
+    return {name: float(value[0]) for name, value in terms.items()}
+
+
+@pytest.mark.parametrize("angle", [0.7, -2.4, np.pi])
+def test_turning_scene_pushes_and_goal_together_changes_no_cost(scene, dynamics, angle):
+    goal = np.array([0.5, 0.25])
+    pushes = uniform_sequences(FEASIBILITY.limits, generator(0), 64, 4)
+    predicted = StepwiseRollout(dynamics).rollout(scene, pushes)
+    terms = terms_of(scene, pushes, predicted, goal)
+    c, s = np.cos(angle), np.sin(angle)
+    turned_goal = np.array([[c, -s], [s, c]]) @ goal
+    turned = terms_of(
+        rotate_scenes(scene, angle),
+        rotate_pushes(pushes, angle),
+        rotate_scenes(predicted, angle),
+        turned_goal,
+    )
+    for name in TURNING:
+        np.testing.assert_allclose(turned[name], terms[name], atol=1e-9, err_msg=name)
+
+
+def test_at_the_goal_nothing_is_left_to_pay(scene):
+    terms = rest_terms(scene, scene[TARGET, POSITION].copy())
+    assert sum(terms.values()) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_position_is_the_papers_weighted_square(scene):
+    goal = scene[TARGET, POSITION] + [0.1, 0.2]
+    terms = rest_terms(scene, goal, position=(10.0, 100.0), running=0.0, terminal=1.0)
+    assert terms["position"] == pytest.approx(10.0 * 0.01 + 100.0 * 0.04)
+
+
+def test_being_behind_the_target_is_cheaper_than_before_it(scene):
+    ahead = rest_terms(scene, np.array([0.75, 0.0]))
+    back = rest_terms(scene, scene[TARGET, POSITION] - [0.209, 0.0])
+    assert ahead["alignment"] == pytest.approx(0.0, abs=1e-9)
+    assert back["alignment"] == pytest.approx(WEIGHTS.alignment)
+    assert ahead["approach"] < back["approach"]
+
+
+def test_a_disk_near_the_edge_costs_but_the_goal_may_be_there(scene):
+    table = Table()
+    scene[TARGET, POSITION] = [0.6, table.y_max - 0.02]
+    scene[MID, POSITION] = [0.45, table.y_max - 0.02 - 0.1]
+    there = scene[TARGET, POSITION].copy()
+    assert rest_terms(scene, np.array([0.6, 0.0]))["edge"] > 1.0
+    assert rest_terms(scene, there)["edge"] == pytest.approx(0.0)
+
+
+def test_a_mid_disk_out_of_reach_costs(scene):
+    far = scene.copy()
+    far[MID, POSITION], far[TARGET, POSITION] = [0.74, 0.0], [0.60, 0.0]
+    goal = np.array([0.5, 0.3])
+    assert rest_terms(far, goal)["reach"] > rest_terms(scene, goal)["reach"] + 1.0
+
+
+@pytest.mark.parametrize(("y", "out"), [(0.45, 0.0), (0.52, 0.0), (0.55, 0.03), (0.60, 0.08)])
+def test_a_disk_whose_rim_gets_to_the_edge_of_the_table_costs(scene, y, out):
+    after = scene.copy()
+    after[MID, POSITION], after[MID, RADIUS] = [0.4, y], 0.08  # the edge: 0.6
+    pushes = np.zeros((1, 1, 3))
+    terms = terms_of(scene, pushes, after[None, None], (0.5, 0.2))
+    start = scene[MID, RADIUS] - 0.08  # circles are as large as at the start
+    expected = WEIGHTS.overhang * max(out + start, 0.0)
+    assert terms["overhang"][0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_mid_disk_that_the_tool_can_only_push_further_away_costs_unless_the_goal_asks(scene):
+    def around(away, goal):
+        after = scene.copy()
+        after[MID, POSITION] = away * unit(np.asarray(0.3))
+        terms = terms_of(scene, np.zeros((1, 1, 3)), after[None, None], goal)
+        return float(terms["around"][0])
+
+    limits, reach = FEASIBILITY.limits, FEASIBILITY.reach
+    beside = scene[MID, RADIUS] + limits.tool_radius + limits.clearance
+    last = np.sqrt(reach.outer**2 - beside**2)  # with the tool beside it, at the end of the reach
+    near, far = (0.5, 0.0), (0.95, 0.0)
+    assert around(last, near) == pytest.approx(0.0)
+    assert around(last + 0.03, near) == pytest.approx(WEIGHTS.around * 0.03)
+    there = scene[TARGET, POSITION]
+    assert around(last + 0.01, there) > 1.0  # also where the target is at its goal
+    asked = 0.95 - scene[MID, RADIUS] - scene[TARGET, RADIUS]
+    assert around(asked, far) == pytest.approx(0.0)
+    assert around(asked + 0.02, far) == pytest.approx(WEIGHTS.around * 0.02)
+
+
+def test_a_later_push_that_is_blocked_costs(scene):
+    pushes = np.zeros((1, 2, 3))
+    pushes[0, 1] = [np.pi, 0.0, 0.1]  # the tool would start inside the target
+    terms = terms_of(scene, pushes, np.stack([[scene, scene]]), (0.5, 0.2))
+    assert terms["blocked"][0] == WEIGHTS.blocked
+    assert terms["clearance"][0] > 0.0
+
+
+def test_where_overshooting_is_for_good_the_last_millimetres_cost(scene):
+    after = scene.copy()
+    after[TARGET, POSITION] += [0.1, 0.0]
+    near, far = after[TARGET, POSITION].copy(), after[TARGET, POSITION] + [0.02, 0.0]
+    pushes = np.array([[[0.0, 0.0, 0.1]]])
+    costs = [terms_of(scene, pushes, after[None, None], goal) for goal in (near, far)]
+    assert costs[0]["caution"][0] > 0.0 == costs[1]["caution"][0]
+
+
+def test_predictions_that_are_not_finite_cost_infinitely(scene):
+    predicted = np.stack([[scene], [scene]])
+    predicted[1, 0, TARGET, 0] = np.nan
+    costs = total_cost(terms_of(scene, np.zeros((2, 1, 3)), predicted, (0.5, 0.2)))
+    assert np.isfinite(costs[0]) and costs[1] == np.inf
+
+
+def test_risk_is_what_the_model_is_not_sure_of_about_the_target(scene, dynamics):
+    pushes = uniform_sequences(FEASIBILITY.limits, generator(3), 5, 2)
+    predicted = StepwiseRollout(dynamics).rollout(scene, pushes)
+    regions = generator(4).uniform(0.0, 0.1, (5, 2, 2))
+    weights = replace(WEIGHTS, risk=3.0)
+    goal = np.array([0.7, 0.0])
+    for known, risk in ((regions, 3.0 * regions[:, :, TARGET].sum(axis=1)), (None, np.zeros(5))):
+        terms = terms_of(scene, pushes, predicted, goal, weights, known)
+        np.testing.assert_allclose(terms["risk"], risk)
+
+
+def test_a_sure_sequence_is_preferred_when_risk_has_a_price(scene, dynamics):
+    class Unsure(StepwiseRollout):
+        """Knows nothing of where long pushes lead."""
+
+        def regions(self, scene, pushes, predicted):
+            return np.repeat(pushes[..., LENGTH, None] > 0.06, 2, axis=-1).astype(float)
+
+    goal = Goal.place(0.68, 0.05)
+    lengths = []
+    for risk in (0.0, 50.0):
+        config = PlannerConfig(samples=192, weights=CostWeights(risk=risk))
+        planner = Planner(Unsure(dynamics), config)
+        problem = Problem.of(scene, goal)
+        plan = planner.complete(problem, planner.plan(problem, generator(0)))
+        lengths.append(plan.pushes[:, LENGTH].max())
+        assert plan.regions.shape == (config.horizon, 2)
+    assert lengths[0] > 0.06 > lengths[1]
+
+
+def test_the_distance_is_that_of_points_about_the_body(scene):
+    wanted, bodies = Goal((BodyPose(0, 0.5, 0.1, 1.0),)), Bodies.named(("t", "disk"), ())
+
+    def distance(x, y, heading):
+        after = scene.copy()
+        after[0, [0, 1, 2, RADIUS]] = x, y, heading, 0.06
+        return pose_distance(wanted, after, bodies, 1.0)[0]
+
+    assert distance(0.53, 0.14, 1.0) == pytest.approx(0.05)
+    half = distance(0.5, 0.1, 1.0 + np.pi)
+    assert half == pytest.approx(2 * 0.06)  # points on the circumscribed circle, opposite
+
+
+def test_any_body_that_the_tool_may_not_touch_is_pushed_by_another(scene):
+    roles = ("movable", "pushable")
+    swapped, goal = Bodies.named(("disk", "disk"), roles), Goal.place(0.5, 0.2, body=0)
+    pushes, after = np.zeros((1, 1, 3)), scene[None, None]
+    terms = terms_of(scene, pushes, after, (0.5, 0.2))
+    rollout = Rollout.of(scene[::-1], np.zeros((1, 1, 4)), after[..., ::-1, :])
+    mirrored = cost_terms(goal, rollout, WEIGHTS, FEASIBILITY, swapped, scene[::-1])
+    for name in ("position", "distance", "alignment", "approach", "caution", "reach"):
+        np.testing.assert_allclose(mirrored[name], terms[name], err_msg=name)

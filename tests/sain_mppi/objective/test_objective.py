@@ -1,0 +1,114 @@
+import numpy as np
+import pytest
+
+from sain_core.feasibility import Feasibility
+from sain_core.goal import BodyPose, Goal
+from sain_core.push import ANGLE, BODY, LENGTH, strokes
+from sain_core.scene import POSITION, make_scene, wrap_angle
+from sain_core.shapes.bodies import Bodies
+from sain_mppi.objective.cost_weights import CostWeights
+from sain_mppi.objective.objective import Objective
+from sain_mppi.objective.sampling import inside_limits, weighted_mean
+
+FEASIBILITY = Feasibility()
+PAIR = Bodies.named(("bar", "disk"), ("pushable", "pushable"))
+SCENE = make_scene(
+    np.array([[0.45, -0.15], [0.5, 0.15]]), np.full(2, 8.0), np.full(2, 0.06), np.array([0.4, 0.0])
+)
+GOAL = Goal((BodyPose(0, 0.6, -0.1, 0.0), BodyPose(1, 0.35, 0.2)))
+
+
+def objective(bodies: Bodies = PAIR) -> Objective:
+    return Objective(GOAL, SCENE, CostWeights(), FEASIBILITY, bodies)
+
+
+def test_uniform_draws_are_even_along_all_outlines_together():
+    drawn = objective().uniform(np.random.default_rng(0), 4000, 2)
+    assert drawn.shape == (4000, 2, 4)
+    share = (drawn[..., BODY] == 1).mean()  # a bar of 5 x 1 has a perimeter of 4.71 radii
+    assert share == pytest.approx(2 * np.pi / (2 * np.pi + 4.71), abs=0.02)
+
+
+def test_only_pushable_bodies_are_drawn():
+    only = Bodies.named(("bar", "disk"), ("movable", "pushable"))
+    search = objective(only)
+    drawn = [search.uniform(np.random.default_rng(0), 50, 1)]
+    drawn.append(search.candidates(SCENE, np.random.default_rng(0), 50, 1))
+    assert all((some[..., BODY] == 1).all() for some in drawn)
+
+
+def test_candidates_travel_towards_the_pose_of_their_body():
+    drawn = objective().candidates(SCENE, np.random.default_rng(0), 300, 1)[:, 0]
+    assert {0.0, 1.0} == set(drawn[:, BODY])
+    scenes = np.broadcast_to(SCENE, (300, 2, 8))
+    _, headings = strokes(scenes, drawn, FEASIBILITY.limits, PAIR)
+    body = drawn[:, BODY].astype(int)
+    way = np.array([[0.6, -0.1], [0.35, 0.2]])[body] - SCENE[body, POSITION]
+    apart = np.abs(wrap_angle(headings - np.arctan2(way[:, 1], way[:, 0])))
+    assert np.median(apart) < 0.05
+    assert (drawn[:, LENGTH] <= FEASIBILITY.limits.max_length).all()
+    assert (np.abs(drawn[:, ANGLE]) <= FEASIBILITY.limits.max_angle).all()
+
+
+def test_rest_costs_more_the_farther_the_bodies_are():
+    there = GOAL.placed(SCENE)
+    far, near = objective().rest_cost(SCENE), objective().rest_cost(there)
+    assert far > near + 5.0
+
+
+def test_moving_a_body_that_is_to_be_kept_costs():
+    kept = Goal((BodyPose(0, 0.6, -0.1, 0.0),), keep=(1,))
+    after = SCENE.copy()
+    after[1, 0] += 0.02
+    terms = Objective(kept, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
+        SCENE, np.zeros((1, 1, 4)), after[None, None]
+    )
+    assert terms["keep"][0] == pytest.approx(CostWeights().keep * 0.02)
+
+
+@pytest.mark.parametrize(("x", "out"), [(0.4, 0.0), (0.22, 0.02), (0.18, 0.06)])
+def test_a_shape_that_gets_over_the_edge_of_the_table_costs(x: float, out: float):
+    after = SCENE.copy()
+    after[0, POSITION] = x, 0.0  # a circle of 6 cm and 2 cm of room; the edge is at 16 cm
+    after[1, POSITION] = 0.5, 0.3
+    for goal in (GOAL, Goal.place(0.4, 0.0)):
+        terms = Objective(goal, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
+            SCENE, np.zeros((1, 1, 4)), after[None, None]
+        )
+        assert terms["overhang"][0] == pytest.approx(CostWeights().overhang * out)
+
+
+def test_a_shape_may_be_near_the_edge_where_its_goal_is_or_where_it_is_left():
+    near = Goal((BodyPose(0, 0.19, 0.0),))
+    after = near.placed(SCENE)
+
+    def overhang(goal: Goal, start: np.ndarray) -> float:
+        terms = Objective(goal, start, CostWeights(), FEASIBILITY, PAIR).terms(
+            start, np.zeros((1, 1, 4)), after[None, None]
+        )
+        return float(terms["overhang"][0])
+
+    assert overhang(near, SCENE) == 0.0
+    assert overhang(Goal.place(0.4, 0.0), after) == 0.0
+    assert overhang(GOAL, after) == pytest.approx(5.0)  # it has a goal elsewhere
+
+
+def test_the_mean_of_pushes_is_one_against_the_body_with_most_weight():
+    pushes = np.array([[[3.1, 0.1, 0.1, 1]], [[-3.1, 0.3, 0.1, 1]], [[0.0, 0.0, 0.0, 0]]])
+    mean = weighted_mean(pushes, np.array([0.3, 0.3, 0.4]))
+    assert mean[0, BODY] == 1 and abs(mean[0, 0]) == pytest.approx(np.pi)
+    assert mean[0, ANGLE] == pytest.approx(0.2)
+    assert (inside_limits(mean[None], FEASIBILITY.limits)[..., BODY] == 1).all()
+
+
+def test_candidates_push_through_another_body_what_the_tool_may_not_touch():
+    bodies = Bodies.named(("bar", "disk", "disk"), ("pushable", "pushable", "movable"))
+    scene = np.concatenate([SCENE, SCENE[1:]])
+    scene[2, POSITION] = 0.6, 0.0
+    goal = Goal((BodyPose(0, 0.6, -0.2), BodyPose(2, 0.7, 0.1)))
+    search = Objective(goal, scene, CostWeights(), FEASIBILITY, bodies)
+    drawn = search.candidates(scene, np.random.default_rng(0), 200, 3)
+    assert drawn.shape == (200, 3, 4) and {0.0, 1.0} == set(drawn[..., BODY].ravel())
+    assert {"alignment", "approach"} <= set(
+        search.terms(scene, drawn[:1], scene[None, None] + np.zeros((1, 3, 1, 1)))
+    )

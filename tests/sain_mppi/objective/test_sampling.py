@@ -1,0 +1,106 @@
+"""Samples lie inside the limits without piling up, and locations live on a circle."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sain_core.push import ANGLE, LENGTH, LOCATION, PushLimits
+from sain_core.seeding import generator
+from sain_mppi.algorithms.proposals import without_idle
+from sain_mppi.objective.candidates import go_around_sequences, straight_sequences
+from sain_mppi.objective.sampling import (
+    coloured_noise,
+    gaussian_sequences,
+    reflect,
+    shift,
+    stop_early,
+    uniform_sequences,
+    weighted_mean,
+)
+
+LIMITS = PushLimits()
+WIDE = np.array([2.0, 1.0, 0.2])
+
+
+def assert_inside(sequences):
+    for push in sequences.reshape(-1, 3):
+        LIMITS.check(push)
+
+
+@given(st.floats(-50, 50), st.floats(-2, 2), st.floats(0, 3))
+def test_reflection_stays_inside_and_keeps_what_is_inside(value, low, span):
+    folded = float(reflect(np.array([value]), low, low + span)[0])
+    assert low <= folded <= low + span
+    if low <= value <= low + span:
+        assert folded == pytest.approx(value, abs=1e-9)
+
+
+def test_gaussian_samples_are_inside_and_not_on_the_bounds():
+    mean = np.array([[np.pi, LIMITS.max_angle, LIMITS.max_length]] * 4)
+    drawn = gaussian_sequences(mean, WIDE, 0.2, LIMITS, generator(0), 500)
+    assert_inside(drawn)
+    assert (np.abs(drawn[..., ANGLE]) == LIMITS.max_angle).mean() < 1e-3
+    assert (drawn[..., LENGTH] == LIMITS.max_length).mean() < 1e-3
+    assert (drawn[..., LENGTH] == 0.0).mean() < 1e-3
+
+
+def test_gaussian_samples_without_deviation_are_the_mean():
+    mean = uniform_sequences(LIMITS, generator(1), 1, 3)[0]
+    drawn = gaussian_sequences(mean, np.zeros(3), 0.2, LIMITS, generator(2), 5)
+    np.testing.assert_allclose(drawn, np.broadcast_to(mean, drawn.shape), atol=1e-12)
+
+
+def test_candidates_are_inside_the_limits(scene):
+    goal = np.array([0.3, 0.2])
+    for propose in (straight_sequences, go_around_sequences):
+        drawn = propose(scene, goal, LIMITS, generator(3), 200, 6)
+        assert drawn.shape == (200, 6, 3)
+        assert_inside(drawn)
+
+
+def test_going_around_starts_from_many_sides(scene):
+    drawn = go_around_sequences(scene, np.array([0.3, 0.0]), LIMITS, generator(4), 400, 6)
+    headings = drawn[:, 0, LOCATION]
+    assert (headings > 0.5).any() and (headings < -0.5).any()
+
+
+def test_pushes_that_end_before_they_touch_are_rests():
+    drawn = uniform_sequences(LIMITS, generator(8), 200, 3)
+    drawn[:, 1, LENGTH] = generator(9).uniform(0.0, 2 * LIMITS.clearance, 200)
+    short = drawn[..., LENGTH] <= LIMITS.clearance
+    assert short.any() and not short.all()
+    kept = without_idle(drawn.copy(), LIMITS)
+    assert (kept[short][:, LENGTH] == 0.0).all()
+    np.testing.assert_array_equal(kept[~short], drawn[~short])
+
+
+def test_the_mean_of_locations_is_taken_on_the_circle():
+    sequences = np.array([[[3.0, 0.1, 0.05]], [[-3.0, 0.3, 0.15]]])
+    mean = weighted_mean(sequences, np.array([0.5, 0.5]))
+    np.testing.assert_allclose(mean, [[np.pi, 0.2, 0.1]])
+
+
+def test_stopping_early_leaves_only_rest_behind_the_stop():
+    drawn = stop_early(uniform_sequences(LIMITS, generator(5), 300, 6), 1.0, generator(6))
+    rests = drawn[..., LENGTH] == 0.0
+    assert (np.diff(rests.astype(int), axis=1) >= 0).all()
+    assert not rests[:, 0].any() and rests[:, -1].any() and not rests[:, -1].all()
+
+
+def test_shifting_drops_the_first_push_and_rests_at_the_end():
+    sequences = uniform_sequences(LIMITS, generator(7), 5, 3)
+    shifted = shift(sequences)
+    np.testing.assert_array_equal(shifted[:, :2], sequences[:, 1:])
+    np.testing.assert_array_equal(shifted[:, 2], np.zeros((5, 3)))
+
+
+@pytest.mark.parametrize("length", [1, 2, 5, 6])
+@pytest.mark.parametrize("colour", [0.0, 1.0, 2.0])
+def test_coloured_noise_has_variance_one_and_its_neighbours_agree(length, colour):
+    noise = coloured_noise(generator(8), (40_000, length), colour)
+    assert noise.shape == (40_000, length)
+    np.testing.assert_allclose(noise.var(axis=0), 1.0, atol=0.04)
+    if length > 2:
+        together = float((noise[:, 0] * noise[:, 1]).mean())
+        assert together == pytest.approx(0.0, abs=0.03) if colour == 0.0 else together > 0.1
