@@ -18,10 +18,11 @@ import tyro
 from rich.console import Console
 from rich.progress import track
 
+from sain_core.bootstrap import bootstrap_mean
 from sain_core.errors import ConfigError
+from sain_core.seeding import generator
 from sain_eval.commands import evaluate
 from sain_model.evaluation.markdown import markdown_table
-from sain_model.evaluation.metrics import bootstrap_over_episodes
 from sain_mppi.algorithms.config import PlannerConfig
 
 TOLERANCES = (0.05, 0.02, 0.01, 0.005)
@@ -139,8 +140,8 @@ def difference(records: list[dict[str, Any]], usual: list[dict[str, Any]]) -> st
     if len(seeds) < 2:
         return ""
     more = np.array([both[0][seed] - both[1][seed] for seed in seeds], dtype=float)
-    low, high = bootstrap_over_episodes(more, np.array(seeds), 0)
-    return f"{more.mean():+.2f} [{low:.2f}, {high:.2f}]"
+    mean, low, high = bootstrap_mean(more, generator(0, "bootstrap"), np.array(seeds))
+    return f"{mean:+.2f} [{low:.2f}, {high:.2f}]"
 
 
 if __name__ == "__main__":

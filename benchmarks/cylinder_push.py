@@ -32,11 +32,12 @@ from benchmarks.cylinder_planning import (
 )
 from benchmarks.cylinder_world import EVERY, SCALE, STEPS, CylinderWorld
 from benchmarks.peer_optimizers import INSTALL
+from sain_core.bootstrap import bootstrap_mean
 from sain_core.dynamics import RolloutModel, as_rollout
 from sain_core.errors import SainError
 from sain_core.goal import Goal
 from sain_core.seeding import generator
-from sain_eval.loop.statistics import bootstrap_mean, wilson_interval
+from sain_eval.loop.statistics import wilson_interval
 from sain_model.evaluation.markdown import markdown_table
 from sain_mppi.agent.agent import Agent, act
 from sain_mppi.agent.decision import PushDecision, Task

@@ -22,7 +22,9 @@ import torch
 import tyro
 from rich.console import Console
 
+from sain_core.bootstrap import bootstrap_ratio
 from sain_core.scene import TARGET
+from sain_core.seeding import generator
 from sain_core.storage import write_json
 from sain_model.data.dataset import (
     Dataset,
@@ -34,7 +36,7 @@ from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.coverage import measure_intervals
 from sain_model.evaluation.history_errors import predict_with_history
-from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.evaluation.metrics import position_errors
 from sain_model.network.features import count_features
 from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.network.settings import BOOTSTRAP, ORDER
@@ -81,7 +83,9 @@ def main() -> None:
         for members, diversity in ((1, ORDER), (command.size, ORDER), (command.size, BOOTSTRAP)):
             row, errors = measure(command, with_members(config, members, diversity), split, outside)
             alone = errors if alone is None else alone
-            row["to one network"] = ratio_over_episodes(errors, alone, split.test.episode, seed=0)
+            row["to one network"] = bootstrap_ratio(
+                errors, alone, generator(0, "ratio"), split.test.episode
+            )
             rows.append(row)
             show(row)
             report = {"dataset": str(command.dataset), "sha256": data.sha256, "speed": speed}

@@ -19,7 +19,9 @@ import numpy as np
 import torch
 import tyro
 
+from sain_core.bootstrap import bootstrap_mean, bootstrap_ratio
 from sain_core.scene import TARGET
+from sain_core.seeding import generator
 from sain_core.storage import write_json
 from sain_core.types import Scalars
 from sain_model.cli.evaluate import unseen
@@ -30,7 +32,7 @@ from sain_model.dynamics.settings import SHIPPED
 from sain_model.evaluation.coverage import measure_intervals
 from sain_model.evaluation.history_errors import earlier_friction, predict_with_history
 from sain_model.evaluation.markdown import markdown_table
-from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.evaluation.metrics import position_errors
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.fine_tuning import Parent
 from sain_model.training.interval_fit import fit_intervals
@@ -111,7 +113,9 @@ def compare(command: Command, world: str, parent: Parent, old: Dataset | None) -
             about: dict[str, Any] = {"bags": bags, "transitions": len(seen)}
             if name != SCRATCH:
                 errors = target_errors(model, test)
-                about["to new"] = ratio_over_episodes(errors, scratch, test.episode, seed=0)
+                about["to new"] = bootstrap_ratio(
+                    errors, scratch, generator(0, "ratio"), test.episode
+                )
             rows.append(about | model_row(name, model, shipped, test, old))
     episodes = len(np.unique(test.episode))
     return {"held out": len(test), "episodes": episodes, "rows": rows}
@@ -160,11 +164,10 @@ def model_row(
 
 def row(name: str, errors: Scalars, shipped: Scalars, test: Dataset) -> dict[str, Any]:
     """Return mean, median and ratio to the shipped model, with 95 % intervals over episodes."""
-    ones = np.ones(len(errors))
     return {
         "name": name,
-        "mean": ratio_over_episodes(errors, ones, test.episode, seed=0),
-        "to shipped": ratio_over_episodes(errors, shipped, test.episode, seed=0),
+        "mean": bootstrap_mean(errors, generator(0, "ratio"), test.episode),
+        "to shipped": bootstrap_ratio(errors, shipped, generator(0, "ratio"), test.episode),
         "median": float(np.median(errors)),
     }
 

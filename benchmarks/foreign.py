@@ -35,8 +35,10 @@ from typing import Final
 import numpy as np
 import torch
 
+from sain_core.bootstrap import bootstrap_ratio
 from sain_core.dynamics import Dynamics
 from sain_core.scene import TARGET
+from sain_core.seeding import generator
 from sain_core.types import Scalars, Scenes
 from sain_model.data.dataset import Dataset, Split, split_by_episode
 from sain_model.data.mixed import load_transitions
@@ -49,7 +51,7 @@ from sain_model.dynamics.settings import IDENTITY, PLANAR, PLANAR_AXES, LossConf
 from sain_model.evaluation.coverage import measure_intervals
 from sain_model.evaluation.history_errors import earlier_friction, predict_with_history
 from sain_model.evaluation.markdown import markdown_table
-from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.evaluation.metrics import position_errors
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
@@ -88,7 +90,7 @@ class Judge:
         """Return a row of the table."""
         ones, episodes = np.ones(len(errors)), self.test.episode
         ratios = (
-            ratio_over_episodes(errors, below, episodes, seed=0)
+            bootstrap_ratio(errors, below, generator(0, "ratio"), episodes)
             for below in (ones, self.planar, self.textbook)
         )
         cells = ["{:.2f} [{:.2f}, {:.2f}]".format(*ratio) for ratio in ratios]

@@ -29,6 +29,7 @@ from numpy import ndarray
 from rich.console import Console
 from rich.progress import track
 
+from sain_core.bootstrap import Interval, bootstrap_mean
 from sain_core.dynamics import Dynamics
 from sain_core.errors import SainError
 from sain_core.push import LENGTH
@@ -44,7 +45,6 @@ from sain_model.evaluation.baselines import followed
 from sain_model.evaluation.markdown import markdown_table
 from sain_model.evaluation.metrics import (
     LEARNED,
-    bootstrap_over_episodes,
     position_errors,
     target_moved,
 )
@@ -194,20 +194,20 @@ def roll(windows: Windows, worlds: Callable[[int], AbstractContextManager[Predic
 
 def summary(
     windows: Windows, predictions: dict[str, ndarray], seed: int
-) -> dict[str, dict[str, list[float]]]:
+) -> dict[str, dict[str, Interval]]:
     """Return mean target errors [mm] after some pushes, with 95 % intervals over episodes."""
-    report: dict[str, dict[str, list[float]]] = {}
+    report: dict[str, dict[str, Interval]] = {}
     for name, predicted in predictions.items():
         report[name] = {}
         for step in (1, 5, 10, windows.steps):
             said, truth = predicted[:, step - 1], windows.next_scenes[:, step - 1]
             errors = position_errors(said, truth, TARGET)
-            interval = bootstrap_over_episodes(errors, windows.episodes, seed)
-            report[name][str(step)] = [float(errors.mean()), *interval]
+            random = generator(seed, "bootstrap")
+            report[name][str(step)] = bootstrap_mean(errors, random, windows.episodes)
     return report
 
 
-def show(report: dict[str, dict[str, list[float]]]) -> None:
+def show(report: dict[str, dict[str, Interval]]) -> None:
     """Print the report as a table in Markdown."""
     steps = list(next(iter(report.values())))
     header = ["target mean, mm, after", *(f"{step} pushes" for step in steps)]

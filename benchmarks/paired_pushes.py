@@ -15,8 +15,8 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
+from sain_core.bootstrap import Interval, bootstrap_mean
 from sain_core.seeding import generator
-from sain_eval.loop.statistics import Interval, bootstrap_mean
 from sain_model.evaluation.markdown import markdown_table
 
 

@@ -9,10 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Picture
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 
+from sain_core.bootstrap import bootstrap_mean
 from sain_core.drawing.figures import TEXT, new_figure, style_axes
 from sain_core.drawing.palette import PALETTE
 from sain_core.seeding import generator
-from sain_eval.loop.statistics import bootstrap_mean, wilson_interval
+from sain_eval.loop.statistics import wilson_interval
 from sain_model.evaluation.markdown import markdown_table
 
 Lines = Sequence[dict[str, Any]]  # of the journal

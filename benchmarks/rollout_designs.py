@@ -17,6 +17,7 @@ import tyro
 from numpy import ndarray
 from rich.console import Console
 
+from sain_core.bootstrap import bootstrap_mean
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scenes
@@ -26,7 +27,7 @@ from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import load_sain
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.metrics import bootstrap_over_episodes, position_errors, target_moved
+from sain_model.evaluation.metrics import position_errors, target_moved
 from sain_model.evaluation.open_loop import roll_out
 from sain_model.network.features import apply_residual, true_residual
 
@@ -109,8 +110,9 @@ def show(
         rows = windows.known[:, step - 1]
         truth = windows.next_scenes[rows, step - 1]
         errors = position_errors(predicted[rows, step - 1], truth, TARGET)
-        low, high = bootstrap_over_episodes(errors, windows.episodes[rows], command.seed)
-        cells.append(f"{errors.mean():.2f} [{low:.2f}, {high:.2f}]")
+        random = generator(command.seed, "bootstrap")
+        mean, low, high = bootstrap_mean(errors, random, windows.episodes[rows])
+        cells.append(f"{mean:.2f} [{low:.2f}, {high:.2f}]")
     console.print(f"| {name} | {' | '.join(cells)} |", markup=False)
 
 

@@ -12,7 +12,6 @@ inside physics `--inside-steps`, and all the weights that do best on the validat
 
 import tempfile
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -21,8 +20,10 @@ import torch
 import tyro
 
 from benchmarks.identification import identify
+from sain_core.bootstrap import Interval, bootstrap_ratio
 from sain_core.dynamics import Dynamics
 from sain_core.scene import TARGET
+from sain_core.seeding import generator
 from sain_core.storage import write_json
 from sain_model.data.dataset import (
     Dataset,
@@ -43,7 +44,6 @@ from sain_model.evaluation.metrics import (
     NO_MOTION,
     SAIN,
     position_errors,
-    ratio_over_episodes,
 )
 from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
@@ -189,20 +189,25 @@ def summary(
     errors: dict[str, np.ndarray], episodes: np.ndarray, best: str, sizes: tuple[int, ...]
 ) -> dict[str, object]:
     """Return means, and ratios of means to the best physics prior and to the network alone."""
-    rows, ratio = {}, partial(ratio_over_episodes, seed=0)
+    rows = {}
+
+    def ratio(above: np.ndarray, below: np.ndarray) -> Interval:
+        known = np.isfinite(above)
+        random = generator(0, "ratio")
+        return bootstrap_ratio(above[known], below[known], random, episodes[known])
+
     for name, values in errors.items():
-        known = np.isfinite(values)
-        mean, *interval = ratio(values[known], np.ones(known.sum()), episodes[known])
+        mean, *interval = ratio(values, np.ones(len(values)))
         row: dict[str, object] = {"mean": mean, "interval": interval}
         if name.startswith((SAIN, LEARNED, IDENTIFIED)):
-            row["to physics"] = ratio(values, errors[best], episodes)
+            row["to physics"] = ratio(values, errors[best])
         if name.startswith(SAIN):
             alone = errors[name.replace(PARAMETER_CORRECTION, LEARNED).replace(SAIN, LEARNED)]
-            row["to learned only"] = ratio(values, alone, episodes)
+            row["to learned only"] = ratio(values, alone)
             following = sizes[sizes.index(int(name.split(", ")[-1])) + 1 :][:1]
             for size in following:
                 other = errors[f"{LEARNED}, {name.split(', ')[1]}, {size}"]
-                row["to learned only with the next size"] = ratio(values, other, episodes)
+                row["to learned only with the next size"] = ratio(values, other)
         rows[name] = row
     return {"errors": rows, "held out": len(episodes), "episodes": len(np.unique(episodes))}
 

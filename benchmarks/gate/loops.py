@@ -8,7 +8,9 @@ from typing import Any, Final
 
 from benchmarks.gate.table import Gate
 from benchmarks.shapes_collect import NAMES, SEEN, UNSEEN
+from sain_core.bootstrap import Interval, bootstrap_ratio
 from sain_core.scene import TARGET
+from sain_core.seeding import generator
 from sain_core.workers.options import WorkerOptions
 from sain_eval.loop.evaluation import EpisodeJob, run_jobs
 from sain_eval.loop.results import SceneRecord, summarise
@@ -21,7 +23,7 @@ from sain_model.evaluation.history_errors import (
     SAIN_HISTORY,
     history_predictions,
 )
-from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.evaluation.metrics import position_errors
 from sain_model.evaluation.shape_errors import PUSHED, shape_errors
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, ROUGH, TruthConfig
 from sain_sim.world.engines import MUJOCO
@@ -105,7 +107,7 @@ def measure_one_push(data: Path) -> list[Gate]:
         position_errors(predicted[name], disks.next_state, TARGET)
         for name in (SAIN_HISTORY, PRIOR_HISTORY)
     )
-    ratio = ratio_over_episodes(sain, physics, disks.episode, 0)
+    ratio = bootstrap_ratio(sain, physics, generator(0, "ratio"), disks.episode)
     gates += _errors("disks", "mm", float(sain.mean()), ratio, "0.97", 0.03)
     for name, before in (("seen shapes", "0.92"), ("unseen shapes", "0.94")):
         mixed = load_datasets([data / name.split()[0]])
@@ -125,7 +127,7 @@ def collect(folder: Path, how: list[str]) -> None:
 
 
 def _errors(
-    name: str, unit: str, error: float, ratio: list[float], before: str, slack: float = 0.01
+    name: str, unit: str, error: float, ratio: Interval, before: str, slack: float = 0.01
 ) -> list[Gate]:
     """Return the gates of a mean error, and of its ratio to that of physics.
 

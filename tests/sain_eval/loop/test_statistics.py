@@ -1,11 +1,9 @@
 """Intervals against published numbers."""
 
-import numpy as np
 import pytest
 
 from sain_core.errors import OutOfRangeError
-from sain_core.seeding import generator
-from sain_eval.loop.statistics import bootstrap_mean, wilson_interval
+from sain_eval.loop.statistics import wilson_interval
 
 
 @pytest.mark.parametrize(
@@ -32,16 +30,3 @@ def test_wilson_intervals_are_the_published_ones(successes, trials, low, high):
 def test_counts_that_cannot_be_are_refused(successes, trials):
     with pytest.raises(OutOfRangeError, match=f"{successes} successes of {trials} trials"):
         wilson_interval(successes, trials)
-
-
-def test_the_bootstrap_holds_the_mean_and_shrinks_with_more_values():
-    values = generator(0).normal(5.0, 1.0, 400)
-    few, many = (bootstrap_mean(values[:n], generator(1)) for n in (20, 400))
-    assert many.low < many.estimate < many.high
-    assert many.estimate == pytest.approx(values.mean())
-    assert many.high - many.low < 0.5 * (few.high - few.low)
-    assert many.high - many.low == pytest.approx(2 * 1.96 / 20, rel=0.2)
-
-
-def test_no_values_have_no_mean():
-    assert np.isnan(bootstrap_mean(np.array([]), generator(0)).estimate)

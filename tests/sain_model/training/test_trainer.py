@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import torch
 
+from sain_core.bootstrap import bootstrap_mean
 from sain_core.errors import CheckpointError
 from sain_core.plugins import load_dynamics
+from sain_core.seeding import generator
 from sain_model import commands
 from sain_model.data.dataset import Split, split_by_episode
 from sain_model.data.examples import Examples
@@ -15,7 +17,7 @@ from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.loss import mixed_loss
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import LossConfig
-from sain_model.evaluation.metrics import bootstrap_over_episodes, measure
+from sain_model.evaluation.metrics import measure
 from sain_model.evaluation.prediction_errors import evaluate
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
@@ -172,6 +174,6 @@ def test_errors_are_what_they_say(dataset: Path) -> None:
 def test_the_interval_is_over_episodes() -> None:
     episodes = np.repeat(np.arange(50), 20)
     values = np.repeat(np.random.default_rng(0).normal(size=50), 20)
-    low, high = bootstrap_over_episodes(values, episodes, seed=0)
+    _, low, high = bootstrap_mean(values, generator(0, "bootstrap"), episodes)
     assert low < values.mean() < high
     assert high - low == pytest.approx(2 * 1.96 * values.std() / 50**0.5, rel=0.15)

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from sain_core.bootstrap import Interval, bootstrap_mean
 from sain_core.dataset import MOVED
 from sain_core.provenance import git_commit, processor, system, versions
 from sain_core.push_record import PushRecord
@@ -19,7 +20,7 @@ from sain_core.seeding import generator
 from sain_core.storage import write_whole
 from sain_core.types import Scene
 from sain_eval.loop.closed_loop import EpisodeOutcome
-from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
+from sain_eval.loop.statistics import wilson_interval
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
@@ -195,7 +196,7 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
 
 def interval_row(interval: Interval) -> dict[str, float | None]:
     """Return an interval with None for NaN, which JSON does not have."""
-    return {name: None if isnan(v) else v for name, v in dataclasses.asdict(interval).items()}
+    return {name: None if isnan(v) else v for name, v in interval._asdict().items()}
 
 
 def _mean(values: list[float]) -> float | None:

@@ -1,21 +1,10 @@
-"""How sure a rate or a mean is."""
-
-from dataclasses import dataclass
+"""How sure a rate is."""
 
 import numpy as np
 from scipy.special import ndtri  # scipy.stats would take half a second more to load
 
+from sain_core.bootstrap import Interval
 from sain_core.errors import OutOfRangeError
-from sain_core.types import Scalars
-
-
-@dataclass(frozen=True)
-class Interval:
-    """An estimate with the interval that should hold the truth."""
-
-    estimate: float
-    low: float
-    high: float
 
 
 def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> Interval:
@@ -37,18 +26,3 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> In
     low = 0.0 if successes == 0 else float(centre - half)
     high = 1.0 if successes == trials else float(centre + half)
     return Interval(share, low, high)
-
-
-def bootstrap_mean(
-    values: Scalars,
-    random: np.random.Generator,
-    confidence: float = 0.95,
-    resamples: int = 2000,
-) -> Interval:
-    """Return a mean with its percentile bootstrap interval; NaN all through for no values."""
-    values = np.asarray(values, dtype=np.float64)
-    if not len(values):
-        return Interval(np.nan, np.nan, np.nan)
-    draws = random.choice(values, (resamples, len(values))).mean(axis=1)
-    low, high = np.quantile(draws, [0.5 - confidence / 2, 0.5 + confidence / 2])
-    return Interval(float(values.mean()), float(low), float(high))

@@ -12,13 +12,14 @@ from typing import Any, Final
 
 import numpy as np
 
+from sain_core.bootstrap import Interval, bootstrap_mean
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
 from sain_core.workers.options import WorkerOptions
 from sain_core.workers.work import FunctionRunner, Software, Work
 from sain_eval.loop.evaluation import SOURCES, EpisodeDone, play_on_workers
 from sain_eval.loop.results import RESULTS_FILE, how_it_was_made, interval_row
-from sain_eval.loop.statistics import Interval, bootstrap_mean, wilson_interval
+from sain_eval.loop.statistics import wilson_interval
 from sain_eval.pusht.agent import PLANNER, pusht_agent
 from sain_eval.pusht.episode import PushtRecord, play_pusht
 from sain_eval.pusht.film import gif_of

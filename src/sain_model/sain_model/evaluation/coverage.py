@@ -6,13 +6,15 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from sain_core.bootstrap import bootstrap_mean
 from sain_core.scene import MID, TARGET
+from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars
 from sain_model.data.dataset import Dataset
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.history_errors import ENOUGH, earlier_pushes, predict_with_history
-from sain_model.evaluation.metrics import bootstrap_over_episodes, position_errors, target_moved
+from sain_model.evaluation.metrics import position_errors, target_moved
 
 THIRDS: Final = ("lowest third", "middle third", "highest third")
 
@@ -69,10 +71,10 @@ def _part(
     off: Scalars, spread: Scalars, radius: Scalars, episodes: Int[ndarray, "M"], seed: int
 ) -> dict[str, float]:
     held = (off <= radius).astype(np.float64)
-    low, high = bootstrap_over_episodes(held, episodes, seed)
+    share, low, high = bootstrap_mean(held, generator(seed, "bootstrap"), episodes)
     return {
         "pushes": len(held),
-        "coverage": float(held.mean()),
+        "coverage": share,
         "coverage_low": low,
         "coverage_high": high,
         "error_mean": float(off.mean()),

@@ -7,13 +7,12 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from sain_core.bootstrap import bootstrap_mean
 from sain_core.dataset import MOVED
 from sain_core.scene import MID, POSITION, TARGET, THETA, wrap_angle
 from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.dataset import Dataset
-
-RESAMPLES: Final = 2000
 
 NO_MOTION: Final = "no motion"
 NOMINAL: Final = "planar, nominal"
@@ -50,9 +49,9 @@ def measure(predicted: Scenes, data: Dataset, seed: int) -> dict[str, float]:
 
 def statistics(values: Scalars, episodes: Int[ndarray, "M"], seed: int) -> dict[str, float]:
     """Return mean with its 95 % interval over episodes, median and p95."""
-    low, high = bootstrap_over_episodes(values, episodes, seed)
+    mean, low, high = bootstrap_mean(values, generator(seed, "bootstrap"), episodes)
     return {
-        "mean": float(values.mean()),
+        "mean": mean,
         "low": low,
         "high": high,
         "median": float(np.median(values)),
@@ -69,33 +68,6 @@ def position_errors(predicted: Scenes, actual: Scenes, disk: int) -> Scalars:
     """Return how far off a disk's predicted position is, (M,) [mm]."""
     missing = predicted[:, disk, POSITION] - actual[:, disk, POSITION]
     return np.asarray(1e3 * np.linalg.norm(missing, axis=-1))
-
-
-def bootstrap_over_episodes(
-    values: Scalars, episodes: Int[ndarray, "M"], seed: int
-) -> tuple[float, float]:
-    """Return the 95 % interval of the mean when whole episodes are drawn again."""
-    return _redrawn_ratio(values, np.ones(len(values)), episodes, seed, "bootstrap")
-
-
-def ratio_over_episodes(
-    above: Scalars, below: Scalars, episodes: Int[ndarray, "M"], seed: int
-) -> list[float]:
-    """Return the ratio of two means and its 95 % interval when whole episodes are drawn again."""
-    interval = _redrawn_ratio(above, below, episodes, seed, "ratio")
-    return [float(above.sum() / below.sum()), *interval]
-
-
-def _redrawn_ratio(
-    above: Scalars, below: Scalars, episodes: Int[ndarray, "M"], seed: int, draws: str
-) -> tuple[float, float]:
-    """Return the 95 % interval of the ratio of two sums when whole episodes are drawn again."""
-    _, place = np.unique(episodes, return_inverse=True)
-    first, second = np.bincount(place, above), np.bincount(place, below)
-    drawn = generator(seed, draws).integers(len(first), size=(RESAMPLES, len(first)))
-    ratios = first[drawn].sum(axis=1) / second[drawn].sum(axis=1)
-    low, high = np.quantile(ratios, [0.025, 0.975])
-    return float(low), float(high)
 
 
 def shares_removed(means: Mapping[str, float]) -> dict[str, float]:

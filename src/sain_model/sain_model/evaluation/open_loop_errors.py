@@ -5,8 +5,10 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
+from sain_core.bootstrap import bootstrap_ratio
 from sain_core.dynamics import Dynamics
 from sain_core.scene import MID, TARGET
+from sain_core.seeding import generator
 from sain_core.types import Mask
 from sain_model.data.dataset import Dataset
 from sain_model.data.windows import Windows, make_windows
@@ -18,7 +20,6 @@ from sain_model.evaluation.metrics import (
     MEASURED,
     heading_errors,
     position_errors,
-    ratio_over_episodes,
     statistics,
     target_moved,
 )
@@ -92,7 +93,7 @@ def ratios(loop: OpenLoop, step: int, below: str, seed: int) -> dict[str, list[f
         rows = windows.known[:, step - 1] & np.isfinite(values) & np.isfinite(errors[below])
         if rows.any() and name != below:
             both = values[rows], errors[below][rows]
-            found[name] = ratio_over_episodes(*both, windows.episodes[rows], seed)
+            found[name] = bootstrap_ratio(*both, generator(seed, "ratio"), windows.episodes[rows])
     return found
 
 

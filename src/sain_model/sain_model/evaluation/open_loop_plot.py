@@ -7,13 +7,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sain_core.bootstrap import bootstrap_mean
 from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
 from sain_core.drawing.palette import PALETTE
 from sain_core.scene import MID, TARGET
+from sain_core.seeding import generator
 from sain_model.evaluation.metrics import (
     LEARNED,
     MEASURED,
-    bootstrap_over_episodes,
     position_errors,
 )
 from sain_model.evaluation.open_loop import RECURRENT_SAIN, RESIDUAL_SAIN, OpenLoop
@@ -92,6 +93,6 @@ def _curve(
     for step in range(steps):
         said, truth = loop.predictions[name][rows, step], loop.windows.next_scenes[rows, step]
         errors = position_errors(said, truth, disk)
-        curve.append((errors.mean(), *bootstrap_over_episodes(errors, episodes, seed)))
+        curve.append(bootstrap_mean(errors, generator(seed, "bootstrap"), episodes))
     mean, low, high = np.array(curve).T
     return mean, low, high

@@ -4,10 +4,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from sain_core.bootstrap import bootstrap_ratio
 from sain_core.dataset import MOVED
 from sain_core.dynamics import Dynamics
 from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, THETA, wrap_angle
+from sain_core.seeding import generator
 from sain_core.types import Mask, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.data.mixed import MixedDataset
@@ -15,7 +17,6 @@ from sain_model.data.shaped_physics import filter_for, prior_for
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.history_errors import earlier_friction, predict_with_history
-from sain_model.evaluation.metrics import ratio_over_episodes
 from sain_model.physics.friction import FrictionFilter
 
 LearnedModel = SainDynamics | ParameterCorrection
@@ -138,7 +139,9 @@ def figures(rows: Rows, seed: int = 0) -> dict[str, Any]:
         if f"{SAIN_ROWS}_{unit}" in rows:
             sain = rows[f"{SAIN_ROWS}_{unit}"]
             found[f"{SAIN_ROWS}_{unit}"] = float(sain.mean())
-            found[f"ratio_{unit}"] = ratio_over_episodes(sain, prior, rows["episode"], seed)
+            found[f"ratio_{unit}"] = bootstrap_ratio(
+                sain, prior, generator(seed, "ratio"), rows["episode"]
+            )
     if "inside" in rows:
         found["coverage"] = float(rows["inside"].mean())
     return found

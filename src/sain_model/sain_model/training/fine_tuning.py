@@ -12,9 +12,11 @@ from typing import Any, Final, Self
 
 import numpy as np
 
+from sain_core.bootstrap import bootstrap_ratio
 from sain_core.errors import CheckpointError, ConfigError, DatasetError
 from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, TARGET
+from sain_core.seeding import generator
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit
@@ -23,7 +25,7 @@ from sain_model.dynamics.load import card_part, load_sain, shipped_checkpoint
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
 from sain_model.dynamics.settings import SHIPPED, LossConfig
 from sain_model.evaluation.history_errors import predict_with_history
-from sain_model.evaluation.metrics import position_errors, ratio_over_episodes
+from sain_model.evaluation.metrics import position_errors
 from sain_model.evaluation.prediction_errors import held_out_part
 from sain_model.training.options import DEFAULT, TrainOptions
 from sain_model.training.settings import EPISODE, NOTHING, TrainingConfig
@@ -146,7 +148,7 @@ class Parent:
             "bodies": "target" if disks else "pushed bodies",
             "before": float(before.mean()),
             "after": float(after.mean()),
-            "ratio": ratio_over_episodes(after, before, episodes, seed=0),
+            "ratio": bootstrap_ratio(after, before, generator(0, "ratio"), episodes),
         }
 
 

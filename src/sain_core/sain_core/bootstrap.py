@@ -1,0 +1,50 @@
+"""How sure a mean or a ratio of means is: the percentile bootstrap (Efron 1979)."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from jaxtyping import Shaped
+from numpy import ndarray
+
+from sain_core.types import Scalars
+
+RESAMPLES: Final = 2000
+
+
+class Interval(NamedTuple):
+    """An estimate with the interval that should hold the truth."""
+
+    estimate: float
+    low: float
+    high: float
+
+
+def bootstrap_mean(
+    values: Scalars,
+    random: np.random.Generator,
+    groups: Shaped[ndarray, "M"] | None = None,
+) -> Interval:
+    """Return a mean with its 95 % interval; see `bootstrap_ratio`."""
+    return bootstrap_ratio(values, np.ones(len(values)), random, groups)
+
+
+def bootstrap_ratio(
+    above: Scalars,
+    below: Scalars,
+    random: np.random.Generator,
+    groups: Shaped[ndarray, "M"] | None = None,
+) -> Interval:
+    """Return the ratio of two means of M values with its 95 % interval; NaN for no values.
+
+    Values of one group, as of one episode, are drawn together; None: each one alone.
+    """
+    if not len(above):
+        return Interval(np.nan, np.nan, np.nan)
+    first, second = np.asarray(above, np.float64), np.asarray(below, np.float64)
+    if groups is not None:
+        place = np.unique(groups, return_inverse=True)[1]
+        first, second = np.bincount(place, first), np.bincount(place, second)
+    drawn = random.integers(len(first), size=(RESAMPLES, len(first)))
+    ratios = first[drawn].sum(axis=1) / second[drawn].sum(axis=1)
+    low, high = np.quantile(ratios, [0.025, 0.975])
+    return Interval(float(first.sum() / second.sum()), float(low), float(high))
