@@ -50,7 +50,7 @@ table: ## docs/reference/results.md and its picture: all scenarios in Bullet, it
 	@./env ros2 run sain_eval evaluate --table --out results/table/bullet $(ARGS) $(BULLET)
 	@./env ros2 run sain_eval evaluate --table --world rough --out results/table/rough $(ARGS) $(ROUGH)
 	@./env ros2 run sain_eval evaluate --table --engine mujoco --out results/table/mujoco $(ARGS) $(MUJOCO)
-	@./env ros2 run sain_eval pusht --out results/table/pusht $(PUSHT)
+	@./env ros2 run sain_pusht evaluate --out results/table/pusht $(PUSHT)
 	@./env ros2 run sain_eval results results/table/bullet results/table/rough results/table/mujoco \
 		results/table/pusht $(NAMES)
 	@./env python -m benchmarks.results_figure

@@ -14,13 +14,13 @@ from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSITION, Table
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scalars, Scenes
-from sain_eval.pusht.agent import SquareReach
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import PlanarConfig
 from sain_mppi.agent.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.agent.goal_tracker import GoalTrackerConfig
 from sain_mppi.algorithms.config import PlannerConfig, ProgressConfig
 from sain_mppi.algorithms.feasible_mask import permitted
+from sain_pusht.agent import SquareReach
 
 PUSHER: Final = 0.25 * SCALE  # [m], the radius of judo's pusher
 LIMITS: Final = PushLimits(max_angle=0.15, max_length=0.3, clearance=0.002, tool_radius=PUSHER)

@@ -17,7 +17,7 @@ from sain_core.errors import ConfigError
 from sain_core.push import LENGTH, PushLimits, strokes
 from sain_core.scene import POSITION, make_scene, unit
 from sain_core.types import Points, PushArray, Scalars, Scene
-from sain_eval.pusht.way import Room, way_round
+from sain_pusht.way import Room, way_round
 
 SCALE: Final = 0.1  # our metres in one of judo's
 STEPS: Final = 750  # of an episode: `max_num_task_steps` of judo's run_mpc, 15 s

@@ -14,7 +14,6 @@ from sain_core.seeding import generator
 from sain_core.workers.options import WorkerOptions
 from sain_eval.loop.evaluation import EpisodeJob, run_jobs
 from sain_eval.loop.results import SceneRecord, summarise
-from sain_eval.pusht.evaluation import PushtJob, results_row, run_pusht_jobs
 from sain_eval.tolerance import Tolerance
 from sain_model.data.mixed import load_datasets, load_transitions
 from sain_model.dynamics.load import load_shipped
@@ -25,6 +24,7 @@ from sain_model.evaluation.history_errors import (
 )
 from sain_model.evaluation.metrics import position_errors
 from sain_model.evaluation.shape_errors import PUSHED, shape_errors
+from sain_pusht.evaluation import PushtJob, results_row, run_pusht_jobs
 from sain_sim.episodes.truth import RANDOMISED_TRUTH, ROUGH, TruthConfig
 from sain_sim.world.engines import MUJOCO
 

@@ -10,7 +10,6 @@ setup(
     maintainer="SAIN maintainers",
     maintainer_email="sain@example.org",
     packages=find_packages(),
-    package_data={package_name: ["pusht/pusht.*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
@@ -19,20 +18,15 @@ setup(
         "jaxtyping",
         "matplotlib",
         "numpy",
-        "pillow",
         "rich",
         "scipy",
-        "shapely",
         "tyro",
     ],
-    extras_require={"pusht": ["gym-pusht", "gymnasium"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [
             "evaluate = sain_eval.commands:evaluate",
             "calibrate = sain_eval.commands:calibrate",
-            "pusht = sain_eval.commands:pusht",
-            "pusht_learn = sain_eval.commands:pusht_learn",
             "results = sain_eval.commands:results",
         ],
     },

@@ -83,18 +83,12 @@ def test_mujoco_that_is_not_installed(tmp_path: Path, capsys, monkeypatch) -> No
     )
 
 
-def test_gym_pusht_that_is_not_installed(tmp_path: Path, capsys, monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "gym_pusht", None)
-    error = said(commands.pusht, ["--out", str(tmp_path)], capsys)
-    assert error.startswith("pusht: gym-pusht cannot be imported (")
-    assert error.endswith("; pip install 'sain_eval[pusht]'")
-
-
-@pytest.mark.parametrize("name", ["evaluate", "pusht"])
-def test_ray_that_is_not_installed(name: str, tmp_path: Path, capsys, monkeypatch) -> None:
+def test_ray_that_is_not_installed(tmp_path: Path, capsys, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    error = said(getattr(commands, name), ["--ray", "local", "--out", str(tmp_path)], capsys)
-    assert f'{name}: --ray needs Ray, which is not installed: pip install "sain_core[ray]"' in error
+    error = said(commands.evaluate, ["--ray", "local", "--out", str(tmp_path)], capsys)
+    assert (
+        'evaluate: --ray needs Ray, which is not installed: pip install "sain_core[ray]"' in error
+    )
 
 
 def test_an_empty_folder_is_no_recording_also_for_workers(tmp_path: Path, capsys) -> None:

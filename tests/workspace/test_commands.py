@@ -23,7 +23,7 @@ REQUIRED = {  # arguments without which nothing else is reported
     "play": ["bag"], "view": ["bag"], "info": ["bag"], "report": ["bag"],
     "recover": ["bag", "--out", "o"],
     "to_dataset": ["bag", "--out", "o"], "record": ["--out", "o"], "calibrate": ["--out", "o"],
-    "pusht_learn": ["--out", "o"],
+    "learn": ["--out", "o"],
     "train": ["data", "--out", "o"], "train_correction": ["data", "--out", "o"],
     "learning_curve": ["data", "--out", "o"], "identify": ["data"],
 }  # fmt: skip

@@ -17,6 +17,7 @@ MAY_IMPORT = {
     "sain_eval": {"sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags"},
     "sain_gym": BELOW,
     "sain_live": BELOW,
+    "sain_pusht": BELOW,
     "sain_bringup": {"sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval"}
     | {"sain_live"},
 }

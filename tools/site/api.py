@@ -35,6 +35,10 @@ PACKAGES: Final = {
         "Scenarios and closed loops without ROS.",
         ("scenes.scenarios", "loop.closed_loop", "loop.controllers", "loop.evaluation"),
     ),
+    "sain_pusht": (
+        "gym-pusht as a world, and models of it.",
+        ("world", "agent", "model"),
+    ),
     "sain_gym": (
         "The Gymnasium environment, and the agent as a policy in it.",
         ("push_env", "config", "agent_policy"),

@@ -15,9 +15,3 @@ calibrate: Final = Command(
     "sain_eval calibrate", "cli.options:CalibrateOptions", "cli.calibrate:run"
 )
 results: Final = Command("sain_eval results", "cli.options:ResultsOptions", "cli.results:run")
-pusht: Final = Command(
-    "sain_eval pusht", "cli.pusht_options:PushtOptions", "cli.pusht:run", prefixes=True
-)
-pusht_learn: Final = Command(
-    "sain_eval pusht_learn", "cli.pusht_options:PushtLearnOptions", "cli.pusht_learn:run"
-)

@@ -10,8 +10,6 @@ from sain_core.errors import ConfigError, DatasetError
 from sain_eval.cli.options import ResultsOptions
 from sain_eval.cli.results import run
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA, SceneRecord, summarise
-from sain_eval.pusht.episode import PushtRecord
-from sain_eval.pusht.evaluation import write_pusht_results
 
 
 def evaluated(
@@ -114,23 +112,6 @@ def test_an_evaluation_of_which_nothing_is_shown_is_no_source(tmp_path):
     text = page(tmp_path, before, after)
     assert "**2/4**" in text and "**1/4**" not in text
     assert text.count("# Bullet, commit") == 1
-
-
-def test_gym_pusht_is_a_reality(tmp_path):
-    error = {"planning_s": (0.1,), "error_mm": (1.0, 3.0), "error_deg": (0.0, 0.0)}
-    records = [
-        PushtRecord(seed, seed > 0, 40 + seed, 10, 4 + seed, 0, 0.9, **error) for seed in range(3)
-    ]
-    for model in ("pusht", "oracle"):
-        folder = tmp_path / model
-        folder.mkdir()
-        write_pusht_results(folder, records, {"model": model}, f"pusht --model {model}")
-    lines = page(tmp_path, tmp_path / "pusht", tmp_path / "oracle").splitlines()
-    assert "| scenario | within | SAIN trained there | oracle |" in lines
-    assert "| `gym-pusht` | 95 % covered | 2/3, 5.5 | 2/3, 5.5 |" in lines
-    cell = "**2/3** (21-94 %), 5.5 pushes, 41.0 steps, 2.0 mm"
-    assert f"| 95 % covered | SAIN trained there | {cell} |" in lines
-    assert "pusht --model oracle" in lines
 
 
 def test_noisy_observations_are_another_reality(tmp_path):

@@ -7,10 +7,10 @@ from sain_core.errors import UnreachableError
 from sain_core.push import LENGTH, tool_end
 from sain_core.scene import POSITION
 from sain_core.shapes.outline import outline_of
-from sain_eval.pusht.agent import LIMITS
-from sain_eval.pusht.collecting import random_pushes
-from sain_eval.pusht.oracle import PushtOracle
-from sain_eval.pusht.world import OVERLAP, PushtWorld
+from sain_pusht.agent import LIMITS
+from sain_pusht.collecting import random_pushes
+from sain_pusht.oracle import PushtOracle
+from sain_pusht.world import OVERLAP, PushtWorld
 
 
 def test_the_tool_does_not_touch_the_block_on_its_way(world: PushtWorld) -> None:

@@ -20,13 +20,13 @@ from sain_core.workers.work import FunctionRunner, Software, Work
 from sain_eval.loop.evaluation import SOURCES, EpisodeDone, play_on_workers
 from sain_eval.loop.results import RESULTS_FILE, how_it_was_made, interval_row
 from sain_eval.loop.statistics import wilson_interval
-from sain_eval.pusht.agent import PLANNER, pusht_agent
-from sain_eval.pusht.episode import PushtRecord, play_pusht
-from sain_eval.pusht.film import gif_of
-from sain_eval.pusht.model import PushtModel, load_model
-from sain_eval.pusht.motion import Pace
-from sain_eval.pusht.world import PushtWorld
 from sain_mppi.algorithms.config import PlannerConfig
+from sain_pusht.agent import PLANNER, pusht_agent
+from sain_pusht.episode import PushtRecord, play_pusht
+from sain_pusht.film import gif_of
+from sain_pusht.model import PushtModel, load_model
+from sain_pusht.motion import Pace
+from sain_pusht.world import PushtWorld
 
 PACKAGES: Final = ("gym-pusht", "pymunk", "gymnasium", "numpy", "numba", "torch")
 REALITY: Final = "gym-pusht"

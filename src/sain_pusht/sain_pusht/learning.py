@@ -6,17 +6,13 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from rich.console import Console
 
 from sain_core.dynamics import Dynamics, as_rollout
 from sain_core.provenance import ros2_command
 from sain_core.scene import POSITION, THETA, wrap_angle
+from sain_core.storage import make_folder
 from sain_core.types import Mask
-from sain_eval.pusht.agent import WALLS, pusht_agent
-from sain_eval.pusht.block import pusht_bodies
-from sain_eval.pusht.collecting import data_set, played_pushes, random_pushes
-from sain_eval.pusht.identification import Identified, identify, textbook
-from sain_eval.pusht.model import CHECKPOINT, GYRATION
-from sain_eval.pusht.world import PushtWorld
 from sain_model.data.dataset import Dataset, Split, split_by_episode
 from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
 from sain_model.dynamics.priors import prior_settings
@@ -26,6 +22,13 @@ from sain_model.network.settings import PUSH_FRAME, NetworkConfig
 from sain_model.training.push_training import Trainer
 from sain_model.training.settings import NOTHING, TrainingConfig
 from sain_model.training.training_card import environment
+from sain_pusht.agent import WALLS, pusht_agent
+from sain_pusht.block import pusht_bodies
+from sain_pusht.collecting import data_set, played_pushes, random_pushes
+from sain_pusht.identification import Identified, identify, textbook
+from sain_pusht.model import CHECKPOINT, GYRATION
+from sain_pusht.options import LearnOptions
+from sain_pusht.world import PushtWorld
 
 NETWORK: Final = NetworkConfig(features=PUSH_FRAME, members=3, hidden=64, message=32, layers=2)
 LOSS: Final = LossConfig(position_scale=0.0002, heading_scale=0.002)
@@ -41,6 +44,12 @@ class Lesson:
     random_episodes: int
     played_episodes: int
     epochs: int
+
+
+def run(options: LearnOptions, console: Console) -> None:
+    """Collect, learn, and write the checkpoint."""
+    lesson = Lesson(options.random_episodes, options.played_episodes, options.epochs)
+    learn(lesson, make_folder(options.out), lambda text: console.print(text, highlight=False))
 
 
 def learn(lesson: Lesson, out: Path, say: Say) -> SainDynamics:
@@ -94,7 +103,7 @@ def _card(sain: SainDynamics, known: Identified, report: dict[str, Any]) -> Mode
         kind=sain.kind,
         errors=report,
         versions=environment(),
-        command=ros2_command("sain_eval", "pusht_learn"),
+        command=ros2_command("sain_pusht", "learn"),
     )
 
 

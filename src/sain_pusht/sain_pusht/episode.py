@@ -6,11 +6,11 @@ from typing import Final
 import numpy as np
 
 from sain_core.push_record import PushRecord
-from sain_eval.pusht.block import goal_of
-from sain_eval.pusht.world import PushtWorld
 from sain_mppi.agent.agent import Agent
 from sain_mppi.agent.decision import Task
 from sain_mppi.agent.play import PlayOutcome, play
+from sain_pusht.block import goal_of
+from sain_pusht.world import PushtWorld
 
 NEAR: Final = 0.0008  # [m]: the agent goes on until gym-pusht itself counts a success
 TURNED: Final = 0.008  # [rad]

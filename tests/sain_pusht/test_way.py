@@ -5,8 +5,8 @@ import pytest
 
 from sain_core.errors import UnreachableError
 from sain_core.shapes.outline import distance_to_way
-from sain_eval.pusht.block import pusht_bodies, scene_of
-from sain_eval.pusht.way import Room, way_round
+from sain_pusht.block import pusht_bodies, scene_of
+from sain_pusht.way import Room, way_round
 
 ROOM = Room(0.022, 0.489)
 GAP = 0.019

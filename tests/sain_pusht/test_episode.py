@@ -9,11 +9,11 @@ from PIL import Image
 
 from sain_core.errors import ConfigError
 from sain_core.workers.options import WorkerOptions
-from sain_eval.pusht.agent import FEASIBILITY, PLANNER, ToolPlace
-from sain_eval.pusht.block import scene_of
-from sain_eval.pusht.evaluation import PushtJob, run_pusht_jobs, summarise_pusht
-from sain_eval.pusht.extra import make_env
-from sain_eval.pusht.world import PushtWorld
+from sain_pusht.agent import FEASIBILITY, PLANNER, ToolPlace
+from sain_pusht.block import scene_of
+from sain_pusht.evaluation import PushtJob, run_pusht_jobs, summarise_pusht
+from sain_pusht.extra import make_env
+from sain_pusht.world import PushtWorld
 
 FEW = replace(PLANNER, samples=96)
 
@@ -69,5 +69,5 @@ def test_in_the_middle_nothing_is_shut_off(world: PushtWorld) -> None:
 
 def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "gym_pusht", None)
-    with pytest.raises(ConfigError, match=r"pip install 'sain_eval\[pusht\]'"):
+    with pytest.raises(ConfigError, match="pip install gym-pusht gymnasium"):
         make_env(300)

@@ -8,12 +8,12 @@ import tyro
 
 from sain_core.config import Config, option, required
 from sain_core.workers.options import WorkerOptions
-from sain_eval.pusht.agent import PLANNER
 from sain_mppi.algorithms.config import PlannerConfig
+from sain_pusht.agent import PLANNER
 
 
 @dataclass(frozen=True)
-class PushtOptions(WorkerOptions):
+class EvaluateOptions(WorkerOptions):
     """Play Push-T in gym-pusht: its physics, seeds, steps and measure of success.
 
     The agent is the one that evaluate and mppi_node run. An episode ends when gym-pusht says so,
@@ -38,7 +38,7 @@ class PushtOptions(WorkerOptions):
 
 
 @dataclass(frozen=True)
-class PushtLearnOptions(Config):
+class LearnOptions(Config):
     """Learn gym-pusht's physics from pushes made there: prior, then a network on top.
 
     Writes pusht.safetensors and its card, and prints the errors on pushes of other episodes.

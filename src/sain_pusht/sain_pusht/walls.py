@@ -9,7 +9,7 @@ from sain_core.dynamics import Dynamics, shaped
 from sain_core.scene import POSITION, RADIUS, THETA
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
-from sain_eval.pusht.agent import WALLS
+from sain_pusht.agent import WALLS
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sain_eval.pusht.world import PushtWorld
+from sain_pusht.world import PushtWorld
 
 
 @pytest.fixture(scope="session")

@@ -11,8 +11,8 @@ from sain_core.config import Config, option
 from sain_core.errors import UnreachableError
 from sain_core.shapes.outline import distance_to_way
 from sain_core.types import Mask, Points, Scalars
-from sain_eval.pusht.servo import Motion, Servo
-from sain_eval.pusht.way import KEEP_OFF, Corners, Room, Way, way_round
+from sain_pusht.servo import Motion, Servo
+from sain_pusht.way import KEEP_OFF, Corners, Room, Way, way_round
 
 Place = Float[ndarray, "2"]
 

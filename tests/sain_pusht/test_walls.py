@@ -3,9 +3,9 @@
 import numpy as np
 
 from sain_core.dynamics import IdentityPrior
-from sain_eval.pusht.agent import WALLS
-from sain_eval.pusht.block import pusht_bodies, scene_of
-from sain_eval.pusht.walls import InsideWalls
+from sain_pusht.agent import WALLS
+from sain_pusht.block import pusht_bodies, scene_of
+from sain_pusht.walls import InsideWalls
 
 
 def test_blocks_are_moved_straight_back_into_the_room() -> None:

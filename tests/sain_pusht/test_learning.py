@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from sain_eval.pusht.block import BLOCK_RADIUS, CENTROID, PIXEL, UNIT, pusht_bodies
-from sain_eval.pusht.collecting import data_set, random_pushes
-from sain_eval.pusht.identification import errors, identify, textbook
-from sain_eval.pusht.world import PushtWorld
+from sain_pusht.block import BLOCK_RADIUS, CENTROID, PIXEL, UNIT, pusht_bodies
+from sain_pusht.collecting import data_set, random_pushes
+from sain_pusht.identification import errors, identify, textbook
+from sain_pusht.world import PushtWorld
 
 
 def test_a_hundred_pushes_tell_the_centre_of_mass_and_how_blocks_turn(world: PushtWorld) -> None:

@@ -15,12 +15,12 @@ from sain_core.push import PushLimits, tool_start
 from sain_core.scene import Table
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Mask, Points, Pushes, Scenes
-from sain_eval.pusht.block import PIXEL
-from sain_eval.pusht.way import KEEP_OFF, Corners, Room
 from sain_mppi.agent.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.agent.goal_tracker import GoalTrackerConfig
 from sain_mppi.algorithms.config import PlannerConfig, ProgressConfig
 from sain_mppi.objective.cost_weights import CostWeights
+from sain_pusht.block import PIXEL
+from sain_pusht.way import KEEP_OFF, Corners, Room
 
 AGENT_RADIUS: Final = 15 * PIXEL  # [m], gym-pusht's add_circle
 WALLS: Final = (7 * PIXEL, 504 * PIXEL)  # [m], their faces: gym-pusht's add_segment

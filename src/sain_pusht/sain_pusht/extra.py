@@ -1,4 +1,4 @@
-"""gym-pusht, which is an optional extra."""
+"""The environment of gym-pusht."""
 
 from typing import Any, Final
 
@@ -6,7 +6,7 @@ from sain_core.errors import ConfigError
 
 NAME: Final = "gym_pusht/PushT-v0"
 PICTURE: Final = 320  # [pixels], width and height of its pictures; nothing else depends on them
-INSTALL: Final = "pip install 'sain_eval[pusht]'"
+INSTALL: Final = "pip install gym-pusht gymnasium"
 
 
 def make_env(steps: int) -> Any:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.scene import RADIUS
-from sain_eval.pusht.block import (
+from sain_pusht.block import (
     BLOCK_RADIUS,
     goal_of,
     metres,
@@ -13,7 +13,7 @@ from sain_eval.pusht.block import (
     pusht_bodies,
     scene_of,
 )
-from sain_eval.pusht.world import PushtWorld
+from sain_pusht.world import PushtWorld
 
 
 @pytest.mark.parametrize("seed", [0, 3, 7])
@@ -49,7 +49,7 @@ def test_a_block_at_the_goal_is_a_success_there(world: PushtWorld) -> None:
 
 
 def test_what_the_agent_takes_for_reached_is_a_success_there(world: PushtWorld) -> None:
-    from sain_eval.pusht.episode import NEAR, TURNED
+    from sain_pusht.episode import NEAR, TURNED
 
     world.reset(0)
     goal = goal_of(world.goal, NEAR, TURNED).placed(world.scene)

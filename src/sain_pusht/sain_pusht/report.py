@@ -1,4 +1,4 @@
-"""`ros2 run sain_eval pusht`: the agent in gym-pusht."""
+"""`ros2 run sain_pusht evaluate`: the agent in gym-pusht."""
 
 import dataclasses
 from contextlib import closing
@@ -17,26 +17,26 @@ from sain_core.cli.fitting_table import FittingTable
 from sain_core.cli.interrupts import silent_interrupts
 from sain_core.provenance import ros2_command
 from sain_core.storage import make_folder, write_whole
-from sain_eval.cli.pusht_options import PushtOptions
-from sain_eval.pusht.episode import PushtRecord
-from sain_eval.pusht.evaluation import (
+from sain_model.evaluation.markdown import markdown_table
+from sain_pusht.episode import PushtRecord
+from sain_pusht.evaluation import (
     PushtJob,
     PushtSummary,
     run_pusht_jobs,
     summarise_pusht,
     write_pusht_results,
 )
-from sain_eval.pusht.extra import make_env
-from sain_eval.pusht.model import load_model
-from sain_eval.pusht.world import MOST_STEPS
-from sain_model.evaluation.markdown import markdown_table
+from sain_pusht.extra import make_env
+from sain_pusht.model import load_model
+from sain_pusht.options import EvaluateOptions
+from sain_pusht.world import MOST_STEPS
 
 TABLE_FILE: Final = "table.md"
 FILM_FILE: Final = "episode.gif"
 MOST_FAILURES: Final = 20  # that are printed
 
 
-def run(options: PushtOptions, console: Console) -> None:
+def run(options: EvaluateOptions, console: Console) -> None:
     """Play, write the results, and print them as a table."""
     with silent_interrupts():  # what is missing should not wait for the first episode
         make_env(MOST_STEPS)
@@ -44,7 +44,7 @@ def run(options: PushtOptions, console: Console) -> None:
     folder = make_folder(options.out)
     records = _play(options)
     config = {**dataclasses.asdict(options), "out": str(options.out)}
-    write_pusht_results(folder, records, config, ros2_command("sain_eval", "pusht"))
+    write_pusht_results(folder, records, config, ros2_command("sain_pusht", "evaluate"))
     rows = table_rows(options.model, summarise_pusht(records))
     write_whole(folder / TABLE_FILE, markdown_table(("", "gym-pusht"), rows).encode())
     table = FittingTable()
@@ -58,7 +58,7 @@ def run(options: PushtOptions, console: Console) -> None:
         console.print(failure_line(record), markup=False, highlight=False, soft_wrap=True)
 
 
-def _play(options: PushtOptions) -> list[PushtRecord]:
+def _play(options: EvaluateOptions) -> list[PushtRecord]:
     seeds = range(options.seed, options.seed + options.episodes)
     film = options.out / FILM_FILE if options.film else None
     jobs = [

@@ -9,12 +9,12 @@ from sain_core.scene import unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome
-from sain_eval.pusht.agent import AGENT_RADIUS, FEASIBILITY, LIMITS, WALLS, ToolPlace
-from sain_eval.pusht.block import PIXEL, SIZE, Pose, metres, pixels, pusht_bodies, scene_of
-from sain_eval.pusht.extra import make_env
-from sain_eval.pusht.motion import Arena, DiskStroke, Pace, plan_motion
-from sain_eval.pusht.servo import Motion, servo_of
-from sain_eval.pusht.way import Corners, Room, way_out
+from sain_pusht.agent import AGENT_RADIUS, FEASIBILITY, LIMITS, WALLS, ToolPlace
+from sain_pusht.block import PIXEL, SIZE, Pose, metres, pixels, pusht_bodies, scene_of
+from sain_pusht.extra import make_env
+from sain_pusht.motion import Arena, DiskStroke, Pace, plan_motion
+from sain_pusht.servo import Motion, servo_of
+from sain_pusht.way import Corners, Room, way_out
 
 BLOCK: Final = pusht_bodies()
 MOST_STEPS: Final = 300  # gym-pusht's own limit

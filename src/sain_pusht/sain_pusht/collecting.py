@@ -11,12 +11,12 @@ from sain_core.push import LENGTH
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
-from sain_eval.pusht.agent import FEASIBILITY, LIMITS
-from sain_eval.pusht.episode import play_pusht
-from sain_eval.pusht.world import PushtWorld
 from sain_model.data.dataset import Dataset
 from sain_mppi.agent.agent import Agent
 from sain_mppi.algorithms.feasible_mask import permitted
+from sain_pusht.agent import FEASIBILITY, LIMITS
+from sain_pusht.episode import play_pusht
+from sain_pusht.world import PushtWorld
 
 FIRST_SEED: Final = 100_000  # of episodes to learn from: far from those of evaluations
 RANDOM_PUSHES: Final = 12  # in an episode at most

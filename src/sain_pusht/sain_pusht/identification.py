@@ -13,13 +13,13 @@ from scipy.optimize import minimize
 
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.types import Scalars
-from sain_eval.pusht.agent import AGENT_RADIUS
-from sain_eval.pusht.block import BLOCK_RADIUS, pusht_bodies
 from sain_model.data.dataset import Dataset
 from sain_model.dynamics.lab_prior import LabPrior, shifted_table
 from sain_model.physics.body_kernels import DISK_FEET, DISK_INERTIA
 from sain_model.physics.body_table import SHARE
 from sain_model.physics.planar import PlanarConfig
+from sain_pusht.agent import AGENT_RADIUS
+from sain_pusht.block import BLOCK_RADIUS, pusht_bodies
 
 STICKY: Final = PlanarConfig(
     tool_radius=AGENT_RADIUS,

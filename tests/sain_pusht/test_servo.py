@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sain_eval.pusht.block import pixels
-from sain_eval.pusht.servo import Servo
-from sain_eval.pusht.world import PushtWorld
+from sain_pusht.block import pixels
+from sain_pusht.servo import Servo
+from sain_pusht.world import PushtWorld
 
 
 def test_it_predicts_the_disk_of_gym_pusht(world: PushtWorld) -> None:

@@ -11,11 +11,11 @@ from sain_core.push import LENGTH, PushLimits, strokes
 from sain_core.scene import unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Pushes, Scene, Scenes
-from sain_eval.pusht.agent import LIMITS
-from sain_eval.pusht.block import PIXEL, pixels, pose_of, pusht_bodies, scene_of
-from sain_eval.pusht.extra import make_env
-from sain_eval.pusht.motion import Pace, ramp
-from sain_eval.pusht.servo import Servo, servo_of
+from sain_pusht.agent import LIMITS
+from sain_pusht.block import PIXEL, pixels, pose_of, pusht_bodies, scene_of
+from sain_pusht.extra import make_env
+from sain_pusht.motion import Pace, ramp
+from sain_pusht.servo import Servo, servo_of
 
 ORACLE_STEPS: Final = 300  # any: the copy is never stepped as an environment
 

@@ -8,17 +8,17 @@ from sain_core.dynamics import RolloutModel, as_rollout
 from sain_core.errors import CheckpointError
 from sain_core.plugins import load_dynamics
 from sain_core.shapes.bodies import Bodies
-from sain_eval.pusht.block import pusht_bodies
-from sain_eval.pusht.oracle import PushtOracle
-from sain_eval.pusht.walls import InsideWalls
 from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import load_sain
+from sain_pusht.block import pusht_bodies
+from sain_pusht.oracle import PushtOracle
+from sain_pusht.walls import InsideWalls
 
 GYRATION: Final = "gyration"  # on cards, of the block [radii]
 SHIPPED: Final = "pusht"
 PRIOR: Final = "prior"
 ORACLE: Final = "oracle"
-CHECKPOINT: Final = Path(str(resources.files("sain_eval") / "pusht" / "pusht.safetensors"))
+CHECKPOINT: Final = Path(str(resources.files("sain_pusht") / "pusht.safetensors"))
 
 
 class PushtModel(NamedTuple):

@@ -1,0 +1,10 @@
+"""The executables of this package, with the modules of it that they load."""
+
+from typing import Final
+
+from sain_core.cli.command_line import Command
+
+evaluate: Final = Command(
+    "sain_pusht evaluate", "options:EvaluateOptions", "report:run", prefixes=True
+)
+learn: Final = Command("sain_pusht learn", "options:LearnOptions", "learning:run")
